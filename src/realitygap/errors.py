@@ -1,0 +1,45 @@
+"""Every error that a user can meet: what was expected, what came, and the cure."""
+
+from __future__ import annotations
+
+__all__ = [
+    "ConfigError",
+    "GenotypeError",
+    "RealityGapError",
+    "StudyBusyError",
+    "StudyError",
+    "TaskError",
+    "UsageError",
+]
+
+
+class RealityGapError(Exception):
+    """The root of all: one clear message, never a traceback. `exit_code` 1: not the user's doing."""
+
+    exit_code = 1
+
+
+class UsageError(RealityGapError, ValueError):
+    """Something that the user can mend: exit code 2."""
+
+    exit_code = 2
+
+
+class ConfigError(UsageError):
+    """A TOML file or a setting: names the file and the key."""
+
+
+class GenotypeError(UsageError):
+    """A genotype's text or array that cannot be read: names the line."""
+
+
+class TaskError(UsageError):
+    """An unknown task, or a user's task file that cannot be used."""
+
+
+class StudyError(UsageError):
+    """A study's folder that cannot be opened, resumed or written."""
+
+
+class StudyBusyError(StudyError):
+    """Another process is working on the study."""

@@ -1,0 +1,156 @@
+"""What the kernels are told: robot, arena, task and networks as plain arrays.
+
+Every value is a float64, an int64 or a C-contiguous array of the stated type, so that one
+compiled kernel serves every robot, arena and task. Lengths cm, speeds cm/s, angles rad,
+readings counts. `world`, `tasks` and `controller` build these; nothing here checks them.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+F = NDArray[np.float64]
+I8 = NDArray[np.int8]
+I64 = NDArray[np.int64]
+
+STEP_S = 0.1
+"""One simulation step (§3.2): sensing, network and wheels are processed every 100 ms."""
+UPDATES = 10
+"""Network updates of 10 ms in one step (§5.3)."""
+RAYS = 10
+"""Rays of one sensor, in an arc of 180° (§3.2.3)."""
+LANES = 12
+"""RAYS padded to whole vector registers; pad lanes point along the sensor with weight 0."""
+MAX_DELAY = 4
+"""Longest delay of a link, in updates (§5.3)."""
+LAMP_POINTS = 5
+"""Point sources that model one lamp (§3.3)."""
+
+
+class Robot(NamedTuple):
+    """A robot's constants. `P` proximity and `A` ambient sensors."""
+
+    radius: float
+    track: float
+    speed_per_unit: F
+    """[2] cm/s that one Khepera unit asks of the left and the right wheel."""
+    gains: F
+    """[4] Kp, Ki, Kd and the divisor ("mass") of the printed law (§3.2.2)."""
+    friction: F
+    """[2] speed below which a wheel rests (cm/s); the integral term that frees it (cm/s²)."""
+    top_command: float
+    """Largest command of the network, Khepera units: 10."""
+
+    proximity_place: F
+    """[P, 2] sensor places in the robot's frame (x forward, y left)."""
+    proximity_ray: F
+    """[P, 2, LANES] unit vectors of the rays in the robot's frame."""
+    proximity_weight: F
+    """[P, LANES] cos^m β of each ray, 0 in the pad lanes."""
+    proximity_law: F
+    """[P, 3] a, b and distance offset of each sensor: Σ cos^m β (a/(d + offset)² + b)."""
+    proximity_reach: F
+    """[P] distance beyond which every ray's term is ≤ 0, √(a/−b) − offset; inf where b ≥ 0."""
+    proximity_top: float
+    """The converter's highest count: 1023."""
+
+    ambient_place: F
+    """[A, 2] as for proximity."""
+    ambient_facing: F
+    """[A, 2] unit vector of each sensor's direction in the robot's frame."""
+    ambient_ray: F
+    """[A, 2, LANES]."""
+    ambient_weight: F
+    """[A, LANES] reflectance · cos^m β: 1.5 cos² β in the paper, 0 in the pad lanes."""
+    ambient_gain: F
+    """[A] factor on the sensor's total illumination: 1 in the paper."""
+    ambient_law: F
+    """[3] floor, dark and top: V = floor + 1/√A clipped at dark; counts end at top (55, 484, 1023)."""
+
+    bands: F
+    """[2, 2] readings that become inputs −10 and +10: row 0 proximity (0, 1023), row 1 ambient (484, 55)."""
+    noise: F
+    """[5] observed deviations: proximity lit, proximity dark (counts), ambient (counts),
+    wheel (share of speed), friction (share of threshold)."""
+
+
+class Arena(NamedTuple):
+    """A rectangular room from (0, 0) to `size`, with what stands in it."""
+
+    size: F
+    """[2] width (x) and depth (y), cm."""
+    segments: F
+    """[S, 4] inner walls, x0 y0 x1 y1."""
+    cylinders: F
+    """[C, 3] x, y, radius."""
+    lamp_points: F
+    """[L, LAMP_POINTS, 2] places of each lamp's point sources."""
+    lamp_weights: F
+    """[L, LAMP_POINTS] k_i of §3.3, times the lamp's brightness."""
+    lamp_offset: F
+    """[L] the −4.15 of §3.3, times the lamp's brightness."""
+    lamp_centre: F
+    """[L, 2] the place that distance to the lamp is measured to."""
+    sliding: float
+    """Coulomb coefficient of a body sliding along a surface."""
+
+
+class Trial(NamedTuple):
+    """What one trial of a task is, apart from its score."""
+
+    steps: int
+    feed: int
+    """0: the network is fed proximity readings; 1: ambient readings."""
+    channels: I64
+    """[n_inputs] which sensor feeds each input; −1 feeds a constant 0."""
+    start: F
+    """[5] centre x, centre y, radius of the disc of starts, lowest and highest heading."""
+
+
+class Networks(NamedTuple):
+    """N decoded networks. Neurons are numbered densely: outputs 0 (left) and 1 (right) first,
+    then the hidden ones; links are grouped by their target and sorted by source kind."""
+
+    neurons: I64
+    """[N] neurons that compute: 2 outputs + hidden."""
+    thresholds: NDArray[np.int16]
+    """[N, M]."""
+    sensor_links: NDArray[np.int16]
+    """[N, K, 4] target neuron, source input, weight, delay; sorted by delay."""
+    sensor_count: I64
+    """[N]."""
+    links: NDArray[np.int16]
+    """[N, K, 4] target neuron, source neuron, weight, delay; sorted by target."""
+    link_start: NDArray[np.int16]
+    """[N, M + 1] links of neuron i are link_start[i] .. link_start[i + 1]."""
+
+
+class Path(NamedTuple):
+    """What a task's score sees of one trial: a row a step, after that step's movement."""
+
+    x: F
+    """[steps] cm."""
+    y: F
+    heading: F
+    """[steps] rad, unwrapped."""
+    left: F
+    """[steps] ground speed of the left wheel, cm/s: from the body's movement after contact."""
+    right: F
+    contact: F
+    """[steps] 1 where the body touched something in that step, else 0."""
+
+
+class Room(NamedTuple):
+    """What a task's score sees of the world besides the path."""
+
+    lamps: F
+    """[L, 2] lamp centres, cm."""
+    size: F
+    """[2] cm."""
+    cylinders: F
+    """[C, 3] x, y, radius, cm."""
+    top_speed: float
+    """Speed of a wheel at the network's largest command, cm/s."""
+    radius: float
+    """Body radius, cm."""
