@@ -1,3 +1,100 @@
-"""realitygap: evolve controllers in a calibrated simulation of a Khepera, and measure the gap."""
+"""realitygap: evolve controllers in a calibrated simulation of a Khepera, and measure the gap.
+
+Public names are loaded when first used, so that `import realitygap` costs next to nothing:
+
+    import realitygap
+
+    study = realitygap.load_study("out/reproduce")
+    study.runs[0].champion
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from realitygap.controller.genotype import Layout, load_genotype, random_genotype, save_genotype
+    from realitygap.controller.handmade import braitenberg, constant
+    from realitygap.controller.network import NetworkController, decode
+    from realitygap.controller.operators import Variation
+    from realitygap.errors import RealityGapError, UsageError
+    from realitygap.evolution import make_algorithm
+    from realitygap.report.build import build_report
+    from realitygap.study.config import StudyConfig
+    from realitygap.study.load import load_study
+    from realitygap.study.runner import run_study
+    from realitygap.tasks import load_task
+    from realitygap.tasks.simulation import Simulation
+    from realitygap.tasks.task import Start, Task
+    from realitygap.values import Command, Pose, Readings, Trajectory
+    from realitygap.world.arena import Arena, load_arena
+    from realitygap.world.noise import noise_level
+    from realitygap.world.profile import Profile, load_profile
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "Arena",
+    "Command",
+    "Layout",
+    "NetworkController",
+    "Pose",
+    "Profile",
+    "Readings",
+    "RealityGapError",
+    "Simulation",
+    "Start",
+    "StudyConfig",
+    "Task",
+    "Trajectory",
+    "UsageError",
+    "Variation",
+    "__version__",
+    "braitenberg",
+    "build_report",
+    "constant",
+    "decode",
+    "load_arena",
+    "load_genotype",
+    "load_profile",
+    "load_study",
+    "load_task",
+    "make_algorithm",
+    "noise_level",
+    "random_genotype",
+    "run_study",
+    "save_genotype",
+]
+
+_HOMES = {
+    "controller.genotype": ("Layout", "load_genotype", "random_genotype", "save_genotype"),
+    "controller.handmade": ("braitenberg", "constant"),
+    "controller.network": ("NetworkController", "decode"),
+    "controller.operators": ("Variation",),
+    "errors": ("RealityGapError", "UsageError"),
+    "evolution": ("make_algorithm",),
+    "report.build": ("build_report",),
+    "study.config": ("StudyConfig",),
+    "study.load": ("load_study",),
+    "study.runner": ("run_study",),
+    "tasks": ("load_task",),
+    "tasks.simulation": ("Simulation",),
+    "tasks.task": ("Start", "Task"),
+    "values": ("Command", "Pose", "Readings", "Trajectory"),
+    "world.arena": ("Arena", "load_arena"),
+    "world.noise": ("noise_level",),
+    "world.profile": ("Profile", "load_profile"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    """The public `name`, from the room that holds it."""
+    for home, names in _HOMES.items():
+        if name in names:
+            return getattr(importlib.import_module(f"realitygap.{home}"), name)
+    raise AttributeError(f"module 'realitygap' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__
