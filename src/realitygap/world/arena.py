@@ -1,0 +1,152 @@
+"""Arenas (§4): a rectangular room with walls, cylinders and lamps, read from TOML."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from realitygap.kernels import params
+from realitygap.world.files import Value, load, require, shipped
+from realitygap.world.rays import unit
+
+__all__ = ["Arena", "Cylinder", "Lamp", "arena_names", "load_arena"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cylinder(Value):
+    """A round obstacle that also throws shadows."""
+
+    x_cm: float
+    y_cm: float
+    radius_cm: float
+
+    def _check(self) -> None:
+        require(self.radius_cm > 0, "radius_cm", "more than 0", self.radius_cm)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lamp(Value):
+    """Five point sources on a line (§3.3): D = (offset + Σ L_i·k_i)/d², times the brightness."""
+
+    x_cm: float
+    y_cm: float
+    line_deg: float = 90.0
+    spacing_cm: float = 2.5
+    weights: tuple[float, float, float, float, float] = (4.19, 4.24, 8.24, 4.24, 4.19)
+    offset: float = -4.15
+    brightness: float = 1.0
+
+    def _check(self) -> None:
+        require(-360 <= self.line_deg <= 360, "line_deg", "degrees from -360 to 360", self.line_deg)
+        require(self.spacing_cm >= 0, "spacing_cm", "0 or more", self.spacing_cm)
+        require(self.brightness >= 0, "brightness", "0 or more", self.brightness)
+        for i, weight in enumerate(self.weights):
+            require(weight >= 0, f"weights[{i}]", "0 or more", weight)
+
+    def points(self) -> tuple[tuple[float, float], ...]:
+        """Places (x, y) of the point sources, cm."""
+        dx, dy = unit(self.line_deg)
+        middle = (params.LAMP_POINTS - 1) / 2
+        along = [(i - middle) * self.spacing_cm for i in range(params.LAMP_POINTS)]
+        return tuple((self.x_cm + s * dx, self.y_cm + s * dy) for s in along)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arena(Value):
+    """A closed room from (0, 0) to `size_cm`, with inner walls [x0, y0, x1, y1], cylinders and lamps.
+
+    `sliding` is the Coulomb coefficient of a body that slides along a surface: 0 slides freely.
+    """
+
+    name: str
+    source: str = ""
+    size_cm: tuple[float, float]
+    walls: tuple[tuple[float, float, float, float], ...] = ()
+    cylinders: tuple[Cylinder, ...] = ()
+    lamps: tuple[Lamp, ...] = ()
+    sliding: float = 1.0
+
+    def _check(self) -> None:
+        require(bool(self.name.strip()), "name", "a name", self.name)
+        require(self.sliding >= 0, "sliding", "0 or more", self.sliding)
+        for i, size in enumerate(self.size_cm):
+            require(size > 0, f"size_cm[{i}]", "more than 0", size)
+        width, depth = self.size_cm
+        room = f"inside the room ({width:g} by {depth:g} cm)"
+        for i, (x0, y0, x1, y1) in enumerate(self.walls):
+            wall = (x0, y0, x1, y1)
+            require(self._holds(x0, y0) and self._holds(x1, y1), f"walls[{i}]", f"both ends {room}", wall)
+            require((x0, y0) != (x1, y1), f"walls[{i}]", "two different ends", wall)
+        for i, c in enumerate(self.cylinders):
+            clear = self._holds(c.x_cm, c.y_cm, c.radius_cm)
+            got = f"centre ({c.x_cm:g}, {c.y_cm:g}), radius {c.radius_cm:g}"
+            require(clear, f"cylinders[{i}]", f"the whole cylinder {room}", got)
+        for i, lamp in enumerate(self.lamps):
+            place = (lamp.x_cm, lamp.y_cm)
+            require(self._holds(*place), f"lamps[{i}]", f"a place {room}", place)
+            inside = all(self._holds(x, y, -1e-9) for x, y in lamp.points())
+            cure = "Turn its line (line_deg), shorten it (spacing_cm) or move the lamp."
+            require(inside, f"lamps[{i}]", f"all five points {room}", lamp.points(), cure)
+
+    def obstacle_at(self, x: float, y: float, radius: float) -> str | None:
+        """What a disc at (x, y) would overlap, in words; None where it stands free. Lengths cm."""
+        width, depth = self.size_cm
+        if not (0 <= x <= width and 0 <= y <= depth):
+            return f"the outside of the room ({width:g} by {depth:g} cm)"
+        sides = {f"x = {0:g}": x, f"x = {width:g}": width - x, f"y = {0:g}": y, f"y = {depth:g}": depth - y}
+        for side, gap in sides.items():
+            if gap < radius:
+                return f"the wall at {side}"
+        for c in self.cylinders:
+            if math.hypot(x - c.x_cm, y - c.y_cm) < radius + c.radius_cm:
+                return f"the cylinder at ({c.x_cm:g}, {c.y_cm:g})"
+        for x0, y0, x1, y1 in self.walls:
+            if _distance(x, y, (x0, y0, x1, y1)) < radius:
+                return f"the wall from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g})"
+        return None
+
+    def to_kernel(self) -> params.Arena:
+        """The arena as the kernels' arrays."""
+        lamps = self.lamps
+        return params.Arena(
+            size=np.array(self.size_cm),
+            segments=np.array(self.walls).reshape(-1, 4),
+            cylinders=np.array([(c.x_cm, c.y_cm, c.radius_cm) for c in self.cylinders]).reshape(-1, 3),
+            lamp_points=np.array([lamp.points() for lamp in lamps]).reshape(-1, params.LAMP_POINTS, 2),
+            lamp_weights=np.array(
+                [[k * lamp.brightness for k in lamp.weights] for lamp in lamps]
+            ).reshape(-1, params.LAMP_POINTS),
+            lamp_offset=np.array([lamp.offset * lamp.brightness for lamp in lamps]),
+            lamp_centre=np.array([(lamp.x_cm, lamp.y_cm) for lamp in lamps]).reshape(-1, 2),
+            sliding=self.sliding,
+        )
+
+    def _holds(self, x: float, y: float, margin: float = 0.0) -> bool:
+        width, depth = self.size_cm
+        return margin <= x <= width - margin and margin <= y <= depth - margin
+
+
+def load_arena(name_or_path: str | Path) -> Arena:
+    """An arena: "obstacle-avoidance", "light-seeking", or the path of a TOML file.
+
+    Raises:
+        ConfigError: names the file and the key, what was expected and what came.
+    """
+    return load(Arena, name_or_path, folder="arenas")
+
+
+def arena_names() -> tuple[str, ...]:
+    """Names of the arenas that come with the package."""
+    return shipped("arenas")
+
+
+def _distance(x: float, y: float, wall: tuple[float, float, float, float]) -> float:
+    """Distance of a point to a wall, cm."""
+    x0, y0, x1, y1 = wall
+    dx, dy = x1 - x0, y1 - y0
+    share = ((x - x0) * dx + (y - y0) * dy) / (dx * dx + dy * dy)
+    share = min(1.0, max(0.0, share))
+    return math.hypot(x - x0 - share * dx, y - y0 - share * dy)

@@ -1,0 +1,194 @@
+"""TOML in, frozen values out, and back: the only place where a robot's or arena's file is read.
+
+A value is a frozen dataclass whose field names are the file's keys. `Value` converts what came
+(a file's lists and whole numbers, or a Python caller's) to the declared types and then lets the
+value check itself, so that a file and a Python call are refused with the same words.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass
+from difflib import get_close_matches
+from functools import cache
+from importlib.resources import files
+from numbers import Real
+from pathlib import Path
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+
+from realitygap.errors import ConfigError
+
+__all__ = ["Value", "build", "load", "require", "shipped", "to_toml"]
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Value:
+    """A frozen value with declared types; a subclass adds its own facts in `_check`."""
+
+    def __post_init__(self) -> None:
+        for name, hint in _hints(type(self)).items():
+            object.__setattr__(self, name, _convert(hint, getattr(self, name), name))
+        self._check()
+
+    def _check(self) -> None:
+        """Raise ConfigError("key: …") for a value that makes no sense."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The value as a dictionary ready for JSON, keys as in its file."""
+        return _listed(asdict(self))
+
+    def to_toml(self) -> str:
+        """The value as a TOML file, which reads back to an equal value."""
+        return to_toml(_listed(asdict(self)))
+
+
+def require(fact: bool, key: str, expected: str, got: object, cure: str = "") -> None:
+    """Refuse `key` unless `fact` holds."""
+    if not fact:
+        raise ConfigError(f"{key}: expected {expected}, got {_shown(got)}.{' ' + cure if cure else ''}")
+
+
+def build(cls: type[T], table: Mapping[str, Any]) -> T:
+    """A value of `cls` from a table of a file.
+
+    Raises:
+        ConfigError: an unknown or missing key, or a value that `cls` refuses.
+    """
+    known = {field.name: field for field in fields(cls)}  # type: ignore[arg-type]
+    for key in table:
+        if key not in known:
+            near = get_close_matches(str(key), known, n=1)
+            cure = f"Did you mean {near[0]!r}?" if near else f"Known keys: {', '.join(known)}."
+            raise ConfigError(f"{key}: unknown key. {cure}")
+    for name, field in known.items():
+        if name not in table and field.default is MISSING and field.default_factory is MISSING:
+            raise ConfigError(f"{name}: missing. Add it; the shipped files show what it looks like.")
+    return cls(**table)
+
+
+def load(cls: type[T], name: str | Path, *, folder: str) -> T:
+    """A value from a shipped file's name or from the path of a user's TOML file.
+
+    Raises:
+        ConfigError: unknown name, unreadable file, broken TOML, or a value that is refused.
+    """
+    kind, text, where = folder.removesuffix("s"), "", str(name)
+    tidy = where.strip().lower().replace("_", "-").replace(" ", "-")
+    names = shipped(folder)
+    if tidy in names:
+        text = files("realitygap.world").joinpath(folder, f"{tidy}.toml").read_text("utf-8")
+    else:
+        text = _text(Path(name), kind, names)
+    try:
+        return build(cls, tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{where}: not a TOML file: {error}. Correct that line.") from None
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from None
+
+
+def shipped(folder: str) -> tuple[str, ...]:
+    """Names of the files that come with the package, "profiles" or "arenas"."""
+    inside = files("realitygap.world").joinpath(folder).iterdir()
+    return tuple(sorted(f.name.removesuffix(".toml") for f in inside if f.name.endswith(".toml")))
+
+
+def to_toml(table: Mapping[str, Any]) -> str:
+    """TOML text of a dictionary of texts, numbers, lists, tables and lists of tables."""
+    return "\n".join(_lines(table, "")).lstrip("\n") + "\n"
+
+
+def _text(path: Path, kind: str, names: tuple[str, ...]) -> str:
+    if path.suffix != ".toml" and not path.exists() and len(path.parts) == 1:
+        near = get_close_matches(path.name, names, n=1)
+        hint = f" Did you mean {near[0]!r}?" if near else ""
+        raise ConfigError(
+            f"unknown {kind} {str(path)!r}.{hint} "
+            f"Known: {', '.join(names)}; or give the path of a .toml file."
+        )
+    try:
+        return path.read_text("utf-8")
+    except FileNotFoundError:
+        raise ConfigError(
+            f"{path}: no such file. Give the path of a {kind}'s .toml file, or one of: {', '.join(names)}."
+        ) from None
+    except UnicodeDecodeError:
+        raise ConfigError(f"{path}: not a text file in UTF-8, as TOML must be.") from None
+    except OSError as error:
+        reason = f"cannot be read ({error.strerror})"
+        raise ConfigError(f"{path}: {reason}. Check the path and its rights.") from None
+
+
+@cache
+def _hints(cls: type) -> dict[str, Any]:
+    return get_type_hints(cls)
+
+
+def _convert(hint: Any, value: Any, key: str) -> Any:
+    """`value` as the declared type `hint`, or ConfigError naming `key`."""
+    if hint is float:
+        require(isinstance(value, Real) and not isinstance(value, bool), key, "a number", value)
+        require(abs(value) <= 1e300 and math.isfinite(value), key, "a finite number", value)
+        return float(value)
+    if hint is str:
+        require(isinstance(value, str), key, "a text in quotes", value)
+        return value
+    if get_origin(hint) is tuple:
+        return _convert_tuple(get_args(hint), value, key)
+    if is_dataclass(hint) and not isinstance(value, hint):  # type: ignore[arg-type]
+        require(isinstance(value, Mapping), key, "a table of keys and values", value)
+        try:
+            return build(hint, value)  # type: ignore[arg-type]
+        except ConfigError as error:
+            raise ConfigError(f"{key}.{error}") from None
+    return value
+
+
+def _convert_tuple(inner: tuple[Any, ...], value: Any, key: str) -> tuple[Any, ...]:
+    require(isinstance(value, list | tuple), key, "a list in square brackets", value)
+    if inner[-1] is Ellipsis:
+        inner = inner[:1] * len(value)
+    require(len(value) == len(inner), key, f"{len(inner)} values", value)
+    pairs = enumerate(zip(inner, value, strict=True))
+    return tuple(_convert(hint, v, f"{key}[{i}]") for i, (hint, v) in pairs)
+
+
+def _shown(value: object) -> str:
+    text = repr(_listed(value))
+    return text if len(text) <= 60 else text[:57] + "…"
+
+
+def _listed(value: Any) -> Any:
+    """The value with lists where it has tuples."""
+    if isinstance(value, dict):
+        return {key: _listed(v) for key, v in value.items()}
+    return [_listed(v) for v in value] if isinstance(value, list | tuple) else value
+
+
+def _lines(table: Mapping[str, Any], path: str) -> Iterator[str]:
+    """Plain keys first, then tables and lists of tables: a TOML table ends where the next begins."""
+    later: dict[str, Any] = {}
+    for key, value in table.items():
+        if isinstance(value, dict) or (isinstance(value, list) and value and isinstance(value[0], dict)):
+            later[f"{path}{key}"] = value
+        else:
+            yield f"{key} = {_literal(value)}"
+    for key, value in later.items():
+        if isinstance(value, dict):
+            yield from ("", f"[{key}]", *_lines(value, f"{key}."))
+        else:
+            for entry in value:
+                yield from ("", f"[[{key}]]", *_lines(entry, f"{key}."))
+
+
+def _literal(value: Any) -> str:
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, list):
+        return f"[{', '.join(_literal(v) for v in value)}]"
+    return str(value).lower() if isinstance(value, bool) else repr(value)

@@ -1,0 +1,258 @@
+"""A robot's constants (§3.1 to §3.3): a frozen value, read from TOML."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from realitygap.errors import ConfigError
+from realitygap.kernels.params import MAX_DELAY, STEP_S, UPDATES, Robot
+from realitygap.world.files import Value, load, require, shipped
+from realitygap.world.rays import RAY_ANGLES_DEG, ray_weights, rays, unit
+
+__all__ = [
+    "Ambient",
+    "AmbientSensor",
+    "Body",
+    "Infrared",
+    "Noise",
+    "Profile",
+    "ProximitySensor",
+    "Wheels",
+    "load_profile",
+    "profile_names",
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body(Value):
+    """A disc."""
+
+    radius_cm: float
+
+    def _check(self) -> None:
+        require(self.radius_cm > 0, "radius_cm", "more than 0", self.radius_cm)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wheels(Value):
+    """Two wheels under the PID law of §3.2.2: δv = (Kp·P + Ki·I + Kd·D) / divisor."""
+
+    track_cm: float
+    speed_per_unit_cm_s: tuple[float, float]
+    top_command: float
+    kp: float
+    ki: float
+    kd: float
+    divisor: float
+    rest_speed_cm_s: float
+    friction_cm_s2: float
+
+    def _check(self) -> None:
+        for key in ("track_cm", "top_command", "divisor"):
+            require(getattr(self, key) > 0, key, "more than 0", getattr(self, key))
+        for key in ("kp", "ki", "kd", "rest_speed_cm_s", "friction_cm_s2"):
+            require(getattr(self, key) >= 0, key, "0 or more", getattr(self, key))
+        for i, speed in enumerate(self.speed_per_unit_cm_s):
+            require(speed > 0, f"speed_per_unit_cm_s[{i}]", "more than 0", speed)
+        pole = self.largest_pole()
+        require(
+            pole < 1,
+            "kp",
+            "gains with which a wheel settles on its speed (largest pole below 1)",
+            float(f"{pole:.4g}"),
+            "Lower kp, ki or kd, or raise the divisor.",
+        )
+
+    def largest_pole(self) -> float:
+        """Largest closed-loop pole of the printed law with P = (V − U)/0.1 and five terms in I."""
+        p, i, d = (gain / self.divisor for gain in (self.kp, self.ki, self.kd))
+        p, i = p / STEP_S, i / STEP_S
+        # δ_t = −p·U_t − i·(U_t + … + U_{t−4}) + d·δ_{t−1}, U_{t+1} = U_t + δ_t
+        law = np.array([1.0, p + i - 1 - d, i + d, i, i, i])
+        return float(np.abs(np.roots(law)).max())
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProximitySensor(Value):
+    """Place and direction in the robot's frame (x forward, y left), and the law's constants."""
+
+    x_cm: float
+    y_cm: float
+    direction_deg: float
+    a: float
+    b: float
+    offset_cm: float = 0.0
+
+    def _check(self) -> None:
+        _check_direction(self.direction_deg)
+        require(self.a > 0, "a", "more than 0", self.a)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Infrared(Value):
+    """Proximity (§3.2.3): I = Σ cos^m β (a/(d + offset)² + b), clipped to 0 … top."""
+
+    exponent: float
+    top: float
+    bands: tuple[float, float]
+    sensors: tuple[ProximitySensor, ...]
+
+    def _check(self) -> None:
+        require(self.exponent >= 0, "exponent", "0 or more", self.exponent)
+        require(self.top > 0, "top", "more than 0", self.top)
+        _check_bands(self.bands)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AmbientSensor(Value):
+    """Place and direction in the robot's frame; `gain` multiplies the total illumination."""
+
+    x_cm: float
+    y_cm: float
+    direction_deg: float
+    gain: float = 1.0
+
+    def _check(self) -> None:
+        _check_direction(self.direction_deg)
+        require(self.gain > 0, "gain", "more than 0", self.gain)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ambient(Value):
+    """Ambient light (§3.3): V = floor + 1/√A, A = D + Σ D_j · reflectance · cos^m β_j / d_j²."""
+
+    floor: float
+    dark: float
+    top: float
+    reflectance: float
+    exponent: float
+    bands: tuple[float, float]
+    sensors: tuple[AmbientSensor, ...]
+
+    def _check(self) -> None:
+        require(self.floor >= 0, "floor", "0 or more", self.floor)
+        require(self.dark > self.floor, "dark", f"more than floor ({self.floor:g})", self.dark)
+        require(self.top >= self.dark, "top", f"at least dark ({self.dark:g})", self.top)
+        require(self.reflectance >= 0, "reflectance", "0 or more", self.reflectance)
+        require(self.exponent >= 0, "exponent", "0 or more", self.exponent)
+        _check_bands(self.bands)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Noise(Value):
+    """Observed deviations (§6): counts for the sensors, shares for wheel speed and friction."""
+
+    proximity: float
+    proximity_dark: float
+    ambient: float
+    wheel: float
+    friction: float
+
+    def _check(self) -> None:
+        for key, value in self.to_dict().items():
+            require(value >= 0, key, "0 or more", value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Profile(Value):
+    """All constants of one robot. Lengths cm, angles degrees, readings counts."""
+
+    name: str
+    source: str = ""
+    body: Body
+    wheels: Wheels
+    infrared: Infrared
+    ambient: Ambient
+    noise: Noise
+
+    def _check(self) -> None:
+        require(bool(self.name.strip()), "name", "a name", self.name)
+        radius = self.body.radius_cm
+        fastest = self.wheels.top_command * max(self.wheels.speed_per_unit_cm_s)
+        require(
+            fastest * STEP_S <= radius,
+            "wheels.speed_per_unit_cm_s",
+            f"a top speed of at most one body radius ({radius:g} cm) a step of {STEP_S:g} s",
+            fastest * STEP_S,
+            "Lower it, or lower wheels.top_command.",
+        )
+        for part in ("infrared", "ambient"):
+            for i, sensor in enumerate(getattr(self, part).sensors):
+                key, depth = f"{part}.sensors[{i}]", radius - math.hypot(sensor.x_cm, sensor.y_cm)
+                place = (sensor.x_cm, sensor.y_cm)
+                require(depth > 0, key, f"a place inside the body (radius {radius:g} cm)", place)
+                offset = getattr(sensor, "offset_cm", 0.0)
+                cure = "The sensor's distance to what the body touches would be 0."
+                require(offset > -depth, f"{key}.offset_cm", f"more than {-depth:.3g}", offset, cure)
+
+    def to_kernel(self) -> Robot:
+        """The robot as the kernels' arrays."""
+        wheels, infrared, ambient = self.wheels, self.infrared, self.ambient
+        near, lit = infrared.sensors, ambient.sensors
+        return Robot(
+            radius=self.body.radius_cm,
+            track=wheels.track_cm,
+            speed_per_unit=np.array(wheels.speed_per_unit_cm_s),
+            gains=np.array([wheels.kp, wheels.ki, wheels.kd, wheels.divisor]),
+            friction=np.array([wheels.rest_speed_cm_s, wheels.friction_cm_s2]),
+            top_command=wheels.top_command,
+            proximity_place=np.array([(s.x_cm, s.y_cm) for s in near]).reshape(-1, 2),
+            proximity_ray=rays([s.direction_deg for s in near]),
+            proximity_weight=ray_weights(len(near), infrared.exponent),
+            proximity_law=np.array([(s.a, s.b, s.offset_cm) for s in near]).reshape(-1, 3),
+            proximity_reach=np.array([_reach(s) for s in near]),
+            proximity_top=infrared.top,
+            ambient_place=np.array([(s.x_cm, s.y_cm) for s in lit]).reshape(-1, 2),
+            ambient_facing=np.array([unit(s.direction_deg) for s in lit]).reshape(-1, 2),
+            ambient_ray=rays([s.direction_deg for s in lit]),
+            ambient_weight=ray_weights(len(lit), ambient.exponent, ambient.reflectance),
+            ambient_gain=np.array([s.gain for s in lit]),
+            ambient_law=np.array([ambient.floor, ambient.dark, ambient.top]),
+            bands=np.array([infrared.bands, ambient.bands]),
+            noise=np.array(list(self.noise.to_dict().values())),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Every constant the simulation uses: the file's, and under `fixed` what no file changes."""
+        fixed = {
+            "step_s": STEP_S,
+            "updates_per_step": UPDATES,
+            "longest_delay_updates": MAX_DELAY,
+            "ray_angles_deg": list(RAY_ANGLES_DEG),
+        }
+        return {**super().to_dict(), "fixed": fixed}
+
+
+def load_profile(name_or_path: str | Path) -> Profile:
+    """A robot's profile: "paper", or the path of a TOML file.
+
+    Raises:
+        ConfigError: names the file and the key, what was expected and what came.
+    """
+    return load(Profile, name_or_path, folder="profiles")
+
+
+def profile_names() -> tuple[str, ...]:
+    """Names of the profiles that come with the package."""
+    return shipped("profiles")
+
+
+def _reach(sensor: ProximitySensor) -> float:
+    """Distance beyond which no ray adds to the sum: √(a/−b) − offset; none where b ≥ 0."""
+    return math.inf if sensor.b >= 0 else max(0.0, math.sqrt(sensor.a / -sensor.b) - sensor.offset_cm)
+
+
+def _check_direction(direction_deg: float) -> None:
+    require(-360 <= direction_deg <= 360, "direction_deg", "degrees from -360 to 360", direction_deg)
+
+
+def _check_bands(bands: tuple[float, float]) -> None:
+    if bands[0] == bands[1]:
+        raise ConfigError(
+            f"bands: expected two different readings (they become inputs -10 and +10), got {list(bands)}."
+        )

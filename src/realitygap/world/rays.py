@@ -1,0 +1,40 @@
+"""Directions: unit vectors of sensors and of the rays that leave them (§3.2.3, §3.3).
+
+Cosines are rounded to 15 decimals: mirror-image sensors get mirror-image rays to the last bit,
+and C libraries that differ in a cosine's last bit give the same robot.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.kernels.params import LANES, RAYS
+
+__all__ = ["RAY_ANGLES_DEG", "ray_weights", "rays", "unit"]
+
+RAY_ANGLES_DEG = tuple(180.0 / RAYS * (i + 0.5) - 90.0 for i in range(RAYS))
+"""β of each ray, −81 … +81: the middles of ten equal parts of 180° (a reading of §3.2.3)."""
+
+
+def unit(direction_deg: float) -> tuple[float, float]:
+    """Unit vector (x, y) of a direction in degrees."""
+    turned = math.radians(180.0 - (180.0 - direction_deg) % 360.0)
+    return round(math.cos(turned), 15) + 0.0, round(math.sin(turned), 15) + 0.0
+
+
+def rays(directions_deg: list[float]) -> NDArray[np.float64]:
+    """Unit vectors [n, 2, LANES] of each sensor's rays; pad lanes point along the sensor."""
+    angles = (*RAY_ANGLES_DEG, *(0.0,) * (LANES - RAYS))
+    out = np.empty((len(directions_deg), 2, LANES))
+    for i, direction in enumerate(directions_deg):
+        out[i] = np.array([unit(direction + beta) for beta in angles]).T
+    return out
+
+
+def ray_weights(sensors: int, exponent: float, factor: float = 1.0) -> NDArray[np.float64]:
+    """factor · cos^m β of each ray [sensors, LANES]; 0 in the pad lanes."""
+    row = [factor * round(math.cos(math.radians(beta)) ** exponent, 15) for beta in RAY_ANGLES_DEG]
+    return np.tile(np.array(row + [0.0] * (LANES - RAYS)), (sensors, 1))
