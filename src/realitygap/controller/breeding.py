@@ -1,0 +1,241 @@
+"""The compiled operators on genotypes (§5.1, §5.2): a random one, and an offspring of two.
+
+Every draw is keyed by the stream of its breeding event, then by its purpose:
+
+====  ======================  =============================================
+name  purpose                 draws under it
+====  ======================  =============================================
+0     CROSSOVER               0 does it happen, 1 the cut
+1     MUTATION                2g does gene g change, 2g + 1 its new value
+2     ADD_NEURON              0 does it happen, 1 the slot; stream 0 its content
+3     DELETE_NEURON           0 does it happen, 1 which
+4     ADD_LINK                0 does it happen, 1 the field; stream 0 its content
+5     DELETE_LINK             0 does it happen, 1 which
+6     START                   s does hidden slot s hold a neuron; stream s its content
+====  ======================  =============================================
+
+A gene g is numbered by its place: slot · columns + column. Link and neuron content is drawn under
+a stream of its own: a link 0 source, 1 weight, 2 delay; a neuron 0 threshold, 1 + k does link
+field k exist, stream k its content.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from realitygap.controller.layout import (
+    DELAY,
+    EXPRESSED,
+    FIRST_LINK,
+    LINK_FIELDS,
+    MAX_DELAY,
+    MAX_THRESHOLD,
+    MAX_WEIGHT,
+    SOURCE,
+    THRESHOLD,
+    WEIGHT,
+)
+from realitygap.kernels.jit import kernel, step
+from realitygap.kernels.rng import below, substream, uniform
+
+__all__ = ["Rates", "crosses", "offspring", "random_genes"]
+
+CROSSOVER, MUTATION, ADD_NEURON, DELETE_NEURON, ADD_LINK, DELETE_LINK, START = range(7)
+
+
+class Rates(NamedTuple):
+    """What the operators are told; probabilities, except for the first two."""
+
+    inputs: int
+    any_source: int
+    """1: a link's source is drawn among all slots; 0: among those expressed at that moment."""
+    crossover: float
+    mutation: float
+    add_neuron: float
+    delete_neuron: float
+    add_link: float
+    delete_link: float
+    start_neurons: float
+    start_links: float
+
+
+@step
+def _draw_source(genes, rates, stream, draw):
+    """A link's source slot, drawn uniformly among the slots that may be one."""
+    slots = genes.shape[0]
+    if rates.any_source:
+        return below(stream, draw, slots)
+    n = 0
+    for slot in range(slots):
+        if genes[slot, EXPRESSED]:
+            n += 1
+    k = below(stream, draw, n)
+    for slot in range(slots):
+        if genes[slot, EXPRESSED]:
+            if k == 0:
+                return slot
+            k -= 1
+    return slots - 1
+
+
+@step
+def _fresh_link(genes, slot, at, rates, stream):
+    """A new link in the field that begins at column `at`: source, weight and delay at random."""
+    genes[slot, at] = 1
+    genes[slot, at + SOURCE] = _draw_source(genes, rates, stream, 0)
+    genes[slot, at + WEIGHT] = below(stream, 1, 2 * MAX_WEIGHT + 1) - MAX_WEIGHT
+    genes[slot, at + DELAY] = below(stream, 2, MAX_DELAY + 1)
+
+
+@step
+def _fresh_neuron(genes, slot, rates, stream):
+    """New content for an expressed slot: a threshold, and links."""
+    genes[slot, THRESHOLD] = below(stream, 0, 2 * MAX_THRESHOLD + 1) - MAX_THRESHOLD
+    for k in range((genes.shape[1] - FIRST_LINK) // LINK_FIELDS):
+        at = FIRST_LINK + LINK_FIELDS * k
+        if uniform(stream, 1 + k) < rates.start_links:
+            _fresh_link(genes, slot, at, rates, substream(stream, k))
+        else:
+            genes[slot, at : at + LINK_FIELDS] = 0
+
+
+@kernel
+def random_genes(slots, links, rates, stream):
+    """A random genotype: first which slots hold a neuron, then what each of them is."""
+    genes = np.zeros((slots, FIRST_LINK + LINK_FIELDS * links), np.int8)
+    stream = substream(stream, START)
+    first_hidden = rates.inputs + 2
+    genes[:first_hidden, EXPRESSED] = 1
+    for slot in range(first_hidden, slots):
+        if uniform(stream, slot) < rates.start_neurons:
+            genes[slot, EXPRESSED] = 1
+    for slot in range(rates.inputs, slots):
+        if genes[slot, EXPRESSED]:
+            _fresh_neuron(genes, slot, rates, substream(stream, slot))
+    return genes
+
+
+@step
+def _happens(chance, stream):
+    return uniform(stream, 0) < chance
+
+
+@step
+def _mutate(genes, rates, stream):
+    """Each piece of information is drawn anew with probability `mutation` (§5.1)."""
+    slots, columns = genes.shape
+    for slot in range(rates.inputs, slots):
+        if not genes[slot, EXPRESSED]:
+            continue
+        g = 2 * (slot * columns + THRESHOLD)
+        if uniform(stream, g) < rates.mutation:
+            genes[slot, THRESHOLD] = below(stream, g + 1, 2 * MAX_THRESHOLD + 1) - MAX_THRESHOLD
+        for at in range(FIRST_LINK, columns, LINK_FIELDS):
+            if not genes[slot, at]:
+                continue
+            g = 2 * (slot * columns + at + SOURCE)
+            if uniform(stream, g) < rates.mutation:
+                genes[slot, at + SOURCE] = _draw_source(genes, rates, stream, g + 1)
+            g = 2 * (slot * columns + at + WEIGHT)
+            if uniform(stream, g) < rates.mutation:
+                genes[slot, at + WEIGHT] = below(stream, g + 1, 2 * MAX_WEIGHT + 1) - MAX_WEIGHT
+            g = 2 * (slot * columns + at + DELAY)
+            if uniform(stream, g) < rates.mutation:
+                genes[slot, at + DELAY] = below(stream, g + 1, MAX_DELAY + 1)
+
+
+@step
+def _nth_hidden(genes, first_hidden, expressed, n):
+    """(The nth hidden slot that is or is not expressed, how many there are); n < 0 only counts."""
+    found = -1
+    count = 0
+    for slot in range(first_hidden, genes.shape[0]):
+        if genes[slot, EXPRESSED] == expressed:
+            if count == n:
+                found = slot
+            count += 1
+    return found, count
+
+
+@step
+def _add_neuron(genes, rates, stream):
+    """A neuron with fresh content in one of the free slots, if there is one."""
+    _, free = _nth_hidden(genes, rates.inputs + 2, 0, -1)
+    if free:
+        slot, _ = _nth_hidden(genes, rates.inputs + 2, 0, below(stream, 1, free))
+        genes[slot, EXPRESSED] = 1
+        _fresh_neuron(genes, slot, rates, substream(stream, 0))
+
+
+@step
+def _delete_neuron(genes, rates, stream):
+    """One of the hidden neurons goes, if there is one; links from it stay, dormant."""
+    _, held = _nth_hidden(genes, rates.inputs + 2, 1, -1)
+    if held:
+        slot, _ = _nth_hidden(genes, rates.inputs + 2, 1, below(stream, 1, held))
+        genes[slot, :] = 0
+
+
+@step
+def _nth_field(genes, inputs, expressed, n):
+    """(slot, column, count) of the nth link field, expressed or free, of motor and hidden neurons."""
+    found_slot = -1
+    found_at = -1
+    count = 0
+    for slot in range(inputs, genes.shape[0]):
+        if genes[slot, EXPRESSED]:
+            for at in range(FIRST_LINK, genes.shape[1], LINK_FIELDS):
+                if genes[slot, at] == expressed:
+                    if count == n:
+                        found_slot = slot
+                        found_at = at
+                    count += 1
+    return found_slot, found_at, count
+
+
+@step
+def _add_link(genes, rates, stream):
+    """A fresh link in one of the free fields of motor and hidden neurons, if there is one."""
+    _, _, free = _nth_field(genes, rates.inputs, 0, -1)
+    if free:
+        slot, at, _ = _nth_field(genes, rates.inputs, 0, below(stream, 1, free))
+        _fresh_link(genes, slot, at, rates, substream(stream, 0))
+
+
+@step
+def _delete_link(genes, rates, stream):
+    """One of the links, live or dormant, of motor and hidden neurons goes, if there is one."""
+    _, _, held = _nth_field(genes, rates.inputs, 1, -1)
+    if held:
+        slot, at, _ = _nth_field(genes, rates.inputs, 1, below(stream, 1, held))
+        genes[slot, at : at + LINK_FIELDS] = 0
+
+
+@kernel
+def crosses(crossover, stream):
+    """Whether the offspring of this stream has two parents."""
+    return _happens(crossover, substream(stream, CROSSOVER))
+
+
+@kernel
+def offspring(first, second, rates, stream):
+    """One offspring: crossover, point mutation, neuron added, deleted, link added, deleted (§5.1)."""
+    genes = first.copy()
+    purpose = substream(stream, CROSSOVER)
+    if _happens(rates.crossover, purpose):
+        cut = 1 + below(purpose, 1, genes.shape[0] - 1)
+        genes[cut:] = second[cut:]
+    _mutate(genes, rates, substream(stream, MUTATION))
+    purpose = substream(stream, ADD_NEURON)
+    if _happens(rates.add_neuron, purpose):
+        _add_neuron(genes, rates, purpose)
+    purpose = substream(stream, DELETE_NEURON)
+    if _happens(rates.delete_neuron, purpose):
+        _delete_neuron(genes, rates, purpose)
+    purpose = substream(stream, ADD_LINK)
+    if _happens(rates.add_link, purpose):
+        _add_link(genes, rates, purpose)
+    purpose = substream(stream, DELETE_LINK)
+    if _happens(rates.delete_link, purpose):
+        _delete_link(genes, rates, purpose)
+    return genes

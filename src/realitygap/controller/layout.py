@@ -1,0 +1,109 @@
+"""How a genotype is laid out: slots, and the fields of a slot (§5.2, §5.3).
+
+A genotype is an int8 array [slots, 2 + 4·links]. Slots 0 .. inputs − 1 are the sensor neurons,
+the next two the motor neurons (left, right), the others may each hold a hidden neuron.
+What is not expressed carries no information: the operators keep it blank (zeros).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.errors import GenotypeError, UsageError
+from realitygap.kernels.params import MAX_DELAY
+
+__all__ = ["MAX_DELAY", "MAX_THRESHOLD", "MAX_WEIGHT", "Genes", "Layout", "check_genes"]
+
+Genes = NDArray[np.int8]
+
+MAX_THRESHOLD = 10
+"""Thresholds are −10 .. 10 (§5.3)."""
+MAX_WEIGHT = 4
+"""Weights are −4 .. 4 (§5.3)."""
+
+EXPRESSED, THRESHOLD, FIRST_LINK = 0, 1, 2
+"""Columns of a slot: does it hold a neuron, its threshold, its first link field."""
+LINK_FIELDS = 4
+"""Columns of a link field: expressed, source slot, weight, delay; in this order."""
+SOURCE, WEIGHT, DELAY = 1, 2, 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """The size of a genotype: 8 sensor neurons, 2 motors, 30 slots, 8 link fields a slot (§5.2)."""
+
+    inputs: int = 8
+    outputs: int = 2
+    slots: int = 30
+    links: int = 8
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, bool) or not isinstance(value, int):
+                raise UsageError(f"layout.{field.name} must be a whole number, not {value!r}")
+        if self.inputs < 1:
+            raise UsageError(f"layout.inputs must be at least 1, not {self.inputs}")
+        if self.outputs != 2:
+            raise UsageError(f"layout.outputs must be 2 (left and right wheel), not {self.outputs}")
+        least = self.inputs + self.outputs
+        if not least <= self.slots <= 128:
+            raise UsageError(
+                f"layout.slots must be {least} (inputs + outputs) to 128 (addresses are one byte), "
+                f"not {self.slots}"
+            )
+        if not 1 <= self.links <= 128:
+            raise UsageError(f"layout.links must be 1 to 128 link fields a slot, not {self.links}")
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Shape of a genotype: [slots, 2 + 4·links]."""
+        return self.slots, FIRST_LINK + LINK_FIELDS * self.links
+
+    @property
+    def first_hidden(self) -> int:
+        """The first slot that may hold a hidden neuron."""
+        return self.inputs + self.outputs
+
+    def role(self, slot: int) -> str:
+        """What the neuron in a slot is, in words."""
+        if slot < self.inputs:
+            return f"sensor {slot}"
+        return ("left motor", "right motor", "hidden")[min(slot - self.inputs, 2)]
+
+    @classmethod
+    def of(cls, genes: Genes, *, inputs: int = 8) -> Layout:
+        """The layout of a genotype that has `inputs` sensor neurons."""
+        slots, columns = genes.shape
+        return cls(inputs=inputs, slots=slots, links=(columns - FIRST_LINK) // LINK_FIELDS)
+
+
+def check_genes(genes: Genes, layout: Layout, *, source: str = "the genotype") -> None:
+    """Refuses a genotype that does not fit its layout or holds values out of range.
+
+    Raises:
+        GenotypeError: names the slot and the field.
+    """
+    if not isinstance(genes, np.ndarray) or genes.dtype != np.int8 or genes.shape != layout.shape:
+        came = f"{genes.dtype}{list(genes.shape)}" if isinstance(genes, np.ndarray) else type(genes).__name__
+        raise GenotypeError(f"{source}: expected an array int8{list(layout.shape)}, got {came}")
+    links = genes[:, FIRST_LINK:].reshape(layout.slots, layout.links, LINK_FIELDS)
+    for name, values, low, high in (
+        ("expressed flag", genes[:, EXPRESSED], 0, 1),
+        ("threshold", genes[:, THRESHOLD], -MAX_THRESHOLD, MAX_THRESHOLD),
+        ("link's expressed flag", links[:, :, 0], 0, 1),
+        ("link's source slot", links[:, :, SOURCE], 0, layout.slots - 1),
+        ("link's weight", links[:, :, WEIGHT], -MAX_WEIGHT, MAX_WEIGHT),
+        ("link's delay", links[:, :, DELAY], 0, MAX_DELAY),
+    ):
+        wrong = np.argwhere((values < low) | (values > high))
+        if len(wrong):
+            slot, value = int(wrong[0][0]), int(values[tuple(wrong[0])])
+            raise GenotypeError(f"{source}: slot {slot}: a {name} must be {low} to {high}, not {value}")
+    missing = np.flatnonzero(genes[: layout.first_hidden, EXPRESSED] == 0)
+    if len(missing):
+        slot = int(missing[0])
+        raise GenotypeError(f"{source}: slot {slot} ({layout.role(slot)}) must always be expressed")

@@ -1,0 +1,239 @@
+"""Genotype → network (§5.2, §5.3): for the kernels as dense arrays, for bodies as a controller.
+
+A neuron's output is clip(Σ weight · output of the source, delay + 1 updates ago − threshold,
+−10, 10); all neurons are updated together, ten times a step, from the updates before.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from realitygap.controller.layout import (
+    DELAY,
+    EXPRESSED,
+    FIRST_LINK,
+    LINK_FIELDS,
+    MAX_DELAY,
+    SOURCE,
+    THRESHOLD,
+    WEIGHT,
+    Genes,
+    Layout,
+    check_genes,
+)
+from realitygap.errors import GenotypeError, UsageError
+from realitygap.kernels.jit import kernel, step
+from realitygap.kernels.params import UPDATES, Networks
+from realitygap.values import Command
+
+__all__ = ["Link", "NetworkController", "Neuron", "decode", "neurons"]
+
+TOP = 10
+"""Outputs are −10 .. 10 (§5.3)."""
+
+
+class Link(NamedTuple):
+    """A live link: from the neuron in slot `source`; delay in updates."""
+
+    field: int
+    source: int
+    weight: int
+    delay: int
+
+
+class Neuron(NamedTuple):
+    """A motor or hidden neuron and the live links into it."""
+
+    slot: int
+    threshold: int
+    links: tuple[Link, ...]
+
+
+@step
+def _used(genes, inputs, prune, used):
+    """Marks the neurons that compute; when pruning, only those from which a motor can be reached."""
+    slots, columns = genes.shape
+    if not prune:
+        for slot in range(inputs, slots):
+            used[slot] = genes[slot, EXPRESSED]
+        return
+    used[inputs] = 1
+    used[inputs + 1] = 1
+    waiting = np.empty(slots, np.int64)
+    waiting[0] = inputs
+    waiting[1] = inputs + 1
+    n = 2
+    while n > 0:
+        n -= 1
+        slot = waiting[n]
+        for at in range(FIRST_LINK, columns, LINK_FIELDS):
+            source = genes[slot, at + SOURCE]
+            if genes[slot, at] and genes[slot, at + WEIGHT] and source >= inputs:
+                if genes[source, EXPRESSED] and not used[source]:
+                    used[source] = 1
+                    waiting[n] = source
+                    n += 1
+
+
+@step
+def _fill(genes, inputs, prune, net, i):
+    """Writes network i of `net` from one genotype."""
+    slots, columns = genes.shape
+    used = np.zeros(slots, np.int8)
+    _used(genes, inputs, prune, used)
+    number = np.full(slots, -1, np.int64)
+    m = 0
+    for slot in range(inputs, slots):
+        if used[slot]:
+            number[slot] = m
+            net.thresholds[i, m] = genes[slot, THRESHOLD]
+            m += 1
+    net.neurons[i] = m
+    k = 0
+    later = np.zeros(MAX_DELAY + 2, np.int64)
+    for slot in range(inputs, slots):
+        if not used[slot]:
+            continue
+        net.link_start[i, number[slot]] = k
+        for at in range(FIRST_LINK, columns, LINK_FIELDS):
+            source = genes[slot, at + SOURCE]
+            if not genes[slot, at] or (prune and genes[slot, at + WEIGHT] == 0):
+                continue
+            if source < inputs:
+                later[genes[slot, at + DELAY] + 1] += 1
+            elif number[source] >= 0:
+                net.links[i, k, 0] = number[slot]
+                net.links[i, k, 1] = number[source]
+                net.links[i, k, 2] = genes[slot, at + WEIGHT]
+                net.links[i, k, 3] = genes[slot, at + DELAY]
+                k += 1
+    net.link_start[i, m:] = k
+    for delay in range(MAX_DELAY + 1):
+        later[delay + 1] += later[delay]
+    net.sensor_count[i] = later[MAX_DELAY + 1]
+    # A counting sort by delay, in the order of slots and fields within a delay.
+    for slot in range(inputs, slots):
+        if not used[slot]:
+            continue
+        for at in range(FIRST_LINK, columns, LINK_FIELDS):
+            source = genes[slot, at + SOURCE]
+            if genes[slot, at] and source < inputs and not (prune and genes[slot, at + WEIGHT] == 0):
+                delay = genes[slot, at + DELAY]
+                place = later[delay]
+                later[delay] += 1
+                net.sensor_links[i, place, 0] = number[slot]
+                net.sensor_links[i, place, 1] = source
+                net.sensor_links[i, place, 2] = genes[slot, at + WEIGHT]
+                net.sensor_links[i, place, 3] = delay
+
+
+@kernel
+def _decode(genes, inputs, prune):
+    n, slots, columns = genes.shape
+    m = slots - inputs
+    k = m * ((columns - FIRST_LINK) // LINK_FIELDS)
+    net = Networks(
+        np.zeros(n, np.int64),
+        np.zeros((n, m), np.int16),
+        np.zeros((n, k, 4), np.int16),
+        np.zeros(n, np.int64),
+        np.zeros((n, k, 4), np.int16),
+        np.zeros((n, m + 1), np.int16),
+    )
+    for i in range(n):
+        _fill(genes[i], inputs, prune, net, i)
+    return net
+
+
+def decode(genes: Genes, layout: Layout, *, prune: bool = True) -> Networks:
+    """The networks of genotypes [N, slots, fields] (or of one, [slots, fields]).
+
+    Values are not checked here (`check_genes` does): genes come from the operators or from a
+    checked file. Slots and link fields are taken from the array's shape.
+
+    Args:
+        genes: int8 genotypes, all of one shape.
+        layout: says how many of the slots are sensors.
+        prune: leave out what can never change an output: links of weight 0, and hidden neurons
+            from which no motor can be reached.
+
+    Raises:
+        GenotypeError: an array of another type or shape.
+    """
+    if genes.ndim == 2:
+        genes = genes[np.newaxis]
+    if (
+        genes.dtype != np.int8
+        or genes.ndim != 3
+        or genes.shape[1] < layout.first_hidden
+        or (genes.shape[2] - FIRST_LINK) % LINK_FIELDS
+    ):
+        expected = f"int8[N, {layout.shape[0]}, {layout.shape[1]}]"
+        raise GenotypeError(f"genotypes must be an array {expected}, not {genes.dtype}{list(genes.shape)}")
+    networks: Networks = _decode(np.ascontiguousarray(genes), layout.inputs, prune)
+    return networks
+
+
+def neurons(genes: Genes, layout: Layout) -> tuple[Neuron, ...]:
+    """The motor and hidden neurons of one genotype with their live links, in the order of slots."""
+    expressed = [bool(flag) for flag in genes[:, EXPRESSED]]
+    return tuple(
+        Neuron(slot, int(genes[slot, THRESHOLD]), tuple(_live_links(genes[slot], expressed)))
+        for slot in range(layout.inputs, len(expressed))
+        if expressed[slot]
+    )
+
+
+def _live_links(row: Genes, expressed: list[bool]) -> list[Link]:
+    fields = row[FIRST_LINK:].reshape(-1, LINK_FIELDS).tolist()
+    return [
+        Link(k, source, weight, delay)
+        for k, (held, source, weight, delay) in enumerate(fields)
+        if held and expressed[source]
+    ]
+
+
+class NetworkController:
+    """A genotype's network that drives any body: inputs −10 .. 10 in, wheel commands out.
+
+    Plain integers, a step at a time; the kernels carry out the same law for whole trials.
+    """
+
+    def __init__(self, genes: Genes, layout: Layout | None = None) -> None:
+        self.layout = layout or Layout.of(genes)
+        check_genes(genes, self.layout)
+        self.neurons = neurons(genes, self.layout)
+        self.reset()
+
+    def reset(self) -> None:
+        """Before a trial: every value ever is 0."""
+        silent = [0] * self.layout.slots
+        self._past: deque[list[int]] = deque([silent] * (MAX_DELAY + 1), maxlen=MAX_DELAY + 1)
+
+    @property
+    def outputs(self) -> tuple[int, ...]:
+        """What each slot's neuron puts out now, 0 where there is none."""
+        return tuple(self._past[0])
+
+    def decide(self, inputs: Sequence[int]) -> Command:
+        """One step of 100 ms: ten updates with the inputs held, then the motors' outputs.
+
+        Raises:
+            UsageError: another number of inputs than the network has sensor neurons.
+        """
+        if len(inputs) != self.layout.inputs:
+            raise UsageError(f"this network has {self.layout.inputs} inputs, not {len(inputs)}")
+        held = [int(value) for value in inputs]
+        self._past[0] = held + self._past[0][len(held) :]
+        for _ in range(UPDATES):
+            now = held + [0] * (self.layout.slots - len(held))
+            for neuron in self.neurons:
+                total = sum(link.weight * self._past[link.delay][link.source] for link in neuron.links)
+                now[neuron.slot] = max(-TOP, min(TOP, total - neuron.threshold))
+            self._past.appendleft(now)
+        left, right = self._past[0][len(held) : len(held) + 2]
+        return Command(left=left, right=right)
