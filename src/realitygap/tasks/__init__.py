@@ -1,1 +1,6 @@
-"""TODO(owner): one line."""
+"""§6.1 and §6.2: what a robot is to do: arena, starts, sensors fed, length and score."""
+
+from realitygap.tasks.load import TASKS, load_task
+from realitygap.tasks.task import Start, Task
+
+__all__ = ["TASKS", "Start", "Task", "load_task"]

@@ -116,9 +116,9 @@ class Arena(Value):
             segments=np.array(self.walls).reshape(-1, 4),
             cylinders=np.array([(c.x_cm, c.y_cm, c.radius_cm) for c in self.cylinders]).reshape(-1, 3),
             lamp_points=np.array([lamp.points() for lamp in lamps]).reshape(-1, params.LAMP_POINTS, 2),
-            lamp_weights=np.array(
-                [[k * lamp.brightness for k in lamp.weights] for lamp in lamps]
-            ).reshape(-1, params.LAMP_POINTS),
+            lamp_weights=np.array([[k * lamp.brightness for k in lamp.weights] for lamp in lamps]).reshape(
+                -1, params.LAMP_POINTS
+            ),
             lamp_offset=np.array([lamp.offset * lamp.brightness for lamp in lamps]),
             lamp_centre=np.array([(lamp.x_cm, lamp.y_cm) for lamp in lamps]).reshape(-1, 2),
             sliding=self.sliding,

@@ -31,7 +31,7 @@ class Value:
     """A frozen value with declared types; a subclass adds its own facts in `_check`."""
 
     def __post_init__(self) -> None:
-        for name, hint in _hints(type(self)).items():
+        for name, hint in _hints(type(self)).items():  # type: ignore[arg-type]
             object.__setattr__(self, name, _convert(hint, getattr(self, name), name))
         self._check()
 
@@ -40,7 +40,8 @@ class Value:
 
     def to_dict(self) -> dict[str, Any]:
         """The value as a dictionary ready for JSON, keys as in its file."""
-        return _listed(asdict(self))
+        listed: dict[str, Any] = _listed(asdict(self))
+        return listed
 
     def to_toml(self) -> str:
         """The value as a TOML file, which reads back to an equal value."""

@@ -1,0 +1,108 @@
+"""Tasks by name, and tasks from a user's Python file."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from difflib import get_close_matches
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
+
+from realitygap.errors import TaskError, UsageError
+from realitygap.tasks.task import Task
+
+__all__ = ["TASKS", "load_task"]
+
+TASKS = ("obstacle-avoidance", "light-seeking")
+"""The paper's tasks (§6.1, §6.2)."""
+
+
+def load_task(name_or_file: str | Path) -> Task:
+    """A task from its name or from a user's Python file.
+
+    Args:
+        name_or_file: one of TASKS, one word of such a name ("light"), or the path of a .py file
+            that defines `task = Task(…)`. The file is run.
+
+    Raises:
+        TaskError: unknown name, or a file that cannot be used: names the file and the line.
+    """
+    text = str(name_or_file).strip()
+    tidy = text.lower().replace("_", "-").replace(" ", "-")
+    for name in TASKS:
+        if tidy == name or tidy in name.split("-"):
+            module = importlib.import_module(f"realitygap.tasks.{name.replace('-', '_')}")
+            task: Task = module.task
+            return task
+    path = Path(text).expanduser()
+    if path.suffix != ".py" and not path.is_file():
+        near = get_close_matches(tidy, TASKS, n=1, cutoff=0.5)
+        hint = f" Did you mean {near[0]!r}?" if near else ""
+        raise TaskError(
+            f"unknown task {text!r}.{hint} Known: {', '.join(TASKS)}; or give the path of a .py file "
+            "that defines `task = Task(…)`."
+        )
+    return _from_file(path)
+
+
+def _from_file(path: Path) -> Task:
+    if not path.is_file():
+        raise TaskError(f"{path}: no such file. Give the path of a .py file that defines a task.")
+    if path.suffix != ".py":
+        raise TaskError(f"{path}: expected a Python file (.py) that defines `task = Task(…)`.")
+    path = path.resolve()
+    with _blamed_on(path):
+        module = _run(path)
+    task = getattr(module, "task", None)
+    if not isinstance(task, Task):
+        got = "no `task`" if task is None else f"`task` = {task!r}"
+        raise TaskError(
+            f"{path}: expected a task, got {got}. Add `task = Task(name=…, arena=…, feeds=…, start=…, "
+            "score=score)`, with Task from realitygap."
+        )
+    return replace(task, source=str(path))
+
+
+def _run(path: Path) -> ModuleType:
+    """The file as a module, under a name made from its path: Numba finds compiled scores by it."""
+    name = f"realitygap_task_{hashlib.sha256(str(path).encode()).hexdigest()[:16]}"
+    spec = spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        source = compile(path.read_bytes(), str(path), "exec", dont_inherit=True)
+        exec(source, module.__dict__)
+    except BaseException:
+        sys.modules.pop(name, None)
+        raise
+    return module
+
+
+@contextmanager
+def _blamed_on(path: Path) -> Iterator[None]:
+    """Any error of a user's file as one TaskError that names the file and the line."""
+    try:
+        yield
+    except SyntaxError as error:
+        where = f"{error.filename or path}, line {error.lineno}"
+        raise TaskError(f"{where}: not valid Python: {error.msg}. Correct that line.") from None
+    except UsageError as error:
+        raise TaskError(f"{_line(path, error)}: {error}") from None
+    except OSError as error:
+        raise TaskError(f"{_line(path, error)}: {error.strerror or error}. Check the path.") from None
+    except (Exception, SystemExit) as error:
+        text = f"{type(error).__name__}: {error}".rstrip(": ")
+        raise TaskError(f"{_line(path, error)}: the file stops with {text}. Correct that line.") from None
+
+
+def _line(path: Path, error: BaseException) -> str:
+    """The file, and the last of its lines that was running."""
+    lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == str(path)]
+    return f"{path}, line {lines[-1]}" if lines else str(path)

@@ -1,0 +1,233 @@
+"""A task: an arena, starts, the sensors fed to the network, a length and a score.
+
+A task is data; a user writes one in a short Python file (see `examples/`). Its `score` is plain
+Python over arrays and is compiled by Numba:
+
+    def score(path, room):      # path: a row a step, `params.Path`; room: `params.Room`
+        return path.contact.mean()
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from realitygap.errors import TaskError, UsageError
+from realitygap.kernels import params
+from realitygap.kernels.params import STEP_S
+from realitygap.world.arena import Arena, arena_names, load_arena
+from realitygap.world.files import Value, require
+from realitygap.world.profile import Profile
+
+__all__ = ["FEEDS", "MAX_INPUTS", "Score", "Start", "Task"]
+
+Score = Callable[[Any, Any], float]
+FEEDS = ("proximity", "ambient")
+"""What may be fed to the network; the index is `params.Trial.feed`."""
+MAX_INPUTS = 16
+
+
+@dataclass(frozen=True, kw_only=True)
+class Start(Value):
+    """Where a trial begins: uniform in a disc, uniform between two headings (lengths cm, degrees)."""
+
+    x_cm: float
+    y_cm: float
+    radius_cm: float = 0.0
+    heading_deg: tuple[float, float] = (0.0, 360.0)
+
+    def _check(self) -> None:
+        require(self.radius_cm >= 0, "radius_cm", "0 or more", self.radius_cm)
+        low, high = self.heading_deg
+        turns = -360 <= low <= high <= 720
+        require(turns, "heading_deg", "(lowest, highest) in degrees", self.heading_deg)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """What a controller is to do, and how well it does it: `score`, larger is better.
+
+    Attributes:
+        name: lower-case letters, digits and hyphens; names runs and files.
+        title: for people, on figures and tables.
+        arena: an Arena, the name of one that comes with the package, or the path of a TOML file
+            (relative to the file that defines `score`).
+        feeds: "proximity" or "ambient": which of the robot's sensors the network reads.
+        sensors: which of them feeds each input of the network.
+        start: where a trial begins.
+        seconds: length of a trial, a multiple of 0.1.
+        trials: trials in one evaluation; fitness is the mean of their scores.
+        score: a function of (path, room) that returns a float.
+        fitness_unit: what figures write at the axis; fitness_scale: what they divide by.
+        source: the user's file, None for the paper's tasks.
+
+    Raises:
+        TaskError: names the field, what was expected, what came, and the cure.
+    """
+
+    name: str
+    title: str = ""
+    arena: Arena
+    feeds: str
+    sensors: tuple[int, ...] = tuple(range(8))
+    start: Start
+    seconds: float = 20.0
+    trials: int = 2
+    score: Score
+    fitness_unit: str = ""
+    fitness_scale: float = 1.0
+    source: str | None = None
+
+    def __post_init__(self) -> None:
+        try:
+            self._convert()
+            self._check()
+        except TaskError:
+            raise
+        except UsageError as error:
+            raise TaskError(f"task {self.name!r}: {error}") from None
+
+    @property
+    def steps(self) -> int:
+        """Steps of 0.1 s in one trial."""
+        return round(self.seconds / STEP_S)
+
+    def to_kernel(self, profile: Profile) -> params.Trial:
+        """The trial as the kernels' arrays.
+
+        Raises:
+            TaskError: the robot lacks a sensor that the task feeds, or cannot stand at its start.
+        """
+        part = profile.infrared if self.feeds == "proximity" else profile.ambient
+        count = len(part.sensors)
+        for sensor in self.sensors:
+            if sensor >= count:
+                raise TaskError(
+                    f"task {self.name!r}: sensors: expected {self.feeds} sensors of profile "
+                    f"{profile.name!r}, which has {count}, got number {sensor} (they count from 0). "
+                    "Change the task's sensors or add sensors to the profile."
+                )
+        start = self.start
+        body = profile.body.radius_cm
+        obstacle = self.arena.obstacle_at(start.x_cm, start.y_cm, start.radius_cm + body)
+        if obstacle:
+            raise TaskError(
+                f"task {self.name!r}: start: a robot of radius {body:g} cm that starts within "
+                f"{start.radius_cm:g} cm of ({start.x_cm:g}, {start.y_cm:g}) may overlap {obstacle}. "
+                "Move the start, or make its disc smaller."
+            )
+        low, high = (math.radians(angle) for angle in start.heading_deg)
+        return params.Trial(
+            steps=self.steps,
+            feed=FEEDS.index(self.feeds),
+            channels=np.array(self.sensors, dtype=np.int64),
+            start=np.array([start.x_cm, start.y_cm, start.radius_cm, low, high]),
+        )
+
+    def room(self, profile: Profile) -> params.Room:
+        """What the score sees of the world besides the path."""
+        arena = self.arena.to_kernel()
+        speeds = profile.wheels.speed_per_unit_cm_s
+        return params.Room(
+            lamps=arena.lamp_centre,
+            size=arena.size,
+            cylinders=arena.cylinders,
+            top_speed=profile.wheels.top_command * (speeds[0] + speeds[1]) / 2,
+            radius=profile.body.radius_cm,
+        )
+
+    def compiled_score(self) -> Score:
+        """The score, compiled (or as it is where the compiler is off).
+
+        Raises:
+            TaskError: the score cannot be compiled; says why, in one line.
+        """
+        from realitygap.tasks.scoring import compile_score
+
+        return compile_score(self.score)
+
+    def with_arena(self, arena: Arena) -> Task:
+        """The same task in another arena."""
+        return replace(self, arena=arena)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The task as data, without its score, ready for JSON."""
+        return {
+            "name": self.name,
+            "title": self.title,
+            "arena": self.arena.to_dict(),
+            "feeds": self.feeds,
+            "sensors": list(self.sensors),
+            "start": self.start.to_dict(),
+            "seconds": self.seconds,
+            "trials": self.trials,
+            "fitness_unit": self.fitness_unit,
+            "fitness_scale": self.fitness_scale,
+        }
+
+    def _convert(self) -> None:
+        """What a user may write more shortly becomes what is declared."""
+        put = object.__setattr__
+        named = isinstance(self.name, str) and re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", self.name)
+        require(bool(named), "name", "lower-case letters, digits and single hyphens", self.name)
+        put(self, "score", getattr(self.score, "py_func", self.score))
+        _check_score(self.score)
+        if isinstance(self.arena, str | Path):
+            put(self, "arena", load_arena(_beside(self.score, self.arena)))
+        put(self, "title", self.title or self.name.replace("-", " ").capitalize())
+        require(isinstance(self.sensors, list | tuple | range), "sensors", "a tuple of numbers", self.sensors)
+        put(self, "sensors", tuple(self.sensors))
+        for key in ("seconds", "fitness_scale"):
+            value = getattr(self, key)
+            number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+            require(number, key, "a number", value)
+            put(self, key, float(value))
+
+    def _check(self) -> None:
+        require(isinstance(self.arena, Arena), "arena", "an Arena, a name or a path", self.arena)
+        require(isinstance(self.start, Start), "start", "a Start(x_cm=…, y_cm=…)", self.start)
+        require(self.feeds in FEEDS, "feeds", " or ".join(map(repr, FEEDS)), self.feeds)
+        size = len(self.sensors)
+        require(1 <= size <= MAX_INPUTS, "sensors", f"1 to {MAX_INPUTS} sensors", self.sensors)
+        for sensor in self.sensors:
+            whole = isinstance(sensor, int) and not isinstance(sensor, bool) and sensor >= 0
+            require(whole, "sensors", "whole numbers, 0 or more", self.sensors)
+        exact = abs(self.steps * STEP_S - self.seconds) < 1e-9 * max(1.0, self.seconds)
+        fits = exact and 1 <= self.steps <= 1_000_000
+        require(fits, "seconds", "a multiple of 0.1 from 0.1 to 100000", self.seconds)
+        count = isinstance(self.trials, int) and not isinstance(self.trials, bool) and self.trials >= 1
+        require(count, "trials", "a whole number, 1 or more", self.trials)
+        require(self.fitness_scale > 0, "fitness_scale", "more than 0", self.fitness_scale)
+        start = self.start
+        obstacle = self.arena.obstacle_at(start.x_cm, start.y_cm, start.radius_cm)
+        if obstacle is not None:
+            raise TaskError(
+                f"task {self.name!r}: start: expected a free place in arena {self.arena.name!r}, got a disc "
+                f"of {start.radius_cm:g} cm about ({start.x_cm:g}, {start.y_cm:g}), which overlaps {obstacle}."
+            )
+
+
+def _check_score(score: object) -> None:
+    """Refuse what cannot be called with (path, room)."""
+    cure = "Write `def score(path, room): …`."
+    require(inspect.isfunction(score), "score", "a function", score, cure)
+    try:
+        inspect.signature(score).bind(None, None)  # type: ignore[arg-type]
+    except TypeError:
+        names = list(inspect.signature(score).parameters)  # type: ignore[arg-type]
+        require(False, "score", "a function of two parameters, (path, room)", tuple(names), cure)
+
+
+def _beside(score: Score, arena: str | Path) -> str | Path:
+    """The arena's path, taken from the folder of the file that defines `score`."""
+    if str(arena) in arena_names() or Path(arena).is_absolute():
+        return arena
+    near = Path(inspect.getfile(score)).parent / arena
+    return near if near.is_file() else arena
