@@ -72,11 +72,11 @@ def _used(genes, inputs, prune, used):
         slot = waiting[n]
         for at in range(FIRST_LINK, columns, LINK_FIELDS):
             source = genes[slot, at + SOURCE]
-            if genes[slot, at] and genes[slot, at + WEIGHT] and source >= inputs:
-                if genes[source, EXPRESSED] and not used[source]:
-                    used[source] = 1
-                    waiting[n] = source
-                    n += 1
+            linked = genes[slot, at] and genes[slot, at + WEIGHT] and source >= inputs
+            if linked and genes[source, EXPRESSED] and not used[source]:
+                used[source] = 1
+                waiting[n] = source
+                n += 1
 
 
 @step
