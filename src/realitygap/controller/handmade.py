@@ -1,0 +1,126 @@
+"""Controllers made by hand, as genotypes of the same encoding: they run wherever evolved ones do.
+
+The Braitenberg vehicles (V. Braitenberg, "Vehicles", 1984) are for eight sensors in the Khepera's
+order: left 90°, left 45°, front left, front right, right 45°, right 90°, back right, back left.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from realitygap.controller.genotype import load_genotype
+from realitygap.controller.layout import (
+    EXPRESSED,
+    FIRST_LINK,
+    LINK_FIELDS,
+    MAX_THRESHOLD,
+    THRESHOLD,
+    Genes,
+    Layout,
+)
+from realitygap.errors import UsageError
+
+__all__ = ["braitenberg", "constant", "controller_genes"]
+
+
+class _Vehicle(NamedTuple):
+    """Two motors: a threshold, and the weight of each of the eight sensors."""
+
+    left_threshold: int
+    left: Sequence[int]
+    right_threshold: int
+    right: Sequence[int]
+
+
+# In the open all eight inputs are −10: a motor's speed there is −10·Σ weights − threshold = 8.
+# A sensor that feels a wall drives its own side's wheel and brakes the other one. Walls on both
+# sides brake the left wheel only, so that a robot head-on to a wall turns left and never stands.
+_AVOIDS = _Vehicle(2, (0, 1, 1, -2, -1, 0, 0, 0), -8, (0, -1, -2, 2, 1, 0, 0, 0))
+# A lit sensor (+10) brakes its own side's wheel and drives the other one: it turns to the lamp,
+# and a lamp behind, where one sensor of the back looks, brakes the left wheel.
+_SEEKS = _Vehicle(2, (-1, -1, 0, 0, 1, 1, -1, 0), -8, (1, 1, 0, 0, -1, -1, 0, 0))
+
+
+def constant(left: int, right: int, layout: Layout) -> Genes:
+    """Two motors and no links: the same wheel commands (−10 .. 10) at every step.
+
+    Raises:
+        UsageError: a command that is no whole number of −10 .. 10.
+    """
+    genes = _bare(layout)
+    for name, slot, value in (("left", layout.inputs, left), ("right", layout.inputs + 1, right)):
+        whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+        if not whole or not -MAX_THRESHOLD <= value <= MAX_THRESHOLD:
+            raise UsageError(
+                f"the {name} command of a constant controller must be a whole number of "
+                f"-{MAX_THRESHOLD} to {MAX_THRESHOLD}, not {value!r}"
+            )
+        genes[slot, THRESHOLD] = -value
+    return genes
+
+
+def braitenberg(feeds: str, layout: Layout) -> Genes:
+    """A vehicle that avoids obstacles ("proximity") or seeks light ("ambient").
+
+    Raises:
+        UsageError: other feeds, or a layout without eight inputs or room for the links.
+    """
+    if feeds not in ("proximity", "ambient"):
+        raise UsageError(f'a Braitenberg controller feeds on "proximity" or "ambient", not {feeds!r}')
+    vehicle = _AVOIDS if feeds == "proximity" else _SEEKS
+    if layout.inputs != len(vehicle.left):
+        raise UsageError(
+            f"the Braitenberg controller is made for the Khepera's eight sensors; this task feeds "
+            f"{layout.inputs}: name another controller"
+        )
+    genes = _bare(layout)
+    _wire(genes, layout, layout.inputs, vehicle.left_threshold, vehicle.left)
+    _wire(genes, layout, layout.inputs + 1, vehicle.right_threshold, vehicle.right)
+    return genes
+
+
+def _bare(layout: Layout) -> Genes:
+    genes: Genes = np.zeros(layout.shape, np.int8)
+    genes[: layout.first_hidden, EXPRESSED] = 1
+    return genes
+
+
+def _wire(genes: Genes, layout: Layout, slot: int, threshold: int, weights: Sequence[int]) -> None:
+    links = [(source, weight) for source, weight in enumerate(weights) if weight]
+    if len(links) > layout.links:
+        raise UsageError(
+            f"the Braitenberg controller needs {len(links)} link fields a slot; the layout has {layout.links}"
+        )
+    genes[slot, THRESHOLD] = threshold
+    for k, (source, weight) in enumerate(links):
+        at = FIRST_LINK + LINK_FIELDS * k
+        genes[slot, at : at + LINK_FIELDS] = (1, source, weight, 0)
+
+
+def controller_genes(spec: str, feeds: str, layout: Layout) -> Genes:
+    """The genotype that a person names: "constant:L,R", "braitenberg", or a genotype's file.
+
+    A file's genotype must have the layout's inputs; slots and link fields are its own.
+
+    Raises:
+        UsageError: says which of the three is wrong, and how.
+    """
+    name, _, rest = spec.partition(":")
+    if name == "constant":
+        match = re.fullmatch(r"\s*([-+]?\d+)\s*,\s*([-+]?\d+)\s*", rest)
+        if not match:
+            raise UsageError(f"a constant controller is written constant:L,R, as in constant:5,5; not {spec}")
+        return constant(int(match[1]), int(match[2]), layout)
+    if spec == "braitenberg":
+        return braitenberg(feeds, layout)
+    if not os.path.exists(spec):
+        raise UsageError(
+            f"the controller must be constant:L,R, braitenberg, or a file with a genotype; "
+            f"there is no file {spec!r}"
+        )
+    return load_genotype(spec, layout)
