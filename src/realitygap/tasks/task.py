@@ -13,7 +13,7 @@ import inspect
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -153,10 +153,6 @@ class Task:
 
         return compile_score(self.score)
 
-    def with_arena(self, arena: Arena) -> Task:
-        """The same task in another arena."""
-        return replace(self, arena=arena)
-
     def to_dict(self) -> dict[str, Any]:
         """The task as data, without its score, ready for JSON."""
         return {
@@ -209,8 +205,9 @@ class Task:
         obstacle = self.arena.obstacle_at(start.x_cm, start.y_cm, start.radius_cm)
         if obstacle is not None:
             raise TaskError(
-                f"task {self.name!r}: start: expected a free place in arena {self.arena.name!r}, got a disc "
-                f"of {start.radius_cm:g} cm about ({start.x_cm:g}, {start.y_cm:g}), which overlaps {obstacle}."
+                f"task {self.name!r}: start: expected a free place in arena {self.arena.name!r}, got a "
+                f"disc of {start.radius_cm:g} cm about ({start.x_cm:g}, {start.y_cm:g}), which overlaps "
+                f"{obstacle}."
             )
 
 

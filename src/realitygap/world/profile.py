@@ -9,19 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.errors import ConfigError
 from realitygap.kernels.params import MAX_DELAY, STEP_S, UPDATES, Robot
 from realitygap.world.files import Value, load, require, shipped
 from realitygap.world.rays import RAY_ANGLES_DEG, ray_weights, rays, unit
+from realitygap.world.sensors import Ambient, Infrared
 
 __all__ = [
-    "Ambient",
-    "AmbientSensor",
     "Body",
-    "Infrared",
     "Noise",
     "Profile",
-    "ProximitySensor",
     "Wheels",
     "load_profile",
     "profile_names",
@@ -75,72 +71,6 @@ class Wheels(Value):
         # δ_t = −p·U_t − i·(U_t + … + U_{t−4}) + d·δ_{t−1}, U_{t+1} = U_t + δ_t
         law = np.array([1.0, p + i - 1 - d, i + d, i, i, i])
         return float(np.abs(np.roots(law)).max())
-
-
-@dataclass(frozen=True, kw_only=True)
-class ProximitySensor(Value):
-    """Place and direction in the robot's frame (x forward, y left), and the law's constants."""
-
-    x_cm: float
-    y_cm: float
-    direction_deg: float
-    a: float
-    b: float
-    offset_cm: float = 0.0
-
-    def _check(self) -> None:
-        _check_direction(self.direction_deg)
-        require(self.a > 0, "a", "more than 0", self.a)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Infrared(Value):
-    """Proximity (§3.2.3): I = Σ cos^m β (a/(d + offset)² + b), clipped to 0 … top."""
-
-    exponent: float
-    top: float
-    bands: tuple[float, float]
-    sensors: tuple[ProximitySensor, ...]
-
-    def _check(self) -> None:
-        require(self.exponent >= 0, "exponent", "0 or more", self.exponent)
-        require(self.top > 0, "top", "more than 0", self.top)
-        _check_bands(self.bands)
-
-
-@dataclass(frozen=True, kw_only=True)
-class AmbientSensor(Value):
-    """Place and direction in the robot's frame; `gain` multiplies the total illumination."""
-
-    x_cm: float
-    y_cm: float
-    direction_deg: float
-    gain: float = 1.0
-
-    def _check(self) -> None:
-        _check_direction(self.direction_deg)
-        require(self.gain > 0, "gain", "more than 0", self.gain)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Ambient(Value):
-    """Ambient light (§3.3): V = floor + 1/√A, A = D + Σ D_j · reflectance · cos^m β_j / d_j²."""
-
-    floor: float
-    dark: float
-    top: float
-    reflectance: float
-    exponent: float
-    bands: tuple[float, float]
-    sensors: tuple[AmbientSensor, ...]
-
-    def _check(self) -> None:
-        require(self.floor >= 0, "floor", "0 or more", self.floor)
-        require(self.dark > self.floor, "dark", f"more than floor ({self.floor:g})", self.dark)
-        require(self.top >= self.dark, "top", f"at least dark ({self.dark:g})", self.top)
-        require(self.reflectance >= 0, "reflectance", "0 or more", self.reflectance)
-        require(self.exponent >= 0, "exponent", "0 or more", self.exponent)
-        _check_bands(self.bands)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,7 +135,7 @@ class Profile(Value):
             proximity_ray=rays([s.direction_deg for s in near]),
             proximity_weight=ray_weights(len(near), infrared.exponent),
             proximity_law=np.array([(s.a, s.b, s.offset_cm) for s in near]).reshape(-1, 3),
-            proximity_reach=np.array([_reach(s) for s in near]),
+            proximity_reach=np.array([s.reach_cm() for s in near]),
             proximity_top=infrared.top,
             ambient_place=np.array([(s.x_cm, s.y_cm) for s in lit]).reshape(-1, 2),
             ambient_facing=np.array([unit(s.direction_deg) for s in lit]).reshape(-1, 2),
@@ -240,19 +170,3 @@ def load_profile(name_or_path: str | Path) -> Profile:
 def profile_names() -> tuple[str, ...]:
     """Names of the profiles that come with the package."""
     return shipped("profiles")
-
-
-def _reach(sensor: ProximitySensor) -> float:
-    """Distance beyond which no ray adds to the sum: √(a/−b) − offset; none where b ≥ 0."""
-    return math.inf if sensor.b >= 0 else max(0.0, math.sqrt(sensor.a / -sensor.b) - sensor.offset_cm)
-
-
-def _check_direction(direction_deg: float) -> None:
-    require(-360 <= direction_deg <= 360, "direction_deg", "degrees from -360 to 360", direction_deg)
-
-
-def _check_bands(bands: tuple[float, float]) -> None:
-    if bands[0] == bands[1]:
-        raise ConfigError(
-            f"bands: expected two different readings (they become inputs -10 and +10), got {list(bands)}."
-        )
