@@ -1,5 +1,50 @@
-"""The command line: one file a command."""
+"""The command line: one file a command. What a command needs is imported when it runs."""
+
+from __future__ import annotations
+
+import click
+
+from realitygap import __version__
+from realitygap.cli.arena import arena
+from realitygap.cli.bench import bench
+from realitygap.cli.evolve import evolve
+from realitygap.cli.failure import Commands
+from realitygap.cli.probe import probe
+from realitygap.cli.profile import profile
+from realitygap.cli.replay import replay
+from realitygap.cli.report import report
+from realitygap.cli.reproduce import reproduce
+from realitygap.cli.show import show
+from realitygap.cli.simulate import simulate
+
+__all__ = ["main", "realitygap"]
+
+
+@click.group(
+    cls=Commands,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+@click.version_option(__version__, prog_name="realitygap")
+@click.pass_context
+def realitygap(ctx: click.Context) -> None:
+    """Evolve robot controllers in a noisy simulation of a Khepera.
+
+    A rebuild of Jakobi, Husbands and Harvey, "Noise and the Reality Gap" (1995). Lengths are in
+    cm, headings in degrees counter-clockwise from +x, the origin is the arena's lower left corner.
+
+    \b
+    Example: the paper's thirty runs, and a page to look at
+        realitygap reproduce
+    """
+    if ctx.invoked_subcommand is None:
+        click.echo(ctx.get_help())
+
+
+for _command in (reproduce, evolve, simulate, probe, show, replay, report, profile, arena, bench):
+    realitygap.add_command(_command)
 
 
 def main() -> None:
-    """Entry point of `realitygap`."""
+    """Entry point of the `realitygap` script: runs a command and exits with its code."""
+    realitygap(prog_name="realitygap")

@@ -1,0 +1,42 @@
+"""`realitygap arena`: rooms to copy and change."""
+
+from __future__ import annotations
+
+import click
+
+from realitygap.cli.options import as_json
+from realitygap.cli.output import print_json
+
+__all__ = ["arena"]
+
+
+@click.group()
+def arena() -> None:
+    """Look at arenas.
+
+    \b
+    Example:
+        realitygap arena show light-seeking
+    """
+
+
+@arena.command()
+@click.argument("name")
+@as_json
+def show(name: str, json_output: bool) -> None:
+    """Print a room's walls, cylinders and lamps.
+
+    NAME is a shipped arena or a TOML file. Without --json this is TOML:
+    save it, change it, and give the file to --arena.
+
+    \b
+    Example: a room of your own
+        realitygap arena show obstacle-avoidance > room.toml
+    """
+    from realitygap.world.arena import load_arena
+
+    loaded = load_arena(name)
+    if json_output:
+        print_json(loaded.to_dict())
+    else:
+        click.echo(loaded.to_toml().rstrip())

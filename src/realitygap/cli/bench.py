@@ -1,0 +1,133 @@
+"""`realitygap bench`: how many simulation steps a second this machine makes.
+
+The measuring is here as plain functions, for scripts to use.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING
+
+import click
+
+from realitygap.cli.kinds import Finite
+from realitygap.cli.options import as_json, noise_option
+from realitygap.cli.output import print_json, print_table
+
+if TYPE_CHECKING:
+    from realitygap.kernels.params import Networks
+    from realitygap.tasks.simulation import Simulation
+
+__all__ = ["bench", "cores", "measure", "random_networks", "steps_per_second"]
+
+NETWORKS = 64
+TRIALS = 4
+
+
+@click.command()
+@noise_option()
+@click.option(
+    "--seconds",
+    type=Finite(low=0.01, high=3600),
+    default=3.0,
+    show_default=True,
+    metavar="S",
+    help="Time spent on each figure.",
+)
+@as_json
+def bench(noise: float, seconds: float, json_output: bool) -> None:
+    """Measure simulation steps per second.
+
+    Both tasks, on one core and on all. The networks are random ones as a run starts with, of the
+    size that evolved ones have; each figure follows a warm-up.
+
+    \b
+    Example:
+        realitygap bench --json
+    """
+    from realitygap.tasks import TASKS
+
+    figures = {task: measure(task, noise=noise, seconds=seconds) for task in TASKS}
+    if json_output:
+        print_json({**figures, "cores": cores(), "noise": noise})
+        return
+    head = ("task", "steps/s, one core", f"steps/s, {cores()} cores")
+    rows = [[task, *(Thousands(rate) for rate in rates.values())] for task, rates in figures.items()]
+    print_table(head, rows)
+
+
+def measure(task: str, *, noise: float = 1.0, seconds: float = 3.0) -> dict[str, float]:
+    """Steps per second of `task` on one core and on all, for `seconds` each."""
+    from realitygap.tasks import load_task
+    from realitygap.tasks.simulation import Simulation
+    from realitygap.world.profile import load_profile
+
+    simulation = Simulation(load_task(task), load_profile("paper"), noise)
+    simulation.compile()
+    return {
+        "steps_per_second_one_core": steps_per_second(simulation, threads=1, seconds=seconds),
+        "steps_per_second_all_cores": steps_per_second(simulation, threads=cores(), seconds=seconds),
+    }
+
+
+def steps_per_second(simulation: Simulation, *, threads: int, seconds: float) -> float:
+    """Steps a second that `threads` threads make together; kernels release the interpreter's lock.
+
+    Each thread evaluates its own random networks, batch after batch, until the time is up.
+    """
+    shares = [random_networks(simulation, stream=k) for k in range(threads)]
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(lambda k: _batch(simulation, shares[k], k), range(threads)))  # warm-up
+        start = time.perf_counter()
+        made = sum(pool.map(lambda k: _until(start + seconds, simulation, shares[k], k), range(threads)))
+        return made / (time.perf_counter() - start)
+
+
+def random_networks(simulation: Simulation, *, stream: int, count: int = NETWORKS) -> Networks:
+    """`count` networks of a run's random start: 11 to 12 slots, about ten live links."""
+    import numpy as np
+
+    from realitygap.controller.genotype import Layout
+    from realitygap.controller.network import decode
+    from realitygap.controller.operators import Variation
+
+    layout = Layout(inputs=len(simulation.task.sensors))
+    variation = Variation(layout=layout)
+    genes = [variation.random(np.uint64(stream * count + i)) for i in range(count)]
+    return decode(np.stack(genes), layout)
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _until(end: float, simulation: Simulation, networks: Networks, key: int) -> int:
+    """Steps made until the clock shows `end`."""
+    made, batch = 0, 0
+    while time.perf_counter() < end:
+        batch += 1
+        made += _batch(simulation, networks, key * 1_000_003 + batch)
+    return made
+
+
+def _batch(simulation: Simulation, networks: Networks, key: int) -> int:
+    """Evaluate all networks once; the number of steps that took."""
+    import numpy as np
+
+    streams = np.random.default_rng(key).integers(
+        0, 2**63, size=(len(networks.neurons), TRIALS), dtype=np.uint64
+    )
+    simulation.scores(networks, streams)
+    return streams.size * round(simulation.task.seconds * 10)
+
+
+class Thousands(float):
+    """A number that shows groups of three digits."""
+
+    def __str__(self) -> str:
+        return f"{float(self):,.0f}"

@@ -1,0 +1,63 @@
+"""`realitygap evolve`: evolve controllers for one task at one level of noise."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from realitygap.cli.options import (
+    as_json,
+    evaluations_option,
+    noise_option,
+    runs_option,
+    seed_option,
+    workers_option,
+)
+
+__all__ = ["evolve"]
+
+
+@click.command()
+@click.argument("task")
+@noise_option(None, " [default: observed]")
+@seed_option(None)
+@runs_option(None, "Runs [default: 1].")
+@evaluations_option(None)
+@click.option(
+    "--out", type=click.Path(path_type=Path), metavar="DIR", help="The study's folder [default: out/TASK]."
+)
+@click.option("--config", type=click.Path(path_type=Path), metavar="FILE", help="Begin from a study's TOML.")
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Change one setting, such as evolution.rows=10, variation.mutation=0.1 or task.seconds=10.",
+)
+@workers_option
+@click.option("--resume", is_flag=True, help="Continue an interrupted study to exactly the same result.")
+@as_json
+def evolve(
+    task: str,
+    noise: float | None,
+    seed: int | None,
+    runs: int | None,
+    evaluations: int | None,
+    out: Path | None,
+    config: Path | None,
+    settings: tuple[str, ...],
+    workers: int | None,
+    resume: bool,
+    json_output: bool,
+) -> None:
+    """Evolve controllers for TASK and make the report.
+
+    TASK is obstacle-avoidance, light-seeking or a Python file of your own. Options win over --set,
+    which wins over --config.
+
+    \b
+    Example:
+        realitygap evolve light-seeking --noise double --runs 3 --set evolution.rows=10
+    """
+    raise NotImplementedError

@@ -1,0 +1,109 @@
+"""How a command ends: one clear line on stderr and an exit code, never a traceback.
+
+0 done; 1 not the user's doing; 2 something that the user can mend; 130 stopped by Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, NoReturn
+
+import click
+
+from realitygap.errors import RealityGapError
+
+__all__ = ["Commands", "StoppedError"]
+
+DEBUG = "REALITYGAP_DEBUG"
+"""Set to 1 in the environment, this shows the traceback of a failure."""
+
+_NOT_MENDABLE = {errno.EIO, errno.ENOMEM, errno.EBADF, errno.EINVAL}
+
+
+class StoppedError(RealityGapError):
+    """Ctrl-C where there is more to say than "stopped"."""
+
+    exit_code = 130
+
+
+class Commands(click.Group):
+    """A group of commands, all of which end as this file says."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Commands in the order in which a person meets them."""
+        return list(self.commands)
+
+    def main(self, *args: Any, **extra: Any) -> NoReturn:
+        """Run the command that the arguments name, and exit."""
+        extra["standalone_mode"] = False
+        sys.exit(guarded(lambda: super(Commands, self).main(*args, **extra)))
+
+
+def guarded(work: Callable[[], Any]) -> int:
+    """Carry out `work`; the exit code, after a line on stderr if it failed."""
+    try:
+        result = work()
+        sys.stdout.flush()
+    except Exception as failure:
+        if os.environ.get(DEBUG, "") not in ("", "0"):
+            traceback.print_exc()
+        return explain(failure)
+    except KeyboardInterrupt:
+        return explain(click.Abort())
+    return result if isinstance(result, int) else 0
+
+
+def explain(failure: Exception) -> int:
+    """Say on stderr what went wrong; the exit code that goes with it."""
+    if isinstance(failure, BrokenPipeError):
+        _close_stdout()  # whoever read our output has seen enough
+        return 1
+    line, code = _describe(failure)
+    click.echo(" ".join(line.split()), err=True)
+    try:
+        sys.stdout.flush()
+    except OSError:  # stdout itself is full: the interpreter would try it once more
+        _close_stdout()
+    return code
+
+
+def _describe(failure: Exception) -> tuple[str, int]:
+    """The line that says what went wrong, and the exit code."""
+    if isinstance(failure, StoppedError):
+        return str(failure), failure.exit_code
+    if isinstance(failure, RealityGapError):
+        return f"error: {failure}", failure.exit_code
+    if isinstance(failure, click.UsageError):
+        where = failure.ctx.command_path if failure.ctx else "realitygap"
+        return f"error: {failure.format_message()} (see `{where} --help`)", 2
+    if isinstance(failure, click.ClickException):
+        return f"error: {failure.format_message()}", 2
+    if isinstance(failure, click.Abort):
+        return "stopped", 130
+    if isinstance(failure, OSError):
+        what = failure.strerror or str(failure) or type(failure).__name__
+        where = f": {failure.filename}" if failure.filename else ""
+        return f"error: {what}{where}", 1 if failure.errno in _NOT_MENDABLE else 2
+    if _from_sqlite(failure):
+        return f"error: the study's database cannot be used: {failure}", 2
+    if isinstance(failure, MemoryError):
+        return "error: not enough memory; try fewer --workers", 2
+    detail = f"{type(failure).__name__}: {failure}" if str(failure) else type(failure).__name__
+    return f"error: unexpected {detail} ({DEBUG}=1 shows where; please report it)", 1
+
+
+def _from_sqlite(failure: Exception) -> bool:
+    """Whether the database raised it (without importing it for those who never use one)."""
+    sqlite3 = sys.modules.get("sqlite3")
+    return sqlite3 is not None and isinstance(failure, sqlite3.Error)
+
+
+def _close_stdout() -> None:
+    """Point stdout at nothing, so that flushing it at exit cannot fail again."""
+    with suppress(OSError, ValueError):  # not a real file, as in tests
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,0 +1,110 @@
+"""Kinds of value that options take; a value that is refused names its option and what was expected."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import click
+
+from realitygap.errors import UsageError
+
+__all__ = ["FILM", "PICTURE", "SECONDS", "SEED", "FileToWrite", "Finite", "Noise", "Whole"]
+
+STEP_S = 0.1
+"""Length of one step (the kernels' own constant would load them)."""
+
+
+class Finite(click.ParamType):
+    """A finite number, from `low` to `high` if those are given."""
+
+    name = "number"
+
+    def __init__(self, low: float = -math.inf, high: float = math.inf) -> None:
+        self.low, self.high = low, high
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        try:
+            number = float(value)
+        except ValueError:
+            self.fail(f"expected a number, got {value!r}.", param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"expected a finite number, got {value}.", param, ctx)
+        if number < self.low:
+            self.fail(f"expected {self.low:g} or more, got {value}.", param, ctx)
+        if number > self.high:
+            self.fail(f"expected at most {self.high:g}, got {value}.", param, ctx)
+        return number
+
+
+class Whole(click.ParamType):
+    """A whole number from `low` to `high`."""
+
+    name = "whole number"
+
+    def __init__(self, low: int, high: int) -> None:
+        self.low, self.high = low, high
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        try:
+            number = int(str(value), 10)
+        except ValueError:
+            self.fail(f"expected a whole number, got {value!r}.", param, ctx)
+        if number < self.low:
+            self.fail(f"expected {self.low} or more, got {value}.", param, ctx)
+        if number > self.high:
+            self.fail(f"expected at most {self.high}, got {value}.", param, ctx)
+        return number
+
+
+class Seconds(Finite):
+    """The length of a trial: whole steps, one at least."""
+
+    def __init__(self) -> None:
+        super().__init__(low=STEP_S, high=100_000)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        seconds = super().convert(value, param, ctx)
+        if abs(seconds / STEP_S - round(seconds / STEP_S)) > 1e-6:
+            self.fail(f"expected a multiple of {STEP_S:g} s (one step), got {value}.", param, ctx)
+        return seconds
+
+
+class Noise(click.ParamType):
+    """A noise level by name or as a number."""
+
+    name = "zero|observed|double|number"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        from realitygap.world.noise import noise_level
+
+        try:
+            return noise_level(value)
+        except UsageError as error:
+            self.fail(str(error), param, ctx)
+
+
+class FileToWrite(click.ParamType):
+    """A file that is to be written, of one of the named kinds; checked before any work is done."""
+
+    name = "file"
+
+    def __init__(self, *kinds: str) -> None:
+        self.kinds = kinds
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        path = Path(value)
+        if path.suffix.lower() not in self.kinds:
+            self.fail(f"expected a file name ending in {' or '.join(self.kinds)}, got {value!r}.", param, ctx)
+        if path.is_dir():
+            self.fail(f"{value!r} is a folder.", param, ctx)
+        if not path.parent.is_dir():
+            self.fail(f"the folder {str(path.parent)!r} does not exist; make it first.", param, ctx)
+        return path
+
+
+SEED = Whole(0, 2**63 - 1)
+PICTURE = FileToWrite(".png", ".svg", ".pdf")
+SECONDS = Seconds()
+FILM = FileToWrite(".gif", ".mp4")

@@ -1,0 +1,139 @@
+"""Options that several commands share, each checked where it is read and named when refused."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from realitygap.cli.kinds import SEED, Finite, Noise, Whole
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from realitygap.values import Pose
+    from realitygap.world.arena import Arena
+    from realitygap.world.profile import Profile
+
+__all__ = [
+    "arena_option",
+    "as_json",
+    "checked_pose",
+    "evaluations_option",
+    "noise_option",
+    "pose_option",
+    "profile_option",
+    "runs_option",
+    "seed_option",
+    "workers_option",
+]
+
+Decorated = TypeVar("Decorated", bound="Callable[..., Any]")
+
+def noise_option(default: str | None = "observed", says: str = "") -> Callable[[Decorated], Decorated]:
+    """`--noise LEVEL`."""
+    return click.option(
+        "--noise",
+        type=Noise(),
+        default=default,
+        show_default=default is not None,
+        metavar="LEVEL",
+        help=f"Noise level: zero, observed, double or a number.{says}",
+    )
+
+
+def seed_option(default: int | None = 0) -> Callable[[Decorated], Decorated]:
+    """`--seed S`."""
+    return click.option(
+        "--seed",
+        type=SEED,
+        default=default,
+        show_default=default is not None,
+        metavar="S",
+        help="Everything random follows from it.",
+    )
+
+
+def runs_option(default: int | None, says: str) -> Callable[[Decorated], Decorated]:
+    """`--runs K`."""
+    return click.option(
+        "--runs",
+        type=Whole(1, 10**6),
+        default=default,
+        show_default=default is not None,
+        metavar="K",
+        help=says,
+    )
+
+
+def evaluations_option(default: int | None) -> Callable[[Decorated], Decorated]:
+    """`--evaluations N`."""
+    return click.option(
+        "--evaluations",
+        type=Whole(1, 10**9),
+        default=default,
+        show_default=default is not None,
+        metavar="N",
+        help="Evaluations in each run" + ("." if default is not None else " [default: 1000]."),
+    )
+
+
+def pose_option(required: bool = True) -> Callable[[Decorated], Decorated]:
+    """`--pose X Y HEADING_DEG`."""
+    return click.option(
+        "--pose",
+        type=Finite(),
+        nargs=3,
+        required=required,
+        metavar="X Y HEADING_DEG",
+        help="Where the robot's centre is (cm) and where it looks (degrees).",
+    )
+
+
+def profile_option(command: Decorated) -> Decorated:
+    """`--profile P`."""
+    return click.option(
+        "--profile",
+        default="paper",
+        show_default=True,
+        metavar="P",
+        help="Robot: a shipped profile's name or a TOML file.",
+    )(command)
+
+
+def arena_option(command: Decorated) -> Decorated:
+    """`--arena A`."""
+    return click.option(
+        "--arena", metavar="A", help="Another arena than the task's: a shipped one's name or a TOML file."
+    )(command)
+
+
+def workers_option(command: Decorated) -> Decorated:
+    """`--workers N`."""
+    return click.option(
+        "--workers",
+        type=Whole(1, 1024),
+        metavar="N",
+        help="Processes that work on runs (default: one a core). Never changes a result.",
+    )(command)
+
+
+def as_json(command: Decorated) -> Decorated:
+    """`--json`, passed on as `json_output`."""
+    return click.option("--json", "json_output", is_flag=True, help="Print JSON, and nothing else.")(command)
+
+
+def checked_pose(numbers: tuple[float, float, float], arena: Arena, profile: Profile) -> Pose:
+    """The pose, unless the robot would stand in something there."""
+    from realitygap.values import Pose
+
+    x, y, heading = numbers[0], numbers[1], math.fmod(numbers[2], 360.0)
+    radius = profile.body.radius_cm
+    obstacle = arena.obstacle_at(x, y, radius)
+    if obstacle is not None:
+        raise click.BadParameter(
+            f"a robot of radius {radius:g} cm at ({x:g}, {y:g}) overlaps {obstacle}; choose a free place.",
+            param_hint="'--pose'",
+        )
+    return Pose.from_degrees(x, y, heading)

@@ -1,0 +1,43 @@
+"""What commands print: JSON without NaN, and small tables in plain text."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import click
+
+__all__ = ["plain", "print_json", "print_table"]
+
+
+def plain(value: Any) -> Any:
+    """`value` as JSON knows it: arrays become lists, what is not finite becomes null."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(inner) for key, inner in value.items()}
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(inner) for inner in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def print_json(value: Any) -> None:
+    """`value` on stdout as one JSON document."""
+    click.echo(json.dumps(plain(value), allow_nan=False))
+
+
+def print_table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+    """Columns that line up: numbers to the right, words to the left."""
+    cells = [[str(cell) for cell in row] for row in rows]
+    widths = [max(map(len, column)) for column in zip(head, *cells, strict=True)]
+    right = [bool(rows) and not isinstance(row_cell, str) for row_cell in (rows[0] if rows else head)]
+    for line in ([*head], *cells):
+        text = [
+            cell.rjust(width) if to_right else cell.ljust(width)
+            for cell, width, to_right in zip(line, widths, right, strict=True)
+        ]
+        click.echo("  ".join(text).rstrip())

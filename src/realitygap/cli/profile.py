@@ -1,0 +1,42 @@
+"""`realitygap profile`: a robot's constants."""
+
+from __future__ import annotations
+
+import click
+
+from realitygap.cli.options import as_json
+from realitygap.cli.output import print_json
+
+__all__ = ["profile"]
+
+
+@click.group()
+def profile() -> None:
+    """Look at robot profiles.
+
+    \b
+    Example:
+        realitygap profile show paper
+    """
+
+
+@profile.command()
+@click.argument("name")
+@as_json
+def show(name: str, json_output: bool) -> None:
+    """Print all constants of a robot.
+
+    NAME is a shipped profile or a TOML file. Without --json this is TOML:
+    save it, change it, and give the file to --profile.
+
+    \b
+    Example: a robot of your own
+        realitygap profile show paper > mine.toml
+    """
+    from realitygap.world.profile import load_profile
+
+    loaded = load_profile(name)
+    if json_output:
+        print_json(loaded.to_dict())
+    else:
+        click.echo(loaded.to_toml().rstrip())

@@ -1,0 +1,44 @@
+"""`realitygap reproduce`: the paper's thirty runs, and the page about them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from realitygap.cli.options import as_json, evaluations_option, runs_option, seed_option, workers_option
+from realitygap.cli.studies import carry_out
+
+__all__ = ["reproduce"]
+
+
+@click.command()
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("out/reproduce"),
+    show_default=True,
+    metavar="DIR",
+    help="The study's folder.",
+)
+@runs_option(5, "Runs for each task and level of noise.")
+@evaluations_option(1000)
+@seed_option(1995)
+@workers_option
+@click.option("--resume", is_flag=True, help="Continue an interrupted study to exactly the same result.")
+@as_json
+def reproduce(
+    out: Path, runs: int, evaluations: int, seed: int, workers: int | None, resume: bool, json_output: bool
+) -> None:
+    """Make the paper's runs, and the page about them.
+
+    Evolves both tasks at all three levels of noise, as the paper does, and reports on them.
+
+    \b
+    Example:
+        realitygap reproduce --out out/reproduce
+    """
+    from realitygap.study.config import StudyConfig
+
+    config = StudyConfig.paper(runs=runs, evaluations=evaluations, seed=seed)
+    carry_out(out, config, workers=workers, resume=resume, json_output=json_output)

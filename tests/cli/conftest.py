@@ -1,0 +1,51 @@
+"""How the tests of commands call them."""
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from realitygap.cli import realitygap
+
+
+@pytest.fixture
+def call() -> Callable[..., Result]:
+    """Runs a command in this process, as a shell would; words are turned into text."""
+
+    def run(*words: object) -> Result:
+        return CliRunner().invoke(realitygap, [str(word) for word in words])
+
+    return run
+
+
+@pytest.fixture
+def json_of(call: Callable[..., Result]) -> Callable[..., Any]:
+    """Runs a command with --json: what it printed, which is one document without NaN."""
+
+    def refuse(constant: str) -> None:
+        raise AssertionError(f"{constant} in JSON")
+
+    def run(*words: object) -> Any:
+        result = call(*words, "--json")
+        assert result.exit_code == 0, result.output
+        return json.loads(result.stdout, parse_constant=refuse)
+
+    return run
+
+
+@pytest.fixture
+def refused(call: Callable[..., Result]) -> Callable[..., str]:
+    """Runs a command that must be refused: exit code 2, one line on stderr, nothing on stdout."""
+
+    def run(*words: object) -> str:
+        result = call(*words)
+        assert result.exit_code == 2, result.output
+        assert result.stdout == ""
+        lines = result.stderr.splitlines()
+        assert len(lines) == 1, result.stderr
+        assert lines[0].startswith("error: ")
+        return lines[0]
+
+    return run

@@ -1,0 +1,157 @@
+"""Every wrong word ends in one clear line that names what was wrong; exit code 2."""
+
+import errno
+import os
+import subprocess
+import sys
+
+import click
+import pytest
+
+from realitygap.cli.failure import DEBUG, StoppedError, guarded
+from realitygap.errors import RealityGapError, StudyError
+
+SIMULATE = ("simulate", "avoidance", "--controller", "constant:1,1", "--pose", 25, 25, 0)
+PROBE = ("probe", "avoidance", "--pose", 25, 25, 0)
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("evolv",), "evolv"),
+        (("evolve",), "TASK"),
+        (("evolve", "flying"), "flying"),
+        (("evolve", "light", "--noise", "loud"), "--noise"),
+        (("evolve", "light", "--runs", 0), "--runs"),
+        (("evolve", "light", "--evaluations", "many"), "--evaluations"),
+        (("evolve", "light", "--seed", -1), "--seed"),
+        (("evolve", "light", "--workers", 0), "--workers"),
+        (("reproduce", "--runs", -5), "--runs"),
+        (("reproduce", "--seed", 2.5), "--seed"),
+        (("simulate", "avoidance", "--pose", 25, 25, 0), "--controller"),
+        (("simulate", "avoidance", "--controller", "constant:1,1"), "--pose"),
+        ((*SIMULATE, "--seconds", 0), "--seconds"),
+        ((*SIMULATE, "--seconds", -1), "--seconds"),
+        ((*SIMULATE, "--seconds", "nan"), "--seconds"),
+        ((*SIMULATE, "--seconds", 0.25), "--seconds"),
+        ((*SIMULATE, "--noise", "nan"), "--noise"),
+        ((*SIMULATE, "--noise", -1), "--noise"),
+        ((*SIMULATE, "--seed", -3), "--seed"),
+        ((*SIMULATE, "--profile", "mine"), "mine"),
+        ((*SIMULATE, "--arena", "garden"), "garden"),
+        ((*SIMULATE, "--picture", "path.bmp"), "--picture"),
+        ((*SIMULATE, "--picture", "no/such/folder/path.png"), "--picture"),
+        (("simulate", "avoidance", "--controller", "constant:1", "--pose", 25, 25, 0), "constant"),
+        (("simulate", "avoidance", "--controller", "constant:99,0", "--pose", 25, 25, 0), "99"),
+        (("simulate", "avoidance", "--controller", "no-such-file", "--pose", 25, 25, 0), "no-such-file"),
+        (("probe", "swimming", "--pose", 25, 25, 0), "swimming"),
+        (("probe", "avoidance", "--pose", 15, 15, 0), "cylinder"),
+        (("probe", "avoidance", "--pose", 21, 15, 0), "--pose"),
+        (("probe", "avoidance", "--pose", 1, 25, 0), "wall"),
+        (("probe", "avoidance", "--pose", -40, 25, 0), "--pose"),
+        (("probe", "avoidance", "--pose", "inf", 25, 0), "--pose"),
+        (("probe", "avoidance", "--pose", 25, 25, "nan"), "--pose"),
+        (("probe", "avoidance", "--pose", 25, 25, "east"), "--pose"),
+        (("probe", "avoidance", "--pose", 25, 25), "--pose"),
+        ((*PROBE, "--repeat", 0), "--repeat"),
+        ((*PROBE, "--repeat", 10**9), "--repeat"),
+        (("profile", "show", "nobody"), "nobody"),
+        (("arena", "show", "nowhere"), "nowhere"),
+        (("show", "no/such/study"), "no/such/study"),
+        (("report", "no/such/study"), "no/such/study"),
+        (("replay", "no/such/study", 1), "no/such/study"),
+        (("bench", "--seconds", 0), "--seconds"),
+    ],
+    ids=lambda value: " ".join(map(str, value)) if isinstance(value, tuple) else None,
+)
+def test_a_wrong_word_is_refused_by_name(refused, words, named):
+    """What a person typed wrong is named in the one line that they get."""
+    assert named in refused(*words)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "a genotype it is not", "\x00\x01\x02", "slot 0\nslot 1"],
+    ids=["empty", "words", "bytes", "broken"],
+)
+def test_a_broken_genotype_is_refused(refused, tmp_path, text):
+    """A genotype's file that cannot be read is named."""
+    file = tmp_path / "genes.txt"
+    file.write_text(text)
+    assert "genes.txt" in refused("simulate", "light", "--controller", file, "--pose", 15, 35, 0)
+
+
+def test_a_broken_profile_is_refused_by_file(refused, tmp_path):
+    """A robot's file that is no TOML is named."""
+    file = tmp_path / "mine.toml"
+    file.write_text("name = ")
+    assert "mine.toml" in refused(*PROBE, "--profile", file)
+
+
+def test_a_folder_that_is_no_study_is_refused(refused, tmp_path):
+    """`show` of a folder without a study names the folder."""
+    assert str(tmp_path) in refused("show", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("failure", "code", "says"),
+    [
+        (StudyError("no study here"), 2, "error: no study here"),
+        (RealityGapError("not your doing"), 1, "error: not your doing"),
+        (PermissionError(errno.EACCES, "Permission denied", "out"), 2, "error: Permission denied: out"),
+        (OSError(errno.ENOSPC, "No space left on device"), 2, "error: No space left on device"),
+        (OSError(errno.EIO, "Input/output error"), 1, "error: Input/output error"),
+        (StoppedError("stopped; resume with `x`"), 130, "stopped; resume with `x`"),
+        (click.Abort(), 130, "stopped"),
+        (KeyboardInterrupt(), 130, "stopped"),
+        (ZeroDivisionError("two\nlines"), 1, "error: unexpected ZeroDivisionError: two lines"),
+    ],
+    ids=lambda value: type(value).__name__ if isinstance(value, BaseException) else None,
+)
+def test_every_failure_ends_in_one_line_and_a_code(capsys, failure, code, says):
+    """Whatever goes wrong, stderr gets one line, and the exit code tells whose turn it is."""
+
+    def work() -> None:
+        raise failure
+
+    assert guarded(work) == code
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 1
+    assert said[0].startswith(says)
+
+
+def test_a_broken_database_is_the_users_to_mend(capsys):
+    """An error of SQLite that a room let through is one line too."""
+    import sqlite3
+
+    def work() -> None:
+        raise sqlite3.OperationalError("database or disk is full")
+
+    assert guarded(work) == 2
+    assert "database or disk is full" in capsys.readouterr().err
+
+
+def test_debug_shows_where(capsys, monkeypatch):
+    """With REALITYGAP_DEBUG=1 the traceback comes before the line."""
+    monkeypatch.setenv(DEBUG, "1")
+    assert guarded(lambda: 1 // 0) == 1
+    assert "Traceback" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
+def test_a_full_disk_under_stdout_ends_in_one_line():
+    """Output that cannot be written ends in one line, without a complaint of the interpreter's."""
+    with open("/dev/full", "w") as full:
+        code = [sys.executable, "-m", "realitygap", "profile", "show", "paper"]
+        made = subprocess.run(code, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert made.returncode == 2
+    assert made.stderr.splitlines() == ["error: No space left on device"]
+
+
+def test_a_reader_that_has_seen_enough_is_no_failure():
+    """`realitygap … | head -0` ends quietly."""
+    code = [sys.executable, "-m", "realitygap", "profile", "show", "paper"]
+    with subprocess.Popen(code, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as made:
+        made.stdout.close()
+        said = made.stderr.read()
+    assert said == ""

@@ -1,0 +1,69 @@
+"""What is loaded when, and what every command says of itself."""
+
+import subprocess
+import sys
+
+import pytest
+
+import realitygap as package
+from realitygap.cli import realitygap
+
+HEAVY = ("numba", "matplotlib", "pydantic", "rich", "sqlite3", "jinja2", "av", "filelock")
+
+COMMANDS = [
+    *((name,) for name in realitygap.commands),
+    ("profile", "show"),
+    ("arena", "show"),
+]
+
+
+@pytest.mark.parametrize("module", ["realitygap", "realitygap.cli"])
+def test_importing_loads_nothing_heavy(module):
+    """`import realitygap` and the command line's start load no compiler, plots, database or NumPy."""
+    code = f"import sys, {module}; print(sorted(set(sys.modules) & {{*{HEAVY!r}, 'numpy'}}))"
+    made = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert made.stdout.strip() == "[]"
+
+
+def test_help_loads_nothing_heavy():
+    """`realitygap --help` starts as quickly as an import."""
+    code = (
+        "import sys; from realitygap.cli import realitygap\n"
+        "try: realitygap(['--help'])\n"
+        f"except SystemExit: print(sorted(set(sys.modules) & {{*{HEAVY!r}}}))"
+    )
+    made = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert made.stdout.splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize("name", package.__all__)
+def test_every_public_name_is_there(name):
+    """Every name of `realitygap.__all__` can be had."""
+    assert getattr(package, name) is not None
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    """A misspelt public name ends as in any module."""
+    with pytest.raises(AttributeError, match="load_stuby"):
+        _ = package.load_stuby
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_every_command_has_help_with_an_example(call, words):
+    """`--help` says what the command does and shows an example that names the command."""
+    result = call(*words, "--help")
+    assert result.exit_code == 0
+    assert "Example" in result.stdout
+    assert f"realitygap {' '.join(words)}" in result.stdout.split("Example")[1]
+
+
+def test_without_a_command_the_help_is_shown(call):
+    """`realitygap` alone shows what there is."""
+    result = call()
+    assert result.exit_code == 0
+    assert "reproduce" in result.stdout
+
+
+def test_the_version(call):
+    """`--version` tells the package's version."""
+    assert package.__version__ in call("--version").stdout
