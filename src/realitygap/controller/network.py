@@ -12,21 +12,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from realitygap.controller.decoding import dense_networks
 from realitygap.controller.layout import (
-    DELAY,
     EXPRESSED,
     FIRST_LINK,
     LINK_FIELDS,
     MAX_DELAY,
-    SOURCE,
     THRESHOLD,
-    WEIGHT,
     Genes,
     Layout,
     check_genes,
 )
 from realitygap.errors import GenotypeError, UsageError
-from realitygap.kernels.jit import kernel, step
 from realitygap.kernels.params import UPDATES, Networks
 from realitygap.values import Command
 
@@ -51,102 +48,6 @@ class Neuron(NamedTuple):
     slot: int
     threshold: int
     links: tuple[Link, ...]
-
-
-@step
-def _used(genes, inputs, prune, used):
-    """Marks the neurons that compute; when pruning, only those from which a motor can be reached."""
-    slots, columns = genes.shape
-    if not prune:
-        for slot in range(inputs, slots):
-            used[slot] = genes[slot, EXPRESSED]
-        return
-    used[inputs] = 1
-    used[inputs + 1] = 1
-    waiting = np.empty(slots, np.int64)
-    waiting[0] = inputs
-    waiting[1] = inputs + 1
-    n = 2
-    while n > 0:
-        n -= 1
-        slot = waiting[n]
-        for at in range(FIRST_LINK, columns, LINK_FIELDS):
-            source = genes[slot, at + SOURCE]
-            linked = genes[slot, at] and genes[slot, at + WEIGHT] and source >= inputs
-            if linked and genes[source, EXPRESSED] and not used[source]:
-                used[source] = 1
-                waiting[n] = source
-                n += 1
-
-
-@step
-def _fill(genes, inputs, prune, net, i):
-    """Writes network i of `net` from one genotype."""
-    slots, columns = genes.shape
-    used = np.zeros(slots, np.int8)
-    _used(genes, inputs, prune, used)
-    number = np.full(slots, -1, np.int64)
-    m = 0
-    for slot in range(inputs, slots):
-        if used[slot]:
-            number[slot] = m
-            net.thresholds[i, m] = genes[slot, THRESHOLD]
-            m += 1
-    net.neurons[i] = m
-    k = 0
-    later = np.zeros(MAX_DELAY + 2, np.int64)
-    for slot in range(inputs, slots):
-        if not used[slot]:
-            continue
-        net.link_start[i, number[slot]] = k
-        for at in range(FIRST_LINK, columns, LINK_FIELDS):
-            source = genes[slot, at + SOURCE]
-            if not genes[slot, at] or (prune and genes[slot, at + WEIGHT] == 0):
-                continue
-            if source < inputs:
-                later[genes[slot, at + DELAY] + 1] += 1
-            elif number[source] >= 0:
-                net.links[i, k, 0] = number[slot]
-                net.links[i, k, 1] = number[source]
-                net.links[i, k, 2] = genes[slot, at + WEIGHT]
-                net.links[i, k, 3] = genes[slot, at + DELAY]
-                k += 1
-    net.link_start[i, m:] = k
-    for delay in range(MAX_DELAY + 1):
-        later[delay + 1] += later[delay]
-    net.sensor_count[i] = later[MAX_DELAY + 1]
-    # A counting sort by delay, in the order of slots and fields within a delay.
-    for slot in range(inputs, slots):
-        if not used[slot]:
-            continue
-        for at in range(FIRST_LINK, columns, LINK_FIELDS):
-            source = genes[slot, at + SOURCE]
-            if genes[slot, at] and source < inputs and not (prune and genes[slot, at + WEIGHT] == 0):
-                delay = genes[slot, at + DELAY]
-                place = later[delay]
-                later[delay] += 1
-                net.sensor_links[i, place, 0] = number[slot]
-                net.sensor_links[i, place, 1] = source
-                net.sensor_links[i, place, 2] = genes[slot, at + WEIGHT]
-                net.sensor_links[i, place, 3] = delay
-
-
-@kernel
-def _decode(genes, inputs, prune):
-    n, slots, columns = genes.shape
-    m = slots - inputs
-    k = m * ((columns - FIRST_LINK) // LINK_FIELDS)
-    net = Networks(
-        np.zeros(n, np.int64),
-        np.zeros((n, m), np.int16),
-        np.zeros((n, k, 4), np.int16),
-        np.zeros(n, np.int64),
-        np.zeros((n, k, 4), np.int16),
-        np.zeros((n, m + 1), np.int16),
-    )
-    for i in range(n):
-        _fill(genes[i], inputs, prune, net, i)
-    return net
 
 
 def decode(genes: Genes, layout: Layout, *, prune: bool = True) -> Networks:
@@ -174,7 +75,7 @@ def decode(genes: Genes, layout: Layout, *, prune: bool = True) -> Networks:
     ):
         expected = f"int8[N, {layout.shape[0]}, {layout.shape[1]}]"
         raise GenotypeError(f"genotypes must be an array {expected}, not {genes.dtype}{list(genes.shape)}")
-    networks: Networks = _decode(np.ascontiguousarray(genes), layout.inputs, prune)
+    networks: Networks = dense_networks(np.ascontiguousarray(genes), layout.inputs, prune)
     return networks
 
 

@@ -1,0 +1,126 @@
+"""The compiled way from genotypes to the dense arrays that the kernels work on."""
+
+import numpy as np
+
+from realitygap.controller.layout import (
+    DELAY,
+    EXPRESSED,
+    FIRST_LINK,
+    LINK_FIELDS,
+    MAX_DELAY,
+    SOURCE,
+    THRESHOLD,
+    WEIGHT,
+)
+from realitygap.kernels.jit import kernel, step
+from realitygap.kernels.params import Networks
+
+__all__ = ["dense_networks"]
+
+
+@step
+def _mark_used(genes, inputs, prune, used):
+    """Marks the neurons that compute; when pruning, only those from which a motor can be reached."""
+    slots, columns = genes.shape
+    if not prune:
+        for slot in range(inputs, slots):
+            used[slot] = genes[slot, EXPRESSED]
+        return
+    used[inputs] = 1
+    used[inputs + 1] = 1
+    waiting = np.empty(slots, np.int64)
+    waiting[0] = inputs
+    waiting[1] = inputs + 1
+    n = 2
+    while n > 0:
+        n -= 1
+        slot = waiting[n]
+        for at in range(FIRST_LINK, columns, LINK_FIELDS):
+            source = genes[slot, at + SOURCE]
+            linked = genes[slot, at] and genes[slot, at + WEIGHT] and source >= inputs
+            if linked and genes[source, EXPRESSED] and not used[source]:
+                used[source] = 1
+                waiting[n] = source
+                n += 1
+
+
+@step
+def _number(genes, inputs, used, net, i, number):
+    """Numbers the used neurons of network i densely, in the order of slots; how many there are."""
+    m = 0
+    for slot in range(inputs, genes.shape[0]):
+        number[slot] = -1
+        if used[slot]:
+            number[slot] = m
+            net.thresholds[i, m] = genes[slot, THRESHOLD]
+            m += 1
+    return m
+
+
+@step
+def _write(links, i, k, target, source, gene):
+    """Link k of network i: target, source, weight, delay; `gene` is its field in the genotype."""
+    links[i, k, 0] = target
+    links[i, k, 1] = source
+    links[i, k, 2] = gene[WEIGHT]
+    links[i, k, 3] = gene[DELAY]
+
+
+@step
+def _fill_links(genes, inputs, prune, net, i, number):
+    """Links between computing neurons, grouped by target."""
+    k = 0
+    for slot in range(inputs, genes.shape[0]):
+        if number[slot] < 0:
+            continue
+        net.link_start[i, number[slot]] = k
+        for at in range(FIRST_LINK, genes.shape[1], LINK_FIELDS):
+            gene = genes[slot, at : at + LINK_FIELDS]
+            source = gene[SOURCE]
+            live = gene[0] and source >= inputs and number[source] >= 0
+            if live and not (prune and gene[WEIGHT] == 0):
+                _write(net.links, i, k, number[slot], number[source], gene)
+                k += 1
+    net.link_start[i, net.neurons[i] :] = k
+
+
+@step
+def _fill_sensor_links(genes, inputs, prune, net, i, number):
+    """Links from sensors, sorted by delay; within a delay in the order of slots and fields."""
+    k = 0
+    for delay in range(MAX_DELAY + 1):
+        for slot in range(inputs, genes.shape[0]):
+            if number[slot] < 0:
+                continue
+            for at in range(FIRST_LINK, genes.shape[1], LINK_FIELDS):
+                gene = genes[slot, at : at + LINK_FIELDS]
+                live = gene[0] and gene[SOURCE] < inputs and gene[DELAY] == delay
+                if live and not (prune and gene[WEIGHT] == 0):
+                    _write(net.sensor_links, i, k, number[slot], gene[SOURCE], gene)
+                    k += 1
+    net.sensor_count[i] = k
+
+
+@kernel
+def dense_networks(genes, inputs, prune):
+    """The networks of genotypes [N, slots, fields]."""
+    n, slots, columns = genes.shape
+    m = slots - inputs
+    k = m * ((columns - FIRST_LINK) // LINK_FIELDS)
+    net = Networks(
+        np.zeros(n, np.int64),
+        np.zeros((n, m), np.int16),
+        np.zeros((n, k, 4), np.int16),
+        np.zeros(n, np.int64),
+        np.zeros((n, k, 4), np.int16),
+        np.zeros((n, m + 1), np.int16),
+    )
+    used = np.zeros(slots, np.int8)
+    number = np.zeros(slots, np.int64)
+    for i in range(n):
+        used[:] = 0
+        _mark_used(genes[i], inputs, prune, used)
+        net.neurons[i] = _number(genes[i], inputs, used, net, i, number)
+        _fill_links(genes[i], inputs, prune, net, i, number)
+        _fill_sensor_links(genes[i], inputs, prune, net, i, number)
+    return net
