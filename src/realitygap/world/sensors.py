@@ -1,0 +1,92 @@
+"""A robot's sensors (§3.2.3, §3.3): places in its frame and the constants of their laws."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from realitygap.errors import ConfigError
+from realitygap.world.files import Value, require
+
+__all__ = ["Ambient", "AmbientSensor", "Infrared", "ProximitySensor"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProximitySensor(Value):
+    """Place and direction in the robot's frame (x forward, y left), and the law's constants."""
+
+    x_cm: float
+    y_cm: float
+    direction_deg: float
+    a: float
+    b: float
+    offset_cm: float = 0.0
+
+    def _check(self) -> None:
+        _check_direction(self.direction_deg)
+        require(self.a > 0, "a", "more than 0", self.a)
+
+    def reach_cm(self) -> float:
+        """Distance beyond which no ray adds to the sum: √(a/−b) − offset; none where b ≥ 0."""
+        return math.inf if self.b >= 0 else max(0.0, math.sqrt(self.a / -self.b) - self.offset_cm)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Infrared(Value):
+    """Proximity (§3.2.3): I = Σ cos^m β (a/(d + offset)² + b), clipped to 0 … top."""
+
+    exponent: float
+    top: float
+    bands: tuple[float, float]
+    sensors: tuple[ProximitySensor, ...]
+
+    def _check(self) -> None:
+        require(self.exponent >= 0, "exponent", "0 or more", self.exponent)
+        require(self.top > 0, "top", "more than 0", self.top)
+        _check_bands(self.bands)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AmbientSensor(Value):
+    """Place and direction in the robot's frame; `gain` multiplies the total illumination."""
+
+    x_cm: float
+    y_cm: float
+    direction_deg: float
+    gain: float = 1.0
+
+    def _check(self) -> None:
+        _check_direction(self.direction_deg)
+        require(self.gain > 0, "gain", "more than 0", self.gain)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ambient(Value):
+    """Ambient light (§3.3): V = floor + 1/√A, A = D + Σ D_j · reflectance · cos^m β_j / d_j²."""
+
+    floor: float
+    dark: float
+    top: float
+    reflectance: float
+    exponent: float
+    bands: tuple[float, float]
+    sensors: tuple[AmbientSensor, ...]
+
+    def _check(self) -> None:
+        require(self.floor >= 0, "floor", "0 or more", self.floor)
+        require(self.dark > self.floor, "dark", f"more than floor ({self.floor:g})", self.dark)
+        require(self.top >= self.dark, "top", f"at least dark ({self.dark:g})", self.top)
+        require(self.reflectance >= 0, "reflectance", "0 or more", self.reflectance)
+        require(self.exponent >= 0, "exponent", "0 or more", self.exponent)
+        _check_bands(self.bands)
+
+
+def _check_direction(direction_deg: float) -> None:
+    require(-360 <= direction_deg <= 360, "direction_deg", "degrees from -360 to 360", direction_deg)
+
+
+def _check_bands(bands: tuple[float, float]) -> None:
+    if bands[0] == bands[1]:
+        raise ConfigError(
+            f"bands: expected two different readings (they become inputs -10 and +10), got {list(bands)}."
+        )
