@@ -1,0 +1,181 @@
+"""Robot profiles: the paper's constants, what the kernels get, and every refusal by key."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from realitygap.errors import ConfigError
+from realitygap.kernels.params import LANES, RAYS
+from realitygap.world.profile import Profile, load_profile, profile_names
+
+
+@pytest.fixture(scope="module")
+def paper() -> Profile:
+    """The paper's robot."""
+    return load_profile("paper")
+
+
+@pytest.fixture
+def refused(paper, tmp_path):
+    """Write the paper's profile with one text replaced; return the words it is refused with."""
+
+    def refuse(old: str, new: str) -> str:
+        text = paper.to_toml()
+        assert old in text
+        file = tmp_path / "mine.toml"
+        file.write_text(text.replace(old, new, 1), encoding="utf-8")
+        with pytest.raises(ConfigError) as caught:
+            load_profile(file)
+        message = str(caught.value)
+        assert message.startswith(f"{file}: ")
+        assert "\n" not in message
+        return message.removeprefix(f"{file}: ")
+
+    return refuse
+
+
+def test_the_papers_constants(paper):
+    """The profile `paper` holds the constants that §3 prints."""
+    assert 2 * paper.body.radius_cm == 5.8
+    assert (paper.wheels.kp, paper.wheels.ki, paper.wheels.kd, paper.wheels.divisor) == (
+        3800,
+        800,
+        100,
+        50000,
+    )
+    assert {(s.a, s.b) for s in paper.infrared.sensors} == {(3515.0, -91.4)}
+    assert (paper.ambient.floor, paper.ambient.reflectance, paper.ambient.exponent) == (55, 1.5, 2)
+    assert len(paper.infrared.sensors) == len(paper.ambient.sensors) == 8
+
+
+def test_the_papers_wheels_settle(paper):
+    """The law as read has its largest pole at 0.804 (docs/readings.md)."""
+    assert paper.wheels.largest_pole() == pytest.approx(0.8037, abs=1e-4)
+
+
+def test_rays_of_the_kernels(paper):
+    """Ten rays from −81° to +81° about each sensor, weighed cos β and 1.5 cos² β; pads weigh nothing."""
+    robot = paper.to_kernel()
+    beta = np.radians(np.arange(-81, 82, 18))
+    for i, sensor in enumerate(paper.infrared.sensors):
+        angles = math.radians(sensor.direction_deg) + beta
+        np.testing.assert_allclose(robot.proximity_ray[i, 0, :RAYS], np.cos(angles), atol=1e-14)
+        np.testing.assert_allclose(robot.proximity_ray[i, 1, :RAYS], np.sin(angles), atol=1e-14)
+        np.testing.assert_allclose(robot.proximity_weight[i, :RAYS], np.cos(beta), atol=1e-14)
+        np.testing.assert_allclose(robot.ambient_weight[i, :RAYS], 1.5 * np.cos(beta) ** 2, atol=1e-14)
+    assert not robot.proximity_weight[:, RAYS:].any()
+    np.testing.assert_array_equal(robot.ambient_ray[:, :, LANES - 1], robot.ambient_facing)
+
+
+def test_mirror_image_sensors_have_mirror_image_rays(paper):
+    """Ray j of a sensor is, to the last bit, the mirror image of ray 9 − j of its mirror image."""
+    rays = paper.to_kernel().proximity_ray[:, :, :RAYS]
+    places = paper.to_kernel().proximity_place
+    for one, other in ((0, 5), (1, 4), (2, 3), (6, 7)):
+        np.testing.assert_array_equal(places[one] * [1, -1], places[other])
+        np.testing.assert_array_equal(rays[one][:, ::-1] * [[1], [-1]], rays[other])
+
+
+def test_kernel_arrays_have_one_type(paper):
+    """Every array is a C-contiguous float64, with or without sensors, so one kernel serves all."""
+    blind = replace(
+        paper, infrared=replace(paper.infrared, sensors=()), ambient=replace(paper.ambient, sensors=())
+    )
+    full, none = paper.to_kernel(), blind.to_kernel()
+    for name in full._fields:
+        for value in (getattr(full, name), getattr(none, name)):
+            if isinstance(value, float):
+                continue
+            assert value.dtype == np.float64 and value.flags.c_contiguous, name
+            assert value.ndim == getattr(full, name).ndim, name
+    assert none.proximity_ray.shape == (0, 2, LANES)
+
+
+def test_reach(paper):
+    """Beyond √(a/−b) − offset no ray adds anything; where b ≥ 0 there is no such distance."""
+    sensor = paper.infrared.sensors[0]
+    assert paper.to_kernel().proximity_reach == pytest.approx([math.sqrt(3515 / 91.4)] * 8)
+    assert replace(sensor, offset_cm=0.4).reach_cm() == pytest.approx(math.sqrt(3515 / 91.4) - 0.4)
+    assert replace(sensor, b=0.0).reach_cm() == math.inf
+
+
+def test_round_trip(paper, tmp_path):
+    """A profile written as TOML reads back equal, awkward texts and numbers included."""
+    odd = replace(
+        paper,
+        name='quo"te \\ é\x7f\t',
+        source="two\nlines",
+        noise=replace(paper.noise, wheel=1 / 3, ambient=1e-17),
+        ambient=replace(paper.ambient, sensors=()),
+    )
+    for profile in (paper, odd):
+        file = tmp_path / "copy.toml"
+        file.write_text(profile.to_toml(), encoding="utf-8")
+        assert load_profile(file) == profile
+    assert odd != paper
+
+
+def test_everything_is_shown(paper):
+    """`to_dict` tells every constant, sensor places and rays included, with units in the names."""
+    shown = paper.to_dict()
+    assert shown["infrared"]["sensors"][1] == {
+        "x_cm": 1.8, "y_cm": 1.75, "direction_deg": 45.0, "a": 3515.0, "b": -91.4, "offset_cm": 0.0,
+    }  # fmt: skip
+    assert shown["fixed"]["ray_angles_deg"] == list(range(-81, 82, 18))
+    assert shown["noise"]["wheel"] == 0.058
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("radius_cm = 2.9", "radus_cm = 2.9", "body.radus_cm: unknown key. Did you mean 'radius_cm'?"),
+        ("radius_cm = 2.9", "", "body.radius_cm: missing."),
+        ("radius_cm = 2.9", "radius_cm = -2.9", "body.radius_cm: expected more than 0, got -2.9."),
+        ("radius_cm = 2.9", "radius_cm = nan", "body.radius_cm: expected a finite number, got nan."),
+        ("radius_cm = 2.9", "radius_cm = true", "body.radius_cm: expected a number, got True."),
+        ("kp = 3800.0", 'kp = "fast"', "wheels.kp: expected a number, got 'fast'."),
+        ("kp = 3800.0", "kp = 48000", "wheels.kp: expected gains with which a wheel settles"),
+        ("divisor = 50000.0", "divisor = 0", "wheels.divisor: expected more than 0, got 0.0."),
+        ("[0.8, 0.8]", "[0.8]", "wheels.speed_per_unit_cm_s: expected 2 values, got [0.8]."),
+        ("[0.8, 0.8]", "0.8", "wheels.speed_per_unit_cm_s: expected a list in square brackets, got 0.8."),
+        ("[0.8, 0.8]", "[0.8, 3.0]", "wheels.speed_per_unit_cm_s: expected a top speed of at most one body"),
+        (
+            "direction_deg = 45.0",
+            "direction_deg = 450",
+            "infrared.sensors[1].direction_deg: expected degrees",
+        ),
+        ("x_cm = 0.95", "x_cm = 2.95", "infrared.sensors[0]: expected a place inside the body"),
+        ("offset_cm = 0.0", "offset_cm = -0.5", "infrared.sensors[0].offset_cm: expected more than -0.41"),
+        ("a = 3515.0", "a = 0", "infrared.sensors[0].a: expected more than 0, got 0.0."),
+        ("bands = [0.0, 1023.0]", "bands = [5, 5]", "infrared.bands: expected two different readings"),
+        ("dark = 484.0", "dark = 50", "ambient.dark: expected more than floor (55), got 50.0."),
+        ("gain = 1.0", "gain = inf", "ambient.sensors[0].gain: expected a finite number, got inf."),
+        ("wheel = 0.058", "wheel = -1", "noise.wheel: expected 0 or more, got -1.0."),
+        ("[body]\nradius_cm = 2.9", "body = 3", "body: expected a table of keys and values, got 3."),
+        ('name = "paper"', "name = 3", "name: expected a text in quotes, got 3."),
+    ],
+)
+def test_wrong_values_are_refused_by_key(refused, old, new, told):
+    """A wrong value is refused with the file's name, the key, what was expected and what came."""
+    assert refused(old, new).startswith(told)
+
+
+def test_broken_toml_names_the_line(refused):
+    """A file that is not TOML is refused with the line that breaks it."""
+    assert "not a TOML file" in (message := refused("[wheels]", "[wheels")) and "line" in message
+
+
+def test_unknown_names_and_files(tmp_path):
+    """An unknown name lists the names; a missing or unreadable file is named."""
+    assert profile_names() == ("paper",)
+    with pytest.raises(ConfigError, match=r"unknown profile 'papr'\. Did you mean 'paper'\? Known: paper"):
+        load_profile("papr")
+    with pytest.raises(ConfigError, match=r"gone\.toml: no such file"):
+        load_profile(tmp_path / "gone.toml")
+    with pytest.raises(ConfigError, match="cannot be read"):
+        load_profile(tmp_path)
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ConfigError, match="UTF-8"):
+        load_profile(tmp_path / "binary.toml")
