@@ -1,0 +1,110 @@
+"""Tasks as values: the paper's two, what the kernels get, names, and every refusal."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from realitygap.errors import TaskError
+from realitygap.tasks import TASKS, Start, Task, load_task
+from realitygap.world.arena import Cylinder, load_arena
+from realitygap.world.profile import load_profile
+
+
+@pytest.fixture(scope="module")
+def avoidance() -> Task:
+    """The paper's obstacle avoidance."""
+    return load_task("obstacle-avoidance")
+
+
+def test_the_papers_tasks():
+    """Two trials of twenty seconds; proximity for avoidance, ambient light for light seeking (§6)."""
+    tasks = [load_task(name) for name in TASKS]
+    assert [task.feeds for task in tasks] == ["proximity", "ambient"]
+    assert {(task.seconds, task.steps, task.trials) for task in tasks} == {(20.0, 200, 2)}
+    assert all(task.sensors == tuple(range(8)) and task.source is None for task in tasks)
+
+
+def test_kernel_values(avoidance):
+    """Headings become radians, sensors int64, the feed an index."""
+    trial = avoidance.to_kernel(load_profile("paper"))
+    assert (trial.steps, trial.feed) == (200, 0)
+    assert trial.channels.dtype == np.int64 and trial.channels.tolist() == list(range(8))
+    np.testing.assert_array_equal(trial.start, [25, 25, 3, 0, 2 * math.pi])
+    room = load_task("light").room(load_profile("paper"))
+    assert room.top_speed == 8.0 and room.radius == 2.9
+    np.testing.assert_array_equal(room.lamps, [[110, 35]])
+
+
+@pytest.mark.parametrize("word", ["light-seeking", "Light Seeking", "light_seeking", "light", "SEEKING"])
+def test_tasks_answer_to_their_words(word):
+    """A task is found by its name in any case, with spaces or underscores, or by one of its words."""
+    assert load_task(word).name == "light-seeking"
+
+
+def test_unknown_task():
+    """An unknown name is refused with the nearest name and the list."""
+    with pytest.raises(
+        TaskError, match=r"unknown task 'obstacles'.*Known: obstacle-avoidance, light-seeking"
+    ):
+        load_task("obstacles")
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"name": "My task"}, "name: expected lower-case letters"),
+        ({"name": None}, "name: expected lower-case letters"),
+        ({"seconds": 0.25}, r"seconds: expected a multiple of 0\.1 from 0\.1 to 100000, got 0\.25"),
+        ({"seconds": 0}, "seconds: expected a multiple"),
+        ({"seconds": math.nan}, "seconds: expected a number, got nan"),
+        ({"trials": 0}, "trials: expected a whole number, 1 or more, got 0"),
+        ({"trials": 1.5}, "trials: expected a whole number"),
+        ({"feeds": "sound"}, "feeds: expected 'proximity' or 'ambient', got 'sound'"),
+        ({"sensors": ()}, "sensors: expected 1 to 16 sensors"),
+        ({"sensors": (0, -1)}, "sensors: expected whole numbers"),
+        ({"sensors": 8}, "sensors: expected a tuple of numbers, got 8"),
+        ({"fitness_scale": 0}, "fitness_scale: expected more than 0"),
+        ({"score": 3}, "score: expected a function, got 3"),
+        ({"score": lambda path: 1.0}, r"score: expected a function of two parameters, \(path, room\)"),
+        ({"arena": "moon"}, "unknown arena 'moon'"),
+        ({"arena": 3}, "arena: expected an Arena, a name or a path, got 3"),
+        ({"start": (1, 2)}, "start: expected a Start"),
+        (
+            {"start": Start(x_cm=15, y_cm=15)},
+            r"start: expected a free place .* overlaps the cylinder at \(15, 15\)",
+        ),
+        ({"start": Start(x_cm=60, y_cm=15)}, r"start: expected a free place .* the outside of the room"),
+    ],
+)
+def test_wrong_values_are_refused_by_name(avoidance, change, told):
+    """A wrong value is refused by its name, with what was expected, what came and the task."""
+    with pytest.raises(TaskError, match=told):
+        replace(avoidance, **change)
+
+
+@pytest.mark.parametrize("seconds", [0.1, 0.3, 0.7, 10, 19.9, 3600.1])
+def test_tenths_of_a_second_are_exact(avoidance, seconds):
+    """Every multiple of 0.1 s is accepted, whatever its binary rounding."""
+    assert replace(avoidance, seconds=seconds).steps == round(seconds * 10)
+
+
+def test_a_robot_must_suit_the_task(avoidance):
+    """A robot without the sensors that a task feeds, or too large for its start, is refused."""
+    paper = load_profile("paper")
+    few = replace(paper, infrared=replace(paper.infrared, sensors=paper.infrared.sensors[:6]))
+    with pytest.raises(TaskError, match=r"sensors: expected proximity sensors .* which has 6, got number 6"):
+        avoidance.to_kernel(few)
+    assert replace(avoidance, sensors=range(6)).to_kernel(few).channels.tolist() == list(range(6))
+    large = replace(paper, body=replace(paper.body, radius_cm=8))
+    with pytest.raises(TaskError, match=r"start: a robot of radius 8 cm .* may overlap the cylinder"):
+        avoidance.to_kernel(large)
+
+
+def test_another_arena_is_checked_again(avoidance):
+    """A task moved to an arena whose cylinder stands on its start is refused."""
+    arena = load_arena("obstacle-avoidance")
+    blocked = replace(arena, cylinders=(Cylinder(x_cm=25, y_cm=25, radius_cm=2),))
+    with pytest.raises(TaskError, match="start"):
+        replace(avoidance, arena=blocked)

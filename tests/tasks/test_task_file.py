@@ -1,0 +1,156 @@
+"""A user's task file: it runs compiled, its machine code is kept, and its mistakes are named."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import pytest
+
+from realitygap.errors import TaskError
+from realitygap.tasks import load_task
+from realitygap.tasks.scoring import example
+from realitygap.world.arena import load_arena
+from realitygap.world.profile import load_profile
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+HEAD = "from realitygap import Start, Task\n"
+SCORE = "def score(path, room):\n    return path.x[0] + room.radius\n"
+TAIL = (
+    "task = Task(name='mine', arena='light-seeking', feeds='ambient', start=Start(x_cm=15, y_cm=35), "
+    "score=score)\n"
+)
+compiler = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="the compiler is off")
+
+
+@pytest.fixture
+def mine(tmp_path):
+    """Write a task file and return its path."""
+
+    def write(text: str) -> Path:
+        file = tmp_path / "mine.py"
+        file.write_text(text, encoding="utf-8")
+        return file
+
+    return write
+
+
+def test_a_users_file(mine):
+    """A file that defines `task` gives that task, with its path as source."""
+    file = mine(HEAD + SCORE + TAIL)
+    task = load_task(str(file))
+    assert task.name == "mine" and task.title == "Mine" and task.source == str(file)
+    path, room = example()
+    assert task.compiled_score()(path, room) == 2.9
+
+
+def test_an_edited_file_is_read_again(mine):
+    """A file that changed gives its new score, in the same process."""
+    path, room = example()
+    for text in (SCORE, SCORE.replace("+ room", "- room")):
+        score = load_task(mine(HEAD + text + TAIL)).compiled_score()
+        assert score(path, room) == (2.9 if text == SCORE else -2.9)
+
+
+@compiler
+def test_machine_code_is_kept_across_processes(mine, tmp_path):
+    """A second process loads the compiled score of a user's file instead of compiling it."""
+    file = mine(HEAD + SCORE + TAIL)
+    program = (
+        "from realitygap.tasks import load_task; import sys;"
+        "stats = load_task(sys.argv[1]).compiled_score().stats;"
+        "print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))"
+    )
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    environment.pop("NUMBA_CACHE_DIR", None)
+    told = [
+        subprocess.run(
+            [sys.executable, "-c", program, str(file)],
+            env=environment, capture_output=True, text=True, check=True, timeout=120,
+        ).stdout.split()
+        for _ in range(2)
+    ]  # fmt: skip
+    assert told == [["0", "1"], ["1", "0"]]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("def score(path:\n    return 1\n", "mine.py, line 1: not valid Python"),
+        (HEAD, "mine.py: expected a task, got no `task`"),
+        ("task = 3\n", "mine.py: expected a task, got `task` = 3"),
+        ("x = 1\n1 / 0\n", "mine.py, line 2: the file stops with ZeroDivisionError: division by zero"),
+        ("import nowhere_at_all\n", "mine.py, line 1: the file stops with ModuleNotFoundError"),
+        ("raise SystemExit(3)\n", "mine.py, line 1: the file stops with SystemExit: 3"),
+        (HEAD + TAIL, "mine.py, line 2: the file stops with NameError: name 'score' is not defined"),
+        (HEAD + SCORE + TAIL.replace("x_cm=15", "x_cm='15'"), "mine.py, line 4: x_cm: expected a number"),
+        (HEAD + SCORE + TAIL.replace("'light-seeking'", "'gone.toml'"), "gone.toml: no such file"),
+        (HEAD + SCORE.replace(", room", "") + TAIL, "line 4: task 'mine': score: expected a function of two"),
+    ],
+)
+def test_mistakes_are_named(mine, text, told):
+    """A mistake in a user's file is one message with the file, the line and the cure."""
+    with pytest.raises(TaskError) as caught:
+        load_task(mine(text))
+    assert told in str(caught.value) and "\n" not in str(caught.value)
+
+
+@compiler
+@pytest.mark.parametrize(
+    ("body", "told"),
+    [
+        ("    pass", "line 2: score: expected a function that returns a float, it returns nothing"),
+        ("    return 1", "it returns int"),
+        ("    return path.x", "it returns array"),
+        ("    if room.radius > 3:\n        return 1.0", "it returns nothing on some ways out"),
+        (
+            "    a = 1\n    return path.speed[0]",
+            "line 4: the score cannot be compiled: Unknown attribute 'speed'",
+        ),
+        ("    return elsewhere(path)", "line 3: the score cannot be compiled: NameError"),
+        ("    return float(open('x').read())", "the score cannot be compiled: Untyped global name 'open'"),
+        ("    import math\n    return math.pi", "the score cannot be compiled"),
+        ("    return np.no_such_name(path.x)", "the score cannot be compiled"),
+    ],
+)
+def test_a_score_that_cannot_be_compiled(mine, body, told):
+    """A score that does not compile is refused in one line that names file, line and reason."""
+    text = f"{HEAD}def score(path, room):\n{body}\nimport numpy as np\n{TAIL}"
+    task = load_task(mine(text))
+    with pytest.raises(TaskError) as caught:
+        task.compiled_score()
+    assert told in str(caught.value) and "mine.py" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_files_that_are_not_there(tmp_path):
+    """A missing file, a folder and a file of another kind are refused by path."""
+    with pytest.raises(TaskError, match=r"gone\.py: no such file"):
+        load_task(tmp_path / "gone.py")
+    other = tmp_path / "task.txt"
+    other.write_text("")
+    with pytest.raises(TaskError, match="expected a Python file"):
+        load_task(other)
+    with pytest.raises(TaskError, match="unknown task"):
+        load_task(tmp_path)
+
+
+def test_the_example_task():
+    """The example follows walls in its own arena: near a wall and free counts, elsewhere does not."""
+    task, paper = load_task(EXAMPLES / "follow_the_wall.py"), load_profile("paper")
+    assert task.arena == load_arena(EXAMPLES / "two_rooms.toml") and len(task.arena.lamps) == 2
+    path, room = example()
+    room = task.room(paper)
+    beside = path._replace(x=path.x + 5, y=path.y + 30, left=path.left + 8, right=path.right + 8)
+    score = task.compiled_score()
+    assert score(beside, room) == 1.0
+    assert score(beside._replace(x=path.x + 25), room) == 0.0
+    assert score(beside._replace(contact=path.contact + 1), room) == 0.0
+    assert task.to_kernel(paper).steps == 200
+
+
+def test_the_example_robot():
+    """The example robot has six proximity and two light sensors."""
+    robot = load_profile(EXAMPLES / "hexagon.toml").to_kernel()
+    assert robot.proximity_place.shape == (6, 2) and robot.ambient_place.shape == (2, 2)
