@@ -1,0 +1,170 @@
+"""A picture of a network: neurons, links, weights and delays in their places on the robot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Rectangle
+
+from realitygap.report import style
+from realitygap.report.arenas import draw_robot
+from realitygap.report.style import new_figure
+from realitygap.report.wiring import Link, Wiring, bend_links, label_places, place_neurons, read_wiring
+
+__all__ = ["draw_network", "network_figure"]
+
+INPUT, OUTPUT, HIDDEN = 0.36, 0.4, 0.36
+"""Radius or half side of a neuron in units of drawing; one unit holds its text, whatever the robot's size."""
+UNIT_INCHES = 0.55
+EXCITATORY = style.INK
+
+
+def draw_network(
+    ax: Axes, genes: np.ndarray, profile: Any, *, feeds: str = "proximity",
+    sensors: Sequence[int] | None = None, inputs: int = 8, outputs: int = 2,
+) -> None:  # fmt: skip
+    """A genotype's network on its robot, which looks up.
+
+    Excitatory links are dark and end in an arrow, inhibitory ones purple and end in a dot; width and
+    number are the weight, "d2" is a delay of two network updates (20 ms); what cannot reach a motor is pale.
+
+    Args:
+        ax: where; its axes become cm.
+        genes: [slots, 2 + 4 · links] as `realitygap.controller.genotype` has it.
+        profile: the robot.
+        feeds: "proximity" or "ambient".
+        sensors: which sensor feeds each input; 0, 1, … where not given.
+        inputs: input slots.
+        outputs: output slots (left wheel, right wheel).
+    """
+    robot = profile.to_kernel()
+    spots = robot.proximity_place if feeds == "proximity" else robot.ambient_place
+    wiring = read_wiring(np.asarray(genes), inputs=inputs, outputs=outputs)
+    sensors = tuple(sensors) if sensors is not None else tuple(range(inputs))
+    unit = _unit(ax, robot.radius)
+    places = place_neurons(wiring, robot, spots, sensors, unit)
+    sizes = {n: unit * (INPUT if n < inputs else OUTPUT if n < inputs + outputs else HIDDEN) for n in places}
+    draw_robot(ax, robot, (0.0, 0.0, math.pi / 2), edge=style.CYLINDER)
+    curves = bend_links(wiring, places, sizes, unit)
+    _draw_links(ax, wiring, curves, unit)
+    _draw_neurons(ax, wiring, places, sensors, unit)
+    where = np.array(list(places.values()))
+    working = [(k, c) for k, c in zip(wiring.links, curves, strict=True) if wiring.works(k)]
+    spots = label_places([c for _, c in working], where, np.array(list(sizes.values())), unit)
+    for (link, _), spot in zip(working, spots, strict=True):
+        _label(ax, link, spot, unit)
+    low = min(-robot.radius, float(where[:, 1].min()) - 0.4 * unit) - 0.12
+    ax.set_xlim(-robot.radius - 0.12, robot.radius + 0.12)
+    ax.set_ylim(low, robot.radius + 0.12)
+    ax.set_aspect("equal")
+    ax.axis("off")
+
+
+def _unit(ax: Axes, radius: float) -> float:
+    """How many cm of robot a unit of drawing takes in these axes."""
+    place = ax.get_position()
+    width, height = ax.get_figure(root=True).get_size_inches()  # type: ignore[union-attr]
+    inches = min(place.width * width, place.height * height)
+    return UNIT_INCHES * (2 * radius + 0.24) / float(inches)
+
+
+def _draw_links(ax: Axes, wiring: Wiring, curves: list[np.ndarray], unit: float) -> None:
+    """Curves with an arrow or a dot at their ends, widths by weight."""
+    for pale in (True, False):
+        for excitatory in (True, False):
+            chosen = [(k, c) for k, c in zip(wiring.links, curves, strict=True)
+                      if (k.weight >= 0) == excitatory and wiring.works(k) != pale]  # fmt: skip
+            if not chosen:
+                continue
+            colour, alpha = EXCITATORY if excitatory else style.INHIBITORY, 0.18 if pale else 1.0
+            ax.add_collection(LineCollection(
+                [c for _, c in chosen], colors=colour, alpha=alpha, zorder=7,
+                linewidths=[0.6 if pale else 0.5 + 0.5 * abs(k.weight) for k, _ in chosen],
+                linestyles=(0, (3, 2)) if pale else "-"))  # fmt: skip
+            if excitatory:
+                heads = [_arrow(c, unit * (0.14 + 0.02 * abs(k.weight))) for k, c in chosen]
+            else:
+                heads = [_dot(c[-1], unit * (0.075 + 0.012 * abs(k.weight))) for k, c in chosen]
+            ax.add_collection(PolyCollection(heads, facecolors=colour, edgecolors="none", alpha=alpha, zorder=8))
+
+
+def _arrow(curve: np.ndarray, size: float) -> np.ndarray:
+    """A filled triangle at the end of a curve."""
+    along = curve[-1] - curve[-3]
+    along = along / np.hypot(*along)
+    across = np.array([-along[1], along[0]])
+    tip = curve[-1] + 0.3 * size * along
+    return np.array([tip, tip - size * 1.5 * along + size * 0.62 * across, tip - size * 1.5 * along - size * 0.62 * across])
+
+
+def _dot(place: np.ndarray, size: float) -> np.ndarray:
+    """A filled circle at the end of a curve."""
+    t = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+    return np.asarray(place + size * np.stack([np.cos(t), np.sin(t)], axis=1))
+
+
+def _draw_neurons(ax: Axes, wiring: Wiring, places: dict[int, np.ndarray], sensors: Sequence[int],
+                  unit: float) -> None:
+    """Inputs round and tinted, outputs square, hidden neurons round; number and threshold inside."""
+    for n, (x, y) in places.items():
+        pale = 1.0 if n in wiring.useful else 0.4
+        if n < wiring.inputs:
+            shape: Any = Circle((x, y), INPUT * unit, facecolor=style.FLOOR, edgecolor=style.RAY, linewidth=1.2)
+            words, second = str(sensors[n]) if n < len(sensors) and sensors[n] >= 0 else "–", ""
+        elif n < wiring.inputs + wiring.outputs:
+            shape = Rectangle((x - OUTPUT * unit, y - OUTPUT * unit), 2 * OUTPUT * unit, 2 * OUTPUT * unit,
+                              facecolor=style.PAPER, edgecolor=style.INK, linewidth=1.2)  # fmt: skip
+            place = n - wiring.inputs
+            words = "LR"[place] if place < 2 else str(n)
+            second = f"θ {_signed(wiring.thresholds[n])}"
+        else:
+            shape = Circle((x, y), HIDDEN * unit, facecolor=style.PAPER, edgecolor=style.INK, linewidth=1.0)
+            words, second = str(n), f"θ {_signed(wiring.thresholds[n])}"
+        shape.set(zorder=9, alpha=pale if n >= wiring.inputs else None)
+        ax.add_patch(shape)
+        ax.text(x, y + (0.11 * unit if second else 0), words, ha="center", va="center", fontsize=7.5,
+                fontweight="bold", zorder=10, alpha=pale)  # fmt: skip
+        if second:
+            ax.text(x, y - 0.17 * unit, second, ha="center", va="center", fontsize=5.8, zorder=10, alpha=pale)
+
+
+def _signed(number: int) -> str:
+    """A number with a true minus sign."""
+    return f"−{-number}" if number < 0 else str(number)
+
+
+def _label(ax: Axes, link: Link, spot: np.ndarray, unit: float) -> None:
+    """Weight and, where there is one, delay of a link, on its curve."""
+    words = ("+" if link.weight > 0 else "") + _signed(link.weight) + (f" d{link.delay}" if link.delay else "")
+    wide, tall = (0.082 * len(words) + 0.03) * unit, 0.1 * unit
+    ax.add_patch(Rectangle((spot[0] - wide, spot[1] - tall), 2 * wide, 2 * tall, facecolor=style.BODY,
+                           edgecolor="none", alpha=0.85, zorder=10.5))  # fmt: skip
+    ax.text(*spot, words, ha="center", va="center_baseline", fontsize=6.2, zorder=11)
+
+
+def network_figure(genes: np.ndarray, profile: Any, *, title: str = "", **options: Any) -> Figure:
+    """A network's picture by itself, with its legend."""
+    hidden = int(np.asarray(genes)[options.get("inputs", 8) + options.get("outputs", 2):, 0].sum())
+    wide = 3.7 if hidden <= 3 else 4.6 if hidden <= 7 else 6.6
+    tall = wide + 0.5
+    figure = new_figure(wide, tall)
+    ax = figure.add_axes((0.01, 0.33 / tall, 0.98, (wide - 0.06) / tall))
+    draw_network(ax, genes, profile, **options)
+    if title:
+        figure.text(0.5, 1 - 0.05 / tall, title, ha="center", va="top", fontsize=8.5)
+    legend = figure.add_axes((0.5 - 1.8 / wide, 0.0, 3.6 / wide, 0.33 / tall))
+    legend.set(xlim=(0, 100), ylim=(0, 10))
+    legend.axis("off")
+    legend.annotate("", (9, 7), (1, 7), arrowprops={"arrowstyle": "-|>", "color": EXCITATORY, "lw": 1.4, "mutation_scale": 7})
+    legend.plot([30, 37.4], [7, 7], color=style.INHIBITORY, linewidth=1.6)
+    legend.plot([37.6], [7], "o", color=style.INHIBITORY, markersize=4)
+    for x, y, words in ((10.5, 7, "excitatory"), (39.5, 7, "inhibitory"), (62, 7, "θ threshold (lower)"),
+                        (1, 2.3, "+3 d2: weight +3, delay of 2 updates (20 ms)"), (72, 2.3, "pale: no effect")):  # fmt: skip
+        legend.text(x, y, words, va="center", fontsize=6)
+    return figure

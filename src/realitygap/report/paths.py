@@ -1,0 +1,97 @@
+"""Figures 3 and 5: paths with the paper's tails, a line from the centre to the leading edge a step.
+
+"These were constructed by failing to erase a line, plotted on each previous time step" (§6).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from realitygap.kernels.params import Arena, Robot
+from realitygap.report import style
+from realitygap.report.arenas import draw_arena, draw_robot
+from realitygap.report.style import PAGE, SIMULATED, Look, new_figure, noise_styles
+from realitygap.values import Trajectory
+
+__all__ = ["PathPanel", "draw_path", "draw_trajectory", "panels_figure", "sheet_figure", "tail"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathPanel:
+    """One path to be drawn: its noise level, what stands above it, and the trajectory."""
+
+    noise: float
+    title: str
+    trajectory: Trajectory
+
+
+def tail(trajectory: Trajectory, radius: float) -> np.ndarray:
+    """The tail as one broken line [3 n, 2]: centre, leading edge, gap; one stroke a step, cm."""
+    x = np.append(trajectory.x, trajectory.end.x)
+    y = np.append(trajectory.y, trajectory.end.y)
+    heading = np.append(trajectory.heading, trajectory.end.heading)
+    strokes = np.full((len(x), 3, 2), np.nan)
+    strokes[:, 0] = np.stack([x, y], axis=1)
+    strokes[:, 1] = strokes[:, 0] + radius * np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    return strokes.reshape(-1, 2)
+
+
+def draw_path(
+    ax: Axes, arena: Arena, robot: Robot, trajectory: Trajectory, *, colour: str = style.INK,
+    look: Look = SIMULATED, labels: bool = True,
+) -> None:  # fmt: skip
+    """A trajectory in its arena: the tail, a cross where it began, the robot where it ended."""
+    draw_arena(ax, arena, labels=labels)
+    strokes = tail(trajectory, robot.radius)
+    ax.plot(strokes[:, 0], strokes[:, 1], color=colour, linewidth=look.tail_width, linestyle=look.line,
+            alpha=look.tail_alpha, solid_capstyle="butt", zorder=3, scalex=False, scaley=False)  # fmt: skip
+    ax.plot(strokes[:1, 0], strokes[:1, 1], "o", markersize=4, markerfacecolor=style.PAPER,
+            markeredgecolor=style.INK, markeredgewidth=1.0, zorder=4.5)  # fmt: skip
+    end = trajectory.end
+    draw_robot(ax, robot, (end.x, end.y, end.heading), look)
+
+
+def draw_trajectory(ax: Axes, task: Any, profile: Any, trajectory: Trajectory, **options: Any) -> None:
+    """A task's trajectory in its arena, to scale, axes in cm; options as for `draw_path`."""
+    draw_path(ax, task.arena.to_kernel(), profile.to_kernel(), trajectory, **options)
+
+
+def panels_figure(task: Any, profile: Any, panels: Sequence[PathPanel]) -> Figure:
+    """One panel a noise level, side by side."""
+    return _grid(task, profile, [list(panels)], wide=min(PAGE, 2.6 * len(panels) + 0.3), labels=True)
+
+
+def sheet_figure(task: Any, profile: Any, rows: Sequence[Sequence[PathPanel]]) -> Figure:
+    """Every run's path: a row a noise level, a column a run."""
+    return _grid(task, profile, rows, wide=PAGE, labels=False)
+
+
+def _grid(task: Any, profile: Any, rows: Sequence[Sequence[PathPanel]], *, wide: float, labels: bool) -> Figure:
+    """Panels in rows; every arena at the same scale, laid out by hand (cheap and deterministic)."""
+    arena, robot = task.arena.to_kernel(), profile.to_kernel()
+    styles = noise_styles(panel.noise for row in rows for panel in row)
+    columns = max(len(row) for row in rows)
+    left, bottom, gap, head = (0.46, 0.42, 0.14, 0.27) if labels else (0.06, 0.06, 0.1, 0.2)
+    if labels and columns == 1:
+        wide = 3.4
+    cell = (wide - left - 0.06 - gap * (columns - 1)) / columns
+    tall = cell * float(arena.size[1] / arena.size[0])
+    height = bottom + len(rows) * (tall + head)
+    figure = new_figure(wide, height)
+    for r, row in enumerate(rows):
+        for c, panel in enumerate(row):
+            box = (left + c * (cell + gap), bottom + (len(rows) - 1 - r) * (tall + head))
+            ax = figure.add_axes((box[0] / wide, box[1] / height, cell / wide, tall / height))
+            draw_path(ax, arena, robot, panel.trajectory, colour=styles[panel.noise].colour, labels=labels)
+            if labels and c:
+                ax.set_ylabel("")
+                ax.set_yticklabels([])
+            ax.set_title(panel.title, fontsize=8.5 if labels else 7, pad=3, loc="left",
+                         color=style.INK)  # fmt: skip
+    return figure

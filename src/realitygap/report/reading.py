@@ -1,0 +1,113 @@
+"""What a table says, in plain words computed from it: nothing here knows how it should come out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from realitygap.report.statistics import Mean, difference, mean_of
+from realitygap.report.tables import NoiseClass, Table, number
+
+__all__ = ["read_table"]
+
+
+def read_table(table: Table) -> list[str]:
+    """A few sentences on a table; fewer where an unfinished study leaves it empty."""
+    sentences = [_overrating(table), _order(table), _champions(table), *_robustness(table)]
+    return [sentence for sentence in sentences if sentence]
+
+
+def _words(table: Table, value: float) -> str:
+    """A fitness in the table's unit."""
+    return number(value / table.scale, table.places) + (f" {table.unit}" if table.unit else "")
+
+
+def _pairs(table: Table, who: str) -> list[tuple[float, float]]:
+    """(stored fitness, mean on fresh trials at its own noise) of every tested run."""
+    pairs = []
+    for one in table.classes:
+        for row in one.rows:
+            fresh = row.mean(who, one.level)
+            if fresh is not None and row.stored is not None:
+                pairs.append((row.stored, fresh.value))
+    return pairs
+
+
+def _overrating(table: Table) -> str:
+    """How far the stored fitness of the fittest is from what it scores again."""
+    pairs = np.array(_pairs(table, "fittest"))
+    if not len(pairs):
+        return ""
+    stored, fresh = pairs.mean(axis=0)
+    gap = stored - fresh
+    share = f" ({abs(gap) / stored:.0%})" if stored > 0 else ""
+    if gap > 0:
+        verdict = (f"{_words(table, gap)} less{share}: the highest of many noisy fitnesses is partly luck, "
+                   "which is why the tables show fresh trials.")  # fmt: skip
+    else:
+        verdict = f"{_words(table, -gap)} more{share}."
+    return (f"The fittest individuals' stored fitness is {_words(table, stored)} on average over {_runs(len(pairs))}; "
+            f"on fresh trials at the noise they evolved under they score {_words(table, fresh)}, {verdict}")  # fmt: skip
+
+
+def _order(table: Table) -> str:
+    """Which noise class does best where the robot's own noise is, and whether the runs can tell."""
+    level = 1.0 if 1.0 in table.levels else next(iter(table.levels), None)
+    if level is None:
+        return ""
+    ranked = [(one, one.means("fittest", level)) for one in table.classes]
+    ranked = sorted(((one, m) for one, m in ranked if m.size), key=lambda pair: -pair[1].mean())
+    if len(ranked) < 2:
+        return ""
+    listed = ", ".join(f"{one.name} noise {_words(table, float(m.mean()))}" for one, m in ranked)
+    text = f"Tested at {table.levels[level]} noise, the fittest individuals by the noise they evolved under: {listed}."
+    gap = difference(ranked[0][1], ranked[-1][1])
+    if gap is None:
+        return text + " One run each does not tell them apart."
+    return (f"{text} First and last differ by {_interval(table, gap)} (95 % interval): "
+            + (f"more than the spread among {_runs(len(ranked[0][1]))} explains, though they were picked as the "
+               "extremes." if gap.value - gap.half > 0 else
+               f"with {_runs(len(ranked[0][1]))} each this does not tell them apart."))  # fmt: skip
+
+
+def _champions(table: Table) -> str:
+    """Whether the retest finds better individuals than the stored fitness does."""
+    fittest, champion = [np.array([fresh for _, fresh in _pairs(table, who)]) for who in ("fittest", "champion")]
+    if not len(fittest) or len(fittest) != len(champion):
+        return ""
+    gain = mean_of(champion - fittest)
+    assert gain is not None
+    ahead = int((champion > fittest).sum())
+    word = "more" if gain.value >= 0 else "less"
+    return (f"The retested champion scores higher than the fittest in {ahead} of {_runs(len(fittest))}, on average "
+            f"{_words(table, abs(gain.value))} {word} at the noise both evolved under.")  # fmt: skip
+
+
+def _robustness(table: Table) -> list[str]:
+    """What becomes of each class between the least and the most noise it was tested at."""
+    if len(table.levels) < 2:
+        return []
+    low, high = min(table.levels), max(table.levels)
+    parts = [_change(table, one, low, high) for one in table.classes]
+    parts = [part for part in parts if part]
+    if not parts:
+        return []
+    return [f"From {table.levels[low]} to {table.levels[high]} noise the fittest individuals go: " + "; ".join(parts) + "."]
+
+
+def _change(table: Table, one: NoiseClass, low: float, high: float) -> str:
+    """"evolved at zero noise, from a to b"."""
+    before, after = one.means("fittest", low), one.means("fittest", high)
+    if not before.size or not after.size:
+        return ""
+    return (f"evolved at {one.name} noise, from {_words(table, float(before.mean()))} "
+            f"to {_words(table, float(after.mean()))}")  # fmt: skip
+
+
+def _interval(table: Table, mean: Mean) -> str:
+    """A difference with its 95 % interval."""
+    return f"{_words(table, mean.value)} ± {_words(table, mean.half)}"
+
+
+def _runs(count: int) -> str:
+    """"1 run", "5 runs"."""
+    return f"{count} run" + ("" if count == 1 else "s")

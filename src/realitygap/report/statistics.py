@@ -1,0 +1,64 @@
+"""The few statistics the figures and tables need: means, and how sure one may be of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+__all__ = ["Mean", "difference", "mean_of", "running_best", "student"]
+
+_STUDENT = (12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160,
+            2.145, 2.131, 2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060)  # fmt: skip
+"""97.5 % points of Student's t for 1 to 25 degrees of freedom."""
+
+
+def student(freedom: float) -> float:
+    """97.5 % point of Student's t: what a standard error is multiplied by for a 95 % interval."""
+    if freedom < 1:
+        return math.nan
+    if freedom <= len(_STUDENT):
+        return _STUDENT[int(freedom) - 1]
+    return 1.95996 + 2.3722 / freedom + 2.8225 / freedom**2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mean:
+    """A mean, the half width of its 95 % interval (nan for a single value), and of how many."""
+
+    value: float
+    half: float
+    count: int
+    deviation: float = math.nan
+
+
+def mean_of(values: ArrayLike) -> Mean | None:
+    """The mean of some values, None where there are none."""
+    array = np.asarray(values, dtype=float)
+    if not array.size:
+        return None
+    if array.size == 1:
+        return Mean(value=float(array[0]), half=math.nan, count=1)
+    deviation = float(array.std(ddof=1))
+    half = student(array.size - 1) * deviation / math.sqrt(array.size)
+    return Mean(value=float(array.mean()), half=half, count=array.size, deviation=deviation)
+
+
+def difference(first: ArrayLike, second: ArrayLike) -> Mean | None:
+    """How much higher the first mean is, with Welch's 95 % interval; None below two values each."""
+    a, b = np.asarray(first, dtype=float), np.asarray(second, dtype=float)
+    if a.size < 2 or b.size < 2:
+        return None
+    va, vb = a.var(ddof=1) / a.size, b.var(ddof=1) / b.size
+    gap = float(a.mean() - b.mean())
+    if va + vb == 0:
+        return Mean(value=gap, half=0.0, count=a.size + b.size)
+    freedom = (va + vb) ** 2 / (va**2 / (a.size - 1) + vb**2 / (b.size - 1))
+    return Mean(value=gap, half=student(freedom) * math.sqrt(va + vb), count=a.size + b.size)
+
+
+def running_best(fitness: ArrayLike) -> np.ndarray:
+    """The fittest so far at each evaluation."""
+    return np.maximum.accumulate(np.asarray(fitness, dtype=float))

@@ -1,0 +1,184 @@
+"""One look for every figure: colours, line styles, sizes, and how a figure is written down.
+
+Colours are Okabe and Ito's (https://jfly.uni-koeln.de/color/), which colour-blind readers tell
+apart; every colour comes with a line style, a marker or a shape, so nothing is told by it alone.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+__all__ = [
+    "COLUMN", "INHIBITORY", "INK", "PAGE", "SIMULATED", "SITUATED", "Look", "NoiseStyle",
+    "inline_svg", "new_figure", "noise_style", "noise_styles", "save_figure", "styled",
+]  # fmt: skip
+
+COLUMN = 3.35
+"""Width of one column of a two-column paper, inches."""
+PAGE = 7.0
+"""Width of both columns; also fits a slide at twice the size."""
+
+INK = "#1b1d21"
+MUTED = "#6b7078"
+GRID = "#dfe1e4"
+PAPER = "#fffffe"
+FLOOR = "#faf8f2"
+WALL = "#5f564a"
+CYLINDER = "#b9b4aa"
+LAMP = "#e69f00"
+BODY = "#fdfdfc"
+RAY = "#b7791f"
+INHIBITORY = "#cc79a7"
+
+_VARIABLES = {
+    INK: "ink", MUTED: "muted", GRID: "grid", PAPER: "paper", FLOOR: "floor", WALL: "wall",
+    CYLINDER: "cylinder", BODY: "body", RAY: "ray",
+}  # fmt: skip
+"""Colours that the page replaces by its own, so that figures follow light and dark."""
+
+_RC: dict[str, Any] = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 8,
+    "axes.titlesize": 8.5,
+    "axes.labelsize": 8,
+    "xtick.labelsize": 7,
+    "ytick.labelsize": 7,
+    "legend.fontsize": 7.5,
+    "legend.frameon": False,
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": MUTED,
+    "axes.titlecolor": INK,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.7,
+    "xtick.major.width": 0.7,
+    "ytick.major.width": 0.7,
+    "xtick.major.size": 3,
+    "ytick.major.size": 3,
+    "grid.color": GRID,
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.4,
+    "figure.facecolor": PAPER,
+    "axes.facecolor": "none",
+    "savefig.facecolor": PAPER,
+    "axes.unicode_minus": True,
+    "path.simplify": False,
+    "pdf.fonttype": 42,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "realitygap",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseStyle:
+    """How a noise level looks in every figure."""
+
+    colour: str
+    line: Any
+    marker: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Look:
+    """How a robot and its tail look: `simulated` or `situated` (on a real floor)."""
+
+    line: Any
+    tail_width: float
+    tail_alpha: float
+    body: str
+
+
+SIMULATED = Look(line="-", tail_width=0.8, tail_alpha=1.0, body=BODY)
+SITUATED = Look(line=(0, (2, 1)), tail_width=1.5, tail_alpha=0.45, body=CYLINDER)
+
+_NAMED = {
+    0.0: NoiseStyle(colour="#0072b2", line="-", marker="o"),
+    1.0: NoiseStyle(colour="#d55e00", line=(0, (5, 1.5)), marker="s"),
+    2.0: NoiseStyle(colour="#009e73", line=(0, (5, 1.5, 1, 1.5)), marker="^"),
+}
+_OTHERS = (
+    NoiseStyle(colour="#cc79a7", line=(0, (1, 1)), marker="D"),
+    NoiseStyle(colour="#56b4e9", line=(0, (3, 1, 1, 1, 1, 1)), marker="v"),
+    NoiseStyle(colour="#e69f00", line=(0, (8, 2)), marker="P"),
+    NoiseStyle(colour=MUTED, line=(0, (1, 2)), marker="X"),
+)
+
+
+def noise_styles(levels: Iterable[float]) -> dict[float, NoiseStyle]:
+    """A style for each of a figure's noise levels; zero, observed and double never change theirs."""
+    levels = sorted(set(map(float, levels)))
+    others = [level for level in levels if level not in _NAMED]
+    spare = {level: _OTHERS[i % len(_OTHERS)] for i, level in enumerate(others)}
+    return {level: _NAMED.get(level) or spare[level] for level in levels}
+
+
+def noise_style(level: float) -> NoiseStyle:
+    """The style of one noise level on its own."""
+    return noise_styles([level])[float(level)]
+
+
+def styled() -> AbstractContextManager[None]:
+    """The context in which this project's figures are made and written."""
+    context: AbstractContextManager[None] = matplotlib.rc_context(_RC)
+    return context
+
+
+def new_figure(width: float, height: float, **kwargs: Any) -> Figure:
+    """A figure of `width` × `height` inches that belongs to nobody's global state."""
+    figure = Figure(figsize=(width, height), **kwargs)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save_figure(figure: Figure, folder: Path, name: str, *, dpi: int = 200) -> str:
+    """Write NAME.png and NAME.svg into a folder; the SVG's text is returned.
+
+    The same figure gives the same bytes: no date, fixed ids.
+    """
+    figure.savefig(folder / f"{name}.png", dpi=dpi, metadata={"Software": None},
+                   pil_kwargs={"compress_level": 4})  # fmt: skip
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": "realitygap"})
+    svg = buffer.getvalue()
+    (folder / f"{name}.svg").write_text(svg, encoding="utf-8")
+    return svg
+
+
+_FONT = re.compile(r"'DejaVu Sans'(, [^;\"]*)?(?=[;\"])")
+_HEAD = re.compile(r"^.*?(?=<svg)", re.DOTALL)
+_METADATA = re.compile(r"\s*<metadata>.*?</metadata>", re.DOTALL)
+
+
+def inline_svg(svg: str, name: str, alt: str) -> str:
+    """An SVG ready to stand in a page: ids of its own, the page's colours, a text for the blind."""
+    svg = _METADATA.sub("", _HEAD.sub("", svg, count=1))
+    svg = re.sub(r'\bid="', f'id="{name}-', svg)
+    svg = re.sub(r"url\(#", f"url(#{name}-", svg)
+    svg = re.sub(r'href="#', f'href="#{name}-', svg)
+    for colour, variable in _VARIABLES.items():
+        svg = svg.replace(f": {colour}", f": var(--{variable}, {colour})")
+    svg = _FONT.sub("var(--sans, sans-serif)", svg)
+    head, rest = svg.split(">", 1)
+    viewbox = re.search(r'viewBox="[^"]*"', head)
+    width = re.search(r'width="([\d.]+)pt"', head)
+    box = viewbox.group(0) if viewbox else ""
+    size = f"{float(width.group(1)) / 0.75:.0f}" if width else "600"
+    label = alt.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
+    return (f'<svg class="figure" role="img" aria-label="{label}" {box} style="max-width:{size}px" '
+            f'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink">{rest}')  # fmt: skip

@@ -1,0 +1,132 @@
+"""Tables 1 and 2, simulation columns: how the evolved individuals do on fresh trials.
+
+Behaviour names and correspondence scores need a situated robot; these columns need none.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from realitygap.report.statistics import Mean, mean_of
+
+__all__ = ["WHO", "NoiseClass", "Row", "Table", "decimals", "number", "write_csv"]
+
+WHO = ("fittest", "champion")
+"""The paper's individual (highest stored fitness) and the retested champion."""
+
+Tests = Mapping[tuple[str, float], np.ndarray]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One run: its number in its noise class, the stored fitness of its fittest, its fresh trials."""
+
+    index: int
+    run: int
+    name: str
+    evaluations: int
+    finished: bool
+    stored: float | None
+    tests: Tests
+
+    def mean(self, who: str, level: float) -> Mean | None:
+        """Mean and 95 % interval over the fresh trials at a noise level."""
+        scores = self.tests.get((who, level))
+        return None if scores is None else mean_of(scores)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseClass:
+    """The runs evolved at one noise level."""
+
+    level: float
+    name: str
+    rows: tuple[Row, ...]
+
+    def means(self, who: str, level: float) -> np.ndarray:
+        """Each tested run's mean on fresh trials at a noise level."""
+        found = [row.mean(who, level) for row in self.rows]
+        return np.array([m.value for m in found if m is not None])
+
+    def stored(self) -> np.ndarray:
+        """Each run's stored fitness of the fittest."""
+        return np.array([row.stored for row in self.rows if row.stored is not None])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """Table 1 or 2 of one task; `levels` are the noise levels of the fresh trials."""
+
+    task: str
+    unit: str
+    scale: float
+    classes: tuple[NoiseClass, ...]
+    levels: Mapping[float, str]
+
+    @property
+    def places(self) -> int:
+        """Decimal places that show three significant digits of the largest value."""
+        values = [abs(v) / self.scale for c in self.classes for v in (*c.stored(), *c.means("fittest", c.level))]
+        return decimals(max(values, default=1.0))
+
+    def show(self, mean: Mean | float | None) -> tuple[str, str]:
+        """A value and its ± as text, in the table's unit; a dash where there is none."""
+        if mean is None:
+            return "–", ""
+        if not isinstance(mean, Mean):
+            return number(mean / self.scale, self.places), ""
+        spread = "" if math.isnan(mean.half) else f"± {number(mean.half / self.scale, self.places)}"
+        return number(mean.value / self.scale, self.places), spread
+
+
+def decimals(largest: float) -> int:
+    """Decimal places for three significant digits of `largest`, 0 to 6."""
+    if not largest or not math.isfinite(largest):
+        return 2
+    return int(min(6, max(0, 2 - math.floor(math.log10(largest)))))
+
+
+def number(value: float, places: int) -> str:
+    """A number with a true minus sign."""
+    return f"{value:.{places}f}".replace("-", "−")
+
+
+def write_csv(path: Path, table: Table) -> None:
+    """The table as CSV: a row a run and an average a noise class, fitness unscaled.
+
+    Columns `fittest_LEVEL_mean`, `_sd` and `_n` are over fresh trials; in an average's row they are
+    over the runs' means.
+    """
+    tests = [(who, level) for who in WHO for level in table.levels]
+    head = ["task", "noise", "row", "run", "name", "evaluations", "finished", "stored_fitness"]
+    for who, level in tests:
+        head += [f"{who}_{table.levels[level]}_{part}" for part in ("mean", "sd", "n")]
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(head)
+        for one in table.classes:
+            for row in one.rows:
+                writer.writerow([table.task, one.name, row.index, row.run, row.name, row.evaluations,
+                                 int(row.finished), "" if row.stored is None else repr(float(row.stored)),
+                                 *_cells([row.mean(*test) for test in tests])])  # fmt: skip
+            stored = mean_of(one.stored())
+            writer.writerow([table.task, one.name, "average", "", "", "", "",
+                             "" if stored is None else repr(stored.value),
+                             *_cells([mean_of(one.means(*test)) for test in tests])])  # fmt: skip
+
+
+def _cells(means: Sequence[Mean | None]) -> list[str]:
+    """Mean, deviation and count of each, empty where there is none."""
+    cells: list[str] = []
+    for mean in means:
+        if mean is None:
+            cells += ["", "", "0"]
+        else:
+            cells += [repr(mean.value), "" if math.isnan(mean.deviation) else repr(mean.deviation), str(mean.count)]
+    return cells

@@ -1,0 +1,190 @@
+"""What a genotype's network consists of, and where each part of it stands in a picture.
+
+Places are in cm in the robot's own frame as it is drawn: the robot looks up, so a place
+(forward, left) is drawn at (−left, forward).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.kernels.params import Robot
+
+__all__ = ["Link", "Wiring", "bend_links", "label_places", "place_neurons", "read_wiring"]
+
+F = NDArray[np.float64]
+SAMPLES = 18
+
+
+@dataclass(frozen=True, kw_only=True)
+class Link:
+    """An expressed link between two expressed slots."""
+
+    source: int
+    target: int
+    weight: int
+    delay: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wiring:
+    """The live part of a genotype: inputs 0 .. inputs − 1, then outputs, then hidden slots."""
+
+    inputs: int
+    outputs: int
+    hidden: tuple[int, ...]
+    thresholds: dict[int, int]
+    links: tuple[Link, ...]
+    useful: frozenset[int]
+    """Slots from which some output can be reached over links that weigh something."""
+
+    def works(self, link: Link) -> bool:
+        """Whether a link has any effect on an output."""
+        return bool(link.weight) and link.target in self.useful
+
+
+def read_wiring(genes: np.ndarray, *, inputs: int, outputs: int) -> Wiring:
+    """The neurons and links that a genotype [slots, 2 + 4 · links] expresses."""
+    slots = len(genes)
+    hidden = tuple(int(s) for s in range(inputs + outputs, slots) if genes[s, 0])
+    computing = (*range(inputs, inputs + outputs), *hidden)
+    alive = set(range(inputs)) | set(computing)
+    links = [
+        Link(source=int(source), target=target, weight=int(weight), delay=int(delay))
+        for target in computing
+        for expressed, source, weight, delay in genes[target, 2:].reshape(-1, 4)
+        if expressed and int(source) in alive
+    ]
+    useful = set(range(inputs, inputs + outputs))
+    while more := {k.source for k in links if k.weight and k.target in useful} - useful:
+        useful |= more
+    return Wiring(inputs=inputs, outputs=outputs, hidden=hidden, links=tuple(links),
+                  thresholds={s: int(genes[s, 1]) for s in computing}, useful=frozenset(useful))  # fmt: skip
+
+
+def place_neurons(
+    wiring: Wiring, robot: Robot, sensor_places: F, sensors: Sequence[int], unit: float
+) -> dict[int, F]:
+    """Inputs at their sensors, outputs beside their wheels, hidden neurons near what they join.
+
+    `unit` is how many cm of robot one unit of drawing takes: neurons have a radius of 0.36 of it.
+    """
+    places: dict[int, F] = {}
+    for i in range(wiring.inputs):
+        sensor = sensors[i] if i < len(sensors) else -1
+        if 0 <= sensor < len(sensor_places):
+            forward, left = sensor_places[sensor]
+            places[i] = np.array([-left, forward])
+        else:
+            places[i] = np.array([0.8 * unit * (i - (wiring.inputs - 1) / 2), -robot.radius - 0.5 * unit])
+    for k in range(wiring.outputs):
+        side = (-1, 1)[k % 2]
+        places[wiring.inputs + k] = np.array([side * (robot.track / 2 - 0.3 - 0.42 * unit), (-0.28 - 0.95 * (k // 2)) * unit])
+    _place_hidden(wiring, robot.radius, places, unit)
+    return places
+
+
+def _place_hidden(wiring: Wiring, radius: float, places: dict[int, F], unit: float) -> None:
+    """Each hidden neuron takes the free place nearest to its neighbours, the best joined first."""
+    count = len(wiring.hidden)
+    gap = min(1.9 * unit, 1.5 * radius / (0.5 + count) ** 0.5)
+    free = _free_places(gap, radius, places, unit)
+    while len(free) < count and gap > 0.3 * unit:
+        gap *= 0.93
+        free = _free_places(gap, radius, places, unit)
+    joined = {h: [k.source if k.target == h else k.target for k in wiring.links if h in (k.source, k.target)]
+              for h in wiring.hidden}  # fmt: skip
+    for h in sorted(wiring.hidden, key=lambda h: (-len(joined[h]), h)):
+        near = [places[n] for n in joined[h] if n in places] or [np.zeros(2)]
+        aim = np.mean(near, axis=0) * 0.8
+        best = min(range(len(free)), key=lambda i: float(np.hypot(*(free[i] - aim))))
+        places[h] = free.pop(best)
+
+
+def _free_places(gap: float, radius: float, places: dict[int, F], unit: float) -> list[F]:
+    """A honeycomb of places `gap` apart inside the body, clear of the neurons that have theirs."""
+    reach = range(-16, 17)
+    honeycomb = [np.array([(i + 0.5 * (j % 2)) * gap, (j - 0.3) * gap * 0.87]) for i in reach for j in reach]
+    return [spot for spot in honeycomb if np.hypot(*spot) < 0.8 * radius
+            and all(np.hypot(*(spot - p)) > min(1.1 * unit, 1.2 * gap) for p in places.values())]  # fmt: skip
+
+
+def bend_links(wiring: Wiring, places: dict[int, F], sizes: dict[int, float], unit: float) -> list[F]:
+    """The curve [SAMPLES, 2] of each link, ending at its neurons' rims, clear of other neurons."""
+    curves: list[F] = []
+    loops: dict[int, int] = {}
+    for link in wiring.links:
+        if link.source == link.target:
+            turn = loops.get(link.source, 0)
+            loops[link.source] = turn + 1
+            curves.append(_loop(places[link.source], sizes[link.source], turn))
+            continue
+        others = np.array([p for n, p in places.items() if n not in (link.source, link.target)])
+        room = np.array([sizes[n] for n in places if n not in (link.source, link.target)])
+        tries = [_bow(places[link.source], places[link.target], sizes[link.source], sizes[link.target], bend)
+                 for bend in (0.08, -0.08, 0.2, -0.2, 0.33, -0.33, 0.5, -0.5)]  # fmt: skip
+        costs = [_crowding(c, others, room, curves, unit) + 0.05 * i for i, c in enumerate(tries)]
+        curves.append(tries[int(np.argmin(costs))])
+    return curves
+
+
+def _bow(start: F, end: F, start_size: float, end_size: float, bend: float) -> F:
+    """A quadratic Bézier curve bowed by `bend` of its length, cut at both neurons' rims."""
+    across = np.array([-(end - start)[1], (end - start)[0]])
+    control = (start + end) / 2 + 2 * bend * across
+    first = (control - start) / np.hypot(*(control - start))
+    last = (control - end) / np.hypot(*(control - end))
+    a, b = start + first * start_size, end + last * (end_size * 1.16)
+    t = np.linspace(0, 1, SAMPLES)[:, None]
+    return np.asarray((1 - t) ** 2 * a + 2 * t * (1 - t) * control + t**2 * b)
+
+
+def _loop(place: F, size: float, turn: int) -> F:
+    """A recurrent self-link: a loop that leaves a neuron and comes back to it."""
+    facing = -np.pi / 2 + turn * np.pi / 2.5 * (1 if place[0] >= 0 else -1)
+    reach = size * 1.25
+    middle = place + reach * np.array([np.cos(facing), np.sin(facing)])
+    t = facing + np.linspace(-0.62 * np.pi, 0.62 * np.pi, SAMPLES)
+    return np.asarray(middle + 0.72 * size * np.stack([np.cos(t), np.sin(t)], axis=1))
+
+
+def _crowding(curve: F, others: F, room: F, earlier: list[F], unit: float) -> float:
+    """How much a curve runs into neurons and along earlier curves."""
+    cost = 0.0
+    if len(others):
+        gaps = _distances(curve, others) - room - 0.1 * unit
+        cost += 6.0 / unit * float(np.maximum(-gaps, 0).sum())
+    if earlier:
+        points = np.concatenate([e[3:-3] for e in earlier])
+        near = _distances(curve[3:-3], points).min(axis=1)
+        cost += 0.8 / unit * float(np.maximum(0.2 * unit - near, 0).sum())
+    return cost
+
+
+def label_places(curves: list[F], neurons: F, sizes: F, unit: float) -> list[F]:
+    """Where each link's number stands: at its curve, away from neurons, curves and other numbers."""
+    placed: list[F] = []
+    for i, curve in enumerate(curves):
+        along = curve[5:-2] - curve[3:-4]
+        across = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.maximum(np.hypot(*along.T), 1e-9)[:, None]
+        spots = np.concatenate([curve[4:-3] + side * unit * across for side in (0.0, 0.24, -0.24)])
+        score = np.repeat([0.0, -0.25, -0.25], len(along))
+        gaps = (_distances(spots, neurons) - sizes).min(axis=1) / unit
+        score = score + 4 * np.minimum(gaps, 0.25) + np.minimum(gaps, 0.6)
+        rest = [c[2:-2] for j, c in enumerate(curves) if j != i]
+        if rest:
+            score = score + np.minimum(_distances(spots, np.concatenate(rest)).min(axis=1) / unit, 0.35)
+        if placed:
+            others = _distances(spots * (1.0, 1.9), np.array(placed) * (1.0, 1.9)).min(axis=1) / unit
+            score = score + 3 * np.minimum(others, 0.7)
+        placed.append(spots[int(np.argmax(score))])
+    return placed
+
+
+def _distances(first: F, second: F) -> F:
+    """Distances [n, m] between two sets of places."""
+    return np.asarray(np.hypot(*(first[:, None] - second[None]).transpose(2, 0, 1)))
