@@ -9,7 +9,7 @@ import numba
 import pytest
 
 from realitygap.errors import TaskError
-from realitygap.tasks import load_task
+from realitygap.tasks import copy_task, load_task
 from realitygap.tasks.scoring import example
 from realitygap.world.arena import load_arena
 from realitygap.world.profile import load_profile
@@ -58,7 +58,7 @@ def test_machine_code_is_kept_across_processes(mine, tmp_path):
     """A second process loads the compiled score of a user's file instead of compiling it."""
     file = mine(HEAD + SCORE + TAIL)
     program = (
-        "from realitygap.tasks import load_task; import sys;"
+        "from realitygap.tasks import copy_task, load_task; import sys;"
         "stats = load_task(sys.argv[1]).compiled_score().stats;"
         "print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))"
     )
@@ -148,6 +148,17 @@ def test_the_example_task():
     assert score(beside._replace(x=path.x + 25), room) == 0.0
     assert score(beside._replace(contact=path.contact + 1), room) == 0.0
     assert task.to_kernel(paper).steps == 200
+
+
+def test_a_copied_task_finds_its_arena(mine, tmp_path):
+    """A task file and the arena beside it are copied together; an arena elsewhere is refused."""
+    task = load_task(EXAMPLES / "follow_the_wall.py")
+    copy = load_task(copy_task(task, tmp_path / "study"))
+    assert copy.to_dict() == task.to_dict() and copy.source != task.source
+    (tmp_path.parent / "far.toml").write_text(task.arena.to_toml(), encoding="utf-8")
+    far = load_task(mine(HEAD + SCORE + TAIL.replace("'light-seeking'", "'../far.toml'")))
+    with pytest.raises(TaskError, match=r"arena: expected a file in the task file's own folder"):
+        copy_task(far, tmp_path / "study")
 
 
 def test_the_example_robot():

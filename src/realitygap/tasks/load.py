@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib
+import shutil
 import sys
 import traceback
 from collections.abc import Iterator
@@ -17,7 +18,7 @@ from types import ModuleType
 from realitygap.errors import TaskError, UsageError
 from realitygap.tasks.task import Task
 
-__all__ = ["TASKS", "load_task"]
+__all__ = ["TASKS", "copy_task", "load_task"]
 
 TASKS = ("obstacle-avoidance", "light-seeking")
 """The paper's tasks (§6.1, §6.2)."""
@@ -49,6 +50,32 @@ def load_task(name_or_file: str | Path) -> Task:
             "that defines `task = Task(…)`."
         )
     return _from_file(path)
+
+
+def copy_task(task: Task, folder: Path) -> Path:
+    """Copy a user's task file into `folder`, its arena's file beside it as the task names it.
+
+    Returns:
+        The copy's path, from which `load_task` gives an equal task.
+
+    Raises:
+        TaskError: the arena's file lies outside the task file's folder, so no copy could find it.
+    """
+    if task.source is None:
+        raise TaskError(f"task {task.name!r} comes with the package: it has no file to copy.")
+    source = Path(task.source)
+    copies = [source.name]
+    if task.arena_file is not None and not Path(task.arena_file).is_absolute():
+        if ".." in Path(task.arena_file).parts or not (source.parent / task.arena_file).is_file():
+            raise TaskError(
+                f"{source}: arena: expected a file in the task file's own folder, so that the task can "
+                f"be copied, got {task.arena_file!r}. Move it there, or give its whole path."
+            )
+        copies.append(task.arena_file)
+    for name in copies:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(source.parent / name, folder / name)
+    return folder / source.name
 
 
 def _from_file(path: Path) -> Task:

@@ -66,7 +66,8 @@ class Task:
         trials: trials in one evaluation; fitness is the mean of their scores.
         score: a function of (path, room) that returns a float.
         fitness_unit: what figures write at the axis; fitness_scale: what they divide by.
-        source: the user's file, None for the paper's tasks.
+        source: the user's file, None for the paper's tasks; arena_file: its arena's path, where it
+            names one. Both are filled in when the file is loaded.
 
     Raises:
         TaskError: names the field, what was expected, what came, and the cure.
@@ -84,6 +85,7 @@ class Task:
     fitness_unit: str = ""
     fitness_scale: float = 1.0
     source: str | None = None
+    arena_file: str | None = None
 
     def __post_init__(self) -> None:
         try:
@@ -171,12 +173,14 @@ class Task:
     def _convert(self) -> None:
         """What a user may write more shortly becomes what is declared."""
         put = object.__setattr__
-        named = isinstance(self.name, str) and re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", self.name)
-        require(bool(named), "name", "lower-case letters, digits and single hyphens", self.name)
+        tidy = isinstance(self.name, str) and re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", self.name)
+        require(bool(tidy), "name", "lower-case letters, digits and single hyphens", self.name)
         put(self, "score", getattr(self.score, "py_func", self.score))
         _check_score(self.score)
         if isinstance(self.arena, str | Path):
-            put(self, "arena", load_arena(_beside(self.score, self.arena)))
+            named = _beside(self.score, self.arena)
+            put(self, "arena_file", None if str(named) in arena_names() else str(self.arena))
+            put(self, "arena", load_arena(named))
         put(self, "title", self.title or self.name.replace("-", " ").capitalize())
         require(isinstance(self.sensors, list | tuple | range), "sensors", "a tuple of numbers", self.sensors)
         put(self, "sensors", tuple(self.sensors))
