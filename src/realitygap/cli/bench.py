@@ -123,7 +123,7 @@ def _batch(simulation: Simulation, networks: Networks, key: int) -> int:
         0, 2**63, size=(len(networks.neurons), TRIALS), dtype=np.uint64
     )
     simulation.scores(networks, streams)
-    return streams.size * round(simulation.task.seconds * 10)
+    return int(streams.size) * round(simulation.task.seconds * 10)
 
 
 class Thousands(float):

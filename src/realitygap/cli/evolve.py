@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -14,6 +15,10 @@ from realitygap.cli.options import (
     seed_option,
     workers_option,
 )
+from realitygap.cli.studies import carry_out
+
+if TYPE_CHECKING:
+    from realitygap.study.config import Condition, StudyConfig
 
 __all__ = ["evolve"]
 
@@ -21,7 +26,7 @@ __all__ = ["evolve"]
 @click.command()
 @click.argument("task")
 @noise_option(None, " [default: observed]")
-@seed_option(None)
+@seed_option(None, " [default: 1995]")
 @runs_option(None, "Runs [default: 1].")
 @evaluations_option(None)
 @click.option(
@@ -60,4 +65,27 @@ def evolve(
     Example:
         realitygap evolve light-seeking --noise double --runs 3 --set evolution.rows=10
     """
-    raise NotImplementedError
+    from dataclasses import replace
+
+    from realitygap.study.config import StudyConfig
+    from realitygap.tasks import load_task
+
+    name = load_task(task).name
+    begun = StudyConfig.single(task) if config is None else StudyConfig.from_toml(config)
+    begun = replace(begun, conditions=_conditions(begun, task, noise)).with_settings(settings)
+    given: dict[str, Any] = {"seed": seed, "runs": runs, "evaluations": evaluations}
+    chosen = replace(begun, **{key: value for key, value in given.items() if value is not None})
+    folder = Path("out", name) if out is None else out
+    carry_out(folder, chosen, workers=workers, resume=resume, json_output=json_output)
+
+
+def _conditions(config: StudyConfig, task: str, noise: float | None) -> tuple[Condition, ...]:
+    """The task at `noise`; without that at the levels that a configuration has for it, or observed."""
+    from realitygap.study.config import Condition
+    from realitygap.tasks import load_task
+
+    if noise is not None:
+        return (Condition(task=task, noise=noise),)
+    name = load_task(task).name
+    same = tuple(c for c in config.conditions if load_task(c.task).name == name)
+    return same or (Condition(task=task),)

@@ -43,7 +43,7 @@ def noise_option(default: str | None = "observed", says: str = "") -> Callable[[
     )
 
 
-def seed_option(default: int | None = 0) -> Callable[[Decorated], Decorated]:
+def seed_option(default: int | None = 0, says: str = "") -> Callable[[Decorated], Decorated]:
     """`--seed S`."""
     return click.option(
         "--seed",
@@ -51,7 +51,7 @@ def seed_option(default: int | None = 0) -> Callable[[Decorated], Decorated]:
         default=default,
         show_default=default is not None,
         metavar="S",
-        help="Everything random follows from it.",
+        help=f"Everything random follows from it.{says}",
     )
 
 

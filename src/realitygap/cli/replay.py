@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -11,6 +12,10 @@ from realitygap.cli.options import as_json, checked_pose, noise_option, pose_opt
 from realitygap.cli.output import print_json
 from realitygap.cli.scene import Scene, print_path, stream_of
 from realitygap.cli.show import find_run
+
+if TYPE_CHECKING:
+    from realitygap.controller.layout import Genes
+    from realitygap.study.load import Run, Study
 
 __all__ = ["replay"]
 
@@ -61,23 +66,17 @@ def replay(
 
     loaded = load_study(study)
     one = find_run(loaded, run)
-    scene = Scene(
-        task=loaded.task(one.task), profile=loaded.profile, noise=one.noise if noise is None else noise
-    )
+    who, genes = _individual(loaded, one, individual)
+    scene = _scene(loaded, one, noise)
     start = None if pose is None else checked_pose(pose, scene.arena, scene.profile)
-    genes, who = _individual(loaded, one, individual)
     networks = decode(genes, Layout.of(genes, inputs=len(scene.task.sensors)))
     trajectory, score = scene.simulation().trajectory(
         networks, stream=stream_of(seed), pose=start, seconds=seconds
     )
     if picture is not None:
-        from realitygap.cli.pictures import save_path
-
-        save_path(picture, scene, trajectory)
+        scene.save_picture(picture, trajectory)
     if animation is not None:
-        from realitygap.cli.pictures import save_film
-
-        save_film(animation, scene, trajectory)
+        scene.save_animation(animation, trajectory)
     if json_output:
         facts = {"study": study, "run": one.id, "name": one.name, "individual": who, **scene.facts(seed)}
         print_json({**facts, **trajectory.to_dict(), "score": score})
@@ -87,3 +86,29 @@ def replay(
     for made in (picture, animation):
         if made is not None:
             click.echo(f"saved {made}")
+
+
+def _scene(study: Study, run: Run, noise: float | None) -> Scene:
+    """The run's own task and robot, at another level of noise if one is given."""
+    task = study.task(run.task)
+    return Scene(
+        task=task, arena=task.arena, profile=study.profile, noise=run.noise if noise is None else noise
+    )
+
+
+def _individual(study: Study, run: Run, who: str) -> tuple[str, Genes]:
+    """An individual of a run in words, and its genotype."""
+    if who in ("champion", "fittest"):
+        genes = run.champion if who == "champion" else run.fittest
+        if genes is None:
+            raise click.BadParameter(
+                f"run {run.id} has no {who} yet; finish the study with --resume, or name an evaluation.",
+                param_hint="'--individual'",
+            )
+        return who, genes
+    if not who.isdecimal() or int(who) >= run.evaluations:
+        raise click.BadParameter(
+            f"expected champion, fittest or an evaluation, 0 to {run.evaluations - 1}, got {who!r}.",
+            param_hint="'--individual'",
+        )
+    return f"evaluation {int(who)}", study.genotype(run.id, int(who))

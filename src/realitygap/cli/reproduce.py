@@ -40,5 +40,5 @@ def reproduce(
     """
     from realitygap.study.config import StudyConfig
 
-    config = StudyConfig.paper(runs=runs, evaluations=evaluations, seed=seed)
+    config = StudyConfig.reproduction(runs=runs, evaluations=evaluations, seed=seed)
     carry_out(out, config, workers=workers, resume=resume, json_output=json_output)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 from realitygap.cli.output import print_table
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import numpy as np
 
     from realitygap.controller.genotype import Layout
@@ -52,6 +55,22 @@ class Scene:
         from realitygap.tasks.simulation import Simulation
 
         return Simulation(self.task, self.profile, self.noise, arena=self.arena)
+
+    def save_picture(self, path: Path, trajectory: Trajectory) -> None:
+        """Draw a trajectory with its tail."""
+        from realitygap.report import save_picture
+
+        save_picture(path, self._room(), self.profile, trajectory, self.task.title)
+
+    def save_animation(self, path: Path, trajectory: Trajectory) -> None:
+        """Film a trajectory."""
+        from realitygap.report import save_animation
+
+        save_animation(path, self._room(), self.profile, trajectory, self.task.title)
+
+    def _room(self) -> SimpleNamespace:
+        """What a picture shows of the task: this scene's arena may not hold the task's own starts."""
+        return SimpleNamespace(arena=self.arena, feeds=self.task.feeds)
 
     def facts(self, seed: int) -> dict[str, Any]:
         """What a person needs to make the same figures again."""

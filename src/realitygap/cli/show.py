@@ -10,6 +10,7 @@ from realitygap.cli.options import as_json
 from realitygap.cli.output import print_json, print_table
 
 if TYPE_CHECKING:
+    from realitygap.controller.layout import Genes
     from realitygap.study.load import Run, Study
 
 __all__ = ["describe", "find_run", "print_runs", "show"]
@@ -36,11 +37,11 @@ def show(study: str, run: str | None, json_output: bool) -> None:
     loaded = load_study(study)
     runs = loaded.runs if run is None else [find_run(loaded, run)]
     if json_output:
-        print_json({"study": study, "runs": [describe(one) for one in runs]})
+        print_json({"study": study, "runs": [describe(loaded, one) for one in runs]})
     elif run is None:
         print_runs(runs)
     else:
-        _print_run(runs[0])
+        _print_run(loaded, runs[0])
 
 
 def find_run(study: Study, name: str) -> Run:
@@ -55,7 +56,7 @@ def find_run(study: Study, name: str) -> Run:
     )
 
 
-def describe(run: Run) -> dict[str, Any]:
+def describe(study: Study, run: Run) -> dict[str, Any]:
     """One run as JSON tells it."""
     return {
         "run": run.id,
@@ -66,9 +67,9 @@ def describe(run: Run) -> dict[str, Any]:
         "evaluations": run.evaluations,
         "finished": run.finished,
         "best_fitness": run.best_fitness,
-        "champion": _text(run.champion),
+        "champion": _text(study, run, run.champion),
         "champion_fitness": run.champion_fitness,
-        "fittest": _text(run.fittest),
+        "fittest": _text(study, run, run.fittest),
         "fittest_evaluation": run.fittest_number,
         "tests": [
             {"who": who, "noise": noise, "mean": scores.mean(), "sd": scores.std(), "trials": scores.size}
@@ -93,7 +94,7 @@ def print_runs(runs: list[Run]) -> None:
     print_table(("run", "name", "evaluations", "best fitness", "champion retested", ""), rows)
 
 
-def _print_run(run: Run) -> None:
+def _print_run(study: Study, run: Run) -> None:
     """One run: its figures as comments, then its champion's genotype, so that it can be saved."""
     lines = [
         f"run {run.id}, {run.name}, seed {run.seed}",
@@ -106,14 +107,17 @@ def _print_run(run: Run) -> None:
     for line in lines:
         click.echo(f"# {line}")
     genes = run.champion if run.champion is not None else run.fittest
-    click.echo((_text(genes) or "# no genotype yet").rstrip())
+    click.echo((_text(study, run, genes) or "# no genotype yet").rstrip())
 
 
-def _text(genes: Any) -> str | None:
+def _text(study: Study, run: Run, genes: Genes | None) -> str | None:
     """A genotype's text form; None where there is none yet."""
     from realitygap.controller.genotype import to_text
+    from realitygap.controller.layout import Layout
 
-    return None if genes is None else to_text(genes)
+    if genes is None:
+        return None
+    return to_text(genes, Layout.of(genes, inputs=len(study.task(run.task).sensors)))
 
 
 def _figure(value: float | None) -> str:

@@ -72,9 +72,7 @@ def simulate(
         decode(genes, scene.layout), stream=stream_of(seed), pose=start, seconds=seconds
     )
     if picture is not None:
-        from realitygap.cli.pictures import save_path
-
-        save_path(picture, scene, trajectory)
+        scene.save_picture(picture, trajectory)
     if json_output:
         print_json({**scene.facts(seed), **trajectory.to_dict(), "score": score})
         return

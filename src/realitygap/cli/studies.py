@@ -39,7 +39,7 @@ def carry_out(
         raise StoppedError(f"stopped; what is done is kept in {folder}; resume with `{again}`") from None
     study = load_study(folder)
     if json_output:
-        runs = [describe(run) for run in study.runs]
+        runs = [describe(study, run) for run in study.runs]
         print_json({"study": str(folder), "report": str(page), "runs": runs})
         return
     print_runs(study.runs)
