@@ -19,6 +19,7 @@ a stream of its own: a link 0 source, 1 weight, 2 delay; a neuron 0 threshold, 1
 field k exist, stream k its content.
 """
 
+# mypy: allow-untyped-defs, no-check-untyped-defs
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +36,7 @@ from realitygap.controller.layout import (
     THRESHOLD,
     WEIGHT,
 )
-from realitygap.kernels.jit import kernel, step
+from realitygap.kernels.jit import routine, step
 from realitygap.kernels.rng import below, substream, uniform
 
 __all__ = ["Rates", "crosses", "offspring", "random_genes"]
@@ -99,7 +100,7 @@ def _fresh_neuron(genes, slot, rates, stream):
             genes[slot, at : at + LINK_FIELDS] = 0
 
 
-@kernel
+@routine
 def random_genes(slots, links, rates, stream):
     """A random genotype: first which slots hold a neuron, then what each of them is."""
     genes = np.zeros((slots, FIRST_LINK + LINK_FIELDS * links), np.int8)
@@ -211,13 +212,13 @@ def _delete_link(genes, rates, stream):
         genes[slot, at : at + LINK_FIELDS] = 0
 
 
-@kernel
+@routine
 def crosses(crossover, stream):
     """Whether the offspring of this stream has two parents."""
     return _happens(crossover, substream(stream, CROSSOVER))
 
 
-@kernel
+@routine
 def offspring(first, second, rates, stream):
     """One offspring: crossover, point mutation, neuron added, deleted, link added, deleted (§5.1)."""
     genes = first.copy()

@@ -1,5 +1,6 @@
 """The compiled way from genotypes to the dense arrays that the kernels work on."""
 
+# mypy: allow-untyped-defs, no-check-untyped-defs
 import numpy as np
 
 from realitygap.controller.layout import (
@@ -12,13 +13,13 @@ from realitygap.controller.layout import (
     THRESHOLD,
     WEIGHT,
 )
-from realitygap.kernels.jit import kernel, step
+from realitygap.kernels.jit import routine, step
 from realitygap.kernels.params import Networks
 
 __all__ = ["dense_networks"]
 
 
-@step
+@routine
 def _mark_used(genes, inputs, prune, used):
     """Marks the neurons that compute; when pruning, only those from which a motor can be reached."""
     slots, columns = genes.shape
@@ -101,7 +102,7 @@ def _fill_sensor_links(genes, inputs, prune, net, i, number):
     net.sensor_count[i] = k
 
 
-@kernel
+@routine
 def dense_networks(genes, inputs, prune):
     """The networks of genotypes [N, slots, fields]."""
     n, slots, columns = genes.shape

@@ -8,9 +8,10 @@ of n candidates and one nobody, two are drawn without repetition and the fitter 
 losing to all. Rank r wins against the r − 1 below it and against nobody: in r of n(n + 1)/2 pairs.
 """
 
+# mypy: allow-untyped-defs, no-check-untyped-defs
 import numpy as np
 
-from realitygap.kernels.jit import kernel, step
+from realitygap.kernels.jit import routine, step
 from realitygap.kernels.rng import below, bits, substream
 
 __all__ = ["panmictic_event", "torus_event", "worst"]
@@ -51,7 +52,7 @@ def _neighbourhood(cell, rows, columns, cells):
     cells[8] = cell
 
 
-@kernel
+@routine
 def torus_event(fitness, rows, columns, event):
     """(cell that breeds, its mate, the cell that the offspring takes) on the grid (§5.1)."""
     cell = below(substream(event, CELL), 0, rows * columns)
@@ -62,7 +63,7 @@ def torus_event(fitness, rows, columns, event):
     return cell, mate, replaced
 
 
-@kernel
+@routine
 def panmictic_event(fitness, event):
     """(cell that breeds, its mate, the cell that the offspring takes) among all cells."""
     size = len(fitness)
@@ -75,7 +76,7 @@ def panmictic_event(fitness, event):
     return cell, mate, replaced
 
 
-@kernel
+@routine
 def worst(fitness):
     """The cell of the lowest fitness, the first of several."""
     return np.argmin(fitness)

@@ -42,8 +42,14 @@ if numba.config.DISABLE_JIT:
     # The generator's integers wrap on purpose; NumPy scalars would warn at each draw.
     np.seterr(over="ignore")
 
-step = njit(cache=True, fastmath=_FLAGS, error_model="numpy", forceinline=True)
-"""For the parts of a step: inlined into the kernel that calls them."""
+step = njit(cache=True, fastmath=_FLAGS, error_model="numpy", forceinline=True, _nrt=False)
+"""For the parts of a step: inlined into the kernel that calls them.
 
-kernel = njit(cache=True, fastmath=_FLAGS, error_model="numpy", nogil=True)
-"""For what is called from Python: releases the interpreter's lock while it runs."""
+Without Numba's reference counts, which cost more than the step itself: so no step allocates.
+"""
+
+kernel = njit(cache=True, fastmath=_FLAGS, error_model="numpy", nogil=True, _nrt=False)
+"""For what is called from Python: releases the interpreter's lock while it runs, never allocates."""
+
+routine = njit(cache=True, fastmath=_FLAGS, error_model="numpy", nogil=True)
+"""For what runs once an evaluation, not once a step, and may allocate."""

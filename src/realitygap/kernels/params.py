@@ -20,7 +20,7 @@ UPDATES = 10
 """Network updates of 10 ms in one step (§5.3)."""
 RAYS = 10
 """Rays of one sensor, in an arc of 180° (§3.2.3)."""
-LANES = 12
+LANES = 16
 """RAYS padded to whole vector registers; pad lanes point along the sensor with weight 0."""
 MAX_DELAY = 4
 """Longest delay of a link, in updates (§5.3)."""

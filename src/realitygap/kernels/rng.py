@@ -19,8 +19,9 @@ _M1 = np.uint64(0xBF58476D1CE4E5B9)
 _M2 = np.uint64(0x94D049BB133111EB)
 _S30, _S27, _S31 = np.uint64(30), np.uint64(27), np.uint64(31)
 _S11, _S32 = np.uint64(11), np.uint64(32)
-_LOW = np.uint64(0xFFFFFFFF)
-_ONE = np.uint64(1)
+_LOW30, _BIT30, _BIT31 = np.uint64(0x3FFFFFFF), np.uint64(1 << 30), np.uint64(1 << 31)
+_ZERO, _ONE = np.uint64(0), np.uint64(1)
+_ROOT_HALF, _FIFTY_TWO = np.int64(0x3FE6A09E667F3BCD), np.int64(52)
 
 
 @step
@@ -57,42 +58,68 @@ def below(stream, i, n):
 
 @step
 def log(x):
-    """Natural logarithm of a positive normal float64, within 2 units in the last place or so."""
+    """Natural logarithm of a positive normal float64, to about 1e-16 relative (fdlibm's series)."""
     b = np.float64(x).view(np.int64)
-    # x = 2^e · m with m in [√½, √2): shift the bits so that the exponent rounds at √2.
-    e = (b - np.int64(0x3FE6A09E667F3BCD)) >> np.int64(52)
-    m = np.int64(b - (e << np.int64(52))).view(np.float64)
+    # x = 2^e · m with m in [√½, √2): the offset makes the exponent round at √2.
+    e = (b - _ROOT_HALF) >> _FIFTY_TWO
+    m = np.int64(b - (e << _FIFTY_TWO)).view(np.float64)
     s = (m - 1.0) / (m + 1.0)
     z = s * s
-    p = 1.0 / 17.0 + z * (1.0 / 19.0)
-    p = 1.0 / 15.0 + z * p
-    p = 1.0 / 13.0 + z * p
-    p = 1.0 / 11.0 + z * p
-    p = 1.0 / 9.0 + z * p
-    p = 1.0 / 7.0 + z * p
-    p = 1.0 / 5.0 + z * p
-    p = 1.0 / 3.0 + z * p
-    return np.float64(e) * 0.6931471805599453 + 2.0 * (s + s * z * p)
+    r = 1.818357216161805012e-01 + z * (1.531383769920937332e-01 + z * 1.479819860511658591e-01)
+    r = 3.999999999940941908e-01 + z * (2.857142874366239149e-01 + z * (2.222219843214978396e-01 + z * r))
+    r = z * (6.666666666666735130e-01 + z * r)
+    return np.float64(e) * 0.6931471805599453 + (2.0 * s + s * r)
+
+
+@step
+def _sin_core(r, z):
+    """sin r for |r| ≤ π/4, z = r² (fdlibm's series)."""
+    t = 2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)
+    t = 8.33333333332248946124e-03 + z * (-1.98412698298579493134e-04 + z * t)
+    return r + r * z * (-1.66666666666666324348e-01 + z * t)
+
+
+@step
+def _cos_core(z):
+    """cos r for |r| ≤ π/4, z = r²."""
+    t = -2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)
+    t = -1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * t)
+    return 1.0 - 0.5 * z + z * z * (4.16666666666666019037e-02 + z * t)
 
 
 @step
 def sin_cos(x):
-    """(sin x, cos x) for |x| up to some 10⁵ rad, within about 1e-15."""
+    """(sin x, cos x) for |x| up to some 10⁵ rad, to about 1e-15."""
     k = math.floor(x * 0.6366197723675814 + 0.5)
     r = (x - k * 1.5707963267341256) - k * 6.077100506506192e-11
     z = r * r
-    s = z * (-2.5052108385441720e-8 + z * (1.6059043836821613e-10 + z * -7.647163731819816e-13))
-    s = 1.0 / 362880.0 * 0.0 + s
-    s = r + r * z * (-1.6666666666666666e-1 + z * (8.333333333333333e-3 + z * (
-        -1.984126984126984e-4 + z * (2.7557319223985893e-6 + s))))
-    c = 1.0 - 0.5 * z + z * z * (4.1666666666666664e-2 + z * (-1.388888888888889e-3 + z * (
-        2.48015873015873e-5 + z * (-2.755731922398589e-7 + z * (2.08767569878681e-9 + z * (
-            -1.1470745597729725e-11 + z * 4.779477332387385e-14))))))
-    q = np.int64(k) & 3
-    if q == 0:
-        return s, c
-    if q == 1:
-        return c, -s
-    if q == 2:
-        return -s, -c
-    return -c, s
+    s = _sin_core(r, z)
+    c = _cos_core(z)
+    # Which quarter turn: odd ones swap sine and cosine; selects, for a branch would be a coin toss.
+    quarter = np.int64(k)
+    odd = (quarter & 1) != 0
+    sine = c if odd else s
+    cosine = s if odd else c
+    sine = -sine if (quarter & 2) != 0 else sine
+    cosine = -cosine if ((quarter + 1) & 2) != 0 else cosine
+    return sine, cosine
+
+
+@step
+def normals(stream, first, z):
+    """Fill `z` ([16·m]) with standard normal numbers from draws `first` … `first + 8·m − 1`.
+
+    Box and Muller: 32 bits make the radius, 30 an angle within ±45°, 2 its quarter.
+    """
+    half = z.shape[0] // 2
+    for i in range(half):
+        b = bits(stream, first + i)
+        radius = math.sqrt(-2.0 * log((np.float64(np.int64(b >> _S32)) + 0.5) * 2.3283064365386963e-10))
+        angle = (np.float64(np.int64(b & _LOW30)) * 9.313225746154785e-10 - 0.5) * 1.5707963267948966
+        square = angle * angle
+        s = radius * _sin_core(angle, square)
+        c = radius * _cos_core(square)
+        c = -c if (b & _BIT30) != _ZERO else c
+        swap = (b & _BIT31) != _ZERO
+        z[i] = s if swap else c
+        z[half + i] = c if swap else s

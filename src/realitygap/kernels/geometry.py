@@ -1,0 +1,159 @@
+"""Rays against the room: nearest surfaces and blocked lines, without a division per ray.
+
+A ray's result is 1/d, the reciprocal of the distance to the nearest surface: for a flat wall
+it is (ray · normal) / h, for a circle (t + √(t² − k)) / k with k = |centre − place|² − r². The
+reciprocals 1/h and 1/k are taken once a sensor.
+"""
+
+import math
+
+import numpy as np
+
+from realitygap.kernels.jit import step
+from realitygap.kernels.params import LANES
+
+TOUCHING = 1e-3
+"""Smallest distance that a sensor can see, cm: keeps 1/d finite for sensors on a surface."""
+GRAZE = 1e-6
+"""Share by which a ray's end is drawn back before asking what hides it: off its own wall."""
+
+
+@step
+def turn_rays(rays, k, c, s, ray_x, ray_y):
+    """The rays of sensor `k` in the room's frame; (c, s) = (cos, sin) of the heading."""
+    for i in range(ray_x.shape[0]):
+        ray_x[i] = c * rays[k, 0, i] - s * rays[k, 1, i]
+        ray_y[i] = s * rays[k, 0, i] + c * rays[k, 1, i]
+
+
+@step
+def see_room(arena, px, py, ray_x, ray_y, inverse):
+    """1/d from (px, py) to the room's outer walls along each ray."""
+    west = 1.0 / max(px, TOUCHING)
+    south = 1.0 / max(py, TOUCHING)
+    east = 1.0 / max(arena.size[0] - px, TOUCHING)
+    north = 1.0 / max(arena.size[1] - py, TOUCHING)
+    for i in range(ray_x.shape[0]):
+        across = max(ray_x[i] * east, -ray_x[i] * west)
+        inverse[i] = max(across, max(ray_y[i] * north, -ray_y[i] * south))
+
+
+@step
+def see_cylinders(arena, px, py, ray_x, ray_y, inverse):
+    """Shorten the rays that meet a cylinder first."""
+    for j in range(arena.cylinders.shape[0]):
+        qx = arena.cylinders[j, 0] - px
+        qy = arena.cylinders[j, 1] - py
+        radius = arena.cylinders[j, 2]
+        # The last lane looks along the sensor: what lies wholly behind it meets no ray.
+        if qx * ray_x[LANES - 1] + qy * ray_y[LANES - 1] < -radius:
+            continue
+        k = max(qx * qx + qy * qy - radius * radius, TOUCHING * TOUCHING)
+        inverse_k = 1.0 / k
+        for i in range(ray_x.shape[0]):
+            t = qx * ray_x[i] + qy * ray_y[i]
+            under = t * t - k
+            met = (t + math.sqrt(max(under, 0.0))) * inverse_k
+            met = met if under > 0.0 else 0.0
+            met = met if t > 0.0 else 0.0
+            inverse[i] = max(inverse[i], met)
+
+
+@step
+def see_segments(arena, px, py, ray_x, ray_y, inverse):
+    """Shorten the rays that meet an inner wall first."""
+    for j in range(arena.segments.shape[0]):
+        ax = arena.segments[j, 0] - px
+        ay = arena.segments[j, 1] - py
+        bx = arena.segments[j, 2] - px
+        by = arena.segments[j, 3] - py
+        area = ax * by - ay * bx
+        sign = 1.0 if area >= 0.0 else -1.0
+        length = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
+        inverse_area = 1.0 / (sign * max(abs(area), TOUCHING * length))
+        for i in range(ray_x.shape[0]):
+            from_a = (ax * ray_y[i] - ay * ray_x[i]) * sign
+            to_b = (ray_x[i] * by - ray_y[i] * bx) * sign
+            met = (ray_x[i] * (by - ay) - ray_y[i] * (bx - ax)) * inverse_area
+            met = met if from_a >= 0.0 else 0.0
+            met = met if to_b >= 0.0 else 0.0
+            inverse[i] = max(inverse[i], met)
+
+
+@step
+def see(arena, px, py, ray_x, ray_y, inverse):
+    """1/d from (px, py) to whatever is nearest along each ray."""
+    see_room(arena, px, py, ray_x, ray_y, inverse)
+    see_cylinders(arena, px, py, ray_x, ray_y, inverse)
+    see_segments(arena, px, py, ray_x, ray_y, inverse)
+
+
+@step
+def circle_blocks(wx, wy, ex, ey, radius):
+    """1.0 if the line from a point along (ex, ey) passes through the circle at (wx, wy) from it.
+
+    No division: the centre's distance to the line, |w × e| / |e|, is compared squared.
+    """
+    ahead = wx * ex + wy * ey
+    aside = wx * ey - wy * ex
+    span = ex * ex + ey * ey
+    hidden = 1.0 if aside * aside < radius * radius * span else 0.0
+    hidden = hidden if ahead > 0.0 else 0.0
+    return hidden if ahead < span else 0.0
+
+
+@step
+def segment_blocks(arena, j, hx, hy, ex, ey):
+    """1.0 if the line from (hx, hy) along (ex, ey) crosses inner wall `j`."""
+    ax = arena.segments[j, 0] - hx
+    ay = arena.segments[j, 1] - hy
+    bx = arena.segments[j, 2] - hx
+    by = arena.segments[j, 3] - hy
+    side_a = ex * ay - ey * ax
+    side_b = ex * by - ey * bx
+    area = ax * by - ay * bx
+    # Where it crosses: the share u = area / ((b − a) × e) of e lies between 0 and 1.
+    turn = side_b - side_a
+    crossed = 1.0 if side_a * side_b < 0.0 else 0.0
+    crossed = crossed if area * -turn > 0.0 else 0.0
+    return crossed if abs(area) < abs(turn) else 0.0
+
+
+@step
+def stands_clear(arena, x, y, radius):
+    """True if a disc at (x, y) overlaps nothing (less than 1e-9 cm)."""
+    clear = radius - 1e-9
+    if x < clear or y < clear or arena.size[0] - x < clear or arena.size[1] - y < clear:
+        return False
+    for j in range(arena.cylinders.shape[0]):
+        dx = x - arena.cylinders[j, 0]
+        dy = y - arena.cylinders[j, 1]
+        reach = clear + arena.cylinders[j, 2]
+        if dx * dx + dy * dy < reach * reach:
+            return False
+    for j in range(arena.segments.shape[0]):
+        dx, dy = from_segment(arena, j, x, y)
+        if dx * dx + dy * dy < clear * clear:
+            return False
+    return True
+
+
+@step
+def from_segment(arena, j, x, y):
+    """The vector from the nearest point of inner wall `j` to (x, y)."""
+    ax = arena.segments[j, 0]
+    ay = arena.segments[j, 1]
+    ex = arena.segments[j, 2] - ax
+    ey = arena.segments[j, 3] - ay
+    share = ((x - ax) * ex + (y - ay) * ey) / max(ex * ex + ey * ey, 1e-30)
+    share = min(max(share, 0.0), 1.0)
+    return x - (ax + share * ex), y - (ay + share * ey)
+
+
+@step
+def unit(x, y):
+    """(x, y) scaled to length 1, and its length; (1, 0) where it has none."""
+    length = math.sqrt(x * x + y * y)
+    if length < 1e-12:
+        return 1.0, 0.0, np.float64(0.0)
+    return x / length, y / length, length

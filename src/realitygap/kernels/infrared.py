@@ -1,0 +1,105 @@
+"""The infrared proximity sensors (§3.2.3): I = Σ cos β_i (a/d_i² + b), ten rays a sensor.
+
+Where nothing is nearer than a sensor's reach √(a/−b), all its terms are ≤ 0 and it reads 0
+exactly. Most sensors are in that state most of the time, so it is asked first, for all sensors
+side by side, by conditions that are never wrong in saying no.
+"""
+
+from realitygap.kernels.geometry import see, turn_rays
+from realitygap.kernels.jit import step
+
+CONE = 0.15643446504023087
+"""cos 81°: the outermost rays' angle off the sensor's direction."""
+
+
+@step
+def notice_walls(robot, arena, work):
+    """Mark the sensors with a ray that meets an outer wall within reach.
+
+    The ray that meets a wall soonest is the one closest to its normal: the sensor's own
+    direction if that lies inside the fan, else an outermost ray.
+    """
+    x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
+    width, depth = arena.size[0], arena.size[1]
+    fan = work.fan
+    for k in range(work.noticed.shape[0]):
+        reach = robot.proximity_reach[k]
+        px = x + c * fan[0, k] - s * fan[1, k]
+        py = y + s * fan[0, k] + c * fan[1, k]
+        fx = c * fan[2, k] - s * fan[3, k]
+        fy = s * fan[2, k] + c * fan[3, k]
+        ax = c * fan[4, k] - s * fan[5, k]
+        ay = s * fan[4, k] + c * fan[5, k]
+        bx = c * fan[6, k] - s * fan[7, k]
+        by = s * fan[6, k] + c * fan[7, k]
+        east = 1.0 if fx > CONE else max(ax, bx)
+        west = 1.0 if fx < -CONE else max(-ax, -bx)
+        north = 1.0 if fy > CONE else max(ay, by)
+        south = 1.0 if fy < -CONE else max(-ay, -by)
+        near = (width - px < reach * east) | (px < reach * west)
+        near = near | (depth - py < reach * north) | (py < reach * south)
+        work.noticed[k] = 1 if near else 0
+
+
+@step
+def notice_cylinder(robot, arena, j, work):
+    """Mark the sensors that cylinder `j` is in reach of and not wholly outside their fan."""
+    x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
+    cx, cy, radius = arena.cylinders[j, 0] - x, arena.cylinders[j, 1] - y, arena.cylinders[j, 2]
+    # The cylinder as the robot sees it: (forward, leftward).
+    forward = c * cx + s * cy
+    leftward = c * cy - s * cx
+    fan = work.fan
+    for k in range(work.noticed.shape[0]):
+        qx = forward - fan[0, k]
+        qy = leftward - fan[1, k]
+        square = qx * qx + qy * qy
+        reach = robot.proximity_reach[k] + radius
+        ahead = qx * fan[2, k] + qy * fan[3, k]
+        inside = (ahead > 0.0) & (ahead * ahead > CONE * CONE * square)
+        first = abs(qx * fan[5, k] - qy * fan[4, k]) < radius
+        last = abs(qx * fan[7, k] - qy * fan[6, k]) < radius
+        near = (square < reach * reach) & (inside | first | last)
+        work.noticed[k] = 1 if near else work.noticed[k]
+
+
+@step
+def notice(robot, arena, work):
+    """Mark the sensors that may read more than 0 (work.noticed)."""
+    notice_walls(robot, arena, work)
+    for j in range(arena.cylinders.shape[0]):
+        notice_cylinder(robot, arena, j, work)
+    if arena.segments.shape[0] > 0:
+        for k in range(work.noticed.shape[0]):
+            work.noticed[k] = 1
+
+
+@step
+def reflected(robot, k, work):
+    """Σ over the rays of cos^m β (a/(d + offset)² + b), outermost pairs first.
+
+    The order makes mirror-image sensors add mirror-image rays in the same order.
+    """
+    t = work.terms
+    a, b, offset = robot.proximity_law[k, 0], robot.proximity_law[k, 1], robot.proximity_law[k, 2]
+    if offset != 0.0:
+        for i in range(t.shape[0]):
+            work.inverse[i] = work.inverse[i] / (1.0 + offset * work.inverse[i])
+    for i in range(t.shape[0]):
+        t[i] = robot.proximity_weight[k, i] * (a * (work.inverse[i] * work.inverse[i]) + b)
+    return (t[0] + t[9]) + (t[1] + t[8]) + ((t[2] + t[7]) + (t[3] + t[6])) + (t[4] + t[5])
+
+
+@step
+def infrared(robot, arena, work, out):
+    """Noise-free readings of all proximity sensors into `out` ([P], counts, unrounded)."""
+    x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
+    notice(robot, arena, work)
+    for k in range(out.shape[0]):
+        out[k] = 0.0
+        if work.noticed[k] != 0:
+            px = x + c * robot.proximity_place[k, 0] - s * robot.proximity_place[k, 1]
+            py = y + s * robot.proximity_place[k, 0] + c * robot.proximity_place[k, 1]
+            turn_rays(robot.proximity_ray, k, c, s, work.ray_x, work.ray_y)
+            see(arena, px, py, work.ray_x, work.ray_y, work.inverse)
+            out[k] = min(max(reflected(robot, k, work), 0.0), robot.proximity_top)

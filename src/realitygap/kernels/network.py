@@ -1,0 +1,108 @@
+"""The recurrent delay network (§5.3) in integer arithmetic: ten updates of 10 ms a step.
+
+y(t) = clip(Σ w · y(t − 1 − delay) − threshold, −10, 10), all neurons at once. Sensor neurons
+hold the step's inputs, so what they send is added up once and changes only while a delay
+still reaches back into the step before; the links between computing neurons run every update.
+
+Outputs lie in one flat memory, a row an update: PAST rows of the step before, then the ten of
+this step. A link is then a weight and an offset back from the place that is being computed.
+"""
+
+import numpy as np
+
+from realitygap.kernels.jit import step
+from realitygap.kernels.params import MAX_DELAY, UPDATES
+
+LIMIT = 10
+"""Outputs lie in ±10."""
+PAST = MAX_DELAY + 1
+"""Rows kept from the step before: the longest delay, and the update before."""
+ROWS = PAST + UPDATES
+
+
+@step
+def wake(nets, n, work):
+    """Load network `n`; all outputs and inputs before the trial are 0."""
+    neurons = nets.neurons[n]
+    for i in range(neurons):
+        work.base[i] = -nets.thresholds[n, i]
+        work.link_end[i] = nets.link_start[n, i + 1]
+        for e in range(nets.link_start[n, i], nets.link_start[n, i + 1]):
+            back = (nets.links[n, e, 3] + 1) * neurons
+            work.link_back[e] = back + i - nets.links[n, e, 1]
+            work.link_weight[e] = nets.links[n, e, 2]
+    for i in range(PAST * neurons):
+        work.outputs[i] = 0
+    for i in range(work.inputs.shape[0]):
+        work.inputs[i] = 0
+        work.change[i] = 0
+    work.settled[0] = 0
+
+
+@step
+def arrive(nets, n, update, link, work):
+    """Add to `base` what reaches its targets with delay `update`: the inputs' changes.
+
+    Links are sorted by delay; returns the first link that has not arrived yet.
+    """
+    links = nets.sensor_links
+    while link < nets.sensor_count[n] and links[n, link, 3] == update:
+        work.base[links[n, link, 0]] += links[n, link, 2] * work.change[links[n, link, 1]]
+        link += 1
+    return link
+
+
+@step
+def update_neurons(neurons, place, work):
+    """One synchronous update into the row that begins at `place`."""
+    e = np.uint64(0)
+    one = np.uint64(1)
+    for i in range(np.uint64(neurons)):
+        total = work.base[i]
+        here = place + i
+        end = work.link_end[i]
+        while e < end:
+            total += work.link_weight[e] * work.outputs[here - work.link_back[e]]
+            e += one
+        work.outputs[here] = min(max(total, -LIMIT), LIMIT)
+
+
+@step
+def keep_past(neurons, work):
+    """Move the last rows to the front; note whether they are all alike (the network has settled)."""
+    settled = 1
+    shift = UPDATES * neurons
+    for i in range(PAST * neurons):
+        value = work.outputs[shift + i]
+        settled = settled if value == work.outputs[shift + i - neurons] else 0
+        work.outputs[i] = value
+    work.settled[0] = settled
+
+
+@step
+def think(nets, n, work):
+    """One step: ten synchronous updates with work.inputs held.
+
+    A settled network whose inputs have not changed computes the same outputs again, so it need
+    not: PAST + 1 rows alike are all that its longest delay can reach.
+    """
+    neurons = nets.neurons[n]
+    changed = False
+    for i in range(work.change.shape[0]):
+        changed = changed or work.change[i] != 0
+    if work.settled[0] == 1 and not changed:
+        return
+    link = 0
+    place = np.uint64(PAST * neurons)
+    for update in range(UPDATES):
+        if update <= MAX_DELAY:
+            link = arrive(nets, n, update, link, work)
+        update_neurons(neurons, place, work)
+        place += np.uint64(neurons)
+    keep_past(neurons, work)
+
+
+@step
+def output(nets, n, work, i):
+    """Output neuron `i`'s value after the last update."""
+    return work.outputs[MAX_DELAY * nets.neurons[n] + i]

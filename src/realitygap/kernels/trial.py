@@ -1,0 +1,158 @@
+"""One trial, and one step of it as a recipe: sense, think, act, move, note (§3.2).
+
+A task's score is taken from what was noted, when the trial is over.
+"""
+
+import math
+
+from realitygap.kernels.ambient import ambient
+from realitygap.kernels.contact import ground_speeds, settle
+from realitygap.kernels.infrared import infrared
+from realitygap.kernels.jit import step
+from realitygap.kernels.network import LIMIT, output, think, wake
+from realitygap.kernels.params import STEP_S
+from realitygap.kernels.rng import normals, sin_cos, uniform
+from realitygap.kernels.wheels import drive_arc, turn_wheel
+from realitygap.kernels.work import DRAWS, MOTOR_NOISE, noise_blocks
+
+PROXIMITY, AMBIENT = 0, 1
+
+
+@step
+def draw_start(task, stream, pose):
+    """A start of the task: uniform in its disc and its range of headings (draws 0 to 2)."""
+    radius = task.start[2] * math.sqrt(uniform(stream, 0))
+    s, c = sin_cos(6.283185307179586 * uniform(stream, 1))
+    pose[0] = task.start[0] + radius * c
+    pose[1] = task.start[1] + radius * s
+    pose[2] = task.start[3] + (task.start[4] - task.start[3]) * uniform(stream, 2)
+
+
+@step
+def face(work):
+    """Keep the heading's cosine and sine beside it."""
+    s, c = sin_cos(work.pose[2])
+    work.pose[3] = c
+    work.pose[4] = s
+
+
+@step
+def begin(nets, n, pose, work):
+    """Robot at rest at `pose`, network silent."""
+    for i in range(3):
+        work.pose[i] = pose[i]
+    face(work)
+    for i in range(2):
+        for j in range(work.wheel.shape[1]):
+            work.wheel[i, j] = 0.0
+    wake(nets, n, work)
+
+
+@step
+def draw_noise(level, stream, k, sensors, work):
+    """The normal numbers of step `k`: a function of the trial's stream and the step alone."""
+    if level > 0.0:
+        normals(stream, DRAWS * noise_blocks(sensors) * (k + 1), work.noise)
+
+
+@step
+def read(robot, feed, level, noise, readings):
+    """What the robot's converter makes of noise-free `readings`: noise, whole counts, clipping."""
+    lit, dark, top = robot.noise[0], robot.noise[1], robot.proximity_top
+    if feed == AMBIENT:
+        lit, dark, top = robot.noise[2], robot.noise[2], robot.ambient_law[2]
+    for i in range(readings.shape[0]):
+        value = readings[i]
+        if level > 0.0:
+            deviation = lit if value > 0.0 else dark
+            value += level * deviation * noise[MOTOR_NOISE + i]
+        readings[i] = min(max(math.floor(value + 0.5), 0.0), top)
+
+
+@step
+def scale_input(low, high, reading):
+    """A reading as an integer input −10 … 10, rounded half up ("bands", §7.2)."""
+    value = math.floor((reading - low) / (high - low) * (2.0 * LIMIT) - LIMIT + 0.5)
+    return int(min(max(value, -float(LIMIT)), float(LIMIT)))
+
+
+@step
+def sense(robot, arena, feed, level, work):
+    """Readings of the sensors that the task feeds to the network."""
+    if feed == AMBIENT:
+        ambient(robot, arena, work, work.readings)
+    else:
+        infrared(robot, arena, work, work.readings)
+    read(robot, feed, level, work.noise, work.readings)
+
+
+@step
+def feed_network(robot, task, work):
+    """Readings become inputs; `change` keeps the difference to the step before."""
+    low = robot.bands[task.feed, 0]
+    high = robot.bands[task.feed, 1]
+    for i in range(task.channels.shape[0]):
+        channel = task.channels[i]
+        new = scale_input(low, high, work.readings[channel]) if channel >= 0 else 0
+        work.change[i] = new - work.inputs[i]
+        work.inputs[i] = new
+
+
+@step
+def act(robot, nets, n, level, work):
+    """The motor neurons' outputs are the wheels' targets; noisy friction and speed."""
+    for w in range(2):
+        drag = 1.0
+        slip = 0.0
+        if level > 0.0:
+            drag = 1.0 + level * robot.noise[4] * work.noise[w]
+            slip = level * robot.noise[3] * work.noise[2 + w]
+        target = output(nets, n, work, w) * (robot.top_command / LIMIT) * robot.speed_per_unit[w]
+        turn_wheel(robot, work.wheel[w], target, drag, slip)
+
+
+@step
+def move(robot, arena, work):
+    """The wheels' arcs carry the body, as far as walls and cylinders let it."""
+    left = work.wheel[0, 0]
+    right = work.wheel[1, 0]
+    dx, dy, turn, share, cos_mean, sin_mean = drive_arc(
+        robot.track, left, right, work.pose[3], work.pose[4]
+    )
+    x, y, touched = settle(arena, robot.radius, work.pose[0], work.pose[1], dx, dy)
+    work.ground[2] = 1.0 if touched else 0.0
+    if touched:
+        left, right = ground_speeds(
+            x - work.pose[0], y - work.pose[1], turn, share, cos_mean, sin_mean, robot.track, STEP_S
+        )
+    work.ground[0] = left
+    work.ground[1] = right
+    work.pose[0] = x
+    work.pose[1] = y
+    work.pose[2] += turn
+    face(work)
+
+
+@step
+def note(path, k, work):
+    """What the score will see of this step."""
+    path.x[k] = work.pose[0]
+    path.y[k] = work.pose[1]
+    path.heading[k] = work.pose[2]
+    path.left[k] = work.ground[0]
+    path.right[k] = work.ground[1]
+    path.contact[k] = work.ground[2]
+
+
+@step
+def run_trial(robot, arena, task, nets, n, level, stream, pose, work, path):
+    """One trial of network `n` from `pose`, noted in `path`."""
+    begin(nets, n, pose, work)
+    for k in range(task.steps):
+        draw_noise(level, stream, k, work.readings.shape[0], work)
+        sense(robot, arena, task.feed, level, work)
+        feed_network(robot, task, work)
+        think(nets, n, work)
+        act(robot, nets, n, level, work)
+        move(robot, arena, work)
+        note(path, k, work)

@@ -1,0 +1,55 @@
+"""The wheels under PID control (§3.2.2), and the arc that they drive the body along."""
+
+from realitygap.kernels.jit import step
+from realitygap.kernels.params import STEP_S
+from realitygap.kernels.rng import sin_cos
+
+MEMORY = 5
+"""The integral term is the sum of the proportional terms of the last five steps."""
+
+# A row of `work.wheel`: speed U, last change δv, then the last five P, newest first.
+SPEED, CHANGE, ERRORS = 0, 1, 2
+
+
+@step
+def turn_wheel(robot, wheel, target, drag, slip):
+    """One step of one wheel towards `target` (cm/s); returns its new speed U (cm/s).
+
+    δv = (Kp·P + Ki·I + Kd·D) / 50000. `drag` multiplies the friction threshold, `slip` is the
+    relative error of the achieved speed (both carry the noise).
+    """
+    for i in range(MEMORY - 1, 0, -1):
+        wheel[ERRORS + i] = wheel[ERRORS + i - 1]
+    speed = wheel[SPEED]
+    proportional = (target - speed) / STEP_S
+    wheel[ERRORS] = proportional
+    integral = 0.0
+    for i in range(MEMORY):
+        integral += wheel[ERRORS + i]
+    # Static friction: a resting wheel does not move until the integral term passes a threshold.
+    if abs(speed) < robot.friction[0] and abs(integral) <= robot.friction[1] * drag:
+        wheel[SPEED] = 0.0
+        wheel[CHANGE] = 0.0
+        return 0.0
+    gains = robot.gains
+    change = (gains[0] * proportional + gains[1] * integral + gains[2] * wheel[CHANGE]) / gains[3]
+    speed = speed + change
+    wheel[CHANGE] = change
+    wheel[SPEED] = speed + slip * speed
+    return wheel[SPEED]
+
+
+@step
+def drive_arc(track, left, right, c, s):
+    """How far one step takes the body: (dx, dy, turn, chord share, mean heading's cos and sin).
+
+    Exact differential drive: a chord of length v·dt·sin(h)/h, h half the turn, at mean heading.
+    (c, s) = (cos, sin) of the heading before the step.
+    """
+    half = (right - left) * (0.5 * STEP_S) / track
+    sin_half, cos_half = sin_cos(half)
+    share = sin_half / half if abs(half) > 1e-6 else 1.0 - half * half / 6.0
+    cos_mean = c * cos_half - s * sin_half
+    sin_mean = s * cos_half + c * sin_half
+    chord = 0.5 * (left + right) * STEP_S * share
+    return chord * cos_mean, chord * sin_mean, 2.0 * half, share, cos_mean, sin_mean

@@ -1,0 +1,99 @@
+"""The scratch paper of one trial: allocated once a batch, so that no step allocates."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.kernels.jit import step
+from realitygap.kernels.network import ROWS
+from realitygap.kernels.params import LANES, RAYS, F, Networks, Robot, Trial
+
+DRAWS = 8
+"""Random draws of one block of noise, which make 16 normal numbers."""
+MOTOR_NOISE = 4
+"""Normal numbers of a step that go to the motors: friction left, right; speed left, right."""
+
+
+class Work(NamedTuple):
+    """Arrays of one trial; the letters are those of params.py."""
+
+    ray_x: F
+    ray_y: F
+    inverse: F
+    terms: F
+    light: F
+    far: F
+    hidden: F
+    end_x: F
+    end_y: F
+    """[LANES] each."""
+    noise: F
+    """[16·m] normal numbers of this step."""
+    readings: F
+    """[P or A] what the fed sensors read, counts."""
+    pose: F
+    """[5] x, y, heading and the heading's cosine and sine."""
+    start: F
+    """[3] where the trial begins: x, y, heading."""
+    wheel: F
+    """[2, 8] see wheels.py."""
+    ground: F
+    """[3] speeds of the wheels over the ground (cm/s), contact (0 or 1)."""
+    base: NDArray[np.int32]
+    """[M] −threshold plus what the inputs send, of each computing neuron."""
+    outputs: NDArray[np.int32]
+    """[ROWS · M] see network.py."""
+    link_end: NDArray[np.uint64]
+    """[M] first link that is not of this neuron."""
+    link_back: NDArray[np.uint64]
+    """[K] how far back in `outputs` a link's source lies."""
+    link_weight: NDArray[np.int32]
+    """[K]."""
+    settled: NDArray[np.int64]
+    """[1] 1 if the network repeats itself until an input changes."""
+    inputs: NDArray[np.int32]
+    """[I] the step's inputs."""
+    change: NDArray[np.int32]
+    """[I] how far they changed since the step before."""
+    fan: F
+    """[8, P] of each proximity sensor: place, direction, first ray and last ray, x and y each."""
+    noticed: NDArray[np.int64]
+    """[P] 1 unless a proximity sensor certainly reads 0."""
+
+
+@step
+def noise_blocks(sensors):
+    """Blocks of 16 normal numbers that a step needs for `sensors` readings and the motors."""
+    return (sensors + MOTOR_NOISE + 15) // 16
+
+
+def spread_fan(robot: Robot) -> F:
+    """The proximity sensors' fans, a row a component, so that all sensors go side by side."""
+    sensors = robot.proximity_place.shape[0]
+    fan = np.zeros((8, sensors))
+    for k in range(sensors):
+        for axis in range(2):
+            fan[axis, k] = robot.proximity_place[k, axis]
+            fan[2 + axis, k] = robot.proximity_ray[k, axis, RAYS]
+            fan[4 + axis, k] = robot.proximity_ray[k, axis, 0]
+            fan[6 + axis, k] = robot.proximity_ray[k, axis, RAYS - 1]
+    return fan
+
+
+def new_work(robot: Robot, task: Trial, nets: Networks) -> Work:
+    """Scratch for trials of `task` by `robot` under any of `nets`."""
+    fed = robot.ambient_place if task.feed else robot.proximity_place
+    sensors = fed.shape[0]
+    inputs = task.channels.shape[0]
+    neurons = nets.thresholds.shape[1]
+    links = nets.links.shape[1]
+    return Work(
+        np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES),
+        np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES),
+        np.zeros(16 * noise_blocks(sensors)), np.zeros(sensors), np.zeros(5), np.zeros(3), np.zeros((2, 8)),
+        np.zeros(3), np.zeros(neurons, np.int32), np.zeros(ROWS * neurons, np.int32),
+        np.zeros(neurons, np.uint64), np.zeros(links, np.uint64), np.zeros(links, np.int32),
+        np.zeros(1, np.int64), np.zeros(inputs, np.int32), np.zeros(inputs, np.int32),
+        spread_fan(robot), np.zeros(robot.proximity_place.shape[0], np.int64),
+    )

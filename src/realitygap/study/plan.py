@@ -1,0 +1,81 @@
+"""The runs of a study: their names, their order and where their randomness comes from."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.kernels.jit import routine
+from realitygap.kernels.rng import substream
+from realitygap.study.materials import Materials
+from realitygap.world.noise import noise_level, noise_name
+
+__all__ = ["BREEDING", "FRESH", "RETEST", "TRIALS", "Plan", "named", "plans", "run_stream", "trial_streams"]
+
+BREEDING, TRIALS, RETEST, FRESH = 1, 2, 3, 4
+"""Names of the streams under a run's: the algorithm's draws, its evaluations' trials, the retest
+of the last population, the fresh trials of the fittest and the champion."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """One run to be carried out: run `index` (from 1) of a condition; ids count from 1."""
+
+    id: int
+    name: str
+    condition: int
+    task: str
+    noise: float
+    index: int
+    stream: np.uint64
+
+
+def plans(materials: Materials) -> tuple[Plan, ...]:
+    """All runs of a study, condition by condition."""
+    config = materials.config
+    made: list[Plan] = []
+    for position, (condition, task) in enumerate(zip(config.conditions, materials.tasks, strict=True)):
+        for index in range(1, config.runs + 1):
+            plan = Plan(
+                id=len(made) + 1,
+                name=f"{task.name}/{named(condition.noise)}/{index}",
+                condition=position,
+                task=task.name,
+                noise=condition.noise,
+                index=index,
+                stream=run_stream(config.seed, task.name, condition.noise, index),
+            )
+            made.append(plan)
+    return tuple(made)
+
+
+def run_stream(seed: int, task: str, noise: float, index: int) -> np.uint64:
+    """Where a run's randomness comes from: not from what else is in the study."""
+    digest = hashlib.blake2b(f"{task}/{noise!r}".encode(), digest_size=8).digest()
+    condition = substream(np.uint64(seed), np.uint64(int.from_bytes(digest, "little")))
+    return np.uint64(substream(np.uint64(condition), np.uint64(index)))
+
+
+def named(noise: float) -> str:
+    """A noise level's name, or all of its digits."""
+    name = noise_name(noise)
+    return name if noise_level(name) == noise else repr(noise)
+
+
+@routine
+def _streams(stream, first, count, trials):
+    out = np.empty((count, trials), np.uint64)
+    for e in range(count):
+        evaluation = substream(stream, np.uint64(first + e))
+        for t in range(trials):
+            out[e, t] = substream(evaluation, np.uint64(t))
+    return out
+
+
+def trial_streams(stream: np.uint64, first: int, count: int, trials: int) -> NDArray[np.uint64]:
+    """Streams [count, trials] of the trials of evaluations `first` and on, under a run's TRIALS."""
+    streams: NDArray[np.uint64] = _streams(np.uint64(stream), first, count, trials)
+    return streams
