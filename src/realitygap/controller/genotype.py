@@ -8,7 +8,8 @@ The text has a line a neuron and a line a link, so that two genotypes can be com
     slot 8 threshold -3  # left motor
       link 0 from 2 weight 4 delay 0
       link 3 from 14 weight -2 delay 1  # dormant
-    slot 12 off threshold 5
+    slot 9 threshold 10  # right motor
+    slot 12 off threshold 5  # hidden
     end
 
 What is left out is blank; `off` marks content that is stored but not expressed; anything after

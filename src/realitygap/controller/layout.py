@@ -92,17 +92,17 @@ def check_genes(genes: Genes, layout: Layout, *, source: str = "the genotype") -
         raise GenotypeError(f"{source}: expected an array int8{list(layout.shape)}, got {came}")
     links = genes[:, FIRST_LINK:].reshape(layout.slots, layout.links, LINK_FIELDS)
     for name, values, low, high in (
-        ("expressed flag", genes[:, EXPRESSED], 0, 1),
-        ("threshold", genes[:, THRESHOLD], -MAX_THRESHOLD, MAX_THRESHOLD),
-        ("link's expressed flag", links[:, :, 0], 0, 1),
-        ("link's source slot", links[:, :, SOURCE], 0, layout.slots - 1),
-        ("link's weight", links[:, :, WEIGHT], -MAX_WEIGHT, MAX_WEIGHT),
-        ("link's delay", links[:, :, DELAY], 0, MAX_DELAY),
+        ("an expressed flag", genes[:, EXPRESSED], 0, 1),
+        ("a threshold", genes[:, THRESHOLD], -MAX_THRESHOLD, MAX_THRESHOLD),
+        ("a link's expressed flag", links[:, :, 0], 0, 1),
+        ("a link's source slot", links[:, :, SOURCE], 0, layout.slots - 1),
+        ("a link's weight", links[:, :, WEIGHT], -MAX_WEIGHT, MAX_WEIGHT),
+        ("a link's delay", links[:, :, DELAY], 0, MAX_DELAY),
     ):
         wrong = np.argwhere((values < low) | (values > high))
         if len(wrong):
             slot, value = int(wrong[0][0]), int(values[tuple(wrong[0])])
-            raise GenotypeError(f"{source}: slot {slot}: a {name} must be {low} to {high}, not {value}")
+            raise GenotypeError(f"{source}: slot {slot}: {name} must be {low} to {high}, not {value}")
     missing = np.flatnonzero(genes[: layout.first_hidden, EXPRESSED] == 0)
     if len(missing):
         slot = int(missing[0])

@@ -1,0 +1,164 @@
+"""Networks judged by the slow obvious one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from realitygap.controller.layout import FIRST_LINK, Layout
+from realitygap.controller.network import NetworkController, decode, neurons
+from realitygap.controller.operators import Variation
+from realitygap.errors import GenotypeError, UsageError
+from realitygap.kernels.params import Networks
+from tests.controller.reference import ReferenceNetwork
+from tests.controller.strategies import SMALL, drives, genotypes
+
+
+def commands(controller: NetworkController, steps) -> list[tuple[int, int]]:
+    controller.reset()
+    return [(c.left, c.right) for c in (controller.decide(inputs) for inputs in steps)]
+
+
+def drive_dense(net: Networks, steps, i: int = 0) -> list[tuple[int, int]]:
+    """What the dense arrays mean, spelled out: network `i` on a sequence of inputs."""
+    m = int(net.neurons[i])
+    outputs, held = [[0] * m], []
+    made = []
+    for inputs in steps:
+        held.append(inputs)
+        for _ in range(10):
+            t = len(outputs) - 1
+            total = [-int(threshold) for threshold in net.thresholds[i, :m]]
+            for target, source, weight, delay in net.sensor_links[i, : net.sensor_count[i]].tolist():
+                total[target] += weight * held[(t - delay) // 10][source] if t >= delay else 0
+            for neuron in range(m):
+                for e in range(net.link_start[i, neuron], net.link_start[i, neuron + 1]):
+                    target, source, weight, delay = net.links[i, e].tolist()
+                    assert target == neuron
+                    total[neuron] += weight * outputs[t - delay][source] if t >= delay else 0
+            outputs.append([min(10, max(-10, value)) for value in total])
+        made.append((outputs[-1][0], outputs[-1][1]))
+    return made
+
+
+@settings(deadline=None)
+@given(genotypes(), drives())
+def test_controller_is_the_reference(genes, steps):
+    """A controller commands what the slow obvious network commands."""
+    assert commands(NetworkController(genes, SMALL), steps) == ReferenceNetwork(genes, 3).drive(steps)
+
+
+@settings(deadline=None)
+@given(genotypes(), drives())
+def test_decoded_arrays_are_the_reference(genes, steps):
+    """Dense arrays, pruned or not, hold the same network as the genotype."""
+    expected = ReferenceNetwork(genes, 3).drive(steps)
+    assert drive_dense(decode(genes, SMALL), steps) == expected
+    assert drive_dense(decode(genes, SMALL, prune=False), steps) == expected
+
+
+@settings(deadline=None)
+@given(genotypes(), drives())
+def test_reset_forgets_everything(genes, steps):
+    """A controller that was reset drives as a new one."""
+    controller = NetworkController(genes, SMALL)
+    first = commands(controller, steps)
+    assert commands(controller, steps) == first
+
+
+@settings(deadline=None)
+@given(genotypes(), drives())
+def test_neurons_without_links_change_nothing(genes, steps):
+    """Adding or deleting a neuron that nobody links to leaves the behaviour as it was."""
+    slot = SMALL.slots - 1
+    field = genes[:, FIRST_LINK:].reshape(SMALL.slots, SMALL.links, 4)
+    field[:, :, 0] &= field[:, :, 1] != slot
+    without, added = genes.copy(), genes.copy()
+    without[slot, 0], added[slot, 0] = 0, 1
+    before = ReferenceNetwork(without, 3).drive(steps)
+    assert commands(NetworkController(added, SMALL), steps) == before
+    assert drive_dense(decode(added, SMALL), steps) == before
+
+
+@settings(deadline=None, max_examples=50)
+@given(genotypes())
+def test_deleted_neurons_leave_their_links_dormant(genes):
+    """Deleting a neuron and putting it back gives the same network: its links were dormant."""
+    genes[-1, 0] = 1
+    gone = genes.copy()
+    gone[-1, 0] = 0
+    others = neurons(genes, SMALL)[:-1]
+    kept = [n._replace(links=tuple(x for x in n.links if x.source != 8)) for n in others]
+    assert list(neurons(gone, SMALL)) == kept
+    gone[-1, 0] = 1
+    assert neurons(gone, SMALL) == neurons(genes, SMALL)
+
+
+@settings(deadline=None, max_examples=50)
+@given(genotypes())
+def test_dense_arrays_are_sorted(genes):
+    """Outputs come first, sensor links by delay, other links by target, the rest is blank."""
+    net = decode(genes, SMALL, prune=False)
+    used, last = int(net.sensor_count[0]), int(net.link_start[0, net.neurons[0]])
+    assert (net.thresholds[0, :2] == genes[3:5, 1]).all()
+    assert (np.diff(net.sensor_links[0, :used, 3]) >= 0).all()
+    assert (np.diff(net.links[0, :last, 0]) >= 0).all()
+    assert not net.sensor_links[0, used:].any() and not net.links[0, last:].any()
+    assert net.neurons[0] == genes[3:, 0].sum()
+    assert used + last == sum(len(neuron.links) for neuron in neurons(genes, SMALL))
+
+
+def test_a_batch_is_its_parts():
+    """Decoding many genotypes at once gives each of them as decoding it alone."""
+    variation = Variation(start_neurons=0.4)
+    genes = np.stack([variation.random(np.uint64(k)) for k in range(20)])
+    many = decode(genes, variation.layout)
+    for k, one in enumerate(genes):
+        for whole, part in zip(many, decode(one, variation.layout), strict=True):
+            assert whole.dtype == part.dtype and (whole[k] == part[0]).all()
+
+
+def test_pruning_leaves_out_what_no_motor_hears():
+    """A hidden neuron that reaches no motor, or only by weight 0, is left out; others stay."""
+    genes = np.zeros(SMALL.shape, np.int8)
+    genes[:9, 0] = 1
+    genes[3, 2:6] = 1, 5, 2, 0  # the left motor hears slot 5,
+    genes[5, 2:6] = 1, 6, 2, 0  # which hears slot 6;
+    genes[4, 2:6] = 1, 7, 0, 0  # the right motor hears slot 7 with weight 0,
+    genes[8, 2:6] = 1, 8, 4, 0  # and slot 8 hears itself alone.
+    assert decode(genes, SMALL).neurons[0] == 4
+    assert decode(genes, SMALL, prune=False).neurons[0] == 6
+
+
+def test_outputs_tell_what_every_neuron_says():
+    """After a step the controller shows inputs, motors and hidden neurons by slot."""
+    genes = np.zeros(SMALL.shape, np.int8)
+    genes[:6, 0] = 1
+    genes[5, 1:6] = -3, 1, 0, 1, 0
+    controller = NetworkController(genes, SMALL)
+    controller.decide([4, 0, -2])
+    assert controller.outputs == (4, 0, -2, 0, 0, 7, 0, 0, 0)
+
+
+def test_wrong_input_counts_are_refused():
+    """Another number of inputs than the network has is refused, with both numbers."""
+    controller = NetworkController(_blank(), Layout())
+    with pytest.raises(UsageError, match="8 inputs, not 3"):
+        controller.decide([0, 0, 0])
+
+
+def _blank():
+    genes = np.zeros(Layout().shape, np.int8)
+    genes[:10, 0] = 1
+    return genes
+
+
+@pytest.mark.parametrize(
+    "genes",
+    [np.zeros((30, 34)), np.zeros((30, 33), np.int8), np.zeros((9, 34), np.int8), np.zeros(4, np.int8)],
+)
+def test_arrays_of_another_kind_are_refused(genes):
+    """Decoding refuses what is no genotype and says what it expected."""
+    with pytest.raises(GenotypeError, match=r"int8\[N, 30, 34\]"):
+        decode(genes, Layout())
