@@ -8,6 +8,7 @@ __all__ = [
     "RealityGapError",
     "StudyBusyError",
     "StudyError",
+    "StudyInterruptedError",
     "TaskError",
     "UsageError",
 ]
@@ -43,3 +44,9 @@ class StudyError(UsageError):
 
 class StudyBusyError(StudyError):
     """Another process is working on the study."""
+
+
+class StudyInterruptedError(RealityGapError, KeyboardInterrupt):
+    """Ctrl-C while a study ran: what was saved is kept. Whoever waits for KeyboardInterrupt gets it."""
+
+    exit_code = 130

@@ -1,1 +1,1 @@
-"""TODO(owner): one line."""
+"""Studies: configuration, one run, many runs, the store, resuming. A study is a folder."""

@@ -66,7 +66,7 @@ def named(noise: float) -> str:
 
 
 @routine
-def _streams(stream, first, count, trials):
+def _streams(stream: np.uint64, first: int, count: int, trials: int) -> NDArray[np.uint64]:
     out = np.empty((count, trials), np.uint64)
     for e in range(count):
         evaluation = substream(stream, np.uint64(first + e))

@@ -1,0 +1,178 @@
+"""What a study is to do: every setting that a result depends on, in TOML and out.
+
+A condition is a task at a noise level; each is evolved `runs` times. Whatever is left out takes
+the paper's value. Paths are relative to the file that names them.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any, Self
+
+from realitygap.controller.layout import Layout
+from realitygap.controller.operators import Variation
+from realitygap.errors import ConfigError
+from realitygap.study.parts import Condition, Encoding, Evolution, TaskSettings
+from realitygap.study.settings import apply, whole
+from realitygap.tasks.task import Task
+from realitygap.world.files import Value, build, require
+from realitygap.world.files import to_toml as write_toml
+from realitygap.world.noise import NOISE_LEVELS, noise_level
+
+__all__ = ["Condition", "Encoding", "Evolution", "StudyConfig", "TaskSettings"]
+
+LARGEST = 2**63 - 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyConfig(Value):
+    """A study's whole configuration.
+
+    Attributes:
+        title: for people, on the report.
+        seed: everything random follows from it.
+        runs: evolutionary runs of each condition; evaluations: in each run, the first population
+            included.
+        retest_trials: trials that choose the champion among the last population.
+        fresh_trials: trials, at each of the three noise levels, of the fittest and the champion.
+        checkpoint_every: evaluations that a killed process loses at most; changes no result.
+        profile: the robot, a shipped name or a TOML file.
+        conditions: tasks and noise levels, in this order.
+        task: changes to every task, as `task.seconds`.
+        evolution, variation, encoding: the algorithm, its operators' rates, the genotype's size.
+        arenas: another arena for a task, by the task's name.
+
+    Raises:
+        ConfigError: names the key, what was expected and what came.
+    """
+
+    title: str = ""
+    seed: int = 1995
+    runs: int = 5
+    evaluations: int = 1000
+    retest_trials: int = 20
+    fresh_trials: int = 200
+    checkpoint_every: int = 100
+    profile: str = "paper"
+    conditions: tuple[Condition, ...] = ()
+    task: TaskSettings = field(default_factory=TaskSettings)
+    evolution: Evolution = field(default_factory=Evolution)
+    variation: Variation = field(default_factory=Variation)
+    encoding: Encoding = field(default_factory=Encoding)
+    arenas: dict[str, str] = field(default_factory=dict)
+
+    def _check(self) -> None:
+        whole("seed", self.seed, 0, LARGEST)
+        whole("runs", self.runs, 1, 10**6)
+        whole("evaluations", self.evaluations, 1, 10**9)
+        for key in ("retest_trials", "fresh_trials"):
+            whole(key, getattr(self, key), 1, 10**6)
+        whole("checkpoint_every", self.checkpoint_every, 1, 10**5)
+        require(bool(self.conditions), "conditions", "one or more, each a task and a noise level", [])
+        cure = "Each condition is run `runs` times: leave out the repetition."
+        pairs = [(c.task, c.noise) for c in self.conditions]
+        require(len(set(pairs)) == len(pairs), "conditions", "different ones", pairs, cure)
+        plain = self.variation.layout == Layout()
+        layout = self.variation.layout
+        require(plain, "variation.layout", "nothing: use encoding.slots and encoding.links", layout)
+        texts = isinstance(self.arenas, Mapping) and all(isinstance(v, str) for v in self.arenas.values())
+        expected = 'task names with an arena each, such as light-seeking = "mine.toml"'
+        require(texts, "arenas", expected, self.arenas)
+
+    @classmethod
+    def reproduction(cls, *, runs: int = 5, evaluations: int = 1000, seed: int = 1995) -> Self:
+        """The paper's study (§6): two tasks at three noise levels."""
+        conditions = tuple(
+            Condition(task=task, noise=noise)
+            for task in ("obstacle-avoidance", "light-seeking")
+            for noise in NOISE_LEVELS.values()
+        )
+        title = "Jakobi, Husbands and Harvey (1995), in simulation"
+        return cls(title=title, runs=runs, evaluations=evaluations, seed=seed, conditions=conditions)
+
+    @classmethod
+    def single(cls, task: str | Path, noise: str | float = "observed", **others: Any) -> Self:
+        """One task at one noise level; `others` are further fields."""
+        condition = Condition(task=str(task), noise=noise_level(noise))
+        return cls(conditions=(condition,), **{"runs": 1, **others})
+
+    @classmethod
+    def from_dict(cls, table: Mapping[str, Any]) -> Self:
+        """From a dictionary with a file's keys (`versions`, which a study adds, is left out)."""
+        try:
+            return build(cls, {key: value for key, value in table.items() if key != "versions"})
+        except ConfigError:
+            raise
+        except ValueError as error:  # the algorithm's and the variation's own words
+            raise ConfigError(str(error)) from None
+
+    @classmethod
+    def from_toml(cls, path: str | Path, *, local: bool = False) -> Self:
+        """From a file; what it names beside itself is found there, unless names are to stay `local`.
+
+        Raises:
+            ConfigError: names the file and the key or the line.
+        """
+        path = Path(path)
+        try:
+            config = cls.from_dict(tomllib.loads(path.read_text("utf-8")))
+            return config if local else config.beside(path.parent)
+        except FileNotFoundError:
+            raise ConfigError(f"{path}: no such file. Give the path of a study's TOML file.") from None
+        except OSError as error:
+            reason = f"cannot be read ({error.strerror})"
+            raise ConfigError(f"{path}: {reason}. Check the path and its rights.") from None
+        except UnicodeDecodeError:
+            raise ConfigError(f"{path}: not a text file in UTF-8, as TOML must be.") from None
+        except tomllib.TOMLDecodeError as error:
+            raise ConfigError(f"{path}: not a TOML file: {error}. Correct that line.") from None
+        except ConfigError as error:
+            raise ConfigError(f"{path}: {error}") from None
+
+    def beside(self, folder: Path) -> Self:
+        """The same with the files that lie in `folder` named by their whole path."""
+
+        def found(name: str) -> str:
+            place = folder / name
+            return str(place.resolve()) if place.suffix in (".py", ".toml") and place.is_file() else name
+
+        return replace(
+            self,
+            profile=found(self.profile),
+            conditions=tuple(replace(c, task=found(c.task)) for c in self.conditions),
+            arenas={task: found(arena) for task, arena in self.arenas.items()},
+        )
+
+    def with_settings(self, settings: Iterable[str]) -> Self:
+        """The same with texts such as "variation.mutation=0.1" carried out.
+
+        Raises:
+            ConfigError: names the key, with the nearest known one, or what was expected of it.
+        """
+        return self.from_dict(apply(self.to_dict(), settings))
+
+    def variation_for(self, task: Task) -> Variation:
+        """The operators on genotypes with an input for each of the task's sensors."""
+        size = Layout(inputs=len(task.sensors), slots=self.encoding.slots, links=self.encoding.links)
+        return replace(self.variation, layout=size)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The configuration as a dictionary, keys as in its file."""
+        rates = {f.name: getattr(self.variation, f.name) for f in fields(Variation) if f.name != "layout"}
+        plain = {f.name: getattr(self, f.name) for f in fields(self)}
+        return {
+            **plain,
+            "conditions": [c.to_dict() for c in self.conditions],
+            "task": self.task.to_dict(),
+            "evolution": self.evolution.to_dict(),
+            "variation": rates,
+            "encoding": self.encoding.to_dict(),
+            "arenas": dict(self.arenas),
+        }
+
+    def to_toml(self) -> str:
+        """The configuration as a file, which reads back to an equal one."""
+        return write_toml(self.to_dict())

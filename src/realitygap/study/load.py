@@ -1,0 +1,259 @@
+"""Read a study back, finished or not, while another process may be working on it.
+
+Tables are dictionaries of NumPy columns: `pandas.DataFrame(study.evaluations())` needs no more.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.controller.layout import Genes, Layout
+from realitygap.errors import StudyError
+from realitygap.evolution.algorithm import State
+from realitygap.study.config import StudyConfig
+from realitygap.study.folder import read_config
+from realitygap.study.materials import Materials, gather
+from realitygap.study.plan import Plan, plans
+from realitygap.study.schema import check_format, told
+from realitygap.study.store import DATABASE
+from realitygap.tasks.task import Task
+from realitygap.world.noise import noise_name
+from realitygap.world.profile import Profile
+
+__all__ = ["Run", "Study", "Table", "load_study"]
+
+Table = dict[str, NDArray[Any]]
+
+
+def load_study(path: str | Path) -> Study:
+    """A study from its folder, as it is now; evaluations are read when asked for.
+
+    Raises:
+        StudyError: no study there, or a database that is broken or of another format.
+        ConfigError: a broken study.toml.
+    """
+    return Study(Path(path))
+
+
+class Study:
+    """A study: its configuration, its runs as they were when it was loaded, its tables."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.config: StudyConfig = read_config(folder)
+        self.runs: list[Run] = self._read_runs()
+
+    def __repr__(self) -> str:
+        done = sum(run.finished for run in self.runs)
+        return f"<Study {str(self.folder)!r}: {done} of {len(self.runs)} runs finished>"
+
+    @cached_property
+    def _materials(self) -> Materials:
+        return gather(self.config, self.folder)
+
+    @property
+    def profile(self) -> Profile:
+        """The robot."""
+        return self._materials.profile
+
+    def task(self, name: str) -> Task:
+        """A task of the study, with the study's settings and arena."""
+        return self._materials.task(name)
+
+    def layout(self, task: str) -> Layout:
+        """The size of the genotypes that evolve in a task."""
+        return self.config.variation_for(self.task(task)).layout
+
+    def run(self, id_or_name: int | str) -> Run:
+        """One run.
+
+        Raises:
+            StudyError: no such run.
+        """
+        for run in self.runs:
+            if id_or_name in (run.id, run.name, str(run.id)):
+                return run
+        raise StudyError(
+            f"{self.folder}: expected a run, 1 to {len(self.runs)} or a name such as {self.runs[0].name!r}, "
+            f"got {id_or_name!r}."
+        )
+
+    def evaluations(self, run: int | None = None) -> Table:
+        """Every evaluation of a run, or of all: run, number, fitness, score_1 …, parents, cell."""
+        with self.reading() as database:
+            names = [row[1] for row in database.execute("PRAGMA table_info(evaluation)")]
+        kinds = {name: float if name.startswith(("fitness", "score_")) else np.int64 for name in names[:-1]}
+        return self._table("evaluation", kinds, "ORDER BY run, number", run)
+
+    def genotypes(self, run: int) -> Genes:
+        """int8 [n, slots, fields]: all individuals of a run, in the order of evaluation."""
+        shape = self.layout(self.run(run).task).shape
+        with self.reading() as database:
+            query = "SELECT genotype FROM evaluation WHERE run = ? ORDER BY number"
+            rows = [row[0] for row in database.execute(query, (run,))]
+        return np.frombuffer(b"".join(rows), np.int8).reshape(-1, *shape)
+
+    def genotype(self, run: int, number: int) -> Genes:
+        """int8 [slots, fields]: the individual of one evaluation.
+
+        Raises:
+            StudyError: no such evaluation.
+        """
+        shape = self.layout(self.run(run).task).shape
+        with self.reading() as database:
+            query = "SELECT genotype FROM evaluation WHERE run = ? AND number = ?"
+            row = database.execute(query, (run, number)).fetchone()
+        if row is None:
+            raise StudyError(f"{self.folder}: run {run} has no evaluation {number}.")
+        return np.frombuffer(row[0], np.int8).reshape(shape).copy()
+
+    def tests(self, run: int | None = None) -> Table:
+        """Fresh trials: run, who (fittest or champion), noise, trial, score."""
+        kinds = {"run": np.int64, "who": "U8", "noise": float, "trial": np.int64, "score": float}
+        return self._table("test", kinds, "ORDER BY run, who DESC, noise, trial", run)
+
+    def retests(self, run: int | None = None) -> Table:
+        """The last populations' retest: run, cell, number, trial, score."""
+        kinds = {"run": np.int64, "cell": np.int64, "number": np.int64, "trial": np.int64, "score": float}
+        return self._table("retest", kinds, "ORDER BY run, cell, trial", run)
+
+    def state(self, run: int) -> State | None:
+        """What a run's last checkpoint holds; None before the first."""
+        with self.reading() as database:
+            row = database.execute("SELECT state FROM checkpoint WHERE run = ?", (run,)).fetchone()
+        return None if row is None else State.from_bytes(row[0])
+
+    @contextmanager
+    def reading(self) -> Iterator[sqlite3.Connection]:
+        """The database, to read from.
+
+        Raises:
+            StudyError: it is broken, or not a study's.
+        """
+        path = self.folder / DATABASE
+        with told(path), closing(_open(path)) as database:
+            check_format(database, path)
+            yield database
+
+    def _table(self, name: str, kinds: Mapping[str, Any], order: str, run: int | None) -> Table:
+        where, values = ("", ()) if run is None else ("WHERE run = ?", (self.run(run).id,))
+        with self.reading() as database:
+            database.execute("BEGIN")
+            count = database.execute(f"SELECT count(*) FROM {name} {where}", values).fetchone()[0]
+            rows = database.execute(f"SELECT {', '.join(kinds)} FROM {name} {where} {order}", values)
+            filled = np.fromiter(map(_nan_for_none, rows), np.dtype(list(kinds.items())), count)
+        return {key: np.ascontiguousarray(filled[key]) for key in kinds}
+
+    def _read_runs(self) -> list[Run]:
+        query = (
+            "SELECT id, name, task, noise, position, evaluations, best_fitness, fittest, champion, "
+            "champion_fitness, finished FROM run ORDER BY id"
+        )
+        with self.reading() as database:
+            return [
+                Run(
+                    id=row[0],
+                    name=row[1],
+                    task=row[2],
+                    noise=row[3],
+                    index=row[4],
+                    seed=self.config.seed,
+                    evaluations=row[5],
+                    best_fitness=row[6],
+                    fittest_number=row[7],
+                    champion_number=row[8],
+                    champion_fitness=row[9],
+                    finished=bool(row[10]),
+                    study=self,
+                )
+                for row in database.execute(query)
+            ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """One evolutionary run, as far as it is; None where it is not that far yet.
+
+    Attributes:
+        id: from 1; name: task/noise/index.
+        noise: level (0 zero, 1 observed, 2 double); index: from 1 among the runs of its condition.
+        seed: the study's; with task, noise and index it makes the run's own stream.
+        best_fitness, fittest_number: the highest fitness stored, and whose (evaluation number).
+        champion_number, champion_fitness: the best of the retest, and its mean score there.
+        study: where its evaluations are.
+    """
+
+    id: int
+    name: str
+    task: str
+    noise: float
+    index: int
+    seed: int
+    evaluations: int
+    best_fitness: float | None
+    fittest_number: int | None
+    champion_number: int | None
+    champion_fitness: float | None
+    finished: bool
+    study: Study = field(repr=False, compare=False)
+
+    @property
+    def noise_name(self) -> str:
+        """The noise level in words."""
+        return noise_name(self.noise)
+
+    @property
+    def plan(self) -> Plan:
+        """How the run was planned; its `stream` is where its randomness comes from."""
+        return plans(self.study._materials)[self.id - 1]
+
+    @property
+    def fittest(self) -> Genes | None:
+        """Genotype of the highest fitness stored, the paper's choice."""
+        return None if self.fittest_number is None else self.study.genotype(self.id, self.fittest_number)
+
+    @property
+    def champion(self) -> Genes | None:
+        """Genotype of the best of the last population on fresh trials."""
+        return None if self.champion_number is None else self.study.genotype(self.id, self.champion_number)
+
+    @property
+    def population(self) -> Genes | None:
+        """int8 [cells, slots, fields]: the population at the last checkpoint, cell by cell."""
+        state = self.study.state(self.id)
+        return None if state is None else state.genes
+
+    @property
+    def tests(self) -> dict[tuple[str, float], NDArray[np.float64]]:
+        """Scores on fresh trials by (who, noise level); empty before the run is finished."""
+        table = self.study.tests(self.id)
+        pairs = dict.fromkeys(zip(table["who"].tolist(), table["noise"].tolist(), strict=True))
+        return {(w, n): table["score"][(table["who"] == w) & (table["noise"] == n)] for w, n in pairs}
+
+
+def _open(path: Path) -> sqlite3.Connection:
+    """Read-only; on a medium that cannot be written even SQLite's own side files are done without."""
+    uri = f"{path.resolve().as_uri()}?mode=ro"
+    database = sqlite3.connect(uri, uri=True, isolation_level=None)
+    try:
+        database.execute("SELECT 1 FROM sqlite_master")
+    except sqlite3.OperationalError:
+        database.close()
+        log = path.with_name(f"{path.name}-wal")
+        if log.exists() and log.stat().st_size:
+            raise
+        database = sqlite3.connect(f"{uri}&immutable=1", uri=True, isolation_level=None)
+    return database
+
+
+def _nan_for_none(row: Sequence[Any]) -> tuple[Any, ...]:
+    return tuple(np.nan if value is None else value for value in row)

@@ -1,0 +1,117 @@
+"""What a study is made of: its robot, tasks and arenas, and the copies of them that it keeps.
+
+A study reads only its own folder once it is made, so that it can be moved, or its user's files
+changed, and it still resumes and replays to the same bits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from realitygap.errors import ConfigError
+from realitygap.study.config import StudyConfig
+from realitygap.tasks import copy_task, load_task
+from realitygap.tasks.task import Task
+from realitygap.world.arena import load_arena
+from realitygap.world.profile import Profile, load_profile
+
+__all__ = ["Materials", "gather"]
+
+PROFILE = "profile.toml"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Materials:
+    """A study's robot and tasks (with its settings and arenas), loaded and checked."""
+
+    config: StudyConfig
+    profile: Profile
+    tasks: tuple[Task, ...]
+    """One for each condition, in their order."""
+
+    def task(self, name: str) -> Task:
+        """The task of a name.
+
+        Raises:
+            ConfigError: the study has no such task.
+        """
+        for task in self.tasks:
+            if task.name == name:
+                return task
+        known = ", ".join(dict.fromkeys(task.name for task in self.tasks))
+        raise ConfigError(f"task: expected one of the study's ({known}), got {name!r}.")
+
+    def copies(self) -> tuple[StudyConfig, dict[str, bytes]]:
+        """The configuration with every file named inside the study's folder, and those files."""
+        files = {PROFILE: self.profile.to_toml().encode()}
+        arenas: dict[str, str] = {}
+        conditions = []
+        for condition, task in zip(self.config.conditions, self.tasks, strict=True):
+            arenas[task.name] = f"arenas/{task.name}.toml"
+            files[arenas[task.name]] = task.arena.to_toml().encode()
+            name = task.name
+            if task.source is not None:
+                home = f"tasks/{task.name}"
+                name = f"{home}/{Path(task.source).name}"
+                files.update({f"{home}/{path}": content for path, content in _task_files(task).items()})
+            conditions.append(replace(condition, task=name))
+        config = replace(self.config, profile=PROFILE, conditions=tuple(conditions), arenas=arenas)
+        return config, files
+
+
+def gather(config: StudyConfig, folder: Path | None = None) -> Materials:
+    """Load and check everything that a configuration names.
+
+    Args:
+        config: paths in it are relative to `folder` (the current one if None).
+        folder: a study's folder.
+
+    Raises:
+        UsageError: says which file, task or key cannot be used.
+    """
+    local = config if folder is None else config.beside(folder)
+    profile = load_profile(local.profile)
+    loaded = {c.task: load_task(c.task) for c in local.conditions}
+    _refuse_same_name(list(loaded.values()))
+    names = {task.name for task in loaded.values()}
+    for name in local.arenas:
+        if name not in names:
+            near = get_close_matches(name, names, n=1) or sorted(names)
+            raise ConfigError(f"arenas.{name}: no such task in this study. Did you mean {near[0]!r}?")
+    for key, task in loaded.items():
+        if task.name in local.arenas:
+            task = replace(task, arena=load_arena(local.arenas[task.name]))
+        task = replace(task, **local.task.changes())
+        task.to_kernel(profile)  # the robot fits its start and has the sensors
+        local.variation_for(task)  # the genotype has room for the inputs
+        loaded[key] = task
+    tasks = tuple(loaded[c.task] for c in local.conditions)
+    _refuse_repetition([(task.name, c.noise) for task, c in zip(tasks, local.conditions, strict=True)])
+    return Materials(config=config, profile=profile, tasks=tasks)
+
+
+def _refuse_same_name(tasks: list[Task]) -> None:
+    sources: dict[str, str | None] = {}
+    for task in tasks:
+        if sources.setdefault(task.name, task.source) != task.source:
+            raise ConfigError(
+                f"conditions: two different tasks are both named {task.name!r}. Give one another `name`."
+            )
+
+
+def _refuse_repetition(pairs: list[tuple[str, float]]) -> None:
+    for i, pair in enumerate(pairs):
+        if pair in pairs[:i]:
+            raise ConfigError(f"conditions[{i}]: {pair[0]} at noise {pair[1]:g} comes twice. Leave one out.")
+
+
+def _task_files(task: Task) -> dict[str, bytes]:
+    """A user's task file and the arena's that it names: relative path and content."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        copy_task(task, folder)
+        found = [path for path in sorted(folder.rglob("*")) if path.is_file()]
+        return {path.relative_to(folder).as_posix(): path.read_bytes() for path in found}

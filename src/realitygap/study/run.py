@@ -1,0 +1,189 @@
+"""One run: `advance(bench, plan, state, n)` evaluates n individuals more; `finish` tests the last.
+
+State is a value, and every draw is named by the run, the evaluation and the trial: how a run is
+cut into pieces, and who carries them out, changes no bit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.controller.layout import Genes, Layout
+from realitygap.controller.network import decode
+from realitygap.errors import TaskError
+from realitygap.evolution.algorithm import Algorithm, State
+from realitygap.kernels.rng import substream
+from realitygap.study.materials import Materials
+from realitygap.study.plan import BREEDING, FRESH, RETEST, TRIALS, Plan, trial_streams
+from realitygap.tasks.simulation import Simulation
+from realitygap.tasks.task import Task
+from realitygap.world.noise import NOISE_LEVELS
+from realitygap.world.profile import Profile
+
+__all__ = ["WHO", "Bench", "Records", "Results", "advance", "begin", "bench_for", "finish"]
+
+STEPS_AT_ONCE = 200_000
+"""Steps simulated in one call of a test: a limit on memory."""
+
+WHO = ("fittest", "champion")
+"""Who is tested: the highest fitness ever stored (the paper's), and the best of the retest."""
+
+
+class Records(NamedTuple):
+    """n evaluations, a row each."""
+
+    number: NDArray[np.int64]
+    fitness: NDArray[np.float64]
+    scores: NDArray[np.float64]
+    """[n, trials]."""
+    genes: Genes
+    """[n, slots, fields]."""
+    parents: NDArray[np.int64]
+    """[n, 2] evaluation numbers, −1: none."""
+    cell: NDArray[np.int64]
+
+
+class Results(NamedTuple):
+    """What the tests of a finished run found."""
+
+    cells: NDArray[np.int64]
+    """[m] cells of the last population that someone lives in."""
+    numbers: NDArray[np.int64]
+    """[m] who: evaluation numbers."""
+    retest: NDArray[np.float64]
+    """[m, retest trials] scores."""
+    champion: int
+    """Row of the highest mean in `retest`."""
+    fresh: dict[tuple[str, float], NDArray[np.float64]]
+    """Scores on fresh trials by (who, noise level)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bench:
+    """What carries out the runs of one condition; made once in a process."""
+
+    task: Task
+    profile: Profile
+    noise: float
+    layout: Layout
+    algorithm: Algorithm
+    retest_trials: int
+    fresh_trials: int
+
+    @cached_property
+    def simulation(self) -> Simulation:
+        """At the condition's own noise."""
+        return Simulation(self.task, self.profile, self.noise)
+
+    def compile(self) -> None:
+        """Load or compile once everything that a run calls."""
+        self.simulation.compile()
+        state = self.algorithm.init(np.uint64(0))
+        trial_streams(np.uint64(0), 0, 1, 1)
+        for _ in range(len(state.fitness) + 2):
+            candidate = self.algorithm.ask(state)
+            decode(candidate.genes, self.layout)
+            state = self.algorithm.tell(state, candidate, 0.0)
+
+
+def bench_for(materials: Materials, condition: int) -> Bench:
+    """The bench of one condition of a study."""
+    config, task = materials.config, materials.tasks[condition]
+    variation = config.variation_for(task)
+    return Bench(
+        task=task,
+        profile=materials.profile,
+        noise=config.conditions[condition].noise,
+        layout=variation.layout,
+        algorithm=config.evolution.make(variation),
+        retest_trials=config.retest_trials,
+        fresh_trials=config.fresh_trials,
+    )
+
+
+def begin(bench: Bench, plan: Plan) -> State:
+    """The state before a run's first evaluation."""
+    return bench.algorithm.init(np.uint64(substream(plan.stream, BREEDING)))
+
+
+def advance(bench: Bench, plan: Plan, state: State, n: int) -> tuple[State, Records]:
+    """Carry out the next `n` evaluations of a run.
+
+    Raises:
+        TaskError: the task's score is no finite number.
+    """
+    trials, algorithm, layout, simulation = bench.task.trials, bench.algorithm, bench.layout, bench.simulation
+    start = state.evaluations
+    streams = trial_streams(np.uint64(substream(plan.stream, TRIALS)), start, n, trials)
+    scores = np.empty((n, trials))
+    genes = np.empty((n, *layout.shape), np.int8)
+    fitness, parents, cells = [], [], []
+    for i in range(n):
+        candidate = algorithm.ask(state)
+        scores[i] = simulation.scores(decode(candidate.genes, layout), streams[i : i + 1])[0]
+        mean = math.fsum(scores[i].tolist()) / trials
+        if not math.isfinite(mean):
+            _refuse(bench.task, candidate.number, scores[i])
+        state = algorithm.tell(state, candidate, mean)
+        genes[i] = candidate.genes
+        fitness.append(mean)
+        parents.append(candidate.parents)
+        cells.append(candidate.cell)
+    records = Records(
+        number=np.arange(start, start + n),
+        fitness=np.array(fitness),
+        scores=scores,
+        genes=genes,
+        parents=np.array(parents, np.int64).reshape(n, 2),
+        cell=np.array(cells, np.int64),
+    )
+    return state, records
+
+
+def finish(bench: Bench, plan: Plan, state: State) -> Results:
+    """Retest the last population, then test the fittest and the champion at every noise level.
+
+    All individuals meet the same starts and draws: they are compared like with like.
+    """
+    cells = np.flatnonzero(state.numbers >= 0)
+    retest = _scores(bench, bench.noise, state.genes[cells], plan, RETEST, bench.retest_trials)
+    champion = int(np.argmax([math.fsum(row) for row in retest.tolist()]))
+    pair = np.stack([state.best_genes, state.genes[cells[champion]]])
+    fresh = {}
+    for noise in NOISE_LEVELS.values():
+        scores = _scores(bench, noise, pair, plan, FRESH, bench.fresh_trials)
+        fresh.update({(who, noise): scores[i] for i, who in enumerate(WHO)})
+    return Results(cells, state.numbers[cells], retest, champion, fresh)
+
+
+def _scores(
+    bench: Bench, noise: float, genes: Genes, plan: Plan, purpose: int, trials: int
+) -> NDArray[np.float64]:
+    """Scores [N, trials] of individuals on trials that belong to the run and the purpose."""
+    simulation = bench.simulation if noise == bench.noise else Simulation(bench.task, bench.profile, noise)
+    streams = trial_streams(plan.stream, purpose, 1, trials)
+    scores = np.empty((len(genes), trials))
+    at_once = max(1, STEPS_AT_ONCE // bench.task.steps)
+    for i, one in enumerate(genes):
+        network = decode(one, bench.layout)
+        for t in range(0, trials, at_once):
+            scores[i, t : t + at_once] = simulation.scores(network, streams[:, t : t + at_once])[0]
+    if not np.isfinite(scores).all():
+        _refuse(bench.task, -1, scores)
+    return scores
+
+
+def _refuse(task: Task, number: int, scores: Sequence[float] | NDArray[np.float64]) -> None:
+    where = f"evaluation {number}" if number >= 0 else "a test"
+    bad = next(value for value in np.ravel(scores).tolist() if not math.isfinite(value))
+    raise TaskError(
+        f"{task.source or task.name}: score: expected a finite number, got {bad} in {where}. "
+        "Guard the score against dividing by 0 and the like."
+    )

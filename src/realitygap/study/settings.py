@@ -1,0 +1,83 @@
+"""Settings as a person types them (`variation.mutation=0.1`), and where two configurations differ."""
+
+from __future__ import annotations
+
+import copy
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from difflib import get_close_matches
+from typing import Any
+
+from realitygap.errors import ConfigError
+
+__all__ = ["apply", "difference", "whole"]
+
+
+def whole(key: str, value: object, low: int, high: int) -> None:
+    """Refuse what is no whole number from `low` to `high`.
+
+    Raises:
+        ConfigError: names the key.
+    """
+    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+        limits = f"from {low} to {high}" if high < 2**62 else f", {low} or more"
+        raise ConfigError(f"{key}: expected a whole number {limits}, got {value!r}.".replace(" ,", ","))
+
+
+def apply(table: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
+    """A configuration's dictionary with texts "key=value" carried out; `key` may have dots.
+
+    Raises:
+        ConfigError: a text that is no setting, or an unknown first part of a key.
+    """
+    changed = copy.deepcopy(dict(table))
+    pairs = [_pair(text) for text in settings]
+    if any(key == "evolution.algorithm" for key, _ in pairs):
+        changed["evolution"] = {}  # the settings of one algorithm are not those of another
+    for key, value in pairs:
+        first, *rest = key.split(".")
+        if first not in changed:
+            near = get_close_matches(first, changed, n=1)
+            cure = f"Did you mean {near[0]!r}?" if near else f"Known keys: {', '.join(changed)}."
+            raise ConfigError(f"{key}: unknown key. {cure}")
+        *middle, last = [first, *rest]
+        inner: Any = changed
+        for part in middle:
+            inner = inner.get(part) if isinstance(inner, dict) else None
+        if not isinstance(inner, dict):
+            raise ConfigError(f"{key}: unknown key. {first!r} has no parts of that name.")
+        inner[last] = value
+    return changed
+
+
+def _pair(text: str) -> tuple[str, Any]:
+    """Key and value of "key=value": the value as TOML, or else as plain text."""
+    key, sign, value = text.partition("=")
+    key, value = key.strip(), value.strip()
+    if not sign or not key or not value:
+        raise ConfigError(f"expected a setting key=value, such as variation.mutation=0.1, got {text!r}.")
+    try:
+        return key, tomllib.loads(f"value = {value}")["value"]
+    except (tomllib.TOMLDecodeError, KeyError):
+        return key, value
+
+
+def difference(here: Mapping[str, Any], there: Mapping[str, Any]) -> tuple[str, Any, Any] | None:
+    """The first key (with dots) in which two configurations differ, and both values."""
+    left, right = dict(_flat(here, "")), dict(_flat(there, ""))
+    for key in [*left, *(key for key in right if key not in left)]:
+        if left.get(key) != right.get(key):
+            return key, left.get(key), right.get(key)
+    return None
+
+
+def _flat(table: Mapping[str, Any], path: str) -> Iterator[tuple[str, Any]]:
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{path}{key}.")
+        elif isinstance(value, list) and value and isinstance(value[0], Mapping):
+            yield f"{path}{key}", len(value)
+            for i, entry in enumerate(value):
+                yield from _flat(entry, f"{path}{key}[{i}].")
+        else:
+            yield f"{path}{key}", value

@@ -1,0 +1,178 @@
+"""The writer of a study's database: data first, counter last, in one transaction.
+
+One process writes (see `folder.lock`). The write-ahead log keeps what was committed through
+kill -9 at any moment; a power cut may lose the last transactions, never the database.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sqlite3
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from realitygap.errors import StudyError
+from realitygap.evolution.algorithm import State
+from realitygap.study.plan import Plan
+from realitygap.study.run import Records, Results
+from realitygap.study.schema import check_format, schema, told
+
+__all__ = ["Store", "create"]
+
+DATABASE = "study.db"
+
+
+def create(path: Path, plans: Sequence[Plan], trials: int) -> None:
+    """Make a database with these runs, whole or not at all.
+
+    Raises:
+        StudyError: it cannot be written there.
+    """
+    new = path.with_name(f"{path.name}.new")
+    with told(path):
+        new.unlink(missing_ok=True)
+        with closing(sqlite3.connect(new, isolation_level=None)) as database:
+            database.execute("PRAGMA page_size = 8192")
+            database.execute("PRAGMA journal_mode = DELETE")
+            database.executescript(f"BEGIN;{schema(trials)}COMMIT;")
+            rows = [(p.id, p.name, p.task, p.noise, p.index) for p in plans]
+            database.execute("BEGIN")
+            columns = "id, name, task, noise, position"
+            database.executemany(f"INSERT INTO run ({columns}) VALUES (?, ?, ?, ?, ?)", rows)
+            database.execute("COMMIT")
+        os.replace(new, path)
+
+
+class Store:
+    """A study's database, open for writing."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        if not path.is_file():
+            raise StudyError(f"{path}: no such database. Restore it from a copy, or choose another --out.")
+        with told(path):
+            self._database = sqlite3.connect(path, isolation_level=None)
+            try:
+                check_format(self._database, path)
+                self._check_whole()
+                self._database.execute("PRAGMA journal_mode = WAL")
+                self._database.execute("PRAGMA synchronous = NORMAL")
+                columns = [row[1] for row in self._database.execute("PRAGMA table_info(evaluation)")]
+            except BaseException:
+                self._database.close()
+                raise
+        self._trials = sum(name.startswith("score_") for name in columns)
+        self._insert = f"INSERT INTO evaluation VALUES ({', '.join('?' * len(columns))})"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._database.close()
+
+    def begin_session(self, versions: Mapping[str, str]) -> None:
+        """Note who works on the study from now on."""
+        row = (datetime.now(UTC).isoformat(timespec="seconds"), os.getpid(), json.dumps(dict(versions)))
+        with self._transaction():
+            self._database.execute("INSERT INTO session (began, pid, versions) VALUES (?, ?, ?)", row)
+
+    def unfinished(self) -> list[tuple[int, int]]:
+        """Ids of the runs that are not finished, and how many evaluations each has done."""
+        with told(self.path):
+            query = "SELECT id, evaluations FROM run WHERE NOT finished ORDER BY id"
+            return self._database.execute(query).fetchall()
+
+    def checkpoint(self, run: int) -> bytes | None:
+        """What the run goes on from, as State.from_bytes reads it; None at its beginning.
+
+        Raises:
+            StudyError: the checkpoint is damaged.
+        """
+        with told(self.path):
+            row = self._database.execute("SELECT state FROM checkpoint WHERE run = ?", (run,)).fetchone()
+        if row is None:
+            return None
+        try:
+            State.from_bytes(row[0])
+        except StudyError as error:
+            raise StudyError(f"{self.path}: run {run}: {error}. Restore the file from a copy.") from None
+        return bytes(row[0])
+
+    def advance(self, run: int, records: Records, state: State) -> None:
+        """Keep evaluations, and the state after the last of them."""
+        done = state.evaluations
+        with self._transaction():
+            self._database.executemany(self._insert, _rows(run, records, self._trials))
+            self._database.execute("REPLACE INTO checkpoint VALUES (?, ?, ?)", (run, done, state.to_bytes()))
+            self._database.execute(
+                "UPDATE run SET evaluations = ?, best_fitness = ?, fittest = ? WHERE id = ?",
+                (done, state.best_fitness, state.best_number, run),
+            )
+
+    def finish(self, run: int, results: Results) -> None:
+        """Keep a run's tests and declare it finished."""
+        retest = [
+            (run, cell, number, trial, score)
+            for cell, number, row in zip(
+                results.cells.tolist(), results.numbers.tolist(), results.retest.tolist(), strict=True
+            )
+            for trial, score in enumerate(row)
+        ]
+        test = [
+            (run, who, noise, trial, score)
+            for (who, noise), row in results.fresh.items()
+            for trial, score in enumerate(row.tolist())
+        ]
+        champion = int(results.numbers[results.champion])
+        scores = results.retest[results.champion].tolist()
+        with self._transaction():
+            self._database.executemany("INSERT INTO retest VALUES (?, ?, ?, ?, ?)", retest)
+            self._database.executemany("INSERT INTO test VALUES (?, ?, ?, ?, ?)", test)
+            self._database.execute(
+                "UPDATE run SET champion = ?, champion_fitness = ?, finished = 1 WHERE id = ?",
+                (champion, math.fsum(scores) / len(scores), run),
+            )
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        with told(self.path):
+            self._database.execute("BEGIN IMMEDIATE")
+            try:
+                yield
+                self._database.execute("COMMIT")
+            except BaseException:
+                if self._database.in_transaction:
+                    self._database.execute("ROLLBACK")
+                raise
+
+    def _check_whole(self) -> None:
+        answer = self._database.execute("PRAGMA quick_check(1)").fetchone()[0]
+        if answer != "ok":
+            raise StudyError(
+                f"{self.path}: the database is broken ({' '.join(str(answer).split())}). "
+                "Restore it from a copy, or start again with another --out."
+            )
+
+
+def _rows(run: int, records: Records, trials: int) -> Iterator[tuple[object, ...]]:
+    """Rows of the table `evaluation`; tasks with fewer trials than others leave scores empty."""
+    empty = (None,) * (trials - records.scores.shape[1])
+    columns = zip(
+        records.number.tolist(),
+        records.fitness.tolist(),
+        records.scores.tolist(),
+        records.parents.tolist(),
+        records.cell.tolist(),
+        records.genes,
+        strict=True,
+    )
+    for number, fitness, scores, (first, second), cell, genes in columns:
+        yield (run, number, fitness, *scores, *empty, first, second, cell, genes.tobytes())
