@@ -19,8 +19,8 @@ from realitygap.kernels.params import Networks
 __all__ = ["dense_networks"]
 
 
-@routine
-def _mark_used(genes, inputs, prune, used):
+@step
+def _mark_used(genes, inputs, prune, used, waiting):
     """Marks the neurons that compute; when pruning, only those from which a motor can be reached."""
     slots, columns = genes.shape
     if not prune:
@@ -29,7 +29,6 @@ def _mark_used(genes, inputs, prune, used):
         return
     used[inputs] = 1
     used[inputs + 1] = 1
-    waiting = np.empty(slots, np.int64)
     waiting[0] = inputs
     waiting[1] = inputs + 1
     n = 2
@@ -120,7 +119,7 @@ def dense_networks(genes, inputs, prune):
     number = np.zeros(slots, np.int64)
     for i in range(n):
         used[:] = 0
-        _mark_used(genes[i], inputs, prune, used)
+        _mark_used(genes[i], inputs, prune, used, number)
         net.neurons[i] = _number(genes[i], inputs, used, net, i, number)
         _fill_links(genes[i], inputs, prune, net, i, number)
         _fill_sensor_links(genes[i], inputs, prune, net, i, number)

@@ -8,7 +8,6 @@ import numpy as np
 
 from realitygap.errors import UsageError
 from realitygap.evolution.algorithm import Candidate, State, Variation, empty, event_of, first, told
-from realitygap.evolution.selection import worst
 
 __all__ = ["RandomSearch"]
 
@@ -36,7 +35,7 @@ class RandomSearch:
     def ask(self, state: State) -> Candidate:
         """A random individual, for an empty cell or that of the least fit."""
         event = event_of(state, self.size)
-        return first(self.variation, state, event, int(worst(state.fitness)))
+        return first(self.variation, state, event, int(np.argmin(state.fitness)))
 
     def tell(self, state: State, candidate: Candidate, fitness: float) -> State:
         """The candidate takes its cell only if it is fitter than who lives there."""

@@ -3,9 +3,12 @@
 Ranks 1 (worst) .. n (best) weigh as much as they say: rank r is drawn with probability
 2r / (n(n + 1)); by inverse rank the worst weighs n and the best 1. Ties are in random order.
 
-Draws under a breeding event's stream are named CELL, MATE and REPLACED. A draw needs no sorting:
-of n candidates and one nobody, two are drawn without repetition and the fitter wins, nobody
-losing to all. Rank r wins against the r − 1 below it and against nobody: in r of n(n + 1)/2 pairs.
+Every cell holds somebody: fitness is finite. Draws under an event's stream are named CELL, MATE
+and REPLACED.
+
+A draw needs no sorting: of n candidates and one nobody, two are drawn without repetition and the
+fitter wins, nobody losing to all. Rank r wins against the r − 1 below it and against nobody: in r
+of n(n + 1)/2 pairs.
 """
 
 # mypy: allow-untyped-defs, no-check-untyped-defs
@@ -14,7 +17,7 @@ import numpy as np
 from realitygap.kernels.jit import routine, step
 from realitygap.kernels.rng import below, bits, substream
 
-__all__ = ["panmictic_event", "torus_event", "worst"]
+__all__ = ["panmictic_event", "torus_event"]
 
 CELL, MATE, REPLACED = 0, 1, 2
 """Names of an event's draws; 3 is its offspring's (`algorithm.OFFSPRING`)."""
@@ -74,9 +77,3 @@ def panmictic_event(fitness, event):
     mate = _by_rank(fitness, cells, size - 1, 1.0, substream(event, MATE))
     replaced = _by_rank(fitness, cells, size, -1.0, substream(event, REPLACED))
     return cell, mate, replaced
-
-
-@routine
-def worst(fitness):
-    """The cell of the lowest fitness, the first of several."""
-    return np.argmin(fitness)

@@ -1,0 +1,151 @@
+"""Selection follows its rank law, and events far apart do not touch each other."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numba
+import numpy as np
+import pytest
+from scipy import stats
+
+from realitygap.evolution import DistributedGA
+from realitygap.evolution.selection import panmictic_event, torus_event
+from tests.evolution.toy import Toy, advance
+
+MANY = 25000 if numba.config.DISABLE_JIT else 60000
+SURE = 1e-5
+
+
+def by_rank(fitness: np.ndarray) -> np.ndarray:
+    """The law (§5.1), the long way: rank 1 … n, weight = rank; equals share their ranks' weights."""
+    return stats.rankdata(fitness) / (len(fitness) * (len(fitness) + 1) / 2)
+
+
+def neighbours(cell: int, rows: int, columns: int) -> list[int]:
+    row, column = divmod(cell, columns)
+    around = [(row + i) % rows * columns + (column + j) % columns for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    return [other for other in around if other != cell]
+
+
+def fits(drawn: np.ndarray, law: np.ndarray) -> bool:
+    """Whether draws of 0 … n − 1 follow a law."""
+    counts = np.bincount(drawn, minlength=len(law))
+    return bool(stats.chisquare(counts, law * len(drawn)).pvalue > SURE)
+
+
+FITNESS = {
+    "all different": np.random.default_rng(3).permutation(20.0 * np.arange(30)),
+    "some alike": np.random.default_rng(4).integers(0, 3, 30).astype(float),
+    "all alike": np.zeros(30),
+}
+
+
+@pytest.fixture(scope="module")
+def grid():
+    """Draws of (cell, mate, replaced) on a grid of 5 × 6, for each kind of fitness."""
+    return {
+        name: np.array([torus_event(fitness, 5, 6, np.uint64(k)) for k in range(MANY)])
+        for name, fitness in FITNESS.items()
+    }
+
+
+def places(drawn: np.ndarray, cells_of) -> np.ndarray:
+    """Each drawn cell as its place in the list of cells that it was drawn from."""
+    return np.array([cells_of[cell].index(other) for cell, other in drawn])
+
+
+AROUND = {cell: neighbours(cell, 5, 6) for cell in range(30)}
+NINE = {cell: [*neighbours(cell, 5, 6), cell] for cell in range(30)}
+
+
+@pytest.mark.parametrize("name", FITNESS)
+def test_breeding_cells_are_uniform(grid, name):
+    """Every cell breeds as often as any other, whatever its fitness."""
+    assert fits(grid[name][:, 0], np.full(30, 1 / 30))
+
+
+@pytest.mark.parametrize("name", FITNESS)
+def test_mates_by_linear_rank(grid, name):
+    """A mate is one of the eight neighbours, by linear rank of fitness; ties are even."""
+    expected = np.zeros(30)
+    for cell in range(30):
+        expected[AROUND[cell]] += by_rank(FITNESS[name][AROUND[cell]]) / 30
+    assert all(mate in AROUND[cell] for cell, mate in grid[name][:, :2])
+    assert fits(grid[name][:, 1], expected)
+
+
+@pytest.mark.parametrize("name", FITNESS)
+def test_replaced_by_inverse_rank(grid, name):
+    """The replaced cell is one of the nine, by linear inverse rank: perhaps a parent's."""
+    expected = np.zeros(30)
+    for cell in range(30):
+        expected[NINE[cell]] += by_rank(-FITNESS[name][NINE[cell]]) / 30
+    assert all(cell in NINE[centre] for centre, cell in grid[name][:, [0, 2]])
+    assert fits(grid[name][:, 2], expected)
+
+
+def test_wrong_laws_are_found_out(grid):
+    """Uniform choice, the better of two with repetition, or the other direction do not pass."""
+    fitness, drawn = FITNESS["all different"], grid["all different"]
+    laws = {
+        "uniform": lambda f: np.full(len(f), 1 / len(f)),
+        "tournament": lambda f: (2 * stats.rankdata(f) - 1) / len(f) ** 2,
+        "inverse": lambda f: by_rank(-f),
+    }
+    for name, law in laws.items():
+        expected = np.zeros(30)
+        for cell in range(30):
+            expected[AROUND[cell]] += law(fitness[AROUND[cell]]) / 30
+        assert not fits(drawn[:, 1], expected), name
+
+
+def test_ranks_within_a_neighbourhood():
+    """Around one cell the best of eight is the mate eight times as often as the worst."""
+    fitness = FITNESS["all different"]
+    drawn = np.array([torus_event(fitness, 5, 6, np.uint64(k)) for k in range(MANY)])
+    here = drawn[drawn[:, 0] == 8]
+    law = by_rank(fitness[AROUND[8]])
+    assert law.max() == pytest.approx(8 * law.min())
+    assert fits(places(here[:, :2], AROUND), law)
+    assert fits(places(here[:, [0, 2]], NINE), by_rank(-fitness[NINE[8]]))
+
+
+@pytest.mark.parametrize("name", FITNESS)
+def test_panmictic_ranks(name):
+    """Without the grid the mate is drawn from all others and the replaced cell from all."""
+    fitness = FITNESS[name][:12]
+    drawn = np.array([panmictic_event(fitness, np.uint64(k)) for k in range(MANY)])
+    assert (drawn[:, 0] != drawn[:, 1]).all() and fits(drawn[:, 0], np.full(12, 1 / 12))
+    expected = np.zeros(12)
+    for cell in range(12):
+        others = [other for other in range(12) if other != cell]
+        expected[others] += by_rank(fitness[others]) / 12
+    assert fits(drawn[:, 1], expected)
+    assert fits(drawn[:, 2], by_rank(-fitness))
+
+
+def test_the_smallest_population():
+    """Two individuals mate with each other."""
+    for k in range(50):
+        cell, mate, replaced = panmictic_event(np.array([1.0, 2.0]), np.uint64(k))
+        assert {cell, mate} == {0, 1} and replaced in (0, 1)
+
+
+def test_events_that_do_not_touch_commute():
+    """An event whose neighbourhood is clear of the event before asks the same before and after it."""
+    algorithm = DistributedGA(variation=Toy())
+    state = advance(algorithm, algorithm.init(np.uint64(5)), 64)
+    apart = 0
+    for _ in range(150):
+        candidate = algorithm.ask(state)
+        early = algorithm.ask(dataclasses.replace(state, evaluations=state.evaluations + 1))
+        state = algorithm.tell(state, candidate, float(state.evaluations % 11))
+        late = algorithm.ask(state)
+        reached = [*neighbours(early.cell, 8, 8), early.cell]
+        far = {other for cell in reached for other in (cell, *neighbours(cell, 8, 8))}
+        if candidate.cell not in far:
+            apart += 1
+            assert (early.genes == late.genes).all() and early.parents == late.parents
+            assert early.cell == late.cell
+    assert apart > 30
