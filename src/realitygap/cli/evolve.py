@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,7 @@ from realitygap.cli.options import (
     seed_option,
     workers_option,
 )
-from realitygap.cli.studies import carry_out
+from realitygap.cli.studies import carry_out, interrupted_config
 
 if TYPE_CHECKING:
     from realitygap.study.config import Condition, StudyConfig
@@ -27,8 +28,8 @@ __all__ = ["evolve"]
 @click.argument("task")
 @noise_option(None, " [default: observed]")
 @seed_option(None, " [default: 1995]")
-@runs_option(None, "Runs [default: 1].")
-@evaluations_option(None)
+@runs_option("Runs [default: 1].")
+@evaluations_option
 @click.option(
     "--out", type=click.Path(path_type=Path), metavar="DIR", help="The study's folder [default: out/TASK]."
 )
@@ -59,7 +60,7 @@ def evolve(
     """Evolve controllers for TASK and make the report.
 
     TASK is obstacle-avoidance, light-seeking or a Python file of your own. Options win over --set,
-    which wins over --config.
+    which wins over --config. With --resume what is not given is as it was.
 
     \b
     Example:
@@ -70,13 +71,16 @@ def evolve(
     from realitygap.study.config import StudyConfig
     from realitygap.tasks import load_task
 
-    name = load_task(task).name
-    begun = StudyConfig.single(task) if config is None else StudyConfig.from_toml(config)
+    folder = Path("out", load_task(task).name) if out is None else out
+    if config is not None:
+        begun = StudyConfig.from_toml(config)
+    else:
+        begun = interrupted_config(folder, resume) or StudyConfig.single(task)
     begun = replace(begun, conditions=_conditions(begun, task, noise)).with_settings(settings)
     given: dict[str, Any] = {"seed": seed, "runs": runs, "evaluations": evaluations}
     chosen = replace(begun, **{key: value for key, value in given.items() if value is not None})
-    folder = Path("out", name) if out is None else out
-    carry_out(folder, chosen, workers=workers, resume=resume, json_output=json_output)
+    words = f"evolve {shlex.quote(task)}"
+    carry_out(folder, chosen, words=words, workers=workers, resume=resume, json_output=json_output)
 
 
 def _conditions(config: StudyConfig, task: str, noise: float | None) -> tuple[Condition, ...]:

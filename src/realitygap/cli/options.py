@@ -55,28 +55,19 @@ def seed_option(default: int | None = 0, says: str = "") -> Callable[[Decorated]
     )
 
 
-def runs_option(default: int | None, says: str) -> Callable[[Decorated], Decorated]:
+def runs_option(says: str) -> Callable[[Decorated], Decorated]:
     """`--runs K`."""
-    return click.option(
-        "--runs",
-        type=Whole(1, 10**6),
-        default=default,
-        show_default=default is not None,
-        metavar="K",
-        help=says,
-    )
+    return click.option("--runs", type=Whole(1, 10**6), metavar="K", help=says)
 
 
-def evaluations_option(default: int | None) -> Callable[[Decorated], Decorated]:
+def evaluations_option(command: Decorated) -> Decorated:
     """`--evaluations N`."""
     return click.option(
         "--evaluations",
         type=Whole(1, 10**9),
-        default=default,
-        show_default=default is not None,
         metavar="N",
-        help="Evaluations in each run" + ("." if default is not None else " [default: 1000]."),
-    )
+        help="Evaluations in each run [default: 1000].",
+    )(command)
 
 
 def pose_option(required: bool = True) -> Callable[[Decorated], Decorated]:

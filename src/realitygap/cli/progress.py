@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any, Self
 import click
 
 if TYPE_CHECKING:
-    from realitygap.study.runner import Progress
+    from realitygap.study.progress import Progress
 
 __all__ = ["ProgressLine", "clock"]
 
 PLAIN_EVERY_S = 5.0
-"""Time between two lines where stderr is no terminal."""
+"""Time between two lines of one phase where stderr is no terminal."""
 
 
 class ProgressLine:
-    """A context in which progress events become something to look at."""
+    """A context in which progress becomes something to look at."""
 
     def __init__(self) -> None:
         self._bar: Any = None
@@ -36,11 +36,11 @@ class ProgressLine:
                 TextColumn("{task.description}"),
                 BarColumn(),
                 TextColumn("{task.completed:.0f}/{task.total:.0f}"),
-                TextColumn("{task.fields[pace]}"),
+                TextColumn("{task.fields[says]}"),
             ]
             self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
             self._bar.start()
-            self._job = self._bar.add_task("starting", total=None, pace="")
+            self._job = self._bar.add_task("starting", total=1, says="")
         return self
 
     def __exit__(
@@ -49,31 +49,28 @@ class ProgressLine:
         if self._bar is not None:
             self._bar.stop()
 
-    def __call__(self, event: Progress) -> None:
-        """Show one event."""
+    def study(self, event: Progress) -> None:
+        """Show how far a study is."""
+        says = [f"{event.runs_done}/{event.runs_total} runs"]
+        if event.evaluations_per_second > 0:
+            says.append(f"{event.evaluations_per_second:,.0f} evaluations/s")
+        if event.seconds_left is not None:
+            says.append(f"{clock(event.seconds_left)} left")
+        finished = event.runs_done == event.runs_total
+        self._show(event.phase, event.done, event.total, ", ".join(says), finished)
+
+    def report(self, done: int, total: int, name: str) -> None:
+        """Show how far a report is."""
+        self._show("making the report", done, total, "figures", done == total)
+
+    def _show(self, phase: str, done: int, total: int, says: str, finished: bool) -> None:
         if self._bar is not None:
-            self._bar.update(
-                self._job,
-                description=event.phase,
-                completed=event.done,
-                total=max(event.total, 1),
-                pace=pace(event),
-            )
+            self._bar.update(self._job, description=phase, completed=done, total=max(total, 1), says=says)
             return
         now = time.monotonic()
-        finished = event.done >= event.total
-        if event.phase != self._phase or finished or now >= self._next:
-            self._phase, self._next = event.phase, now + PLAIN_EVERY_S
-            click.echo(f"{event.phase}: {event.done}/{event.total}, {pace(event)}", err=True)
-
-
-def pace(event: Progress) -> str:
-    """Evaluations a second and the time left, in words."""
-    rate = event.evaluations_per_second
-    if rate <= 0:
-        return "…"
-    left = max(event.total - event.done, 0) / rate
-    return f"{rate:,.0f} evaluations/s, {clock(left)} left"
+        if phase != self._phase or finished or now >= self._next:
+            self._phase, self._next = phase, now + PLAIN_EVERY_S
+            click.echo(f"{phase}: {done}/{total}, {says}", err=True)
 
 
 def clock(seconds: float) -> str:

@@ -11,7 +11,6 @@ from realitygap.cli.kinds import FILM, PICTURE, SECONDS
 from realitygap.cli.options import as_json, checked_pose, noise_option, pose_option, seed_option
 from realitygap.cli.output import print_json
 from realitygap.cli.scene import Scene, print_path, stream_of
-from realitygap.cli.show import find_run
 
 if TYPE_CHECKING:
     from realitygap.controller.layout import Genes
@@ -60,18 +59,16 @@ def replay(
     Example:
         realitygap replay out/reproduce 1 --noise double --animation champion.gif
     """
-    from realitygap.controller.layout import Layout
     from realitygap.controller.network import decode
     from realitygap.study.load import load_study
 
     loaded = load_study(study)
-    one = find_run(loaded, run)
+    one = loaded.run(run)
     who, genes = _individual(loaded, one, individual)
     scene = _scene(loaded, one, noise)
     start = None if pose is None else checked_pose(pose, scene.arena, scene.profile)
-    networks = decode(genes, Layout.of(genes, inputs=len(scene.task.sensors)))
     trajectory, score = scene.simulation().trajectory(
-        networks, stream=stream_of(seed), pose=start, seconds=seconds
+        decode(genes, loaded.layout(one.task)), stream=stream_of(seed), pose=start, seconds=seconds
     )
     if picture is not None:
         scene.save_picture(picture, trajectory)

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from realitygap.cli.options import as_json, evaluations_option, runs_option, seed_option, workers_option
-from realitygap.cli.studies import carry_out
+from realitygap.cli.studies import carry_out, interrupted_config
 
 __all__ = ["reproduce"]
 
@@ -21,18 +21,25 @@ __all__ = ["reproduce"]
     metavar="DIR",
     help="The study's folder.",
 )
-@runs_option(5, "Runs for each task and level of noise.")
-@evaluations_option(1000)
-@seed_option(1995)
+@runs_option("Runs for each task and level of noise [default: 5].")
+@evaluations_option
+@seed_option(None, " [default: 1995]")
 @workers_option
 @click.option("--resume", is_flag=True, help="Continue an interrupted study to exactly the same result.")
 @as_json
 def reproduce(
-    out: Path, runs: int, evaluations: int, seed: int, workers: int | None, resume: bool, json_output: bool
+    out: Path,
+    runs: int | None,
+    evaluations: int | None,
+    seed: int | None,
+    workers: int | None,
+    resume: bool,
+    json_output: bool,
 ) -> None:
     """Make the paper's runs, and the page about them.
 
-    Evolves both tasks at all three levels of noise, as the paper does, and reports on them.
+    Evolves both tasks at all three levels of noise, as the paper does, and reports on them. With
+    --resume what is not given is as it was.
 
     \b
     Example:
@@ -40,5 +47,10 @@ def reproduce(
     """
     from realitygap.study.config import StudyConfig
 
-    config = StudyConfig.reproduction(runs=runs, evaluations=evaluations, seed=seed)
-    carry_out(out, config, workers=workers, resume=resume, json_output=json_output)
+    begun = interrupted_config(out, resume) or StudyConfig.reproduction()
+    config = StudyConfig.reproduction(
+        runs=begun.runs if runs is None else runs,
+        evaluations=begun.evaluations if evaluations is None else evaluations,
+        seed=begun.seed if seed is None else seed,
+    )
+    carry_out(out, config, words="reproduce", workers=workers, resume=resume, json_output=json_output)

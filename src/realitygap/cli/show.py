@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from realitygap.cli.kinds import PICTURE
 from realitygap.cli.options import as_json
 from realitygap.cli.output import print_json, print_table
 
@@ -13,14 +15,15 @@ if TYPE_CHECKING:
     from realitygap.controller.layout import Genes
     from realitygap.study.load import Run, Study
 
-__all__ = ["describe", "find_run", "print_runs", "show"]
+__all__ = ["describe", "print_runs", "show"]
 
 
 @click.command()
 @click.argument("study", type=click.Path())
 @click.argument("run", required=False)
+@click.option("--picture", type=PICTURE, metavar="FILE", help="Draw the network of RUN's champion there.")
 @as_json
-def show(study: str, run: str | None, json_output: bool) -> None:
+def show(study: str, run: str | None, picture: Path | None, json_output: bool) -> None:
     """Show the runs of STUDY, or one of them.
 
     STUDY is a folder. RUN is a number or a name such as obstacle-avoidance/observed/1; its
@@ -35,25 +38,17 @@ def show(study: str, run: str | None, json_output: bool) -> None:
     from realitygap.study.load import load_study
 
     loaded = load_study(study)
-    runs = loaded.runs if run is None else [find_run(loaded, run)]
+    runs = loaded.runs if run is None else [loaded.run(run)]
+    if picture is not None:
+        if run is None:
+            raise click.BadParameter("expected with it a RUN, whose network is drawn.", param_hint="'--picture'")
+        _draw(loaded, runs[0], picture)
     if json_output:
         print_json({"study": study, "runs": [describe(loaded, one) for one in runs]})
     elif run is None:
         print_runs(runs)
     else:
         _print_run(loaded, runs[0])
-
-
-def find_run(study: Study, name: str) -> Run:
-    """The run with that number or name, or a clear refusal."""
-    for run in study.runs:
-        if name == run.name or name.lstrip("#") == str(run.id):
-            return run
-    last = study.runs[-1].id if study.runs else 0
-    example = f", or a name such as {study.runs[0].name}" if study.runs else ""
-    raise click.BadParameter(
-        f"expected a run's number, 1 to {last}{example}, got {name!r}.", param_hint="'RUN'"
-    )
 
 
 def describe(study: Study, run: Run) -> dict[str, Any]:
@@ -110,14 +105,32 @@ def _print_run(study: Study, run: Run) -> None:
     click.echo((_text(study, run, genes) or "# no genotype yet").rstrip())
 
 
+def _draw(study: Study, run: Run, picture: Path) -> None:
+    """The network of a run's champion (of the fittest while there is none), as a picture."""
+    from realitygap.report.network import network_figure
+    from realitygap.report.style import styled
+
+    genes = run.champion if run.champion is not None else run.fittest
+    if genes is None:
+        raise click.BadParameter(f"run {run.id} has no individual yet to draw.", param_hint="'--picture'")
+    task = study.task(run.task)
+    with styled():
+        figure = network_figure(
+            genes,
+            study.profile,
+            title=run.name,
+            feeds=task.feeds,
+            sensors=task.sensors,
+            inputs=len(task.sensors),
+        )
+        figure.savefig(picture, dpi=200)
+
+
 def _text(study: Study, run: Run, genes: Genes | None) -> str | None:
     """A genotype's text form; None where there is none yet."""
     from realitygap.controller.genotype import to_text
-    from realitygap.controller.layout import Layout
 
-    if genes is None:
-        return None
-    return to_text(genes, Layout.of(genes, inputs=len(study.task(run.task).sensors)))
+    return None if genes is None else to_text(genes, study.layout(run.task))
 
 
 def _figure(value: float | None) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,33 +12,40 @@ from realitygap.cli.failure import StoppedError
 from realitygap.cli.output import print_json
 from realitygap.cli.progress import ProgressLine
 from realitygap.cli.show import describe, print_runs
+from realitygap.errors import StudyInterruptedError
 
 if TYPE_CHECKING:
     from realitygap.study.config import StudyConfig
 
-__all__ = ["carry_out"]
+__all__ = ["carry_out", "interrupted_config"]
 
 
 def carry_out(
-    folder: Path, config: StudyConfig | None, *, workers: int | None, resume: bool, json_output: bool
+    folder: Path, config: StudyConfig, *, words: str, workers: int | None, resume: bool, json_output: bool
 ) -> None:
     """Run or continue the study in `folder`, then report on it.
+
+    Args:
+        folder: the study's.
+        config: what to do; a study that is there must have been made with the same.
+        words: how this command is called, up to its options: what to type to resume.
+        workers: processes; one a core if None.
+        resume: continue what is there.
+        json_output: print JSON.
 
     Raises:
         StoppedError: on Ctrl-C, saying how to go on.
     """
-    from realitygap.study.load import load_study
+    from realitygap.report.build import build_report
     from realitygap.study.runner import run_study
 
     try:
         with ProgressLine() as progress:
-            run_study(folder, config, workers=workers, resume=resume, on_progress=progress)
-        page = _report(folder)
-    except KeyboardInterrupt:
-        command = click.get_current_context().command_path
-        again = f"{command} --out {folder} --resume"
+            study = run_study(folder, config, workers=workers, resume=resume, on_progress=progress.study)
+            page = build_report(folder, on_progress=progress.report)
+    except (KeyboardInterrupt, StudyInterruptedError):
+        again = f"realitygap {words} --out {shlex.quote(str(folder))} --resume"
         raise StoppedError(f"stopped; what is done is kept in {folder}; resume with `{again}`") from None
-    study = load_study(folder)
     if json_output:
         runs = [describe(study, run) for run in study.runs]
         print_json({"study": str(folder), "report": str(page), "runs": runs})
@@ -46,9 +54,11 @@ def carry_out(
     click.echo(f"\nstudy  {folder}\nreport {page}")
 
 
-def _report(folder: Path) -> Path:
-    """The study's page."""
-    from realitygap.report.build import build_report
+def interrupted_config(folder: Path, resume: bool) -> StudyConfig | None:
+    """What the study in `folder` was made with, if it is to be resumed and there is one."""
+    from realitygap.study.config import StudyConfig
+    from realitygap.study.folder import CONFIG, exists
 
-    click.echo("making the report", err=True)
-    return build_report(folder)
+    if not resume or not exists(folder):
+        return None
+    return StudyConfig.from_toml(folder / CONFIG)

@@ -1,0 +1,203 @@
+"""`evolve`, `reproduce`, `show`, `replay` and `report`: from words to a folder and back."""
+
+import json
+import signal
+import subprocess
+import sys
+
+import pytest
+from click.testing import CliRunner
+
+from realitygap.cli import realitygap
+
+SMALL = (
+    "--evaluations", "70", "--workers", "1",
+    "--set", "retest_trials=2", "--set", "fresh_trials=3", "--set", "task.seconds=2",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """A small finished study of two runs, made by `evolve`, and what that printed."""
+    folder = tmp_path_factory.mktemp("studies") / "small"
+    words = ["evolve", "light", "--noise", "double", "--seed", "7", "--runs", "2", *SMALL]
+    result = CliRunner().invoke(realitygap, [*words, "--out", str(folder), "--json"])
+    assert result.exit_code == 0, result.output
+    return folder, json.loads(result.stdout)
+
+
+def test_evolve_tells_what_show_tells(study, json_of):
+    """The figures at the end of `evolve` are those that `show` reads back."""
+    folder, printed = study
+    assert json_of("show", folder)["runs"] == printed["runs"]
+    assert printed["report"].endswith("index.html")
+
+
+def test_every_run_has_its_figures(study):
+    """`show` names each run's task, noise, seed, evaluations, best fitness and champion."""
+    _, printed = study
+    assert [run["run"] for run in printed["runs"]] == [1, 2]
+    for run in printed["runs"]:
+        assert (run["task"], run["noise"], run["seed"]) == ("light-seeking", 2.0, 7)
+        assert (run["evaluations"], run["finished"]) == (70, True)
+        assert run["best_fitness"] > 0
+        assert {(test["who"], test["noise"]) for test in run["tests"]} == {
+            (who, noise) for who in ("fittest", "champion") for noise in (0.0, 1.0, 2.0)
+        }
+
+
+def test_one_run_by_number_or_by_name(study, json_of):
+    """RUN is a number or a name; both give the same one run."""
+    folder, printed = study
+    by_number = json_of("show", folder, 2)["runs"]
+    assert by_number == json_of("show", folder, printed["runs"][1]["name"])["runs"] == printed["runs"][1:]
+
+
+def test_a_champion_can_be_saved_and_driven(study, call, json_of, tmp_path):
+    """What `show STUDY RUN` prints, saved to a file, is a controller for `simulate`."""
+    folder, _ = study
+    file = tmp_path / "champion.txt"
+    file.write_text(call("show", folder, 1).stdout)
+    words = ("--pose", 15, 35, 10, "--noise", "double", "--seed", 3, "--seconds", 2)
+    driven = json_of("simulate", "light", "--controller", file, *words)
+    replayed = json_of("replay", folder, 1, *words)
+    assert driven["x_cm"] == replayed["x_cm"]
+    assert driven["score"] == replayed["score"]
+
+
+def test_replay_takes_the_runs_own_noise_and_length(study, json_of):
+    """Without options a replay is as the run was: its noise, its length, a start of the task's."""
+    folder, _ = study
+    made = json_of("replay", folder, 1)
+    assert made["noise"] == 2.0
+    assert len(made["t_s"]) == 20
+    assert (made["x_cm"][0], made["y_cm"][0]) == (15, 35)
+
+
+@pytest.mark.parametrize("who", ["fittest", "0", "69"])
+def test_any_individual_can_be_replayed(study, json_of, who):
+    """The fittest and every evaluation can be replayed."""
+    folder, _ = study
+    assert len(json_of("replay", folder, 2, "--individual", who)["t_s"]) == 20
+
+
+@pytest.mark.parametrize(
+    ("option", "file"), [("--picture", "path.png"), ("--animation", "film.gif"), ("--animation", "film.mp4")]
+)
+def test_a_replay_can_be_drawn_and_filmed(study, call, tmp_path, option, file):
+    """A replay leaves the picture or film that was asked for."""
+    folder, _ = study
+    result = call("replay", folder, 1, "--seconds", 1, option, tmp_path / file)
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / file).stat().st_size > 1000
+
+
+def test_a_network_can_be_drawn(study, call, tmp_path):
+    """`show STUDY RUN --picture` draws the champion's network."""
+    folder, _ = study
+    assert call("show", folder, 1, "--picture", tmp_path / "network.svg").exit_code == 0
+    assert (tmp_path / "network.svg").read_text().startswith("<?xml")
+
+
+def test_a_report_can_be_made_again(study, json_of):
+    """`report` makes the page anew."""
+    folder, _ = study
+    page = folder / "report" / "index.html"
+    page.unlink()
+    assert json_of("report", folder)["report"] == str(page)
+    assert page.is_file()
+
+
+def test_the_texts_for_people(study, call):
+    """Without --json, `show` has a line a run and one run has its genotype."""
+    folder, _ = study
+    assert "light-seeking/double/2" in call("show", folder).stdout
+    assert "# best fitness" in call("show", folder, 1).stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("show", 3), "3"),
+        (("show", "avoidance/zero/1"), "avoidance/zero/1"),
+        (("replay", 9), "9"),
+        (("replay", 1, "--individual", "best"), "--individual"),
+        (("replay", 1, "--individual", 70), "--individual"),
+        (("replay", 1, "--pose", -5, 0, 0), "--pose"),
+        (("replay", 1, "--animation", "film.avi"), "--animation"),
+    ],
+)
+def test_a_wrong_word_about_a_study_is_refused_by_name(study, refused, words, named):
+    """A run, individual or file that there cannot be is named."""
+    folder, _ = study
+    command, *others = words
+    assert named in refused(command, folder, *others)
+
+
+def test_a_study_is_not_overwritten(study, refused):
+    """`evolve` into a finished study is refused and says what to do."""
+    folder, _ = study
+    assert "--resume" in refused("evolve", "light", *SMALL, "--out", folder)
+
+
+def test_resuming_needs_no_options_again(study, json_of):
+    """With --resume what is not given is as it was; a finished study stays as it is."""
+    folder, printed = study
+    assert json_of("evolve", "light", "--resume", "--out", folder)["runs"] == printed["runs"]
+
+
+@pytest.mark.parametrize("words", [("--seed", 8), ("--noise", "zero"), ("--set", "variation.mutation=0.2")])
+def test_resuming_with_another_configuration_is_refused(study, refused, words):
+    """--resume with settings that the study was not made with is refused."""
+    folder, _ = study
+    refused("evolve", "light", "--resume", "--out", folder, *words)
+
+
+@pytest.mark.parametrize(
+    ("setting", "named"),
+    [
+        ("variation.mutatoin=0.1", "mutatoin"),
+        ("variation.mutation=2", "mutation"),
+        ("rows", "rows"),
+        ("evolution.rows=0", "rows"),
+        ("task.seconds=-1", "seconds"),
+    ],
+)
+def test_a_wrong_setting_is_refused_by_key(refused, tmp_path, setting, named):
+    """--set with an unknown key or a wrong value names it, and makes no folder."""
+    assert named in refused("evolve", "light", "--set", setting, "--out", tmp_path / "none")
+    assert not (tmp_path / "none" / "study.db").exists()
+
+
+def test_evolving_from_a_configuration(study, json_of, tmp_path):
+    """A study's own TOML, given to --config, makes the same runs again."""
+    folder, printed = study
+    made = json_of("evolve", "light", "--config", folder / "study.toml", "--out", tmp_path / "again")
+    assert made["runs"] == printed["runs"]
+
+
+def test_reproduce_runs_both_tasks_at_three_levels(json_of, tmp_path):
+    """`reproduce` evolves two tasks at three levels of noise and makes the page."""
+    made = json_of("reproduce", "--runs", 1, "--evaluations", 66, "--workers", 1, "--out", tmp_path / "all")
+    assert [(run["task"], run["noise"]) for run in made["runs"]] == [
+        (task, noise) for task in ("obstacle-avoidance", "light-seeking") for noise in (0.0, 1.0, 2.0)
+    ]
+    assert (tmp_path / "all" / "report" / "index.html").is_file()
+
+
+def test_ctrl_c_says_how_to_go_on(tmp_path):
+    """Ctrl-C ends in one line with the command that resumes; the study can be read."""
+    folder = tmp_path / "long"
+    words = ("evolve", "light", "--evaluations", "1000000", "--workers", "1", "--out", str(folder))
+    command = [sys.executable, "-m", "realitygap", *words]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as made:
+        for line in made.stderr:
+            if line.startswith("evolving"):
+                break
+        made.send_signal(signal.SIGINT)
+        said = made.stderr.read().splitlines()
+    assert made.returncode == 130
+    assert said[-1].startswith("stopped")
+    assert f"realitygap evolve light --out {folder} --resume" in said[-1]
+    shown = CliRunner().invoke(realitygap, ["show", str(folder), "--json"])
+    assert json.loads(shown.stdout)["runs"][0]["finished"] is False
