@@ -41,7 +41,7 @@ def show(study: str, run: str | None, picture: Path | None, json_output: bool) -
     runs = loaded.runs if run is None else [loaded.run(run)]
     if picture is not None:
         if run is None:
-            raise click.BadParameter("expected with it a RUN, whose network is drawn.", param_hint="'--picture'")
+            raise click.BadParameter("draws the network of one RUN: name it.", param_hint="'--picture'")
         _draw(loaded, runs[0], picture)
     if json_output:
         print_json({"study": study, "runs": [describe(loaded, one) for one in runs]})
