@@ -14,9 +14,10 @@ from matplotlib.figure import Figure
 from realitygap.errors import UsageError
 from realitygap.kernels.params import STEP_S
 from realitygap.report import style
-from realitygap.report.arenas import draw_arena, draw_robot
+from realitygap.report.arenas import draw_arena
 from realitygap.report.paths import tail
 from realitygap.report.pictures import checked_ending
+from realitygap.report.robots import draw_robot
 from realitygap.report.style import new_figure, styled
 from realitygap.values import Trajectory
 
@@ -27,7 +28,14 @@ DPI = 100
 
 
 def save_animation(
-    path: str | Path, task: Any, profile: Any, trajectory: Trajectory, title: str = "", *, speed: float = 1.0
+    path: str | Path,
+    task: Any,
+    profile: Any,
+    trajectory: Trajectory,
+    title: str = "",
+    *,
+    speed: float = 1.0,
+    colour: str = style.INK,
 ) -> Path:
     """Write a trajectory as a GIF or an MP4, ten frames for each second of `speed`-fold time.
 
@@ -38,6 +46,7 @@ def save_animation(
         trajectory: what is shown.
         title: a line above.
         speed: 1 is real time, 2 twice as fast.
+        colour: of the tail.
 
     Raises:
         UsageError: an ending that cannot be written, or a speed of 0 or less.
@@ -45,7 +54,7 @@ def save_animation(
     path = checked_ending(path, FILMS)
     if not speed > 0:
         raise UsageError(f"speed: expected more than 0 (1 = real time), got {speed!r}.")
-    pictures = frames(task, profile, trajectory, title)
+    pictures = frames(task, profile, trajectory, title, colour)
     if path.suffix.lower() == ".gif":
         _save_gif(path, pictures, STEP_S / speed)
     else:
@@ -53,7 +62,9 @@ def save_animation(
     return path
 
 
-def frames(task: Any, profile: Any, trajectory: Trajectory, title: str = "") -> Iterator[np.ndarray]:
+def frames(
+    task: Any, profile: Any, trajectory: Trajectory, title: str = "", colour: str = style.INK
+) -> Iterator[np.ndarray]:
     """Pictures [height, width, 3] of 8 bits, one a step; width and height are even."""
     arena, robot = task.arena.to_kernel(), profile.to_kernel()
     with styled():
@@ -62,13 +73,13 @@ def frames(task: Any, profile: Any, trajectory: Trajectory, title: str = "") -> 
         strokes = tail(trajectory, robot.radius).reshape(-1, 3, 2)
         draw_arena(room, arena)
         canvas.draw()
-        stroke = room.plot([], [], color=style.noise_style(0).colour, linewidth=0.9, animated=True, zorder=3)[0]
+        stroke = room.plot([], [], color=colour, linewidth=0.9, animated=True, zorder=3)[0]
+        kept = canvas.copy_from_bbox(figure.bbox)
         for step in range(len(trajectory.t)):
-            if step:  # the stage keeps every stroke: "failing to erase a line" (§6)
-                canvas.restore_region(stage)
+            canvas.restore_region(kept)
             stroke.set_data(*strokes[step, :2].T)
             room.draw_artist(stroke)
-            stage = canvas.copy_from_bbox(figure.bbox)
+            kept = canvas.copy_from_bbox(figure.bbox)  # every stroke stays: "failing to erase" (§6)
             pose = (trajectory.x[step], trajectory.y[step], trajectory.heading[step])
             for artist in draw_robot(room, robot, pose):
                 room.draw_artist(artist)
@@ -79,7 +90,9 @@ def frames(task: Any, profile: Any, trajectory: Trajectory, title: str = "") -> 
             yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
 
 
-def _stage(task: Any, profile: Any, trajectory: Trajectory, title: str) -> tuple[Figure, Axes, list[Any], Any]:
+def _stage(
+    task: Any, profile: Any, trajectory: Trajectory, title: str
+) -> tuple[Figure, Axes, list[Any], Any]:
     """The empty stage: a room for the path, axes with bars for readings and commands, a clock."""
     width, depth = (float(v) for v in task.arena.to_kernel().size)
     tall = 4.0
@@ -92,15 +105,18 @@ def _stage(task: Any, profile: Any, trajectory: Trajectory, title: str) -> tuple
     robot = profile.to_kernel()
     top = float(robot.proximity_top if task.feeds == "proximity" else robot.ambient_law[1])
     upper = figure.add_axes(((wide + 0.35) / total, 0.56, 1.9 / total, 0.32))
-    upper.set(title=f"{task.feeds} readings (counts)", xlabel="sensor", ylim=(0, top), xlim=(-0.7, readings.shape[1] - 0.3))
+    upper.set(title=f"{task.feeds} readings (counts)", xlabel="sensor")
+    upper.set(ylim=(0, top), xlim=(-0.7, readings.shape[1] - 0.3))
     upper.set_xticks(range(readings.shape[1]))
     lower = figure.add_axes(((wide + 0.35) / total, 0.13, 1.9 / total, 0.22))
     limit = max(10.0, float(np.abs(trajectory.commands).max(initial=0)))
     lower.set(title="wheel commands (Khepera units)", ylim=(-limit, limit), xlim=(-0.7, 1.7))
     lower.set_xticks([0, 1], ["left", "right"])
     lower.axhline(0, color=style.MUTED, linewidth=0.7)
-    bars = [*upper.bar(range(readings.shape[1]), 0, color=style.RAY, animated=True),
-            *lower.bar([0, 1], 0, width=0.5, color=style.INK, animated=True)]  # fmt: skip
+    bars = [
+        *upper.bar(range(readings.shape[1]), 0, color=style.RAY, animated=True),
+        *lower.bar([0, 1], 0, width=0.5, color=style.INK, animated=True),
+    ]
     text = room.text(1.0, 1.03, "", ha="right", va="bottom", transform=room.transAxes, animated=True)
     return figure, room, bars, text
 

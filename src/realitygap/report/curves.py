@@ -29,9 +29,14 @@ def mean_curve(runs: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def draw_curves(
-    ax: Axes, conditions: Mapping[float, Sequence[np.ndarray]], names: Mapping[float, str], *,
-    scale: float = 1.0, unit: str = "", fresh: Mapping[float, float] | None = None,
-) -> None:  # fmt: skip
+    ax: Axes,
+    conditions: Mapping[float, Sequence[np.ndarray]],
+    names: Mapping[float, str],
+    *,
+    scale: float = 1.0,
+    unit: str = "",
+    fresh: Mapping[float, float] | None = None,
+) -> None:
     """One curve a noise level with its 95 % band.
 
     Args:
@@ -53,14 +58,39 @@ def draw_curves(
         at = np.arange(1, len(mean) + 1)
         longest = max(longest, len(mean))
         if len(runs) > 1:
-            ax.fill_between(at, (mean - half) / scale, (mean + half) / scale, color=look.colour, alpha=0.14,
-                            linewidth=0, zorder=1)  # fmt: skip
+            ax.fill_between(
+                at,
+                (mean - half) / scale,
+                (mean + half) / scale,
+                color=look.colour,
+                alpha=0.14,
+                linewidth=0,
+                zorder=1,
+            )
         marks = np.unique(np.linspace(0, len(mean) - 1, 6).astype(int)[1:])
-        ax.plot(at, mean / scale, color=look.colour, linestyle=look.line, marker=look.marker,
-                markevery=list(marks), markersize=4, label=names[level], zorder=3)  # fmt: skip
-        if fresh and level in fresh:
-            ax.plot([longest * 1.035], [fresh[level] / scale], marker=look.marker, color=look.colour,
-                    markerfacecolor="none", markersize=5, clip_on=False, zorder=4)  # fmt: skip
+        ax.plot(
+            at,
+            mean / scale,
+            color=look.colour,
+            linestyle=look.line,
+            marker=look.marker,
+            markevery=list(marks),
+            markersize=4,
+            label=names[level],
+            zorder=3,
+        )
+    for level, value in (fresh or {}).items():
+        ax.plot(
+            [longest * 1.035],
+            [value / scale],
+            marker=styles[level].marker,
+            color=styles[level].colour,
+            markerfacecolor="none",
+            markersize=5,
+            clip_on=False,
+            linestyle="none",
+            zorder=4,
+        )
     ax.set_xlim(0, longest * 1.06)
     ax.set_ylim(bottom=0)
     ax.set_xlabel("evaluations")

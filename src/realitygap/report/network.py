@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
 from realitygap.report import style
-from realitygap.report.arenas import draw_robot
+from realitygap.report.robots import draw_robot
 from realitygap.report.style import new_figure
 from realitygap.report.wiring import Link, Wiring, bend_links, label_places, place_neurons, read_wiring
 
@@ -26,9 +26,15 @@ EXCITATORY = style.INK
 
 
 def draw_network(
-    ax: Axes, genes: np.ndarray, profile: Any, *, feeds: str = "proximity",
-    sensors: Sequence[int] | None = None, inputs: int = 8, outputs: int = 2,
-) -> None:  # fmt: skip
+    ax: Axes,
+    genes: np.ndarray,
+    profile: Any,
+    *,
+    feeds: str = "proximity",
+    sensors: Sequence[int] | None = None,
+    inputs: int = 8,
+    outputs: int = 2,
+) -> None:
     """A genotype's network on its robot, which looks up.
 
     Excitatory links are dark and end in an arrow, inhibitory ones purple and end in a dot; width and
@@ -78,20 +84,31 @@ def _draw_links(ax: Axes, wiring: Wiring, curves: list[np.ndarray], unit: float)
     """Curves with an arrow or a dot at their ends, widths by weight."""
     for pale in (True, False):
         for excitatory in (True, False):
-            chosen = [(k, c) for k, c in zip(wiring.links, curves, strict=True)
-                      if (k.weight >= 0) == excitatory and wiring.works(k) != pale]  # fmt: skip
+            chosen = [
+                (k, c)
+                for k, c in zip(wiring.links, curves, strict=True)
+                if (k.weight >= 0) == excitatory and wiring.works(k) != pale
+            ]
             if not chosen:
                 continue
             colour, alpha = EXCITATORY if excitatory else style.INHIBITORY, 0.18 if pale else 1.0
-            ax.add_collection(LineCollection(
-                [c for _, c in chosen], colors=colour, alpha=alpha, zorder=7,
-                linewidths=[0.6 if pale else 0.5 + 0.5 * abs(k.weight) for k, _ in chosen],
-                linestyles=(0, (3, 2)) if pale else "-"))  # fmt: skip
+            ax.add_collection(
+                LineCollection(
+                    [c for _, c in chosen],
+                    colors=colour,
+                    alpha=alpha,
+                    zorder=7,
+                    linewidths=[0.6 if pale else 0.5 + 0.5 * abs(k.weight) for k, _ in chosen],
+                    linestyles=(0, (3, 2)) if pale else "-",
+                )
+            )
             if excitatory:
                 heads = [_arrow(c, unit * (0.14 + 0.02 * abs(k.weight))) for k, c in chosen]
             else:
                 heads = [_dot(c[-1], unit * (0.075 + 0.012 * abs(k.weight))) for k, c in chosen]
-            ax.add_collection(PolyCollection(heads, facecolors=colour, edgecolors="none", alpha=alpha, zorder=8))
+            ax.add_collection(
+                PolyCollection(heads, facecolors=colour, edgecolors="none", alpha=alpha, zorder=8)
+            )
 
 
 def _arrow(curve: np.ndarray, size: float) -> np.ndarray:
@@ -100,7 +117,8 @@ def _arrow(curve: np.ndarray, size: float) -> np.ndarray:
     along = along / np.hypot(*along)
     across = np.array([-along[1], along[0]])
     tip = curve[-1] + 0.3 * size * along
-    return np.array([tip, tip - size * 1.5 * along + size * 0.62 * across, tip - size * 1.5 * along - size * 0.62 * across])
+    back = tip - 1.5 * size * along
+    return np.array([tip, back + 0.62 * size * across, back - 0.62 * size * across])
 
 
 def _dot(place: np.ndarray, size: float) -> np.ndarray:
@@ -109,17 +127,26 @@ def _dot(place: np.ndarray, size: float) -> np.ndarray:
     return np.asarray(place + size * np.stack([np.cos(t), np.sin(t)], axis=1))
 
 
-def _draw_neurons(ax: Axes, wiring: Wiring, places: dict[int, np.ndarray], sensors: Sequence[int],
-                  unit: float) -> None:
+def _draw_neurons(
+    ax: Axes, wiring: Wiring, places: dict[int, np.ndarray], sensors: Sequence[int], unit: float
+) -> None:
     """Inputs round and tinted, outputs square, hidden neurons round; number and threshold inside."""
     for n, (x, y) in places.items():
         pale = 1.0 if n in wiring.useful else 0.4
         if n < wiring.inputs:
-            shape: Any = Circle((x, y), INPUT * unit, facecolor=style.FLOOR, edgecolor=style.RAY, linewidth=1.2)
+            shape: Any = Circle(
+                (x, y), INPUT * unit, facecolor=style.FLOOR, edgecolor=style.RAY, linewidth=1.2
+            )
             words, second = str(sensors[n]) if n < len(sensors) and sensors[n] >= 0 else "–", ""
         elif n < wiring.inputs + wiring.outputs:
-            shape = Rectangle((x - OUTPUT * unit, y - OUTPUT * unit), 2 * OUTPUT * unit, 2 * OUTPUT * unit,
-                              facecolor=style.PAPER, edgecolor=style.INK, linewidth=1.2)  # fmt: skip
+            shape = Rectangle(
+                (x - OUTPUT * unit, y - OUTPUT * unit),
+                2 * OUTPUT * unit,
+                2 * OUTPUT * unit,
+                facecolor=style.PAPER,
+                edgecolor=style.INK,
+                linewidth=1.2,
+            )
             place = n - wiring.inputs
             words = "LR"[place] if place < 2 else str(n)
             second = f"θ {_signed(wiring.thresholds[n])}"
@@ -128,10 +155,19 @@ def _draw_neurons(ax: Axes, wiring: Wiring, places: dict[int, np.ndarray], senso
             words, second = str(n), f"θ {_signed(wiring.thresholds[n])}"
         shape.set(zorder=9, alpha=pale if n >= wiring.inputs else None)
         ax.add_patch(shape)
-        ax.text(x, y + (0.11 * unit if second else 0), words, ha="center", va="center", fontsize=7.5,
-                fontweight="bold", zorder=10, alpha=pale)  # fmt: skip
+        ax.text(
+            x,
+            y + (0.11 * unit if second else 0),
+            words,
+            ha="center",
+            va="center",
+            fontsize=7.5,
+            fontweight="bold",
+            zorder=10,
+            alpha=pale,
+        )
         if second:
-            ax.text(x, y - 0.17 * unit, second, ha="center", va="center", fontsize=5.8, zorder=10, alpha=pale)
+            ax.text(x, y - 0.17 * unit, second, ha="center", va="center", fontsize=6.2, zorder=10, alpha=pale)
 
 
 def _signed(number: int) -> str:
@@ -141,16 +177,26 @@ def _signed(number: int) -> str:
 
 def _label(ax: Axes, link: Link, spot: np.ndarray, unit: float) -> None:
     """Weight and, where there is one, delay of a link, on its curve."""
-    words = ("+" if link.weight > 0 else "") + _signed(link.weight) + (f" d{link.delay}" if link.delay else "")
-    wide, tall = (0.082 * len(words) + 0.03) * unit, 0.1 * unit
-    ax.add_patch(Rectangle((spot[0] - wide, spot[1] - tall), 2 * wide, 2 * tall, facecolor=style.BODY,
-                           edgecolor="none", alpha=0.85, zorder=10.5))  # fmt: skip
-    ax.text(*spot, words, ha="center", va="center_baseline", fontsize=6.2, zorder=11)
+    words = ("+" if link.weight > 0 else "") + _signed(link.weight)
+    words += f" d{link.delay}" if link.delay else ""
+    wide, tall = (0.086 * len(words) + 0.03) * unit, 0.105 * unit
+    ax.add_patch(
+        Rectangle(
+            (spot[0] - wide, spot[1] - tall),
+            2 * wide,
+            2 * tall,
+            facecolor=style.BODY,
+            edgecolor="none",
+            alpha=0.85,
+            zorder=10.5,
+        )
+    )
+    ax.text(spot[0], spot[1], words, ha="center", va="center_baseline", fontsize=6.6, zorder=11)
 
 
 def network_figure(genes: np.ndarray, profile: Any, *, title: str = "", **options: Any) -> Figure:
     """A network's picture by itself, with its legend."""
-    hidden = int(np.asarray(genes)[options.get("inputs", 8) + options.get("outputs", 2):, 0].sum())
+    hidden = int(np.asarray(genes)[options.get("inputs", 8) + options.get("outputs", 2) :, 0].sum())
     wide = 3.7 if hidden <= 3 else 4.6 if hidden <= 7 else 6.6
     tall = wide + 0.5
     figure = new_figure(wide, tall)
@@ -161,10 +207,20 @@ def network_figure(genes: np.ndarray, profile: Any, *, title: str = "", **option
     legend = figure.add_axes((0.5 - 1.8 / wide, 0.0, 3.6 / wide, 0.33 / tall))
     legend.set(xlim=(0, 100), ylim=(0, 10))
     legend.axis("off")
-    legend.annotate("", (9, 7), (1, 7), arrowprops={"arrowstyle": "-|>", "color": EXCITATORY, "lw": 1.4, "mutation_scale": 7})
+    legend.annotate(
+        "",
+        (9, 7),
+        (1, 7),
+        arrowprops={"arrowstyle": "-|>", "color": EXCITATORY, "lw": 1.4, "mutation_scale": 7},
+    )
     legend.plot([30, 37.4], [7, 7], color=style.INHIBITORY, linewidth=1.6)
     legend.plot([37.6], [7], "o", color=style.INHIBITORY, markersize=4)
-    for x, y, words in ((10.5, 7, "excitatory"), (39.5, 7, "inhibitory"), (62, 7, "θ threshold (lower)"),
-                        (1, 2.3, "+3 d2: weight +3, delay of 2 updates (20 ms)"), (72, 2.3, "pale: no effect")):  # fmt: skip
+    for x, y, words in (
+        (10.5, 7, "excitatory"),
+        (39.5, 7, "inhibitory"),
+        (62, 7, "θ threshold (lower)"),
+        (1, 2.3, "+3 d2: weight +3, delay of 2 updates (20 ms)"),
+        (72, 2.3, "pale: no effect"),
+    ):
         legend.text(x, y, words, va="center", fontsize=6)
     return figure

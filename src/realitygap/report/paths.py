@@ -15,7 +15,8 @@ from matplotlib.figure import Figure
 
 from realitygap.kernels.params import Arena, Robot
 from realitygap.report import style
-from realitygap.report.arenas import draw_arena, draw_robot
+from realitygap.report.arenas import draw_arena
+from realitygap.report.robots import draw_robot
 from realitygap.report.style import PAGE, SIMULATED, Look, new_figure, noise_styles
 from realitygap.values import Trajectory
 
@@ -43,16 +44,40 @@ def tail(trajectory: Trajectory, radius: float) -> np.ndarray:
 
 
 def draw_path(
-    ax: Axes, arena: Arena, robot: Robot, trajectory: Trajectory, *, colour: str = style.INK,
-    look: Look = SIMULATED, labels: bool = True,
-) -> None:  # fmt: skip
+    ax: Axes,
+    arena: Arena,
+    robot: Robot,
+    trajectory: Trajectory,
+    *,
+    colour: str = style.INK,
+    look: Look = SIMULATED,
+    labels: bool = True,
+) -> None:
     """A trajectory in its arena: the tail, a cross where it began, the robot where it ended."""
     draw_arena(ax, arena, labels=labels)
     strokes = tail(trajectory, robot.radius)
-    ax.plot(strokes[:, 0], strokes[:, 1], color=colour, linewidth=look.tail_width, linestyle=look.line,
-            alpha=look.tail_alpha, solid_capstyle="butt", zorder=3, scalex=False, scaley=False)  # fmt: skip
-    ax.plot(strokes[:1, 0], strokes[:1, 1], "o", markersize=4, markerfacecolor=style.PAPER,
-            markeredgecolor=style.INK, markeredgewidth=1.0, zorder=4.5)  # fmt: skip
+    ax.plot(
+        strokes[:, 0],
+        strokes[:, 1],
+        color=colour,
+        linewidth=look.tail_width,
+        linestyle=look.line,
+        alpha=look.tail_alpha,
+        solid_capstyle="butt",
+        zorder=3,
+        scalex=False,
+        scaley=False,
+    )
+    ax.plot(
+        strokes[:1, 0],
+        strokes[:1, 1],
+        "o",
+        markersize=4,
+        markerfacecolor=style.PAPER,
+        markeredgecolor=style.INK,
+        markeredgewidth=1.0,
+        zorder=4.5,
+    )
     end = trajectory.end
     draw_robot(ax, robot, (end.x, end.y, end.heading), look)
 
@@ -72,7 +97,9 @@ def sheet_figure(task: Any, profile: Any, rows: Sequence[Sequence[PathPanel]]) -
     return _grid(task, profile, rows, wide=PAGE, labels=False)
 
 
-def _grid(task: Any, profile: Any, rows: Sequence[Sequence[PathPanel]], *, wide: float, labels: bool) -> Figure:
+def _grid(
+    task: Any, profile: Any, rows: Sequence[Sequence[PathPanel]], *, wide: float, labels: bool
+) -> Figure:
     """Panels in rows; every arena at the same scale, laid out by hand (cheap and deterministic)."""
     arena, robot = task.arena.to_kernel(), profile.to_kernel()
     styles = noise_styles(panel.noise for row in rows for panel in row)
@@ -92,6 +119,5 @@ def _grid(task: Any, profile: Any, rows: Sequence[Sequence[PathPanel]], *, wide:
             if labels and c:
                 ax.set_ylabel("")
                 ax.set_yticklabels([])
-            ax.set_title(panel.title, fontsize=8.5 if labels else 7, pad=3, loc="left",
-                         color=style.INK)  # fmt: skip
+            ax.set_title(panel.title, fontsize=8.5 if labels else 7, pad=3, loc="left", color=style.INK)
     return figure

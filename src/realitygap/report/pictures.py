@@ -54,6 +54,10 @@ def save_picture(
         ax = figure.add_subplot()
         draw_trajectory(ax, task, profile, trajectory, **options)
         ax.set_title(title, loc="left")
-        stamp: dict[str, Any] = {".png": {"Software": None}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+        stamp: dict[str, Any] = {
+            ".png": {"Software": None},
+            ".svg": {"Date": None},
+            ".pdf": {"CreationDate": None},
+        }
         figure.savefig(path, dpi=200, metadata=stamp[path.suffix.lower()])
     return path

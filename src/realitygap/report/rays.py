@@ -15,8 +15,9 @@ F = NDArray[np.float64]
 def cast(arena: Arena, origin: F, direction: F) -> F:
     """Distance in cm from each origin [N, 2] along each unit vector [N, 2] to the nearest thing."""
     width, depth = arena.size
-    walls = np.array([[0, 0, width, 0], [width, 0, width, depth],
-                      [width, depth, 0, depth], [0, depth, 0, 0]], dtype=float)  # fmt: skip
+    walls = np.array(
+        [[0, 0, width, 0], [width, 0, width, depth], [width, depth, 0, depth], [0, depth, 0, 0]], dtype=float
+    )
     distance = np.full(len(origin), np.inf)
     for x0, y0, x1, y1 in np.concatenate([walls, arena.segments.reshape(-1, 4)]):
         along = np.array([x1 - x0, y1 - y0])
@@ -37,9 +38,7 @@ def cast(arena: Arena, origin: F, direction: F) -> F:
     return distance
 
 
-def sensor_rays(
-    arena: Arena, place: F, ray: F, pose: tuple[float, float, float], reach: F | float
-) -> F:
+def sensor_rays(arena: Arena, place: F, ray: F, pose: tuple[float, float, float], reach: F | float) -> F:
     """Where the rays of all sensors start and end, [S · RAYS, 2 ends, 2] in cm.
 
     `place` [S, 2] and `ray` [S, 2, lanes] are in the robot's frame, `reach` [S] bounds each

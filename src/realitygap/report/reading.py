@@ -17,8 +17,8 @@ def read_table(table: Table) -> list[str]:
 
 
 def _words(table: Table, value: float) -> str:
-    """A fitness in the table's unit."""
-    return number(value / table.scale, table.places) + (f" {table.unit}" if table.unit else "")
+    """A fitness in the table's unit, which is named once, above the sentences."""
+    return number(value / table.scale, table.places)
 
 
 def _pairs(table: Table, who: str) -> list[tuple[float, float]]:
@@ -41,12 +41,17 @@ def _overrating(table: Table) -> str:
     gap = stored - fresh
     share = f" ({abs(gap) / stored:.0%})" if stored > 0 else ""
     if gap > 0:
-        verdict = (f"{_words(table, gap)} less{share}: the highest of many noisy fitnesses is partly luck, "
-                   "which is why the tables show fresh trials.")  # fmt: skip
+        verdict = (
+            f"{_words(table, gap)} less{share}: the highest of many noisy fitnesses is partly luck, "
+            "which is why the tables show fresh trials."
+        )
     else:
         verdict = f"{_words(table, -gap)} more{share}."
-    return (f"The fittest individuals' stored fitness is {_words(table, stored)} on average over {_runs(len(pairs))}; "
-            f"on fresh trials at the noise they evolved under they score {_words(table, fresh)}, {verdict}")  # fmt: skip
+    return (
+        f"The fittest individuals’ stored fitness is {_words(table, stored)} on average over "
+        f"{_runs(len(pairs))}; "
+        f"on fresh trials at the noise they evolved under they score {_words(table, fresh)}, {verdict}"
+    )
 
 
 def _order(table: Table) -> str:
@@ -59,27 +64,35 @@ def _order(table: Table) -> str:
     if len(ranked) < 2:
         return ""
     listed = ", ".join(f"{one.name} noise {_words(table, float(m.mean()))}" for one, m in ranked)
-    text = f"Tested at {table.levels[level]} noise, the fittest individuals by the noise they evolved under: {listed}."
+    tested = table.levels[level]
+    text = f"Tested at {tested} noise, the fittest individuals by the noise they evolved under: {listed}."
     gap = difference(ranked[0][1], ranked[-1][1])
     if gap is None:
         return text + " One run each does not tell them apart."
-    return (f"{text} First and last differ by {_interval(table, gap)} (95 % interval): "
-            + (f"more than the spread among {_runs(len(ranked[0][1]))} explains, though they were picked as the "
-               "extremes." if gap.value - gap.half > 0 else
-               f"with {_runs(len(ranked[0][1]))} each this does not tell them apart."))  # fmt: skip
+    return f"{text} First and last differ by {_interval(table, gap)} (95 % interval): " + (
+        f"more than the spread among {_runs(len(ranked[0][1]))} explains, though they were picked as the "
+        "extremes."
+        if gap.value - gap.half > 0
+        else f"with {_runs(len(ranked[0][1]))} each this does not tell them apart."
+    )
 
 
 def _champions(table: Table) -> str:
     """Whether the retest finds better individuals than the stored fitness does."""
-    fittest, champion = [np.array([fresh for _, fresh in _pairs(table, who)]) for who in ("fittest", "champion")]
+    fittest, champion = [
+        np.array([fresh for _, fresh in _pairs(table, who)]) for who in ("fittest", "champion")
+    ]
     if not len(fittest) or len(fittest) != len(champion):
         return ""
     gain = mean_of(champion - fittest)
     assert gain is not None
     ahead = int((champion > fittest).sum())
     word = "more" if gain.value >= 0 else "less"
-    return (f"The retested champion scores higher than the fittest in {ahead} of {_runs(len(fittest))}, on average "
-            f"{_words(table, abs(gain.value))} {word} at the noise both evolved under.")  # fmt: skip
+    return (
+        f"The retested champion scores higher than the fittest in {ahead} of {_runs(len(fittest))}, "
+        "on average "
+        f"{_words(table, abs(gain.value))} {word} at the noise both evolved under."
+    )
 
 
 def _robustness(table: Table) -> list[str]:
@@ -91,16 +104,22 @@ def _robustness(table: Table) -> list[str]:
     parts = [part for part in parts if part]
     if not parts:
         return []
-    return [f"From {table.levels[low]} to {table.levels[high]} noise the fittest individuals go: " + "; ".join(parts) + "."]
+    return [
+        f"From {table.levels[low]} to {table.levels[high]} noise the fittest individuals go: "
+        + "; ".join(parts)
+        + "."
+    ]
 
 
 def _change(table: Table, one: NoiseClass, low: float, high: float) -> str:
-    """"evolved at zero noise, from a to b"."""
+    """ "evolved at zero noise, from a to b"."""
     before, after = one.means("fittest", low), one.means("fittest", high)
     if not before.size or not after.size:
         return ""
-    return (f"evolved at {one.name} noise, from {_words(table, float(before.mean()))} "
-            f"to {_words(table, float(after.mean()))}")  # fmt: skip
+    return (
+        f"evolved at {one.name} noise, from {_words(table, float(before.mean()))} "
+        f"to {_words(table, float(after.mean()))}"
+    )
 
 
 def _interval(table: Table, mean: Mean) -> str:
@@ -109,5 +128,5 @@ def _interval(table: Table, mean: Mean) -> str:
 
 
 def _runs(count: int) -> str:
-    """"1 run", "5 runs"."""
+    """ "1 run", "5 runs"."""
     return f"{count} run" + ("" if count == 1 else "s")

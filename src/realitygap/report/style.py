@@ -19,9 +19,21 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 __all__ = [
-    "COLUMN", "INHIBITORY", "INK", "PAGE", "SIMULATED", "SITUATED", "Look", "NoiseStyle",
-    "inline_svg", "new_figure", "noise_style", "noise_styles", "save_figure", "styled",
-]  # fmt: skip
+    "COLUMN",
+    "INHIBITORY",
+    "INK",
+    "PAGE",
+    "SIMULATED",
+    "SITUATED",
+    "Look",
+    "NoiseStyle",
+    "inline_svg",
+    "new_figure",
+    "noise_style",
+    "noise_styles",
+    "save_figure",
+    "styled",
+]
 
 COLUMN = 3.35
 """Width of one column of a two-column paper, inches."""
@@ -41,9 +53,16 @@ RAY = "#b7791f"
 INHIBITORY = "#cc79a7"
 
 _VARIABLES = {
-    INK: "ink", MUTED: "muted", GRID: "grid", PAPER: "paper", FLOOR: "floor", WALL: "wall",
-    CYLINDER: "cylinder", BODY: "body", RAY: "ray",
-}  # fmt: skip
+    INK: "ink",
+    MUTED: "muted",
+    GRID: "grid",
+    PAPER: "paper",
+    FLOOR: "floor",
+    WALL: "wall",
+    CYLINDER: "cylinder",
+    BODY: "body",
+    RAY: "ray",
+}
 """Colours that the page replaces by its own, so that figures follow light and dark."""
 
 _RC: dict[str, Any] = {
@@ -135,7 +154,8 @@ def noise_style(level: float) -> NoiseStyle:
 
 def styled() -> AbstractContextManager[None]:
     """The context in which this project's figures are made and written."""
-    context: AbstractContextManager[None] = matplotlib.rc_context(_RC)
+    settings: Any = _RC
+    context: AbstractContextManager[None] = matplotlib.rc_context(settings)
     return context
 
 
@@ -151,8 +171,9 @@ def save_figure(figure: Figure, folder: Path, name: str, *, dpi: int = 200) -> s
 
     The same figure gives the same bytes: no date, fixed ids.
     """
-    figure.savefig(folder / f"{name}.png", dpi=dpi, metadata={"Software": None},
-                   pil_kwargs={"compress_level": 4})  # fmt: skip
+    figure.savefig(
+        folder / f"{name}.png", dpi=dpi, metadata={"Software": None}, pil_kwargs={"compress_level": 4}
+    )
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": "realitygap"})
     svg = buffer.getvalue()
@@ -180,5 +201,7 @@ def inline_svg(svg: str, name: str, alt: str) -> str:
     box = viewbox.group(0) if viewbox else ""
     size = f"{float(width.group(1)) / 0.75:.0f}" if width else "600"
     label = alt.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
-    return (f'<svg class="figure" role="img" aria-label="{label}" {box} style="max-width:{size}px" '
-            f'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink">{rest}')  # fmt: skip
+    return (
+        f'<svg class="figure" role="img" aria-label="{label}" {box} style="--w:{size}px" '
+        f'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink">{rest}'
+    )

@@ -8,8 +8,9 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,8 +20,6 @@ __all__ = ["WHO", "NoiseClass", "Row", "Table", "decimals", "number", "write_csv
 
 WHO = ("fittest", "champion")
 """The paper's individual (highest stored fitness) and the retested champion."""
-
-Tests = Mapping[tuple[str, float], np.ndarray]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,12 +32,13 @@ class Row:
     evaluations: int
     finished: bool
     stored: float | None
-    tests: Tests
+    means: Mapping[tuple[str, float], Mean]
+    source: Any = field(default=None, repr=False, compare=False)
+    """The study's own run, for what a table does not show."""
 
     def mean(self, who: str, level: float) -> Mean | None:
-        """Mean and 95 % interval over the fresh trials at a noise level."""
-        scores = self.tests.get((who, level))
-        return None if scores is None else mean_of(scores)
+        """Mean and 95 % interval over the fresh trials of the fittest or the champion at a noise level."""
+        return self.means.get((who, level))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +48,11 @@ class NoiseClass:
     level: float
     name: str
     rows: tuple[Row, ...]
+
+    @property
+    def begun(self) -> tuple[Row, ...]:
+        """Runs that have an individual to show."""
+        return tuple(row for row in self.rows if row.stored is not None)
 
     def means(self, who: str, level: float) -> np.ndarray:
         """Each tested run's mean on fresh trials at a noise level."""
@@ -72,7 +77,9 @@ class Table:
     @property
     def places(self) -> int:
         """Decimal places that show three significant digits of the largest value."""
-        values = [abs(v) / self.scale for c in self.classes for v in (*c.stored(), *c.means("fittest", c.level))]
+        values = [
+            abs(v) / self.scale for c in self.classes for v in (*c.stored(), *c.means("fittest", c.level))
+        ]
         return decimals(max(values, default=1.0))
 
     def show(self, mean: Mean | float | None) -> tuple[str, str]:
@@ -112,13 +119,33 @@ def write_csv(path: Path, table: Table) -> None:
         writer.writerow(head)
         for one in table.classes:
             for row in one.rows:
-                writer.writerow([table.task, one.name, row.index, row.run, row.name, row.evaluations,
-                                 int(row.finished), "" if row.stored is None else repr(float(row.stored)),
-                                 *_cells([row.mean(*test) for test in tests])])  # fmt: skip
+                writer.writerow(
+                    [
+                        table.task,
+                        one.name,
+                        row.index,
+                        row.run,
+                        row.name,
+                        row.evaluations,
+                        int(row.finished),
+                        "" if row.stored is None else repr(float(row.stored)),
+                        *_cells([row.mean(*test) for test in tests]),
+                    ]
+                )
             stored = mean_of(one.stored())
-            writer.writerow([table.task, one.name, "average", "", "", "", "",
-                             "" if stored is None else repr(stored.value),
-                             *_cells([mean_of(one.means(*test)) for test in tests])])  # fmt: skip
+            writer.writerow(
+                [
+                    table.task,
+                    one.name,
+                    "average",
+                    "",
+                    "",
+                    "",
+                    "",
+                    "" if stored is None else repr(stored.value),
+                    *_cells([mean_of(one.means(*test)) for test in tests]),
+                ]
+            )
 
 
 def _cells(means: Sequence[Mean | None]) -> list[str]:
@@ -128,5 +155,9 @@ def _cells(means: Sequence[Mean | None]) -> list[str]:
         if mean is None:
             cells += ["", "", "0"]
         else:
-            cells += [repr(mean.value), "" if math.isnan(mean.deviation) else repr(mean.deviation), str(mean.count)]
+            cells += [
+                repr(mean.value),
+                "" if math.isnan(mean.deviation) else repr(mean.deviation),
+                str(mean.count),
+            ]
     return cells

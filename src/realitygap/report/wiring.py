@@ -62,8 +62,14 @@ def read_wiring(genes: np.ndarray, *, inputs: int, outputs: int) -> Wiring:
     useful = set(range(inputs, inputs + outputs))
     while more := {k.source for k in links if k.weight and k.target in useful} - useful:
         useful |= more
-    return Wiring(inputs=inputs, outputs=outputs, hidden=hidden, links=tuple(links),
-                  thresholds={s: int(genes[s, 1]) for s in computing}, useful=frozenset(useful))  # fmt: skip
+    return Wiring(
+        inputs=inputs,
+        outputs=outputs,
+        hidden=hidden,
+        links=tuple(links),
+        thresholds={s: int(genes[s, 1]) for s in computing},
+        useful=frozenset(useful),
+    )
 
 
 def place_neurons(
@@ -83,7 +89,9 @@ def place_neurons(
             places[i] = np.array([0.8 * unit * (i - (wiring.inputs - 1) / 2), -robot.radius - 0.5 * unit])
     for k in range(wiring.outputs):
         side = (-1, 1)[k % 2]
-        places[wiring.inputs + k] = np.array([side * (robot.track / 2 - 0.3 - 0.42 * unit), (-0.28 - 0.95 * (k // 2)) * unit])
+        places[wiring.inputs + k] = np.array(
+            [side * (robot.track / 2 - 0.3 - 0.42 * unit), (-0.28 - 0.95 * (k // 2)) * unit]
+        )
     _place_hidden(wiring, robot.radius, places, unit)
     return places
 
@@ -96,8 +104,10 @@ def _place_hidden(wiring: Wiring, radius: float, places: dict[int, F], unit: flo
     while len(free) < count and gap > 0.3 * unit:
         gap *= 0.93
         free = _free_places(gap, radius, places, unit)
-    joined = {h: [k.source if k.target == h else k.target for k in wiring.links if h in (k.source, k.target)]
-              for h in wiring.hidden}  # fmt: skip
+    joined = {
+        h: [k.source if k.target == h else k.target for k in wiring.links if h in (k.source, k.target)]
+        for h in wiring.hidden
+    }
     for h in sorted(wiring.hidden, key=lambda h: (-len(joined[h]), h)):
         near = [places[n] for n in joined[h] if n in places] or [np.zeros(2)]
         aim = np.mean(near, axis=0) * 0.8
@@ -109,8 +119,12 @@ def _free_places(gap: float, radius: float, places: dict[int, F], unit: float) -
     """A honeycomb of places `gap` apart inside the body, clear of the neurons that have theirs."""
     reach = range(-16, 17)
     honeycomb = [np.array([(i + 0.5 * (j % 2)) * gap, (j - 0.3) * gap * 0.87]) for i in reach for j in reach]
-    return [spot for spot in honeycomb if np.hypot(*spot) < 0.8 * radius
-            and all(np.hypot(*(spot - p)) > min(1.1 * unit, 1.2 * gap) for p in places.values())]  # fmt: skip
+    return [
+        spot
+        for spot in honeycomb
+        if np.hypot(*spot) < 0.8 * radius
+        and all(np.hypot(*(spot - p)) > min(1.1 * unit, 1.2 * gap) for p in places.values())
+    ]
 
 
 def bend_links(wiring: Wiring, places: dict[int, F], sizes: dict[int, float], unit: float) -> list[F]:
@@ -125,8 +139,10 @@ def bend_links(wiring: Wiring, places: dict[int, F], sizes: dict[int, float], un
             continue
         others = np.array([p for n, p in places.items() if n not in (link.source, link.target)])
         room = np.array([sizes[n] for n in places if n not in (link.source, link.target)])
-        tries = [_bow(places[link.source], places[link.target], sizes[link.source], sizes[link.target], bend)
-                 for bend in (0.08, -0.08, 0.2, -0.2, 0.33, -0.33, 0.5, -0.5)]  # fmt: skip
+        tries = [
+            _bow(places[link.source], places[link.target], sizes[link.source], sizes[link.target], bend)
+            for bend in (0.08, -0.08, 0.2, -0.2, 0.33, -0.33, 0.5, -0.5)
+        ]
         costs = [_crowding(c, others, room, curves, unit) + 0.05 * i for i, c in enumerate(tries)]
         curves.append(tries[int(np.argmin(costs))])
     return curves

@@ -1,0 +1,147 @@
+"""What a report shows, taken out of a study: conditions, curves, tables, chosen runs, their paths."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from realitygap.kernels.rng import substream
+from realitygap.report.paths import PathPanel
+from realitygap.report.statistics import mean_of, running_best
+from realitygap.report.tables import WHO, NoiseClass, Row, Table
+from realitygap.world.noise import NOISE_LEVELS, noise_level, noise_name
+
+__all__ = ["PER_CONDITION", "Paths", "TaskPart", "best_so_far", "chosen", "individual", "parts_of", "path_of"]
+
+PER_CONDITION = 5
+"""Runs of a condition whose paths, networks and table rows a page shows, however many there are."""
+PICTURES = 5
+"""Name of the stream that the pictures' starts come from, under the study's seed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TaskPart:
+    """All that a study has of one task."""
+
+    task: Any
+    table: Table
+
+    @property
+    def conditions(self) -> tuple[NoiseClass, ...]:
+        """The runs by noise level, rising."""
+        return self.table.classes
+
+    @property
+    def names(self) -> dict[float, str]:
+        """Noise levels as a legend names them."""
+        return {c.level: f"{c.name} noise" for c in self.conditions}
+
+
+def parts_of(study: Any) -> list[TaskPart]:
+    """The study's runs by task and by noise level, tasks in the study's order, levels rising."""
+    groups: dict[str, dict[float, list[Any]]] = {}
+    for run in study.runs:
+        groups.setdefault(run.task, {}).setdefault(noise_level(run.noise), []).append(run)
+    return [_part(study.task(name), levels) for name, levels in groups.items()]
+
+
+def _part(task: Any, groups: dict[float, list[Any]]) -> TaskPart:
+    """One task's runs as its table holds them."""
+    classes = tuple(
+        NoiseClass(level=level, name=noise_name(level), rows=tuple(map(_row, groups[level])))
+        for level in sorted(groups)
+    )
+    tested = {level for one in classes for row in one.rows for _, level in row.means}
+    levels = {level: noise_name(level) for level in sorted(tested or NOISE_LEVELS.values())}
+    table = Table(
+        task=task.name, unit=task.fitness_unit, scale=task.fitness_scale, classes=classes, levels=levels
+    )
+    return TaskPart(task=task, table=table)
+
+
+def _row(run: Any) -> Row:
+    """A run as a table shows it."""
+    known = run.best_fitness is not None and math.isfinite(run.best_fitness)
+    means = {(who, noise_level(noise)): mean_of(scores) for (who, noise), scores in run.tests.items()}
+    return Row(
+        index=run.index,
+        run=run.id,
+        name=run.name,
+        evaluations=run.evaluations,
+        finished=bool(run.finished),
+        stored=float(run.best_fitness) if known else None,
+        means={key: mean for key, mean in means.items() if mean is not None},
+        source=run,
+    )
+
+
+def individual(row: Row) -> Any:
+    """The genotype that stands for a run in pictures: its champion's, or its fittest's so far."""
+    champion = row.source.champion
+    return row.source.fittest if champion is None else champion
+
+
+def best_so_far(study: Any, part: TaskPart) -> dict[float, list[np.ndarray]]:
+    """For each noise level the running best fitness of each run, read one run at a time."""
+    return {
+        one.level: [running_best(study.evaluations(row.run)["fitness"]) for row in one.begun]
+        for one in part.conditions
+        if one.begun
+    }
+
+
+def chosen(condition: NoiseClass) -> Row | None:
+    """The run a figure shows: the median one by its champion's fresh trials at its own noise.
+
+    Where those are missing, by stored fitness; of an even number the lower of the middle two.
+    """
+    ranked = sorted(condition.begun, key=lambda row: (_worth(row, condition.level), -row.run))
+    return ranked[(len(ranked) - 1) // 2] if ranked else None
+
+
+def _worth(row: Row, level: float) -> float:
+    """How good a run's champion is, as far as is known."""
+    fresh = row.mean(WHO[1], level)
+    return fresh.value if fresh is not None else row.stored if row.stored is not None else -math.inf
+
+
+class Paths:
+    """Lets individuals of a study live once more, all of a task from the same start."""
+
+    def __init__(self, study: Any) -> None:
+        self._study = study
+        self._stream = np.uint64(substream(np.uint64(study.config.seed), np.uint64(PICTURES)))
+        self._simulations: dict[tuple[str, float], Any] = {}
+
+    def panel(self, part: TaskPart, condition: NoiseClass, row: Row, title: str) -> PathPanel:
+        """One trial of a run's champion at the noise it evolved under; `title` may hold {score}."""
+        from realitygap.controller.layout import Layout
+        from realitygap.controller.network import decode
+        from realitygap.tasks.simulation import Simulation
+
+        task = part.task
+        key = (task.name, condition.level)
+        if key not in self._simulations:
+            self._simulations[key] = Simulation(task, self._study.profile, condition.level)
+        genes = individual(row)
+        networks = decode(genes, Layout.of(genes, inputs=len(task.sensors)))
+        trajectory, score = self._simulations[key].trajectory(networks, stream=self._stream)
+        shown = f"{score / task.fitness_scale:.2f}"
+        return PathPanel(noise=condition.level, title=title.format(score=shown), trajectory=trajectory)
+
+
+def path_of(names: Mapping[float, str], rows: Sequence[Sequence[PathPanel]]) -> str:
+    """What a picture of paths shows, for those who cannot see it."""
+    parts = []
+    for row in rows:
+        for panel in row:
+            end = panel.trajectory.end
+            parts.append(
+                f"{names[panel.noise]}: from ({panel.trajectory.x[0]:.0f}, {panel.trajectory.y[0]:.0f}) "
+                f"to ({end.x:.0f}, {end.y:.0f}) cm"
+            )
+    return "; ".join(parts)

@@ -1,0 +1,123 @@
+"""The page a person looks at: its words, and the template that they go into."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from realitygap.report.gather import PER_CONDITION, TaskPart
+from realitygap.report.statistics import mean_of
+from realitygap.report.style import noise_styles
+from realitygap.report.tables import WHO, NoiseClass, Table
+
+__all__ = ["Card", "Section", "render"]
+
+GLYPHS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "X": "✖"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Card:
+    """A figure on the page; its files are figures/NAME.png and .svg."""
+
+    name: str
+    svg: str
+    caption: str
+    label: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section:
+    """One task's part of the page."""
+
+    task: Any
+    arena: Card
+    curves: Card | None
+    paths: Card | None
+    sheet: Card | None
+    table: Table
+    table_label: str
+    sentences: list[str]
+    networks: list[tuple[Card, bool]]
+
+
+def _rows(one: NoiseClass, table: Table) -> list[dict[str, Any]]:
+    """A noise class's rows for the template: few enough to read, then the average."""
+    rows = [
+        {
+            "head": f"{row.index}",
+            "stored": table.show(row.stored),
+            "average": False,
+            "finished": row.finished,
+            "cells": [
+                (table.show(row.mean(who, level)), level == one.level)
+                for who in WHO
+                for level in table.levels
+            ],
+        }
+        for row in one.rows[: 2 * PER_CONDITION]
+    ]
+    rows.append(
+        {
+            "head": "average",
+            "stored": table.show(mean_of(one.stored())),
+            "average": True,
+            "finished": True,
+            "cells": [
+                (table.show(mean_of(one.means(who, level))), level == one.level)
+                for who in WHO
+                for level in table.levels
+            ],
+        }
+    )
+    return rows
+
+
+def render(study: Any, parts: Sequence[TaskPart], robot: Card, sections: Sequence[Section]) -> str:
+    """The page as one self-contained HTML text."""
+    from jinja2 import Environment, FileSystemLoader
+    from markupsafe import Markup
+
+    folder = Path(__file__).parent / "templates"
+    environment = Environment(
+        loader=FileSystemLoader(folder), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters["svg"] = lambda text: Markup(text)
+    levels = sorted({c.level: c.name for part in parts for c in part.conditions}.items())
+    styles = noise_styles(level for level, _ in levels)
+    runs = list(study.runs)
+    settings, versions = _settings(study)
+    html = environment.get_template("page.html.j2").render(
+        study=study,
+        config=study.config,
+        robot=robot,
+        sections=sections,
+        rows=_rows,
+        per_condition=2 * PER_CONDITION,
+        sheet_runs=PER_CONDITION,
+        key=[(name, styles[level].colour, GLYPHS[styles[level].marker]) for level, name in levels],
+        total=len(runs),
+        finished=sum(bool(run.finished) for run in runs),
+        paper=_is_paper(parts),
+        evaluations=sum(int(run.evaluations) for run in runs),
+        settings=settings,
+        versions=versions,
+    )
+    return re.sub(r"\n\s*\n+", "\n", html)
+
+
+def _is_paper(parts: Sequence[TaskPart]) -> bool:
+    """Whether this is the paper's study: its two tasks, each at its three noise levels."""
+    return {p.task.name for p in parts} == {"obstacle-avoidance", "light-seeking"} and all(
+        p.task.source is None and [c.level for c in p.conditions] == [0.0, 1.0, 2.0] for p in parts
+    )
+
+
+def _settings(study: Any) -> tuple[str, dict[str, str]]:
+    """The study's own configuration file as text, and the versions it names."""
+    path = Path(study.folder) / "study.toml"
+    text = path.read_text("utf-8") if path.is_file() else ""
+    return text, {str(k): str(v) for k, v in tomllib.loads(text).get("versions", {}).items()}
