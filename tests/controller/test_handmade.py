@@ -64,17 +64,16 @@ def test_avoiding_vehicle():
 
 
 def test_light_seeking_vehicle():
-    """Straight on to a lamp ahead or in the dark, and a turn towards a lamp at a side or behind."""
+    """On to a lamp ahead, a turn towards one at a side, and a turn to search otherwise."""
     genes = braitenberg("ambient", Layout())
-    assert drive(genes, OPEN) == (8, 8)
-    assert drive(genes, sensing(FRONT, (1, 4))) == (8, 8)
-    assert drive(genes, sensing(LEFT, FRONT, RIGHT)) == (8, 8)
-    left, right = drive(genes, sensing(LEFT, FRONT))
+    assert min(drive(genes, [8, 9, 9, 9, 9, 8, 1, 1])) >= 8
+    left, right = drive(genes, [9, 9, 9, 9, 0, 1, 1, 0])
     assert left < right
-    left, right = drive(genes, sensing(RIGHT, FRONT))
+    left, right = drive(genes, [1, 0, 9, 9, 9, 9, 0, 1])
     assert left > right
-    left, right = drive(genes, sensing(BACK))
-    assert left < right
+    left, right = drive(genes, [8, 1, 2, 2, 1, 8, 9, 9])
+    assert 0 < left < right
+    assert drive(genes, OPEN) == (-10, 8)
 
 
 @pytest.mark.parametrize("feeds", ["proximity", "ambient"])
@@ -90,7 +89,7 @@ def test_handmade_genotypes_are_genotypes(feeds):
     [
         ("sound", Layout(), '"proximity" or "ambient", not \'sound\''),
         ("proximity", Layout(inputs=6), "eight sensors; this task feeds 6"),
-        ("ambient", Layout(links=2), "needs 5 link fields a slot; the layout has 2"),
+        ("ambient", Layout(links=2), "needs 6 link fields a slot; the layout has 2"),
     ],
 )
 def test_vehicles_that_cannot_be_built(feeds, layout, message):

@@ -37,13 +37,13 @@ class _Vehicle(NamedTuple):
     right: Sequence[int]
 
 
-# In the open all eight inputs are −10: a motor's speed there is −10·Σ weights − threshold = 8.
+# A motor's speed is Σ weight · input − threshold. In the open all inputs are −10 and both run at 8.
 # A sensor that feels a wall drives its own side's wheel and brakes the other one. Walls on both
 # sides brake the left wheel only, so that a robot head-on to a wall turns left and never stands.
 _AVOIDS = _Vehicle(2, (0, 1, 1, -2, -1, 0, 0, 0), -8, (0, -1, -2, 2, 1, 0, 0, 0))
-# A lit sensor (+10) brakes its own side's wheel and drives the other one: it turns to the lamp,
-# and a lamp behind, where one sensor of the back looks, brakes the left wheel.
-_SEEKS = _Vehicle(2, (-1, -1, 0, 0, 1, 1, -1, 0), -8, (1, 1, 0, 0, -1, -1, 0, 0))
+# A sensor lit by the lamp (9, by reflections about 1) brakes its own side's wheel and drives the
+# other one. The left wheel lives on the light in front: where it is dark, the robot turns left.
+_SEEKS = _Vehicle(0, (-1, -1, 1, 1, 1, 1, 0, 0), -8, (1, 1, 0, 0, -1, -1, 0, 0))
 
 
 def constant(left: int, right: int, layout: Layout) -> Genes:
