@@ -8,8 +8,10 @@ import pytest
 from scipy import stats
 
 from realitygap.controller.layout import Layout
+from realitygap.controller.network import neurons
 from realitygap.controller.operators import Variation
 from realitygap.errors import GenotypeError, UsageError
+from tests.controller.reference import ReferenceNetwork
 
 MANY = 1500 if numba.config.DISABLE_JIT else 20000
 SURE = 1e-5
@@ -287,3 +289,36 @@ def test_wrong_parents_are_refused():
     for bad in (good[:20], good.astype(np.int64), good[:, :30]):
         with pytest.raises(GenotypeError, match=r"int8\[30, 34\]"):
             Variation().offspring(good, bad, np.uint64(1))
+
+
+def test_an_added_neuron_changes_no_behaviour():
+    """The operator's new neuron is heard by nobody, unless a dormant link was waiting for its slot."""
+    steps = np.random.default_rng(1).integers(-10, 11, (8, 8)).tolist()
+    added = only(add_neuron=1.0)
+    unheard = 0
+    for k in range(150):
+        old = Variation(start_neurons=0.3).random(np.uint64(k))
+        new = added.offspring(old, old, np.uint64(k))
+        slot = int(np.flatnonzero(new[:, 0] != old[:, 0])[0])
+        fields = links_of(old)
+        if not ((fields[..., 0] == 1) & (fields[..., 1] == slot)).any():
+            unheard += 1
+            assert ReferenceNetwork(new).drive(steps) == ReferenceNetwork(old).drive(steps)
+    assert unheard == 150
+
+
+def test_a_deleted_neuron_changes_only_its_own_links():
+    """After the operator took a neuron away, the rest is wired as it was, and can be wired again."""
+    gone = only(delete_neuron=1.0)
+    for k in range(50):
+        old = Variation(start_neurons=0.3).random(np.uint64(k))
+        new = gone.offspring(old, old, np.uint64(k))
+        (slot,) = np.flatnonzero((new != old).any(axis=1))
+        kept = [
+            n._replace(links=tuple(link for link in n.links if link.source != slot))
+            for n in neurons(old, Layout())
+            if n.slot != slot
+        ]
+        assert list(neurons(new, Layout())) == kept
+        new[slot] = old[slot]
+        assert (new == old).all()
