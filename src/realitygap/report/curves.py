@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from realitygap.report.statistics import student
-from realitygap.report.style import COLUMN, new_figure, noise_styles
+from realitygap.report.style import COLUMN, NoiseStyle, new_figure, noise_styles
 
 __all__ = ["curves_figure", "draw_curves", "mean_curve"]
 
@@ -48,56 +48,60 @@ def draw_curves(
         fresh: for each noise level a mean on fresh trials, drawn as a mark behind the curve's end.
     """
     styles = noise_styles(conditions)
-    longest = 1
-    for level, runs in conditions.items():
-        runs = [run for run in runs if len(run)]
-        if not runs:
-            continue
-        look = styles[level]
-        mean, half = mean_curve(runs)
-        at = np.arange(1, len(mean) + 1)
-        longest = max(longest, len(mean))
-        if len(runs) > 1:
-            ax.fill_between(
-                at,
-                (mean - half) / scale,
-                (mean + half) / scale,
-                color=look.colour,
-                alpha=0.14,
-                linewidth=0,
-                zorder=1,
-            )
-        marks = np.unique(np.linspace(0, len(mean) - 1, 6).astype(int)[1:])
-        ax.plot(
-            at,
-            mean / scale,
-            color=look.colour,
-            linestyle=look.line,
-            marker=look.marker,
-            markevery=list(marks),
-            markersize=4,
-            label=names[level],
-            zorder=3,
-        )
+    drawn = {level: [run for run in runs if len(run)] for level, runs in conditions.items()}
+    longest = max(
+        (_draw_one(ax, runs, names[level], styles[level], scale) for level, runs in drawn.items() if runs),
+        default=1,
+    )
     for level, value in (fresh or {}).items():
+        look = styles[level]
         ax.plot(
             [longest * 1.035],
             [value / scale],
-            marker=styles[level].marker,
-            color=styles[level].colour,
-            markerfacecolor="none",
+            marker=look.marker,
+            color=look.colour,
             markersize=5,
+            markerfacecolor="none",
             clip_on=False,
             linestyle="none",
             zorder=4,
         )
     ax.set_xlim(0, longest * 1.06)
-    ax.set_ylim(bottom=0)
+    ax.set_ylim(bottom=min(0.0, ax.get_ylim()[0]))
     ax.set_xlabel("evaluations")
     ax.set_ylabel("fitness of the fittest" + (f" ({unit})" if unit else ""))
     ax.grid(axis="y")
     ax.set_axisbelow(True)
     ax.legend(loc="lower right")
+
+
+def _draw_one(ax: Axes, runs: Sequence[np.ndarray], name: str, look: NoiseStyle, scale: float) -> int:
+    """One noise level's curve and band; how many evaluations it reaches."""
+    mean, half = mean_curve(runs)
+    at = np.arange(1, len(mean) + 1)
+    if len(runs) > 1:
+        ax.fill_between(
+            at,
+            (mean - half) / scale,
+            (mean + half) / scale,
+            color=look.colour,
+            alpha=0.14,
+            linewidth=0,
+            zorder=1,
+        )
+    marks = np.unique(np.linspace(0, len(mean) - 1, 6).astype(int)[1:])
+    ax.plot(
+        at,
+        mean / scale,
+        color=look.colour,
+        linestyle=look.line,
+        marker=look.marker,
+        label=name,
+        markevery=list(marks),
+        markersize=4,
+        zorder=3,
+    )
+    return len(mean)
 
 
 def curves_figure(conditions: Any, names: Mapping[float, str], **options: Any) -> Figure:

@@ -133,41 +133,31 @@ def _draw_neurons(
     """Inputs round and tinted, outputs square, hidden neurons round; number and threshold inside."""
     for n, (x, y) in places.items():
         pale = 1.0 if n in wiring.useful else 0.4
+        shape: Any
         if n < wiring.inputs:
-            shape: Any = Circle(
-                (x, y), INPUT * unit, facecolor=style.FLOOR, edgecolor=style.RAY, linewidth=1.2
-            )
-            words, second = str(sensors[n]) if n < len(sensors) and sensors[n] >= 0 else "–", ""
+            shape = Circle((x, y), INPUT * unit, facecolor=style.FLOOR, edgecolor=style.RAY, linewidth=1.2)
+            name = str(sensors[n]) if n < len(sensors) and sensors[n] >= 0 else "–"
         elif n < wiring.inputs + wiring.outputs:
+            half, place = OUTPUT * unit, n - wiring.inputs
             shape = Rectangle(
-                (x - OUTPUT * unit, y - OUTPUT * unit),
-                2 * OUTPUT * unit,
-                2 * OUTPUT * unit,
+                (x - half, y - half),
+                2 * half,
+                2 * half,
                 facecolor=style.PAPER,
                 edgecolor=style.INK,
                 linewidth=1.2,
             )
-            place = n - wiring.inputs
-            words = "LR"[place] if place < 2 else str(n)
-            second = f"θ {_signed(wiring.thresholds[n])}"
+            name = "LR"[place] if place < 2 else str(n)
         else:
             shape = Circle((x, y), HIDDEN * unit, facecolor=style.PAPER, edgecolor=style.INK, linewidth=1.0)
-            words, second = str(n), f"θ {_signed(wiring.thresholds[n])}"
-        shape.set(zorder=9, alpha=pale if n >= wiring.inputs else None)
+            name = str(n)
         ax.add_patch(shape)
-        ax.text(
-            x,
-            y + (0.11 * unit if second else 0),
-            words,
-            ha="center",
-            va="center",
-            fontsize=7.5,
-            fontweight="bold",
-            zorder=10,
-            alpha=pale,
-        )
-        if second:
-            ax.text(x, y - 0.17 * unit, second, ha="center", va="center", fontsize=6.2, zorder=10, alpha=pale)
+        shape.set(zorder=9, alpha=pale if n >= wiring.inputs else None)
+        text = {"ha": "center", "va": "center", "zorder": 10, "alpha": pale}
+        threshold = n in wiring.thresholds
+        ax.text(x, y + 0.11 * unit * threshold, name, fontsize=7.5, fontweight="bold", **text)
+        if threshold:
+            ax.text(x, y - 0.17 * unit, f"θ {_signed(wiring.thresholds[n])}", fontsize=6.2, **text)
 
 
 def _signed(number: int) -> str:

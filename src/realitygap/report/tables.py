@@ -119,45 +119,23 @@ def write_csv(path: Path, table: Table) -> None:
         writer.writerow(head)
         for one in table.classes:
             for row in one.rows:
-                writer.writerow(
-                    [
-                        table.task,
-                        one.name,
-                        row.index,
-                        row.run,
-                        row.name,
-                        row.evaluations,
-                        int(row.finished),
-                        "" if row.stored is None else repr(float(row.stored)),
-                        *_cells([row.mean(*test) for test in tests]),
-                    ]
-                )
+                facts = [row.index, row.run, row.name, row.evaluations, int(row.finished), _exact(row.stored)]
+                writer.writerow([table.task, one.name, *facts, *_cells([row.mean(*test) for test in tests])])
             stored = mean_of(one.stored())
-            writer.writerow(
-                [
-                    table.task,
-                    one.name,
-                    "average",
-                    "",
-                    "",
-                    "",
-                    "",
-                    "" if stored is None else repr(stored.value),
-                    *_cells([mean_of(one.means(*test)) for test in tests]),
-                ]
-            )
+            facts = ["average", "", "", "", "", _exact(None if stored is None else stored.value)]
+            cells = _cells([mean_of(one.means(*test)) for test in tests])
+            writer.writerow([table.task, one.name, *facts, *cells])
+
+
+def _exact(value: float | None) -> str:
+    """All digits of a number; nothing where there is none."""
+    return "" if value is None or math.isnan(value) else repr(float(value))
 
 
 def _cells(means: Sequence[Mean | None]) -> list[str]:
     """Mean, deviation and count of each, empty where there is none."""
     cells: list[str] = []
     for mean in means:
-        if mean is None:
-            cells += ["", "", "0"]
-        else:
-            cells += [
-                repr(mean.value),
-                "" if math.isnan(mean.deviation) else repr(mean.deviation),
-                str(mean.count),
-            ]
+        known = (None, None) if mean is None else (mean.value, mean.deviation)
+        cells += [*map(_exact, known), str(0 if mean is None else mean.count)]
     return cells

@@ -1,0 +1,71 @@
+"""Tables and what is read out of them follow from the data alone."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from realitygap.report.reading import read_table
+from realitygap.report.tables import NoiseClass, Table, decimals, number, write_csv
+from tests.report.scenes import LEVELS, table
+
+EQUAL = {0.0: [0.5, 0.6, 0.55], 1.0: [0.56, 0.52, 0.58], 2.0: [0.54, 0.6, 0.5]}
+APART = {0.0: [0.5, 0.51, 0.52], 1.0: [0.9, 0.91, 0.92], 2.0: [0.2, 0.21, 0.22]}
+
+
+def test_the_csv_holds_every_run_and_every_average(tmp_path: Path) -> None:
+    """A row a run and one a noise class, unscaled, with counts."""
+    write_csv(tmp_path / "t.csv", table(EQUAL, APART, scale=1e-6))
+    rows = list(csv.DictReader((tmp_path / "t.csv").read_text("utf-8").splitlines()))
+    assert [row["row"] for row in rows] == ["1", "2", "3", "average"] * 3
+    assert float(rows[0]["fittest_zero_mean"]) == pytest.approx(0.5e-6)
+    assert float(rows[7]["champion_double_mean"]) == pytest.approx(0.91e-6)
+    assert rows[0]["fittest_observed_n"] == "2" and rows[3]["fittest_observed_n"] == "3"
+
+
+def test_the_reading_says_which_noise_class_does_best_and_whether_that_is_sure() -> None:
+    """Clear differences are called so; those within the spread are not."""
+    clear = " ".join(read_table(table(APART, APART)))
+    vague = " ".join(read_table(table(EQUAL, EQUAL)))
+    assert (
+        clear.index("observed noise 0.910")
+        < clear.index("zero noise 0.510")
+        < clear.index("double noise 0.210")
+    )
+    assert "more than the spread among 3 runs explains" in clear
+    assert "does not tell them apart" in vague and "more than the spread" not in vague
+
+
+def test_the_reading_says_how_far_stored_fitness_overrates() -> None:
+    """0.7 stored against 0.54 on average over all fresh means, and the other way round."""
+    assert "0.700 on average over 9 runs" in read_table(table(APART, APART))[0]
+    assert "less (22%)" in read_table(table(APART, APART))[0]
+    assert "more (" in read_table(table(APART, APART, stored=0.3))[0]
+
+
+def test_the_reading_says_in_how_many_runs_the_retest_finds_better_ones() -> None:
+    """Each run is counted at the noise it evolved under."""
+    sentence = next(s for s in read_table(table(EQUAL, APART)) if s.startswith("The retested champion"))
+    assert "in 3 of 9 runs" in sentence
+
+
+def test_an_empty_table_is_read_as_nothing(tmp_path: Path) -> None:
+    """A study that has just begun makes no sentences and a table without numbers."""
+    empty = Table(
+        task="made-up",
+        unit="",
+        scale=1.0,
+        levels=LEVELS,
+        classes=(NoiseClass(level=1.0, name="observed", rows=()),),
+    )
+    assert read_table(empty) == []
+    write_csv(tmp_path / "t.csv", empty)
+    assert empty.show(None) == ("–", "")
+
+
+def test_numbers_show_three_significant_digits_and_a_true_minus() -> None:
+    """Of the largest value of a table."""
+    assert [decimals(v) for v in (0.6, 1.5, 25.0, 1500.0, 0.0)] == [3, 2, 1, 0, 2]
+    assert number(-0.5, 2) == "−0.50"
