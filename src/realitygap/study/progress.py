@@ -6,11 +6,12 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-__all__ = ["COMPILING", "EVOLVING", "TESTING", "OnProgress", "Progress", "Reporter"]
+__all__ = ["COMPILING", "EVOLVING", "FINISHED", "TESTING", "OnProgress", "Progress", "Reporter"]
 
 COMPILING = "compiling (once)"
 EVOLVING = "evolving"
 TESTING = "testing"
+FINISHED = "finished already"
 
 EVERY_S = 0.2
 """Shortest time between two events of one phase."""
@@ -21,7 +22,8 @@ class Progress:
     """An event.
 
     Attributes:
-        phase: "compiling (once)", "evolving" or "testing" (of individuals, when all evaluations are done).
+        phase: "compiling (once)", "evolving", then "testing" (of individuals, when all evaluations are
+            done); or "finished already", of a study that is resumed for nothing.
         done, total: evaluations, those of earlier sessions included.
         evaluations_per_second: since this session began to evolve; 0 before.
         runs_done, runs_total: finished runs, tests included.
@@ -53,7 +55,7 @@ class Reporter:
     def start(self, *, done: int, runs_done: int, work: float) -> None:
         """The state of things before the first new evaluation; `work` in any unit of cost."""
         self._done, self._runs_done, self._left = done, runs_done, work
-        self._tell(self._event(COMPILING))
+        self._tell(self._event(COMPILING if runs_done < self._runs else FINISHED))
 
     def begin(self) -> None:
         """Compiled: the clock runs from now on."""

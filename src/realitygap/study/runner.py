@@ -68,14 +68,14 @@ def _carry_out(
     """All runs that are not finished."""
     config = workshop.config
     unfinished = store.unfinished()
-    if not unfinished:
-        return
     total = config.runs * len(config.conditions)
     left = {run: config.evaluations - done for run, done in unfinished}
     costs = {run: workshop.cost(run, n) + workshop.tests_cost(run) for run, n in left.items()}
     reporter = Reporter(on_progress, runs=total, evaluations=config.evaluations)
     done = total * config.evaluations - sum(left.values())
     reporter.start(done=done, runs_done=total - len(left), work=sum(costs.values()))
+    if not unfinished:
+        return
     store.begin_session(versions())
     workshop.compile()
     reporter.begin()

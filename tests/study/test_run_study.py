@@ -1,0 +1,222 @@
+"""What a study does and gives back, and how it is opened again."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from realitygap.tasks.simulation import Simulation
+
+from realitygap.controller.layout import check_genes
+from realitygap.controller.network import decode
+from realitygap.errors import ConfigError, StudyError, StudyInterruptedError, TaskError
+from realitygap.kernels.rng import substream
+from realitygap.study.jobs import Advanced, Job, Workshop
+from realitygap.study.load import load_study
+from realitygap.study.materials import gather
+from realitygap.study.parts import Condition
+from realitygap.study.plan import TRIALS
+from realitygap.study.run import advance, begin, bench_for
+from realitygap.study.runner import run_study
+from tests.study.helpers import content, small
+
+
+def test_every_evaluation_is_kept(finished):
+    """The table holds each evaluation once, in order; fitness is the mean of the trials' scores."""
+    table = finished.evaluations()
+    assert table["run"].tolist() == [1] * 90 + [2] * 90
+    assert table["number"].tolist() == list(range(90)) * 2
+    assert np.allclose(table["fitness"], (table["score_1"] + table["score_2"]) / 2, rtol=1e-15)
+    assert ((table["parent_a"] < table["number"]) & (table["parent_b"] < table["number"])).all()
+    assert set(table["cell"].tolist()) <= set(range(64))
+    assert {key: column[90:].tolist() for key, column in table.items()} == {
+        key: column.tolist() for key, column in finished.evaluations(2).items()
+    }
+
+
+def test_tables_make_data_frames(finished):
+    """Tables are columns of equal length, as pandas takes them."""
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame(finished.tests())
+    assert frame.groupby(["run", "who", "noise"]).score.count().tolist() == [3] * 12
+    assert len(pandas.DataFrame(finished.retests(1))) == 64 * 2
+
+
+def test_a_stored_individual_lives_again(finished):
+    """An evaluation's scores come out again, bit for bit, from its genotype and its streams' names."""
+    run = finished.runs[1]
+    task, table = finished.task(run.task), finished.evaluations(run.id)
+    simulation = Simulation(task, finished.profile, run.noise)
+    for number in (0, 63, 89):
+        stream = substream(np.uint64(substream(run.plan.stream, TRIALS)), number)
+        streams = np.array([[substream(np.uint64(stream), t) for t in range(2)]], np.uint64)
+        network = decode(finished.genotype(run.id, number), finished.layout(run.task))
+        assert simulation.scores(network, streams)[0].tolist() == [
+            table["score_1"][number],
+            table["score_2"][number],
+        ]
+
+
+def test_the_fittest_and_the_champion(finished):
+    """Fittest: the highest fitness stored. Champion: the best mean in the retest, of the last population."""
+    for run in finished.runs:
+        table, retest = finished.evaluations(run.id), finished.retests(run.id)
+        assert run.finished and run.evaluations == 90 and run.seed == 7
+        assert run.best_fitness == table["fitness"].max() == table["fitness"][run.fittest_number]
+        assert (run.fittest == finished.genotypes(run.id)[run.fittest_number]).all()
+        means = {n: retest["score"][retest["number"] == n].mean() for n in set(retest["number"].tolist())}
+        assert math.isclose(run.champion_fitness, max(means.values()))
+        assert math.isclose(means[run.champion_number], max(means.values()))
+        assert any((run.champion == genes).all() for genes in run.population)
+        check_genes(run.champion, finished.layout(run.task))
+        pairs = {(who, noise) for who in ("fittest", "champion") for noise in (0.0, 1.0, 2.0)}
+        assert set(run.tests) == pairs and all(scores.shape == (3,) for scores in run.tests.values())
+
+
+def test_how_a_run_is_cut_changes_no_bit():
+    """advance by 40 is advance by 1, 7 and 32."""
+    materials = gather(small())
+    bench, plan = bench_for(materials, 0), Workshop(materials).plan(1)
+    whole, records = advance(bench, plan, begin(bench, plan), 40)
+    state, pieces = begin(bench, plan), []
+    for n in (1, 7, 32):
+        state, piece = advance(bench, plan, state, n)
+        pieces.append(piece)
+    assert state.to_bytes() == whole.to_bytes()
+    for whole_column, columns in zip(records, zip(*pieces, strict=True), strict=True):
+        assert (np.concatenate(columns) == whole_column).all()
+
+
+def test_the_number_of_workers_and_of_checkpoints_changes_no_bit(finished, folder):
+    """Two processes and other checkpoints give the same tables as one process."""
+    study = run_study(folder, small(checkpoint_every=33), workers=2)
+    assert content(folder) == content(finished.folder)
+    assert [run.name for run in study.runs] == [run.name for run in finished.runs]
+
+
+def test_a_run_is_the_same_in_another_study(finished, folder):
+    """A run does not depend on which other conditions are in its study."""
+    config = replace(small(), conditions=(Condition(task="light", noise=2.0),))
+    alone = run_study(folder, config, workers=1).evaluations()
+    again = finished.evaluations(2)
+    assert all((alone[key] == again[key]).all() for key in alone if key != "run")
+
+
+def test_a_finished_study_is_left_as_it_is(finished):
+    """Resuming a finished study says so and does nothing."""
+    before, events = (finished.folder / "study.db").read_bytes(), []
+    run_study(finished.folder, small(), resume=True, on_progress=events.append)
+    run_study(finished.folder, resume=True)
+    assert [event.phase for event in events] == ["finished already"]
+    assert (finished.folder / "study.db").read_bytes() == before
+
+
+def test_an_existing_study_is_not_touched_unasked(finished):
+    """Without resume a folder that holds a study is refused, with the cure."""
+    with pytest.raises(StudyError, match=r"already holds a study. Resume it \(--resume\)"):
+        run_study(finished.folder, small())
+
+
+def test_another_configuration_is_refused_by_its_first_key(finished, tmp_path):
+    """Resuming with another configuration names the first key, or the file, that differs."""
+    with pytest.raises(StudyError, match="made with evaluations = 90, not 91"):
+        run_study(finished.folder, small(evaluations=91), resume=True)
+    robot = tmp_path / "robot.toml"
+    text = (finished.folder / "profile.toml").read_text()
+    robot.write_text(text.replace("radius_cm = 2.9", "radius_cm = 2.8"))
+    with pytest.raises(StudyError, match=r"keeps another profile.toml"):
+        run_study(finished.folder, small(profile=str(robot)), resume=True)
+
+
+def test_a_wrong_configuration_makes_no_folder(folder):
+    """What is wrong is told before anything is written."""
+    with pytest.raises(TaskError, match="unknown task"):
+        run_study(folder, small(conditions=(Condition(task="avoidence!"),)))
+    with pytest.raises(ConfigError, match="workers"):
+        run_study(folder, small(), workers=0)
+    assert not folder.exists()
+
+
+def test_other_peoples_files_are_left_alone(folder):
+    """A folder that holds something else is no place for a study."""
+    folder.mkdir()
+    (folder / "thesis.tex").write_text("…")
+    with pytest.raises(StudyError, match=r"holds no study, but other files \(thesis.tex\)"):
+        run_study(folder, small())
+    with pytest.raises(StudyError, match=r"holds no study"):
+        run_study(folder, resume=True)
+
+
+def test_a_study_that_was_killed_while_it_was_made_is_made_anew(finished, folder):
+    """Everything but the database was written: resuming makes the study."""
+    shutil.copytree(finished.folder, folder, ignore=shutil.ignore_patterns("study.db*"))
+    (folder / "study.db.new").write_bytes(b"half")
+    assert run_study(folder, small(), workers=1, resume=True).runs[0].finished
+    assert content(folder) == content(finished.folder)
+
+
+def test_a_moved_study_goes_on(finished, folder):
+    """A study is self-contained: a copy elsewhere, cut back to the middle, resumes to the same bits."""
+    config = small()
+    workshop = Workshop(gather(config))
+    from realitygap.study.folder import open_folder
+    from realitygap.study.store import Store
+
+    folder.mkdir()
+    open_folder(folder, gather(config), resume=False)
+    with Store(folder / "study.db") as store:
+        messages = workshop.carry_out(Job(2, None))
+        for _ in range(2):
+            message = next(messages)
+            assert isinstance(message, Advanced)
+            store.advance(message.run, message.records, message.state)
+    half = load_study(folder)
+    assert [run.evaluations for run in half.runs] == [0, 40]
+    assert half.runs[0].fittest is None and half.runs[1].champion is None and not half.runs[1].tests
+    assert (half.runs[1].fittest == half.genotype(2, half.runs[1].fittest_number)).all()
+    moved = folder.rename(folder.with_name("moved"))
+    run_study(moved, resume=True, workers=1)
+    assert content(moved) == content(finished.folder)
+
+
+def test_progress_is_told(folder):
+    """Events begin with compiling, count evaluations up, and end with everything done."""
+    events = []
+    run_study(folder, small(), workers=1, on_progress=events.append)
+    assert events[0].phase == "compiling (once)" and events[0].total == 180
+    assert [e.done for e in events] == sorted(e.done for e in events)
+    last = events[-1]
+    assert (last.done, last.runs_done, last.runs_total) == (180, 2, 2) and last.evaluations_per_second > 0
+
+
+def test_ctrl_c_keeps_what_was_saved(finished, folder):
+    """Ctrl-C in this process ends in one message, is a KeyboardInterrupt too, and loses nothing saved."""
+
+    def press(event):
+        if event.done >= 20:
+            raise KeyboardInterrupt
+
+    with pytest.raises(StudyInterruptedError, match="is kept: resume it") as stopped:
+        run_study(folder, small(), workers=1, on_progress=press)
+    assert isinstance(stopped.value, KeyboardInterrupt) and stopped.value.exit_code == 130
+    assert sum(run.evaluations for run in load_study(folder).runs) >= 20
+    run_study(folder, resume=True, workers=1)
+    assert content(folder) == content(finished.folder)
+
+
+def test_a_score_that_is_no_number_is_refused(folder, tmp_path):
+    """A user's score that gives nan stops the study and names the file."""
+    path = tmp_path / "nothing.py"
+    path.write_text(
+        "from realitygap import Start, Task\n"
+        "def score(path, room):\n    return path.x[0] * 0.0 / (path.x[0] * 0.0)\n"
+        "task = Task(name='nothing', arena='light-seeking', feeds='ambient',\n"
+        "            start=Start(x_cm=20, y_cm=35), score=score)\n"
+    )
+    with pytest.raises(
+        TaskError, match=r"nothing.py: score: expected a finite number, got nan in evaluation 0"
+    ):
+        run_study(folder, small(conditions=(Condition(task=str(path)),)), workers=1)
