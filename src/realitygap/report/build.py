@@ -70,6 +70,8 @@ def build_report(study_path: str | Path, *, on_progress: Progress | None = None)
     spare = target.with_suffix(".html.tmp")
     spare.write_text(text, encoding="utf-8")
     os.replace(spare, target)
+    if on_progress:
+        on_progress(maker.total, maker.total, target.name)
     return target
 
 

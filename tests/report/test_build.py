@@ -1,0 +1,185 @@
+"""The page holds all that a study has, whatever its shape, and needs nothing beside itself."""
+
+from __future__ import annotations
+
+import csv
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from realitygap.errors import StudyInterruptedError, UsageError
+from realitygap.report import build_report
+from realitygap.report.gather import PER_CONDITION, chosen, parts_of
+from realitygap.study.config import StudyConfig
+from realitygap.study.load import Study, load_study
+from realitygap.study.progress import EVOLVING, Progress
+from realitygap.study.runner import run_study
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "follow_the_wall.py"
+SHORT = ["task.seconds=0.5"]
+FEW = {"evaluations": 70, "seed": 3}
+
+
+def _few(config: StudyConfig) -> StudyConfig:
+    """The same with short trials and few tests."""
+    return config.with_settings([*SHORT, "retest_trials=2", "fresh_trials=3"])
+
+
+class _Tags(HTMLParser):
+    """Collects a page's tags, and checks that every one that is opened is closed."""
+
+    VOID = frozenset({"meta", "br", "link", "img", "hr"})
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.seen: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs) -> None:
+        self.seen.append((tag, dict(attrs)))
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag) -> None:
+        assert self.open.pop() == tag
+
+    def handle_startendtag(self, tag, attrs) -> None:
+        self.seen.append((tag, dict(attrs)))
+
+
+@pytest.fixture(scope="module")
+def paper(tmp_path_factory) -> Study:
+    """The paper's six conditions, two short runs each."""
+    config = _few(StudyConfig.reproduction(runs=2, **FEW))
+    study = run_study(tmp_path_factory.mktemp("paper") / "study", config, workers=1)
+    build_report(study.folder)
+    return study
+
+
+def _page(study: Study) -> str:
+    return (study.folder / "report" / "index.html").read_text("utf-8")
+
+
+def test_the_page_is_self_contained_and_well_formed(paper: Study) -> None:
+    """Nothing is fetched, ids are unique, links lead somewhere, every figure has a text."""
+    text = _page(paper)
+    tags = _Tags(text)
+    assert tags.open == []
+    assert (
+        not re.search(r"<(script|link|iframe|img)\b", text)
+        and "url(http" not in text
+        and "@import" not in text
+    )
+    ids = [attrs["id"] for _, attrs in tags.seen if "id" in attrs]
+    assert len(ids) == len(set(ids))
+    folder = paper.folder / "report"
+    for tag, attrs in tags.seen:
+        target = attrs.get("href") or ""
+        if tag == "a" and target.startswith("#"):
+            assert target[1:] in ids
+        elif tag == "a":
+            assert (folder / target).is_file()
+        if tag == "svg":
+            assert attrs["role"] == "img" and attrs["aria-label"]
+
+
+def test_the_page_has_the_papers_figures_and_tables(paper: Study) -> None:
+    """Figures 1 to 6, tables 1 and 2, each figure as PNG and SVG, each table as CSV."""
+    text = _page(paper)
+    for label in (*(f"Figure {k}." for k in range(1, 7)), "Table 1.", "Table 2."):
+        assert f"<b>{label}</b>" in text
+    figures = paper.folder / "report" / "figures"
+    names = {path.stem for path in figures.glob("*.png")}
+    assert names == {path.stem for path in figures.glob("*.svg")}
+    assert {f"light-seeking-{what}" for what in ("arena", "curves", "paths", "all-paths")} <= names
+    assert sum("network" in name for name in names) == 12
+    assert "prefers-color-scheme: dark" in text and "unfinished" not in text
+
+
+def test_the_tables_are_the_studys_own_numbers(paper: Study) -> None:
+    """Means over the fresh trials in the database."""
+    path = paper.folder / "report" / "tables" / "light-seeking.csv"
+    rows = list(csv.DictReader(path.read_text("utf-8").splitlines()))
+    assert len(rows) == 9
+    run = paper.run(int(rows[3]["run"]))
+    assert (run.task, run.noise, rows[3]["noise"]) == ("light-seeking", 1.0, "observed")
+    for who in ("fittest", "champion"):
+        assert float(rows[3][f"{who}_double_mean"]) == pytest.approx(np.mean(run.tests[(who, 2.0)]))
+    assert float(rows[3]["stored_fitness"]) == pytest.approx(run.best_fitness)
+
+
+def test_the_report_is_the_same_when_made_again(paper: Study) -> None:
+    """To the byte: page, figures and tables."""
+    folder = paper.folder / "report"
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    seen: list[tuple[int, int]] = []
+    build_report(paper.folder, on_progress=lambda done, total, name: seen.append((done, total)))
+    assert before == {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    assert seen == sorted(seen) and seen[0][0] == 0 and seen[-1][0] == seen[-1][1]
+
+
+def test_a_figure_shows_the_median_run(paper: Study) -> None:
+    """Of two runs the one whose champion does less well on fresh trials at its own noise."""
+    for part in parts_of(paper):
+        for condition in part.conditions:
+            row = chosen(condition)
+            assert row is not None
+            means = [one.mean("champion", condition.level).value for one in condition.rows]
+            assert row.mean("champion", condition.level).value == min(means)
+
+
+def test_a_users_task_at_a_noise_of_its_own_has_a_page(tmp_path: Path) -> None:
+    """One condition, one run, at a level without a name; it is not called the paper's."""
+    config = _few(StudyConfig.single(EXAMPLE, 0.5, **FEW))
+    text = _page(run_and_report(tmp_path / "study", config))
+    assert "0.5 noise" in text and "Figure 1" not in text and "realitygap reproduce" not in text
+
+
+def test_many_runs_are_limited_to_what_a_person_can_look_at(tmp_path: Path) -> None:
+    """The page says so, shows some, and its CSV has all."""
+    runs = 2 * PER_CONDITION + 2
+    config = _few(StudyConfig.single("avoidance", 1.0, runs=runs, evaluations=64))
+    study = run_and_report(tmp_path / "study", config)
+    text = _page(study)
+    assert f"the first {PER_CONDITION} of {runs} runs" in text and "averages are over all" in text
+    csv_text = (study.folder / "report" / "tables" / "obstacle-avoidance.csv").read_text("utf-8")
+    assert len(csv_text.splitlines()) == 1 + runs + 1
+    assert len(list((study.folder / "report" / "figures").glob("*-network-*.png"))) in (
+        PER_CONDITION,
+        PER_CONDITION + 1,
+    )
+
+
+@pytest.mark.parametrize("finished", [0, 1])
+def test_an_unfinished_study_has_a_page_that_says_so(tmp_path: Path, monkeypatch, finished: int) -> None:
+    """From before its first checkpoint on."""
+    monkeypatch.setattr("realitygap.study.progress.EVERY_S", 0.0)
+
+    def stop(progress: Progress) -> None:
+        if progress.phase == EVOLVING and progress.runs_done == finished:
+            raise KeyboardInterrupt
+
+    config = _few(StudyConfig.single("light", 1.0, runs=3, **FEW))
+    with pytest.raises(StudyInterruptedError):
+        run_study(tmp_path / "study", config, workers=1, on_progress=stop)
+    build_report(tmp_path / "study")
+    text = _page(load_study(tmp_path / "study"))
+    assert "This study is unfinished" in text and f"{finished} of 3 runs are finished" in text
+
+
+def test_a_folder_without_a_study_is_refused(tmp_path: Path) -> None:
+    """And nothing is made there."""
+    with pytest.raises(UsageError):
+        build_report(tmp_path / "nothing")
+    assert not (tmp_path / "nothing").exists()
+
+
+def run_and_report(folder: Path, config: StudyConfig) -> Study:
+    """A study carried out in this process, with its report."""
+    study = run_study(folder, config, workers=1)
+    build_report(folder)
+    return study
