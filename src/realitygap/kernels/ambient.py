@@ -2,17 +2,18 @@
 
 import math
 
-from realitygap.kernels.geometry import GRAZE, circle_blocks, see, segment_blocks, turn_rays
+from realitygap.kernels.geometry import GRAZE, circle_blocks, see, segment_blocks
 from realitygap.kernels.jit import step
-from realitygap.kernels.params import LAMP_POINTS, LANES
+from realitygap.kernels.params import LAMP_POINTS, LANES, RAYS
 
 
 @step
-def light_on_surfaces(robot, arena, lamp, x, y, work):
+def light_on_surfaces(robot, arena, lamp, work):
     """Direct illumination D_ij of the points where the rays end, by one lamp, into work.light.
 
     D = (offset + Σ L_i k_i) / d², d the mean distance to the lamp's points; never below 0.
     """
+    x, y = work.pose[0], work.pose[1]
     for i in range(work.light.shape[0]):
         work.light[i] = arena.lamp_offset[lamp]
         work.far[i] = 0.0
@@ -79,51 +80,67 @@ def light_on_sensor(arena, lamp, px, py, fx, fy):
 
 
 @step
-def follow_rays(robot, arena, k, px, py, c, s, work):
-    """Where the rays of ambient sensor `k` end, and the weight of the light reflected there.
+def follow_rays(robot, arena, work):
+    """Where the rays of all ambient sensors end, and the weight of the light reflected there.
 
-    Weights: 1.5 cos² β / d², into work.terms. Ends are drawn back by GRAZE, off their own wall.
+    All rays lie in one row, RAYS a sensor; a sensor's pad lanes are overwritten by the next one's
+    rays. Weights: 1.5 cos² β / d². Ends are drawn back by GRAZE, off their own wall.
     """
-    turn_rays(robot.ambient_ray, k, c, s, work.ray_x, work.ray_y)
-    see(arena, px, py, work.ray_x, work.ray_y, work.inverse)
+    x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
+    for k in range(robot.ambient_place.shape[0]):
+        px = x + c * robot.ambient_place[k, 0] - s * robot.ambient_place[k, 1]
+        py = y + s * robot.ambient_place[k, 0] + c * robot.ambient_place[k, 1]
+        a, b = k * RAYS, k * RAYS + LANES
+        ray_x, ray_y, inverse = work.ray_x[a:b], work.ray_y[a:b], work.inverse[a:b]
+        see(arena, robot.ambient_ray, k, px, py, c, s, ray_x, ray_y, inverse)
+        for i in range(RAYS):
+            work.end_x[a + i] = px
+            work.end_y[a + i] = py
+            work.terms[a + i] = robot.ambient_weight[k, i]
     for i in range(work.light.shape[0]):
         d = (1.0 - GRAZE) / work.inverse[i]
-        work.end_x[i] = px + work.ray_x[i] * d
-        work.end_y[i] = py + work.ray_y[i] * d
-        work.terms[i] = robot.ambient_weight[k, i] * (work.inverse[i] * work.inverse[i])
+        work.end_x[i] += work.ray_x[i] * d
+        work.end_y[i] += work.ray_y[i] * d
+        work.terms[i] *= work.inverse[i] * work.inverse[i]
 
 
 @step
-def illumination(robot, arena, k, work):
-    """A_i = D_i + Σ_j D_ij cos² β_ij · 1.5 / d_ij² of ambient sensor `k`, over all lamps."""
+def direct_light(robot, arena, lamp, k, work):
+    """Direct illumination D_k of ambient sensor `k` by one lamp, from its own place."""
     x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
     px = x + c * robot.ambient_place[k, 0] - s * robot.ambient_place[k, 1]
     py = y + s * robot.ambient_place[k, 0] + c * robot.ambient_place[k, 1]
     fx = c * robot.ambient_facing[k, 0] - s * robot.ambient_facing[k, 1]
     fy = s * robot.ambient_facing[k, 0] + c * robot.ambient_facing[k, 1]
-    follow_rays(robot, arena, k, px, py, c, s, work)
-    total = 0.0
-    for lamp in range(arena.lamp_points.shape[0]):
-        light_on_surfaces(robot, arena, lamp, x, y, work)
-        t = work.far
-        for i in range(work.light.shape[0]):
-            t[i] = work.light[i] * work.terms[i]
-        indirect = (t[0] + t[9]) + (t[1] + t[8])
-        indirect = indirect + ((t[2] + t[7]) + (t[3] + t[6])) + (t[4] + t[5])
-        total += light_on_sensor(arena, lamp, px, py, fx, fy) + indirect
-    return total * robot.ambient_gain[k]
+    return light_on_sensor(arena, lamp, px, py, fx, fy)
+
+
+@step
+def reflected_light(a, work):
+    """Σ_j D_ij cos² β_ij · 1.5 / d_ij² over the rays from lane `a`, outermost pairs first."""
+    t = work.far[a : a + RAYS]
+    for i in range(RAYS):
+        t[i] = work.light[a + i] * work.terms[a + i]
+    return (t[0] + t[9]) + (t[1] + t[8]) + ((t[2] + t[7]) + (t[3] + t[6])) + (t[4] + t[5])
 
 
 @step
 def ambient(robot, arena, work, out):
     """Noise-free readings of all ambient sensors into `out` ([A], counts, unrounded).
 
-    V = 55 + 1/√A, clipped at the dark reading.
+    A_i = D_i + Σ_j D_ij cos² β_ij · 1.5 / d_ij²; V = 55 + 1/√A, clipped at the dark reading.
     """
     floor = robot.ambient_law[0]
     dark = robot.ambient_law[1]
-    for k in range(robot.ambient_place.shape[0]):
-        total = illumination(robot, arena, k, work)
+    follow_rays(robot, arena, work)
+    for k in range(out.shape[0]):
+        out[k] = 0.0
+    for lamp in range(arena.lamp_points.shape[0]):
+        light_on_surfaces(robot, arena, lamp, work)
+        for k in range(out.shape[0]):
+            out[k] += direct_light(robot, arena, lamp, k, work) + reflected_light(k * RAYS, work)
+    for k in range(out.shape[0]):
+        total = out[k] * robot.ambient_gain[k]
         out[k] = dark
         if total > 0.0:
             out[k] = min(floor + 1.0 / math.sqrt(total), dark)

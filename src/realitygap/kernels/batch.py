@@ -1,13 +1,12 @@
 """What is called from Python: many trials, one trial in full, readings at a place."""
 
-import numpy as np
-
 from realitygap.kernels.ambient import ambient
 from realitygap.kernels.geometry import stands_clear
 from realitygap.kernels.infrared import infrared
-from realitygap.kernels.jit import kernel
+from realitygap.kernels.jit import kernel, step
+from realitygap.kernels.network import output, think
 from realitygap.kernels.params import Path
-from realitygap.kernels.rng import normals, sin_cos
+from realitygap.kernels.rng import normals, substream
 from realitygap.kernels.trial import (
     AMBIENT,
     PROXIMITY,
@@ -21,10 +20,9 @@ from realitygap.kernels.trial import (
     read,
     run_trial,
     sense,
+    stand,
 )
-from realitygap.kernels.network import think
-from realitygap.kernels.work import DRAWS, noise_blocks, new_work
-from realitygap.kernels.rng import substream
+from realitygap.kernels.work import DRAWS, noise_blocks
 
 ASIDE = 1
 """Name of the stream that noise for sensors which feed nobody is drawn from."""
@@ -41,3 +39,83 @@ def run_trials(robot, arena, task, nets, which, level, streams, paths, work):
         p = paths[t]
         path = Path(p[0], p[1], p[2], p[3], p[4], p[5])
         run_trial(robot, arena, task, nets, which[t], level, streams[t], work.start, work, path)
+
+
+@step
+def sense_aside(robot, arena, feed, level, noise, stream, k, work, readings):
+    """Readings of the sensors that feed nobody in this trial, with noise of their own stream."""
+    if feed == AMBIENT:
+        infrared(robot, arena, work, readings)
+    else:
+        ambient(robot, arena, work, readings)
+    if level > 0.0:
+        normals(substream(stream, ASIDE), DRAWS * noise_blocks(readings.shape[0]) * k, noise)
+    read(robot, PROXIMITY + AMBIENT - feed, level, noise, readings)
+
+
+@step
+def keep_readings(proximity, ambients, feed, aside, work, record, k):
+    """Write both kinds of readings, and what was made of them, into row `k` of the record."""
+    fed = ambients if feed == AMBIENT else proximity
+    other = proximity if feed == AMBIENT else ambients
+    for i in range(work.readings.shape[0]):
+        fed[k, i] = work.readings[i]
+    for i in range(aside.shape[0]):
+        other[k, i] = aside[i]
+    for i in range(work.inputs.shape[0]):
+        record.inputs[k, i] = work.inputs[i]
+    for i in range(3):
+        record.pose[k, i] = work.pose[i]
+
+
+@kernel
+def record_trial(robot, arena, task, nets, level, stream, path, work, aside, noise, record):
+    """One trial of network 0 from work.start, noted in `path` and kept whole in `record`.
+
+    The same draws and so the same bits as run_trials; `aside` and `noise` are scratch for the
+    sensors that feed nobody.
+    """
+    begin(nets, 0, work.start, work)
+    for k in range(task.steps):
+        draw_noise(level, stream, k, work.readings.shape[0], work)
+        sense(robot, arena, task.feed, level, work)
+        sense_aside(robot, arena, task.feed, level, noise, stream, k, work, aside)
+        feed_network(robot, task, work)
+        keep_readings(record.proximity, record.ambient, task.feed, aside, work, record, k)
+        think(nets, 0, work)
+        act(robot, nets, 0, level, work)
+        move(robot, arena, work)
+        note(path, k, work)
+        for w in range(2):
+            record.commands[k, w] = output(nets, 0, work, w)
+            record.wheels[k, w] = work.wheel[w, 0] / robot.speed_per_unit[w]
+
+
+@kernel
+def draw_starts(task, streams, starts):
+    """The starts (x, y, heading) that trials on `streams` begin from, into starts[t]."""
+    for t in range(streams.shape[0]):
+        draw_start(task, streams[t], starts[t])
+
+
+@kernel
+def probe(robot, arena, level, streams, work, noise, proximity, ambients):
+    """What all sensors read at work.start, once for each stream, into proximity[t], ambients[t].
+
+    Without noise the readings are left as the model gives them, unrounded.
+    """
+    stand(work.start, work)
+    for t in range(streams.shape[0]):
+        infrared(robot, arena, work, proximity[t])
+        ambient(robot, arena, work, ambients[t])
+        if level > 0.0:
+            normals(streams[t], 0, noise)
+            read(robot, PROXIMITY, level, noise, proximity[t])
+            normals(substream(streams[t], ASIDE), 0, noise)
+            read(robot, AMBIENT, level, noise, ambients[t])
+
+
+@kernel
+def is_clear(robot, arena, x, y):
+    """True if the robot's body at (x, y) overlaps nothing."""
+    return stands_clear(arena, x, y, robot.radius)

@@ -10,53 +10,63 @@ import math
 import numpy as np
 
 from realitygap.kernels.jit import step
-from realitygap.kernels.params import LANES
+from realitygap.kernels.params import RAYS
 
 TOUCHING = 1e-3
 """Smallest distance that a sensor can see, cm: keeps 1/d finite for sensors on a surface."""
 GRAZE = 1e-6
 """Share by which a ray's end is drawn back before asking what hides it: off its own wall."""
+CONE = 0.15643446504023087
+"""cos 81°: the outermost rays' angle off the sensor's direction."""
 
 
 @step
-def turn_rays(rays, k, c, s, ray_x, ray_y):
-    """The rays of sensor `k` in the room's frame; (c, s) = (cos, sin) of the heading."""
-    for i in range(ray_x.shape[0]):
-        ray_x[i] = c * rays[k, 0, i] - s * rays[k, 1, i]
-        ray_y[i] = s * rays[k, 0, i] + c * rays[k, 1, i]
+def see_room(arena, rays, k, px, py, c, s, ray_x, ray_y, inverse):
+    """Turn the rays of sensor `k` at (px, py) into the room's frame; 1/d to the outer walls.
 
-
-@step
-def see_room(arena, px, py, ray_x, ray_y, inverse):
-    """1/d from (px, py) to the room's outer walls along each ray."""
+    (c, s) = (cos, sin) of the robot's heading.
+    """
     west = 1.0 / max(px, TOUCHING)
     south = 1.0 / max(py, TOUCHING)
     east = 1.0 / max(arena.size[0] - px, TOUCHING)
     north = 1.0 / max(arena.size[1] - py, TOUCHING)
-    for i in range(ray_x.shape[0]):
-        across = max(ray_x[i] * east, -ray_x[i] * west)
-        inverse[i] = max(across, max(ray_y[i] * north, -ray_y[i] * south))
+    for i in range(inverse.shape[0]):
+        x = c * rays[k, 0, i] - s * rays[k, 1, i]
+        y = s * rays[k, 0, i] + c * rays[k, 1, i]
+        ray_x[i] = x
+        ray_y[i] = y
+        inverse[i] = max(max(x * east, -x * west), max(y * north, -y * south))
+
+
+@step
+def see_cylinder(qx, qy, radius, ray_x, ray_y, inverse):
+    """Shorten the rays that meet first a cylinder at (qx, qy) from where they start."""
+    k = max(qx * qx + qy * qy - radius * radius, TOUCHING * TOUCHING)
+    inverse_k = 1.0 / k
+    for i in range(inverse.shape[0]):
+        t = qx * ray_x[i] + qy * ray_y[i]
+        under = t * t - k
+        met = (t + math.sqrt(max(under, 0.0))) * inverse_k
+        met = met if under > 0.0 else 0.0
+        met = met if t > 0.0 else 0.0
+        inverse[i] = max(inverse[i], met)
 
 
 @step
 def see_cylinders(arena, px, py, ray_x, ray_y, inverse):
     """Shorten the rays that meet a cylinder first."""
+    first_x, first_y = ray_x[0], ray_y[0]
+    last_x, last_y = ray_x[RAYS - 1], ray_y[RAYS - 1]
     for j in range(arena.cylinders.shape[0]):
         qx = arena.cylinders[j, 0] - px
         qy = arena.cylinders[j, 1] - py
         radius = arena.cylinders[j, 2]
-        # The last lane looks along the sensor: what lies wholly behind it meets no ray.
-        if qx * ray_x[LANES - 1] + qy * ray_y[LANES - 1] < -radius:
-            continue
-        k = max(qx * qx + qy * qy - radius * radius, TOUCHING * TOUCHING)
-        inverse_k = 1.0 / k
-        for i in range(ray_x.shape[0]):
-            t = qx * ray_x[i] + qy * ray_y[i]
-            under = t * t - k
-            met = (t + math.sqrt(max(under, 0.0))) * inverse_k
-            met = met if under > 0.0 else 0.0
-            met = met if t > 0.0 else 0.0
-            inverse[i] = max(inverse[i], met)
+        # Lane RAYS is a pad and looks along the sensor. Outside the fan nothing meets a ray.
+        ahead = qx * ray_x[RAYS] + qy * ray_y[RAYS]
+        inside = (ahead > 0.0) & (ahead * ahead > CONE * CONE * (qx * qx + qy * qy))
+        grazed = (abs(qx * first_y - qy * first_x) < radius) | (abs(qx * last_y - qy * last_x) < radius)
+        if inside | (grazed & (ahead > -radius)):
+            see_cylinder(qx, qy, radius, ray_x, ray_y, inverse)
 
 
 @step
@@ -81,9 +91,9 @@ def see_segments(arena, px, py, ray_x, ray_y, inverse):
 
 
 @step
-def see(arena, px, py, ray_x, ray_y, inverse):
-    """1/d from (px, py) to whatever is nearest along each ray."""
-    see_room(arena, px, py, ray_x, ray_y, inverse)
+def see(arena, rays, k, px, py, c, s, ray_x, ray_y, inverse):
+    """1/d from (px, py) to whatever is nearest along each ray of sensor `k`."""
+    see_room(arena, rays, k, px, py, c, s, ray_x, ray_y, inverse)
     see_cylinders(arena, px, py, ray_x, ray_y, inverse)
     see_segments(arena, px, py, ray_x, ray_y, inverse)
 

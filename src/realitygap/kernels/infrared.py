@@ -5,11 +5,9 @@ exactly. Most sensors are in that state most of the time, so it is asked first, 
 side by side, by conditions that are never wrong in saying no.
 """
 
-from realitygap.kernels.geometry import see, turn_rays
+from realitygap.kernels.geometry import CONE, see
 from realitygap.kernels.jit import step
-
-CONE = 0.15643446504023087
-"""cos 81°: the outermost rays' angle off the sensor's direction."""
+from realitygap.kernels.params import LANES
 
 
 @step
@@ -46,6 +44,9 @@ def notice_cylinder(robot, arena, j, work):
     """Mark the sensors that cylinder `j` is in reach of and not wholly outside their fan."""
     x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
     cx, cy, radius = arena.cylinders[j, 0] - x, arena.cylinders[j, 1] - y, arena.cylinders[j, 2]
+    far = work.span[0] + radius
+    if cx * cx + cy * cy > far * far:
+        return
     # The cylinder as the robot sees it: (forward, leftward).
     forward = c * cx + s * cy
     leftward = c * cy - s * cx
@@ -75,18 +76,17 @@ def notice(robot, arena, work):
 
 
 @step
-def reflected(robot, k, work):
+def reflected(robot, k, inverse, t):
     """Σ over the rays of cos^m β (a/(d + offset)² + b), outermost pairs first.
 
     The order makes mirror-image sensors add mirror-image rays in the same order.
     """
-    t = work.terms
     a, b, offset = robot.proximity_law[k, 0], robot.proximity_law[k, 1], robot.proximity_law[k, 2]
     if offset != 0.0:
-        for i in range(t.shape[0]):
-            work.inverse[i] = work.inverse[i] / (1.0 + offset * work.inverse[i])
-    for i in range(t.shape[0]):
-        t[i] = robot.proximity_weight[k, i] * (a * (work.inverse[i] * work.inverse[i]) + b)
+        for i in range(inverse.shape[0]):
+            inverse[i] = inverse[i] / (1.0 + offset * inverse[i])
+    for i in range(inverse.shape[0]):
+        t[i] = robot.proximity_weight[k, i] * (a * (inverse[i] * inverse[i]) + b)
     return (t[0] + t[9]) + (t[1] + t[8]) + ((t[2] + t[7]) + (t[3] + t[6])) + (t[4] + t[5])
 
 
@@ -94,12 +94,12 @@ def reflected(robot, k, work):
 def infrared(robot, arena, work, out):
     """Noise-free readings of all proximity sensors into `out` ([P], counts, unrounded)."""
     x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
+    ray_x, ray_y, inverse = work.ray_x[:LANES], work.ray_y[:LANES], work.inverse[:LANES]
     notice(robot, arena, work)
     for k in range(out.shape[0]):
         out[k] = 0.0
         if work.noticed[k] != 0:
             px = x + c * robot.proximity_place[k, 0] - s * robot.proximity_place[k, 1]
             py = y + s * robot.proximity_place[k, 0] + c * robot.proximity_place[k, 1]
-            turn_rays(robot.proximity_ray, k, c, s, work.ray_x, work.ray_y)
-            see(arena, px, py, work.ray_x, work.ray_y, work.inverse)
-            out[k] = min(max(reflected(robot, k, work), 0.0), robot.proximity_top)
+            see(arena, robot.proximity_ray, k, px, py, c, s, ray_x, ray_y, inverse)
+            out[k] = min(max(reflected(robot, k, inverse, work.terms), 0.0), robot.proximity_top)

@@ -17,13 +17,15 @@ _FLAGS = {"nnan", "ninf", "nsz"}
 
 
 def _cache_folder() -> Path:
-    """A folder named after the kernels' own text, so that no stale machine code is ever loaded.
+    """A folder named after the compiled rooms' own text: no stale machine code is ever loaded.
 
     (Numba alone notices a change in a function's own file, not in the files it calls.)
     """
+    package = Path(__file__).parent.parent
     digest = hashlib.sha256(numba.__version__.encode() + np.__version__.encode())
-    for source in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(source.read_bytes())
+    for room in ("kernels", "controller", "evolution"):
+        for source in sorted((package / room).glob("*.py")):
+            digest.update(source.read_bytes())
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     folder = Path(home) / "realitygap" / digest.hexdigest()[:16]
     try:

@@ -37,11 +37,17 @@ def face(work):
 
 
 @step
-def begin(nets, n, pose, work):
-    """Robot at rest at `pose`, network silent."""
+def stand(pose, work):
+    """The robot's body at `pose`."""
     for i in range(3):
         work.pose[i] = pose[i]
     face(work)
+
+
+@step
+def begin(nets, n, pose, work):
+    """Robot at rest at `pose`, network silent."""
+    stand(pose, work)
     for i in range(2):
         for j in range(work.wheel.shape[1]):
             work.wheel[i, j] = 0.0

@@ -27,7 +27,8 @@ class Work(NamedTuple):
     hidden: F
     end_x: F
     end_y: F
-    """[LANES] each."""
+    """Rays, RAYS a sensor in one row: [A · RAYS], and LANES − RAYS more where whole vectors are
+    written (ray_x, ray_y, inverse). The infrared sensors use the first LANES, one sensor at a time."""
     noise: F
     """[16·m] normal numbers of this step."""
     readings: F
@@ -58,8 +59,22 @@ class Work(NamedTuple):
     """[I] how far they changed since the step before."""
     fan: F
     """[8, P] of each proximity sensor: place, direction, first ray and last ray, x and y each."""
+    span: F
+    """[1] distance from the robot's centre beyond which no proximity sensor notices anything."""
     noticed: NDArray[np.int64]
     """[P] 1 unless a proximity sensor certainly reads 0."""
+
+
+class Record(NamedTuple):
+    """A trial in full, a row a step: see realitygap.values.Trajectory."""
+
+    pose: F
+    """[steps, 3] x, y, heading at the step's beginning."""
+    proximity: F
+    ambient: F
+    inputs: NDArray[np.int64]
+    commands: NDArray[np.int64]
+    wheels: F
 
 
 @step
@@ -81,6 +96,11 @@ def spread_fan(robot: Robot) -> F:
     return fan
 
 
+def farthest_notice(robot: Robot, fan: F) -> float:
+    """Distance from the robot's centre beyond which no proximity sensor can notice anything, cm."""
+    return float(np.max(np.hypot(fan[0], fan[1]) + robot.proximity_reach, initial=0.0))
+
+
 def new_work(robot: Robot, task: Trial, nets: Networks) -> Work:
     """Scratch for trials of `task` by `robot` under any of `nets`."""
     fed = robot.ambient_place if task.feed else robot.proximity_place
@@ -88,12 +108,18 @@ def new_work(robot: Robot, task: Trial, nets: Networks) -> Work:
     inputs = task.channels.shape[0]
     neurons = nets.thresholds.shape[1]
     links = nets.links.shape[1]
+    rays = max(robot.ambient_place.shape[0] * RAYS, LANES)
+    wide = rays + LANES - RAYS
+    seen, fan = robot.proximity_place.shape[0], spread_fan(robot)
     return Work(
-        np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES),
-        np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES),
-        np.zeros(16 * noise_blocks(sensors)), np.zeros(sensors), np.zeros(5), np.zeros(3), np.zeros((2, 8)),
-        np.zeros(3), np.zeros(neurons, np.int32), np.zeros(ROWS * neurons, np.int32),
-        np.zeros(neurons, np.uint64), np.zeros(links, np.uint64), np.zeros(links, np.int32),
-        np.zeros(1, np.int64), np.zeros(inputs, np.int32), np.zeros(inputs, np.int32),
-        spread_fan(robot), np.zeros(robot.proximity_place.shape[0], np.int64),
-    )
+        ray_x=np.zeros(wide), ray_y=np.zeros(wide), inverse=np.ones(wide),
+        terms=np.zeros(rays), light=np.zeros(rays), far=np.zeros(rays), hidden=np.zeros(rays),
+        end_x=np.zeros(rays), end_y=np.zeros(rays),
+        noise=np.zeros(16 * noise_blocks(sensors)), readings=np.zeros(sensors),
+        pose=np.zeros(5), start=np.zeros(3), wheel=np.zeros((2, 8)), ground=np.zeros(3),
+        base=np.zeros(neurons, np.int32), outputs=np.zeros(ROWS * neurons, np.int32),
+        link_end=np.zeros(neurons, np.uint64), link_back=np.zeros(links, np.uint64),
+        link_weight=np.zeros(links, np.int32), settled=np.zeros(1, np.int64),
+        inputs=np.zeros(inputs, np.int32), change=np.zeros(inputs, np.int32),
+        fan=fan, span=np.array([farthest_notice(robot, fan)]), noticed=np.zeros(seen, np.int64),
+    )  # fmt: skip
