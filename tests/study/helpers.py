@@ -53,11 +53,12 @@ def start(folder: Path, *options: str) -> subprocess.Popen[str]:
     )
 
 
-def wait_for(process: subprocess.Popen[str], word: str) -> None:
-    """Read its lines up to one that begins with `word`."""
+def wait_for(process: subprocess.Popen[str], phase: str, least: int = 0) -> None:
+    """Read its lines up to one of this phase with at least so many evaluations done."""
     assert process.stdout is not None
     for line in process.stdout:
-        if line.startswith(word):
+        name, _, done = line.rpartition(" ")
+        if name == phase and int(done) >= least:
             return
     raise AssertionError(process.communicate()[1])
 

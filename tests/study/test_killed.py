@@ -44,15 +44,15 @@ def wished(folder, longer) -> Path:
 def test_kill_9_at_random_moments(wished, uninterrupted, workers):
     """Killed again and again, resumed each time, a study comes to the bits of an undisturbed one."""
     moments = random.Random(workers)
-    for _ in range(3):
+    for least in (0, 1, 3000):
         process = start(wished, "--workers", str(workers))
-        wait_for(process, "evolving")
-        time.sleep(moments.uniform(0.0, 0.4) + (1.2 if workers > 1 else 0.0))
+        wait_for(process, "evolving", least)
+        time.sleep(moments.uniform(0.0, 0.4))
         process.kill()
         end(process)
         runs = load_study(wished).runs
         assert all(run.evaluations % 25 == 0 for run in runs)
-    assert sum(run.evaluations for run in runs) > 0
+    assert sum(run.evaluations for run in runs) >= 3000
     code, said = end(start(wished, "--workers", "2"))
     assert (code, said) == (0, "")
     assert content(wished) == uninterrupted
@@ -74,8 +74,7 @@ def test_a_second_process_is_refused(wished):
 def test_ctrl_c_ends_workers_at_once(wished):
     """After Ctrl-C to all of its processes a study ends in one line, soon, and leaves none running."""
     process = start(wished, "--workers", "2")
-    wait_for(process, "evolving")
-    time.sleep(0.5)
+    wait_for(process, "evolving", 1)
     workers = children(process.pid)
     assert len(workers) >= 2
     begun = time.monotonic()
@@ -91,8 +90,7 @@ def test_ctrl_c_ends_workers_at_once(wished):
 def test_workers_die_with_the_parent(wished):
     """Killing the parent leaves no process behind."""
     process = start(wished, "--workers", "2")
-    wait_for(process, "evolving")
-    time.sleep(0.5)
+    wait_for(process, "evolving", 1)
     workers = children(process.pid)
     assert len(workers) >= 2
     process.kill()
@@ -103,8 +101,7 @@ def test_workers_die_with_the_parent(wished):
 def test_a_worker_that_is_killed_is_told(wished, uninterrupted):
     """A dead worker (such as by the kernel, for want of memory) ends the study clearly; it resumes."""
     process = start(wished, "--workers", "2")
-    wait_for(process, "evolving")
-    time.sleep(0.3)
+    wait_for(process, "evolving", 1)
     for pid in children(process.pid):
         with contextlib.suppress(ProcessLookupError):
             os.kill(pid, signal.SIGKILL)
