@@ -78,6 +78,15 @@ def test_a_robot_and_an_arena_of_ones_own(call, json_of, tmp_path):
     assert (made["profile"], made["arena"]) == ("mine", "light-seeking")
 
 
+def test_a_small_room_of_ones_own(json_of, tmp_path):
+    """A room in which the task's own start would not be free serves all the same."""
+    room = tmp_path / "box.toml"
+    room.write_text('name = "box"\nsize_cm = [12, 12]\n')
+    made = json_of(*FORWARD[:-3], 6, 6, 0, "--arena", room, "--seconds", 5)
+    assert max(made["x_cm"]) < 12 - 2.9 + 1e-6
+    assert any(made["contact"])
+
+
 def test_the_text_says_where_it_went(call):
     """Without --json there is a table and the score."""
     result = call(*FORWARD)

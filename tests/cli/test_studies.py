@@ -176,6 +176,24 @@ def test_evolving_from_a_configuration(study, json_of, tmp_path):
     assert made["runs"] == printed["runs"]
 
 
+def test_a_task_of_ones_own(json_of, call, tmp_path):
+    """A user's task with two inputs evolves, and its champion is saved, driven and replayed."""
+    task, champion = tmp_path / "front.py", tmp_path / "champion.txt"
+    task.write_text(
+        "from realitygap import Start, Task\n"
+        "def score(path, room):\n    return 1.0 - path.contact.mean()\n"
+        "task = Task(name='front', arena='obstacle-avoidance', feeds='proximity', sensors=(2, 3),\n"
+        "            start=Start(x_cm=25, y_cm=25), score=score)\n"
+    )
+    made = json_of("evolve", task, *SMALL, "--out", tmp_path / "study")
+    champion.write_text(call("show", tmp_path / "study", 1).stdout)
+    words = ("--pose", 25, 25, 0, "--seconds", 2)
+    driven = json_of("simulate", task, "--controller", champion, *words)
+    assert made["runs"][0]["champion"].strip() in champion.read_text()
+    assert {len(row) for row in driven["inputs"]} == {2}
+    assert driven["x_cm"] == json_of("replay", tmp_path / "study", 1, *words)["x_cm"]
+
+
 def test_reproduce_runs_both_tasks_at_three_levels(json_of, tmp_path):
     """`reproduce` evolves two tasks at three levels of noise and makes the page."""
     made = json_of("reproduce", "--runs", 1, "--evaluations", 66, "--workers", 1, "--out", tmp_path / "all")

@@ -60,28 +60,32 @@ def bench(noise: float, seconds: float, json_output: bool) -> None:
 
 def measure(task: str, *, noise: float = 1.0, seconds: float = 3.0) -> dict[str, float]:
     """Steps per second of `task` on one core and on all, for `seconds` each."""
+    return {
+        "steps_per_second_one_core": steps_per_second(task, noise=noise, threads=1, seconds=seconds),
+        "steps_per_second_all_cores": steps_per_second(task, noise=noise, threads=cores(), seconds=seconds),
+    }
+
+
+def steps_per_second(task: str, *, noise: float, threads: int, seconds: float) -> float:
+    """Steps a second that `threads` threads make together; kernels release the interpreter's lock.
+
+    Each thread has its own simulation and random networks, and evaluates them batch after batch
+    until the time is up.
+    """
     from realitygap.tasks import load_task
     from realitygap.tasks.simulation import Simulation
     from realitygap.world.profile import load_profile
 
-    simulation = Simulation(load_task(task), load_profile("paper"), noise)
-    simulation.compile()
-    return {
-        "steps_per_second_one_core": steps_per_second(simulation, threads=1, seconds=seconds),
-        "steps_per_second_all_cores": steps_per_second(simulation, threads=cores(), seconds=seconds),
-    }
-
-
-def steps_per_second(simulation: Simulation, *, threads: int, seconds: float) -> float:
-    """Steps a second that `threads` threads make together; kernels release the interpreter's lock.
-
-    Each thread evaluates its own random networks, batch after batch, until the time is up.
-    """
-    shares = [random_networks(simulation, stream=k) for k in range(threads)]
+    simulations = [Simulation(load_task(task), load_profile("paper"), noise) for _ in range(threads)]
+    simulations[0].compile()
+    shares = [
+        (simulation, random_networks(simulation, stream=k), k) for k, simulation in enumerate(simulations)
+    ]
+    for share in shares:
+        _batch(*share)  # warm-up
     with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(lambda k: _batch(simulation, shares[k], k), range(threads)))  # warm-up
         start = time.perf_counter()
-        made = sum(pool.map(lambda k: _until(start + seconds, simulation, shares[k], k), range(threads)))
+        made = sum(pool.map(lambda share: _until(start + seconds, *share), shares))
         return made / (time.perf_counter() - start)
 
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from realitygap.world.profile import Profile
 
 __all__ = [
+    "Numbers",
     "arena_option",
     "as_json",
     "checked_pose",
@@ -29,6 +30,8 @@ __all__ = [
     "workers_option",
 ]
 
+Numbers = tuple[float, float, float]
+"""A pose as it is typed: x and y in cm, heading in degrees."""
 Decorated = TypeVar("Decorated", bound="Callable[..., Any]")
 
 def noise_option(default: str | None = "observed", says: str = "") -> Callable[[Decorated], Decorated]:
@@ -115,7 +118,7 @@ def as_json(command: Decorated) -> Decorated:
     return click.option("--json", "json_output", is_flag=True, help="Print JSON, and nothing else.")(command)
 
 
-def checked_pose(numbers: tuple[float, float, float], arena: Arena, profile: Profile) -> Pose:
+def checked_pose(numbers: Numbers, arena: Arena, profile: Profile) -> Pose:
     """The pose, unless the robot would stand in something there."""
     from realitygap.values import Pose
 

@@ -8,14 +8,13 @@ from realitygap.cli.kinds import Whole
 from realitygap.cli.options import (
     arena_option,
     as_json,
-    checked_pose,
     noise_option,
     pose_option,
     profile_option,
     seed_option,
 )
 from realitygap.cli.output import print_json, print_table
-from realitygap.cli.scene import Scene, stream_of
+from realitygap.cli.scene import Scene
 
 __all__ = ["probe"]
 
@@ -50,9 +49,9 @@ def probe(
     Example: what the paper's model reads facing a cylinder, without noise
         realitygap probe avoidance --pose 25 15 180 --noise zero
     """
-    scene = Scene.load(task=task, profile=profile, noise=noise, arena=arena)
-    place = checked_pose(pose, scene.arena, scene.profile)
-    proximity, ambient = scene.simulation().probe(place, stream=stream_of(seed), repeat=repeat)
+    scene = Scene.load(task=task, profile=profile, noise=noise, pose=pose, arena=arena)
+    assert scene.pose is not None
+    proximity, ambient = scene.simulation().probe(scene.pose, stream=seed, repeat=repeat)
     if json_output:
         print_json({**scene.facts(seed), "proximity": proximity, "ambient": ambient})
         return

@@ -10,9 +10,10 @@ import click
 from realitygap.cli.kinds import FILM, PICTURE, SECONDS
 from realitygap.cli.options import as_json, checked_pose, noise_option, pose_option, seed_option
 from realitygap.cli.output import print_json
-from realitygap.cli.scene import Scene, print_path, stream_of
+from realitygap.cli.scene import Scene, print_path
 
 if TYPE_CHECKING:
+    from realitygap.cli.options import Numbers
     from realitygap.controller.layout import Genes
     from realitygap.study.load import Run, Study
 
@@ -65,10 +66,9 @@ def replay(
     loaded = load_study(study)
     one = loaded.run(run)
     who, genes = _individual(loaded, one, individual)
-    scene = _scene(loaded, one, noise)
-    start = None if pose is None else checked_pose(pose, scene.arena, scene.profile)
+    scene = _scene(loaded, one, noise, pose)
     trajectory, score = scene.simulation().trajectory(
-        decode(genes, loaded.layout(one.task)), stream=stream_of(seed), pose=start, seconds=seconds
+        decode(genes, loaded.layout(one.task)), stream=seed, pose=scene.pose, seconds=seconds
     )
     if picture is not None:
         scene.save_picture(picture, trajectory)
@@ -85,12 +85,11 @@ def replay(
             click.echo(f"saved {made}")
 
 
-def _scene(study: Study, run: Run, noise: float | None) -> Scene:
-    """The run's own task and robot, at another level of noise if one is given."""
-    task = study.task(run.task)
-    return Scene(
-        task=task, arena=task.arena, profile=study.profile, noise=run.noise if noise is None else noise
-    )
+def _scene(study: Study, run: Run, noise: float | None, pose: Numbers | None) -> Scene:
+    """The run's own task and robot; at another level of noise or pose if one is given."""
+    task, level = study.task(run.task), run.noise if noise is None else noise
+    place = None if pose is None else checked_pose(pose, task.arena, study.profile)
+    return Scene(task=task, profile=study.profile, noise=level, pose=place)
 
 
 def _individual(study: Study, run: Run, who: str) -> tuple[str, Genes]:

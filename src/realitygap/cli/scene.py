@@ -2,46 +2,53 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from types import SimpleNamespace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from realitygap.cli.options import checked_pose
 from realitygap.cli.output import print_table
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    import numpy as np
-
+    from realitygap.cli.options import Numbers
     from realitygap.controller.genotype import Layout
     from realitygap.tasks.simulation import Simulation
     from realitygap.tasks.task import Task
-    from realitygap.values import Trajectory
-    from realitygap.world.arena import Arena
+    from realitygap.values import Pose, Trajectory
     from realitygap.world.profile import Profile
 
-__all__ = ["Scene", "print_path", "stream_of"]
+__all__ = ["Scene", "print_path"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """A task and a robot in an arena (mostly the task's own) at one level of noise."""
+    """A task and a robot at one level of noise, and where the robot is put (None: as the task says)."""
 
     task: Task
     profile: Profile
-    arena: Arena
     noise: float
+    pose: Pose | None
 
     @classmethod
-    def load(cls, *, task: str, profile: str, noise: float, arena: str | None = None) -> Scene:
-        """The scene that a person names; `arena` takes the place of the task's own."""
-        from realitygap.tasks import load_task
+    def load(
+        cls, *, task: str, profile: str, noise: float, pose: Numbers, arena: str | None = None
+    ) -> Scene:
+        """The scene that a person names; `arena` takes the place of the task's own.
+
+        Raises:
+            BadParameter: the robot cannot stand at the pose.
+        """
+        from realitygap.tasks import Start, load_task
         from realitygap.world.arena import load_arena
         from realitygap.world.profile import load_profile
 
-        loaded = load_task(task)
+        loaded, robot = load_task(task), load_profile(profile)
         room = loaded.arena if arena is None else load_arena(arena)
-        return cls(task=loaded, profile=load_profile(profile), arena=room, noise=noise)
+        place = checked_pose(pose, room, robot)
+        start = Start(x_cm=place.x, y_cm=place.y)  # the task's own starts need not be free here
+        begun = replace(loaded, arena=room, start=start)
+        return cls(task=begun, profile=robot, noise=noise, pose=place)
 
     @property
     def layout(self) -> Layout:
@@ -54,40 +61,29 @@ class Scene:
         """The simulation of this scene."""
         from realitygap.tasks.simulation import Simulation
 
-        return Simulation(self.task, self.profile, self.noise, arena=self.arena)
+        return Simulation(self.task, self.profile, self.noise)
 
     def save_picture(self, path: Path, trajectory: Trajectory) -> None:
         """Draw a trajectory with its tail."""
         from realitygap.report import save_picture
 
-        save_picture(path, self._room(), self.profile, trajectory, self.task.title)
+        save_picture(path, self.task, self.profile, trajectory, self.task.title)
 
     def save_animation(self, path: Path, trajectory: Trajectory) -> None:
         """Film a trajectory."""
         from realitygap.report import save_animation
 
-        save_animation(path, self._room(), self.profile, trajectory, self.task.title)
-
-    def _room(self) -> SimpleNamespace:
-        """What a picture shows of the task: this scene's arena may not hold the task's own starts."""
-        return SimpleNamespace(arena=self.arena, feeds=self.task.feeds)
+        save_animation(path, self.task, self.profile, trajectory, self.task.title)
 
     def facts(self, seed: int) -> dict[str, Any]:
         """What a person needs to make the same figures again."""
         return {
             "task": self.task.name,
-            "arena": self.arena.name,
+            "arena": self.task.arena.name,
             "profile": self.profile.name,
             "noise": self.noise,
             "seed": seed,
         }
-
-
-def stream_of(seed: int) -> np.uint64:
-    """The stream of random numbers that a person's `--seed` stands for."""
-    import numpy as np
-
-    return np.uint64(seed)
 
 
 def print_path(trajectory: Trajectory, every: int = 10) -> None:

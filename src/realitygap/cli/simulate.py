@@ -10,14 +10,13 @@ from realitygap.cli.kinds import PICTURE, SECONDS
 from realitygap.cli.options import (
     arena_option,
     as_json,
-    checked_pose,
     noise_option,
     pose_option,
     profile_option,
     seed_option,
 )
 from realitygap.cli.output import print_json
-from realitygap.cli.scene import Scene, print_path, stream_of
+from realitygap.cli.scene import Scene, print_path
 
 __all__ = ["simulate"]
 
@@ -65,11 +64,10 @@ def simulate(
     from realitygap.controller.handmade import controller_genes
     from realitygap.controller.network import decode
 
-    scene = Scene.load(task=task, profile=profile, noise=noise, arena=arena)
-    start = checked_pose(pose, scene.arena, scene.profile)
+    scene = Scene.load(task=task, profile=profile, noise=noise, pose=pose, arena=arena)
     genes = controller_genes(controller, scene.task.feeds, scene.layout)
     trajectory, score = scene.simulation().trajectory(
-        decode(genes, scene.layout), stream=stream_of(seed), pose=start, seconds=seconds
+        decode(genes, scene.layout), stream=seed, pose=scene.pose, seconds=seconds
     )
     if picture is not None:
         scene.save_picture(picture, trajectory)
