@@ -146,11 +146,19 @@ def test_resuming_needs_no_options_again(study, json_of):
     assert json_of("evolve", "light", "--resume", "--out", folder)["runs"] == printed["runs"]
 
 
-@pytest.mark.parametrize("words", [("--seed", 8), ("--noise", "zero"), ("--set", "variation.mutation=0.2")])
-def test_resuming_with_another_configuration_is_refused(study, refused, words):
-    """--resume with settings that the study was not made with is refused."""
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("light", "--seed", 8), "seed"),
+        (("light", "--noise", "zero"), "noise"),
+        (("light", "--set", "variation.mutation=0.2"), "variation.mutation"),
+        (("avoidance",), "light-seeking"),
+    ],
+)
+def test_resuming_with_another_configuration_is_refused(study, refused, words, named):
+    """--resume with settings that the study was not made with is refused by key."""
     folder, _ = study
-    refused("evolve", "light", "--resume", "--out", folder, *words)
+    assert named in refused("evolve", *words, "--resume", "--out", folder)
 
 
 @pytest.mark.parametrize(
@@ -194,13 +202,16 @@ def test_a_task_of_ones_own(json_of, call, tmp_path):
     assert driven["x_cm"] == json_of("replay", tmp_path / "study", 1, *words)["x_cm"]
 
 
-def test_reproduce_runs_both_tasks_at_three_levels(json_of, tmp_path):
+def test_reproduce_runs_both_tasks_at_three_levels(json_of, refused, tmp_path):
     """`reproduce` evolves two tasks at three levels of noise and makes the page."""
-    made = json_of("reproduce", "--runs", 1, "--evaluations", 66, "--workers", 1, "--out", tmp_path / "all")
+    words = ("--runs", 1, "--evaluations", 66, "--workers", 1, "--out", tmp_path)
+    made = json_of("reproduce", *words)
     assert [(run["task"], run["noise"]) for run in made["runs"]] == [
         (task, noise) for task in ("obstacle-avoidance", "light-seeking") for noise in (0.0, 1.0, 2.0)
     ]
-    assert (tmp_path / "all" / "report" / "index.html").is_file()
+    assert (tmp_path / "report" / "index.html").is_file()
+    # `evolve` does not continue it as if it were of one task
+    assert "conditions" in refused("evolve", "light", "--resume", "--out", tmp_path)
 
 
 def test_ctrl_c_says_how_to_go_on(tmp_path):

@@ -71,12 +71,14 @@ def evolve(
     from realitygap.study.config import StudyConfig
     from realitygap.tasks import load_task
 
-    folder = Path("out", load_task(task).name) if out is None else out
+    name = load_task(task).name
+    folder = Path("out", name) if out is None else out
     if config is not None:
         begun = StudyConfig.from_toml(config)
     else:
         begun = interrupted_config(folder, resume) or StudyConfig.single(task)
-    begun = replace(begun, conditions=_conditions(begun, task, noise)).with_settings(settings)
+    arenas = {key: arena for key, arena in begun.arenas.items() if key == name}
+    begun = replace(begun, conditions=_conditions(begun, task, noise), arenas=arenas).with_settings(settings)
     given: dict[str, Any] = {"seed": seed, "runs": runs, "evaluations": evaluations}
     chosen = replace(begun, **{key: value for key, value in given.items() if value is not None})
     words = f"evolve {shlex.quote(task)}"
