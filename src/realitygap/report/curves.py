@@ -67,7 +67,8 @@ def draw_curves(
             zorder=4,
         )
     ax.set_xlim(0, longest * 1.06)
-    ax.set_ylim(bottom=min(0.0, ax.get_ylim()[0]))
+    lowest = min((float(run.min()) for runs in drawn.values() for run in runs), default=0.0)
+    ax.set_ylim(bottom=min(0.0, lowest / scale))
     ax.set_xlabel("evaluations")
     ax.set_ylabel("fitness of the fittest" + (f" ({unit})" if unit else ""))
     ax.grid(axis="y")

@@ -153,7 +153,7 @@ def _draw_neurons(
             name = str(n)
         ax.add_patch(shape)
         shape.set(zorder=9, alpha=pale if n >= wiring.inputs else None)
-        text = {"ha": "center", "va": "center", "zorder": 10, "alpha": pale}
+        text: dict[str, Any] = {"ha": "center", "va": "center", "zorder": 10, "alpha": pale}
         threshold = n in wiring.thresholds
         ax.text(x, y + 0.11 * unit * threshold, name, fontsize=7.5, fontweight="bold", **text)
         if threshold:

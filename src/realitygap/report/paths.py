@@ -72,7 +72,7 @@ def draw_path(
         strokes[:1, 0],
         strokes[:1, 1],
         "o",
-        markersize=4,
+        markersize=4 if labels else 2.6,
         markerfacecolor=style.PAPER,
         markeredgecolor=style.INK,
         markeredgewidth=1.0,

@@ -131,6 +131,11 @@ def bend_links(wiring: Wiring, places: dict[int, F], sizes: dict[int, float], un
     """The curve [SAMPLES, 2] of each link, ending at its neurons' rims, clear of other neurons."""
     curves: list[F] = []
     loops: dict[int, int] = {}
+    outside = max(float(np.hypot(*place)) for place in places.values()) + 0.45 * unit
+
+    def rim(neuron: int) -> tuple[float, bool]:
+        return sizes[neuron], wiring.inputs <= neuron < wiring.inputs + wiring.outputs
+
     for link in wiring.links:
         if link.source == link.target:
             turn = loops.get(link.source, 0)
@@ -139,24 +144,32 @@ def bend_links(wiring: Wiring, places: dict[int, F], sizes: dict[int, float], un
             continue
         others = np.array([p for n, p in places.items() if n not in (link.source, link.target)])
         room = np.array([sizes[n] for n in places if n not in (link.source, link.target)])
-        tries = [
-            _bow(places[link.source], places[link.target], sizes[link.source], sizes[link.target], bend)
-            for bend in (0.08, -0.08, 0.2, -0.2, 0.33, -0.33, 0.5, -0.5)
+        ends = (places[link.source], places[link.target], rim(link.source), rim(link.target))
+        tries = [_bow(*ends, bend) for bend in (0.08, -0.08, 0.2, -0.2, 0.33, -0.33, 0.5, -0.5)]
+        costs = [
+            _crowding(c, others, room, curves, unit)
+            + 3.0 / unit * float(np.maximum(np.hypot(*c.T) - outside, 0).sum())
+            + 0.05 * i
+            for i, c in enumerate(tries)
         ]
-        costs = [_crowding(c, others, room, curves, unit) + 0.05 * i for i, c in enumerate(tries)]
         curves.append(tries[int(np.argmin(costs))])
     return curves
 
 
-def _bow(start: F, end: F, start_size: float, end_size: float, bend: float) -> F:
+def _bow(start: F, end: F, start_rim: tuple[float, bool], end_rim: tuple[float, bool], bend: float) -> F:
     """A quadratic Bézier curve bowed by `bend` of its length, cut at both neurons' rims."""
     across = np.array([-(end - start)[1], (end - start)[0]])
     control = (start + end) / 2 + 2 * bend * across
     first = (control - start) / np.hypot(*(control - start))
     last = (control - end) / np.hypot(*(control - end))
-    a, b = start + first * start_size, end + last * (end_size * 1.16)
+    a, b = start + first * _reach(first, *start_rim), end + last * 1.16 * _reach(last, *end_rim)
     t = np.linspace(0, 1, SAMPLES)[:, None]
     return np.asarray((1 - t) ** 2 * a + 2 * t * (1 - t) * control + t**2 * b)
+
+
+def _reach(direction: F, size: float, square: bool) -> float:
+    """How far a neuron's rim is from its middle in a direction."""
+    return size / float(np.abs(direction).max()) if square else size
 
 
 def _loop(place: F, size: float, turn: int) -> F:
