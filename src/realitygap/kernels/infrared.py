@@ -91,6 +91,19 @@ def reflected(robot, k, inverse, t):
 
 
 @step
+def list_noticed(work):
+    """Bring the marked sensors' numbers to the front of work.listed; returns how many they are.
+
+    Without a branch: which sensors are marked is a coin toss to a processor.
+    """
+    count = 0
+    for k in range(work.noticed.shape[0]):
+        work.listed[count] = k
+        count += work.noticed[k]
+    return count
+
+
+@step
 def infrared(robot, arena, work, out):
     """Noise-free readings of all proximity sensors into `out` ([P], counts, unrounded)."""
     x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
@@ -98,8 +111,10 @@ def infrared(robot, arena, work, out):
     notice(robot, arena, work)
     for k in range(out.shape[0]):
         out[k] = 0.0
-        if work.noticed[k] != 0:
-            px = x + c * robot.proximity_place[k, 0] - s * robot.proximity_place[k, 1]
-            py = y + s * robot.proximity_place[k, 0] + c * robot.proximity_place[k, 1]
-            see(arena, robot.proximity_ray, k, px, py, c, s, ray_x, ray_y, inverse)
-            out[k] = min(max(reflected(robot, k, inverse, work.terms), 0.0), robot.proximity_top)
+    for n in range(list_noticed(work)):
+        k = work.listed[n]
+        px = x + c * robot.proximity_place[k, 0] - s * robot.proximity_place[k, 1]
+        py = y + s * robot.proximity_place[k, 0] + c * robot.proximity_place[k, 1]
+        see(arena, robot.proximity_ray, k, px, py, c, s, ray_x, ray_y, inverse)
+        total = reflected(robot, k, inverse, work.terms)
+        out[k] = min(max(total, 0.0), robot.proximity_top)

@@ -63,6 +63,8 @@ class Work(NamedTuple):
     """[1] distance from the robot's centre beyond which no proximity sensor notices anything."""
     noticed: NDArray[np.int64]
     """[P] 1 unless a proximity sensor certainly reads 0."""
+    listed: NDArray[np.uint64]
+    """[P] the numbers of those sensors."""
 
 
 class Record(NamedTuple):
@@ -122,4 +124,5 @@ def new_work(robot: Robot, task: Trial, nets: Networks) -> Work:
         link_weight=np.zeros(links, np.int32), settled=np.zeros(1, np.int64),
         inputs=np.zeros(inputs, np.int32), change=np.zeros(inputs, np.int32),
         fan=fan, span=np.array([farthest_notice(robot, fan)]), noticed=np.zeros(seen, np.int64),
+        listed=np.zeros(seen, np.uint64),
     )  # fmt: skip
