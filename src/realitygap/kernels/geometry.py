@@ -122,10 +122,10 @@ def segment_blocks(arena, j, hx, hy, ex, ey):
     side_a = ex * ay - ey * ax
     side_b = ex * by - ey * bx
     area = ax * by - ay * bx
-    # Where it crosses: the share u = area / ((b − a) × e) of e lies between 0 and 1.
+    # Where it crosses: the share u = area / (e × (b − a)) of e lies between 0 and 1.
     turn = side_b - side_a
     crossed = 1.0 if side_a * side_b < 0.0 else 0.0
-    crossed = crossed if area * -turn > 0.0 else 0.0
+    crossed = crossed if area * turn > 0.0 else 0.0
     return crossed if abs(area) < abs(turn) else 0.0
 
 
