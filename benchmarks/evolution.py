@@ -25,7 +25,10 @@ ALGORITHMS = {
     "random": ("random search", ["evolution.algorithm=random"]),
 }
 MEASURES = ("stored", "fittest", "champion")
-TASKS = {"obstacle-avoidance": ("Obstacle avoidance", 1.0), "light-seeking": ("Light seeking, 10⁻⁶ cm⁻²", 1e6)}
+TASKS = {
+    "obstacle-avoidance": ("Obstacle avoidance", 1.0),
+    "light-seeking": ("Light seeking, 10⁻⁶ cm⁻²", 1e6),
+}
 BEGIN, END = "<!-- made by benchmarks/evolution.py: begin -->", "<!-- end -->"
 
 

@@ -74,7 +74,7 @@ def evolve(
     name = load_task(task).name
     folder = Path("out", name) if out is None else out
     if config is not None:
-        begun = StudyConfig.from_toml(config)
+        begun = StudyConfig.from_toml(config, task=task)
     else:
         begun = interrupted_config(folder, resume) or StudyConfig.single(task)
     arenas = {key: arena for key, arena in begun.arenas.items() if key == name}

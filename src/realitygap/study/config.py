@@ -110,15 +110,20 @@ class StudyConfig(Value):
             raise ConfigError(str(error)) from None
 
     @classmethod
-    def from_toml(cls, path: str | Path, *, local: bool = False) -> Self:
+    def from_toml(cls, path: str | Path, *, local: bool = False, task: str | None = None) -> Self:
         """From a file; what it names beside itself is found there, unless names are to stay `local`.
+
+        A file without conditions is completed by `task` at observed noise.
 
         Raises:
             ConfigError: names the file and the key or the line.
         """
         path = Path(path)
         try:
-            config = cls.from_dict(tomllib.loads(path.read_text("utf-8")))
+            table = tomllib.loads(path.read_text("utf-8"))
+            if task is not None:
+                table.setdefault("conditions", [{"task": task}])
+            config = cls.from_dict(table)
             return config if local else config.beside(path.parent)
         except FileNotFoundError:
             raise ConfigError(f"{path}: no such file. Give the path of a study's TOML file.") from None

@@ -204,7 +204,7 @@ def _no_networks() -> Networks:
 
 def _trajectory(record: Record, path: Path) -> Trajectory:
     return Trajectory(
-        t=np.arange(record.pose.shape[0]) * STEP_S,
+        t=np.arange(record.pose.shape[0], dtype=np.float64) * STEP_S,
         x=record.pose[:, 0],
         y=record.pose[:, 1],
         heading=record.pose[:, 2],
