@@ -1,0 +1,108 @@
+"""Noise-free readings of every sensor: infrared (§3.2.3) and ambient light (§3.3)."""
+
+from __future__ import annotations
+
+import math
+
+from realitygap.world.arena import Arena, Cylinder
+from realitygap.world.profile import Profile
+from tests.kernels.reference.rays import ANGLES, Point, crossing, distance, place_and_direction
+
+DRAWN_BACK = 1e-6
+"""A ray's end lies this share of its length before the surface it meets, so that the surface
+itself hides nothing that is on the ray's side of it."""
+
+
+def proximity_sum(profile: Profile, arena: Arena, pose, k: int) -> float:
+    """I = Σ cos^m β (a/(d + offset)² + b) of sensor `k`, before clipping."""
+    sensor = profile.infrared.sensors[k]
+    place, direction = place_and_direction(sensor, pose)
+    total = 0.0
+    for degrees in ANGLES:
+        beta = math.radians(degrees)
+        d = distance(arena, place, (math.cos(direction + beta), math.sin(direction + beta)))
+        weight = math.cos(beta) ** profile.infrared.exponent
+        total += weight * (sensor.a / (d + sensor.offset_cm) ** 2 + sensor.b)
+    return total
+
+
+def proximity(profile: Profile, arena: Arena, pose) -> list[float]:
+    """Readings of all proximity sensors: the sum is clipped, not its terms."""
+    top = profile.infrared.top
+    sums = [proximity_sum(profile, arena, pose, k) for k in range(len(profile.infrared.sensors))]
+    return [min(max(total, 0.0), top) for total in sums]
+
+
+def circle_hides(circle: Cylinder, a: Point, b: Point) -> bool:
+    """The line from `a` to `b` passes through a circle."""
+    ex, ey = b[0] - a[0], b[1] - a[1]
+    wx, wy = circle.x_cm - a[0], circle.y_cm - a[1]
+    share = min(max((wx * ex + wy * ey) / (ex * ex + ey * ey), 0.0), 1.0)
+    return math.hypot(wx - share * ex, wy - share * ey) < circle.radius_cm
+
+
+def wall_hides(wall, a: Point, b: Point) -> bool:
+    """The line from `a` to `b` crosses an inner wall."""
+    t, u = crossing(wall[:2], wall[2:], a, (b[0] - a[0], b[1] - a[1]))
+    return 0 < t < 1 and 0 < u < 1
+
+
+def direct(lamp, place: Point, visible) -> float:
+    """D = (offset + Σ L_i k_i) / d², d the mean distance to the five points, never below 0."""
+    points = lamp.points()
+    total = lamp.offset + sum(k for k, point in zip(lamp.weights, points, strict=True) if visible(point))
+    d = sum(math.dist(place, point) for point in points) / len(points)
+    return max(lamp.brightness * total, 0.0) / d**2
+
+
+def hidden_by_obstacles(arena: Arena, place: Point, point: Point) -> bool:
+    """A cylinder or an inner wall stands between a place and a point of a lamp."""
+    return any(circle_hides(cylinder, place, point) for cylinder in arena.cylinders) or any(
+        wall_hides(wall, place, point) for wall in arena.walls
+    )
+
+
+def light_on_sensor(arena: Arena, lamp, place: Point, direction: float) -> float:
+    """D_i: the robot's own body hides what is more than 90° off the sensor's direction."""
+
+    def visible(point: Point) -> bool:
+        ahead = (point[0] - place[0]) * math.cos(direction) + (point[1] - place[1]) * math.sin(direction)
+        return ahead >= 0 and not hidden_by_obstacles(arena, place, point)
+
+    return direct(lamp, place, visible)
+
+
+def light_on_surface(arena: Arena, lamp, place: Point, body: Cylinder) -> float:
+    """D_ij of the place where a ray ends: the robot's own disc throws a shadow too."""
+
+    def visible(point: Point) -> bool:
+        return not circle_hides(body, place, point) and not hidden_by_obstacles(arena, place, point)
+
+    return direct(lamp, place, visible)
+
+
+def illumination(profile: Profile, arena: Arena, pose, k: int) -> float:
+    """A_i = Σ over lamps of D_i + Σ_j D_ij · cos^m β_ij · reflectance / d_ij²."""
+    sensor = profile.ambient.sensors[k]
+    place, direction = place_and_direction(sensor, pose)
+    body = Cylinder(x_cm=pose[0], y_cm=pose[1], radius_cm=profile.body.radius_cm)
+    total = sum(light_on_sensor(arena, lamp, place, direction) for lamp in arena.lamps)
+    for degrees in ANGLES:
+        beta = math.radians(degrees)
+        ray = (math.cos(direction + beta), math.sin(direction + beta))
+        d = distance(arena, place, ray)
+        back = d * (1 - DRAWN_BACK)
+        end = (place[0] + back * ray[0], place[1] + back * ray[1])
+        light = sum(light_on_surface(arena, lamp, end, body) for lamp in arena.lamps)
+        total += light * math.cos(beta) ** profile.ambient.exponent * profile.ambient.reflectance / d**2
+    return total * sensor.gain
+
+
+def ambient(profile: Profile, arena: Arena, pose) -> list[float]:
+    """Readings of all ambient sensors: V = floor + 1/√A, clipped at the dark reading."""
+    law = profile.ambient
+    readings = []
+    for k in range(len(law.sensors)):
+        total = illumination(profile, arena, pose, k)
+        readings.append(min(law.floor + 1 / math.sqrt(total), law.dark) if total > 0 else law.dark)
+    return readings

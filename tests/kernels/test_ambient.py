@@ -1,0 +1,162 @@
+"""Ambient light (§3.3), judged by the slow reference and by hand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from realitygap.world.arena import Cylinder, Lamp
+from tests.kernels.reference import sensors as reference
+from tests.kernels.reference.rays import place_and_direction
+from tests.kernels.scenes import EMPTY, PAPER, SEEKING, random_pose, random_scenes, readings
+
+FULL = 4.19 + 4.24 + 8.24 + 4.24 + 4.19 - 4.15
+LAMP = Lamp(x_cm=50, y_cm=50)
+LIT = replace(EMPTY, lamps=(LAMP,))
+MATT = replace(PAPER, ambient=replace(PAPER.ambient, reflectance=0.0))
+"""Nothing is reflected: what is left is the direct light."""
+
+
+def direct(arena, pose, profile=MATT) -> np.ndarray:
+    """What each sensor's reading says of its direct light: A = 1/(V − 55)², 0 where it is dark."""
+    _, ambient = readings(profile, arena, pose)
+    return np.where(ambient < 484, 1 / (ambient - 55) ** 2, 0.0)
+
+
+def mean_distance(lamp, place) -> float:
+    return float(np.mean([math.dist(place, point) for point in lamp.points()]))
+
+
+def test_agrees_with_the_reference():
+    """Every sensor of every robot reads what the slow reference reads, with up to three lamps."""
+    shades = 0
+    for profile, arena, pose in random_scenes(seed=3, count=150):
+        expected = reference.ambient(profile, arena, pose)
+        _, got = readings(profile, arena, pose)
+        np.testing.assert_allclose(got, expected, rtol=1e-9)
+        shades += sum(60 < value < 484 for value in expected)
+    assert shades > 200, "the scenes are too dark to judge anything"
+
+
+def test_agrees_where_evolution_happens():
+    """The paper's robot in the paper's light-seeking arena."""
+    random = np.random.default_rng(4)
+    for _ in range(60):
+        pose = random_pose(random, SEEKING)
+        _, got = readings(PAPER, SEEKING, pose)
+        np.testing.assert_allclose(got, reference.ambient(PAPER, SEEKING, pose), rtol=1e-9)
+
+
+def test_full_light_is_20_95():
+    """Σ k − 4.15 = 20.95: a sensor that sees all five points has D = 20.95 / d²."""
+    assert pytest.approx(20.95) == FULL
+    pose = (30, 50, 0.0)
+    for k in (2, 3):
+        place, _ = place_and_direction(PAPER.ambient.sensors[k], pose)
+        d = mean_distance(LAMP, place)
+        assert direct(LIT, pose)[k] == pytest.approx(FULL / d**2, rel=1e-9)
+
+
+def test_own_body_hides_the_lamp_from_sensors_that_look_away():
+    """A point of the lamp more than 90° off a sensor's direction gives it no direct light."""
+    facing = direct(LIT, (30, 50, 0.0))
+    away = direct(LIT, (30, 50, math.pi))
+    assert (facing[[1, 2, 3, 4]] > 0).all() and (facing[[6, 7]] == 0).all()
+    assert (away[[1, 2, 3, 4]] == 0).all() and (away[[6, 7]] > 0).all()
+
+
+def test_lamp_half_behind_the_body():
+    """A sensor that sees only the points on its own side of 90° has their share of the light."""
+    pose = (50 - 0.95, 20.0, 0.0)  # sensor 0 is 2.3 cm to the left and looks straight at the lamp's line
+    d = mean_distance(LAMP, (50.0, 22.3))
+    assert direct(LIT, pose)[0] == pytest.approx(FULL / d**2, rel=1e-9)
+    # Sensors 2 and 3 look along +x from x = 49.05 + 2.45 = 51.5, so that every point is behind them.
+    assert (direct(LIT, pose)[[2, 3]] == 0).all()
+    across = replace(LIT, lamps=(replace(LAMP, line_deg=0.0),))
+    # Points at 45, 47.5, 50, 52.5, 55: two of them lie ahead of x = 51.5.
+    d = mean_distance(across.lamps[0], (51.5, 20.55))
+    assert direct(across, pose)[2] == pytest.approx((4.24 + 4.19 - 4.15) / d**2, rel=1e-9)
+
+
+@pytest.mark.parametrize("visible", [(1, 1, 1, 1, 0), (0, 0, 1, 1, 1), (0, 0, 0, 1, 1), (0, 0, 0, 0, 1)])
+def test_occlusion_by_a_wall(visible):
+    """An inner wall takes away exactly the points of the lamp that it hides."""
+    lamp = replace(LAMP, line_deg=90.0)
+    pose = (30, 50 + 0.55, 0.0)
+    px, py = 32.45, 50.0  # sensor 3
+    # A wall halfway, which covers the lines to the hidden points and no others.
+    middle = (px + 50) / 2
+    ys = [(py + y) / 2 for _, y in lamp.points()]
+    hidden = [y for y, seen in zip(ys, visible, strict=True) if not seen]
+    wall = (middle, min(hidden) - 0.3, middle, max(hidden) + 0.3)
+    arena = replace(LIT, lamps=(lamp,), walls=(wall,))
+    light = sum(k for k, seen in zip(lamp.weights, visible, strict=True) if seen) - 4.15
+    d = mean_distance(lamp, (px, py))
+    assert direct(arena, pose)[3] == pytest.approx(max(light, 0) / d**2, rel=1e-9)
+
+
+def test_direct_light_is_never_negative():
+    """With every point hidden D would be −4.15 / d²; it is 0, and so the sensor reads dark."""
+    cylinder = Cylinder(x_cm=40, y_cm=50, radius_cm=6)
+    _, got = readings(MATT, replace(LIT, cylinders=(cylinder,)), (25, 50, 0.0))
+    assert (got == 484).all()
+    # Reflected light is not eaten up by a negative direct light either.
+    _, with_reflection = readings(PAPER, replace(LIT, cylinders=(cylinder,)), (25, 50, 0.0))
+    assert (with_reflection < 484).any()
+
+
+def test_own_shadow():
+    """A robot close to a wall shades the wall behind it: those rays bring its back sensors nothing."""
+    pose = (4.0, 50.0, 0.0)
+    _, got = readings(PAPER, LIT, pose)
+    place, direction = place_and_direction(PAPER.ambient.sensors[6], pose)
+    lit = unshaded = 0.0
+    for degrees in range(-63, 64, 18):
+        beta = math.radians(degrees)
+        d = place[0] / math.cos(beta)
+        end = (0.0, place[1] + d * math.sin(direction + beta))
+        seen = [abs(_aside(point, end[1], pose)) > 2.9 for point in LAMP.points()]
+        light = sum(k for k, clear in zip(LAMP.weights, seen, strict=True) if clear) - 4.15
+        weight = math.cos(beta) ** 2 * 1.5 / d**2 / mean_distance(LAMP, end) ** 2
+        lit += max(light, 0) * weight
+        unshaded += FULL * weight
+    measured = 1 / (got[6] - 55) ** 2
+    # The two outermost rays end further off, at ±81°, and bring little.
+    assert lit < measured < lit + 0.05 * unshaded and lit < 0.2 * unshaded
+
+
+def _aside(point, end_y: float, pose) -> float:
+    """Distance of the robot's centre from the line between a wall point (0, end_y) and a lamp point."""
+    ex, ey = point[0], point[1] - end_y
+    return (pose[0] * ey - (pose[1] - end_y) * ex) / math.hypot(ex, ey)
+
+
+def test_darkness():
+    """Without a lamp, or with one of no brightness, all sensors read the dark value."""
+    for arena in (EMPTY, replace(LIT, lamps=(replace(LAMP, brightness=0.0),))):
+        _, got = readings(PAPER, arena, (30, 50, 0.0))
+        assert (got == 484).all()
+
+
+def test_brightness_scales_the_illumination():
+    """Twice the brightness is twice the illumination, so is twice a sensor's gain, so are two lamps."""
+    pose = (30, 40, 0.4)
+    once = direct(LIT, pose, PAPER)
+    bright = direct(replace(LIT, lamps=(replace(LAMP, brightness=2.0),)), pose, PAPER)
+    two = direct(replace(LIT, lamps=(LAMP, LAMP)), pose, PAPER)
+    sensors = tuple(replace(sensor, gain=2.0) for sensor in PAPER.ambient.sensors)
+    gained = direct(LIT, pose, replace(PAPER, ambient=replace(PAPER.ambient, sensors=sensors)))
+    clear = once > 2e-5
+    assert clear.sum() >= 4
+    for other in (bright, two, gained):
+        np.testing.assert_allclose(other[clear], 2 * once[clear], rtol=1e-7)
+
+
+def test_mirror_sensors_read_alike():
+    """On the arena's middle line, facing the lamp, mirror-image sensors agree."""
+    for x in np.linspace(3, 107, 60):
+        _, got = readings(PAPER, SEEKING, (x, 35, 0.0))
+        np.testing.assert_allclose(got[[0, 1, 2, 6]], got[[5, 4, 3, 7]], rtol=1e-14)

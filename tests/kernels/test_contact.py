@@ -1,0 +1,192 @@
+"""Contact: nothing enters anything, friction holds back sliding, and a robot can always leave."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from realitygap.kernels.contact import ground_speeds, settle, wrap
+from realitygap.kernels.wheels import drive_arc
+from realitygap.world.arena import Arena, Cylinder
+from tests.kernels.reference.motion import settle as slow_settle
+from tests.kernels.reference.rays import overlap
+from tests.kernels.reference.trial import move as slow_move
+from tests.kernels.scenes import EMPTY, PAPER, RADIUS, random_arena, random_pose
+
+LEFT_BEHIND = 1e-9
+"""An overlap that counts as none, cm."""
+
+
+def go(arena: Arena, x: float, y: float, dx: float, dy: float) -> tuple[float, float, bool]:
+    return settle(arena.to_kernel(), RADIUS, x, y, dx, dy)
+
+
+def test_agrees_with_the_reference():
+    """A disc ends where the slow reference puts it, in any room, whatever the friction."""
+    random = np.random.default_rng(7)
+    touched = 0
+    for _ in range(400):
+        arena = random_arena(random, lamps=0, sliding=random.choice([0.0, 0.3, 1.0, 100.0]))
+        pose = random_pose(random, arena)
+        if pose is None:
+            continue
+        x, y, _ = pose
+        for _ in range(10):
+            dx, dy = random.uniform(-1.2, 1.2, 2)
+            expected = slow_settle(arena, RADIUS, x, y, dx, dy)
+            got = go(arena, x, y, dx, dy)
+            assert got == pytest.approx(expected, rel=1e-9, abs=1e-9)
+            touched += got[2]
+            x, y = got[:2]
+    assert touched > 300, "hardly anything was touched"
+
+
+WEDGES = (
+    EMPTY,
+    Arena(name="corridor", size_cm=(60, 6.5)),
+    Arena(name="box", size_cm=(6, 6)),
+    Arena(name="corner", size_cm=(30, 30), walls=((0, 12, 12, 0), (18, 30, 30, 18))),
+    Arena(name="wedge", size_cm=(40, 40), walls=((0, 0, 40, 12), (0, 0, 12, 40), (20, 40, 40, 20))),
+    Arena(
+        name="bays", size_cm=(30, 30),
+        cylinders=(
+            Cylinder(x_cm=4, y_cm=15, radius_cm=4), Cylinder(x_cm=15, y_cm=4, radius_cm=4),
+            Cylinder(x_cm=20, y_cm=20, radius_cm=0.5), Cylinder(x_cm=25, y_cm=22, radius_cm=1),
+        ),
+        walls=((10, 20, 20, 10.5), (15, 30, 15, 25)),
+    ),
+)  # fmt: skip
+"""Corners, wedges, narrow passages, free ends of walls."""
+
+
+@settings(deadline=None, max_examples=300)
+@given(
+    st.sampled_from(WEDGES), st.sampled_from([0.0, 0.5, 1.0, 100.0]), st.integers(0, 2**32 - 1),
+    st.sampled_from(["wander", "push"]),
+)  # fmt: skip
+def test_nothing_enters_anything(arena, sliding, seed, how):
+    """However a robot drives, it never overlaps a wall, a cylinder or an inner wall, nor gets beyond one."""
+    random = np.random.default_rng(seed)
+    pose = random_pose(random, arena)
+    if pose is None:
+        return
+    kernel = replace(arena, sliding=sliding).to_kernel()
+    x, y, heading = pose
+    for k in range(60):
+        if how == "wander" or k % 20 == 0:
+            heading = random.uniform(-math.pi, math.pi)
+        before = x, y
+        x, y, _ = settle(kernel, RADIUS, x, y, 0.95 * math.cos(heading), 0.95 * math.sin(heading))
+        assert overlap(arena, x, y, RADIUS) <= LEFT_BEHIND * (1 + 1e-3)
+        # So short a step cannot have jumped over anything: the body is as wide as six of them.
+        assert math.hypot(x - before[0], y - before[1]) < RADIUS
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.sampled_from(WEDGES), st.sampled_from([0.0, 1.0, 100.0]), st.integers(0, 2**32 - 1))
+def test_a_robot_in_contact_can_leave(arena, sliding, seed):
+    """Whatever it has driven against, a robot that drives back the way it came gets away freely."""
+    random = np.random.default_rng(seed)
+    pose = random_pose(random, arena)
+    if pose is None:
+        return
+    kernel = replace(arena, sliding=sliding).to_kernel()
+    x, y, heading = pose
+    dx, dy = 0.8 * math.cos(heading), 0.8 * math.sin(heading)
+    trail = [(x, y)]
+    for _ in range(100):
+        x, y, touched = settle(kernel, RADIUS, x, y, dx, dy)
+        if touched:
+            break
+        trail.append((x, y))
+    else:
+        return
+    # Straight back to where it last stood free, by a step that is no longer than any other.
+    back_x, back_y = trail[-1][0] - x, trail[-1][1] - y
+    got = settle(kernel, RADIUS, x, y, back_x, back_y)
+    assert got == pytest.approx((*trail[-1], False), abs=1e-9)
+
+
+def test_a_robot_that_stands_still_or_turns_is_free():
+    """Turning on the spot against a wall is no contact: a disc's turn meets nothing."""
+    assert go(EMPTY, RADIUS, 50.0, 0.0, 0.0) == (RADIUS, 50.0, False)
+
+
+def test_flat_wall_head_on():
+    """Against a wall head on a robot stops at its radius; its wheels' ground speeds become 0."""
+    x, y, touched = go(EMPTY, 100 - RADIUS - 0.3, 50, 0.8, 0.0)
+    assert (x, y, touched) == (pytest.approx(100 - RADIUS, abs=1e-12), 50, True)
+    x, y, touched = go(EMPTY, 100 - RADIUS, 50, 0.8, 0.0)
+    left, right = ground_speeds(x - (100 - RADIUS), 0.0, 0.0, 1.0, 1.0, 0.0, 5.3, 0.1)
+    assert touched and abs(left) < 1e-9 and abs(right) < 1e-9
+
+
+@pytest.mark.parametrize("angle", [10, 30, 44.9, 45.1, 60, 80])
+@pytest.mark.parametrize("sliding", [0.0, 0.5, 1.0, 100.0])
+def test_coulomb_friction(angle, sliding):
+    """At angle φ off the normal the body slides by sin φ − µ·cos φ of its way, or not at all."""
+    step, phi = 0.8, math.radians(angle)
+    along = step * max(math.sin(phi) - sliding * math.cos(phi), 0.0)
+    arena = replace(EMPTY, sliding=sliding)
+    x, y, _ = go(arena, 100 - RADIUS, 50, step * math.cos(phi), step * math.sin(phi))
+    assert x == pytest.approx(100 - RADIUS, abs=1e-12)
+    assert y == pytest.approx(50 + along, abs=1e-12)
+
+
+@pytest.mark.parametrize("turned", [0, 90, 180, 270])
+def test_friction_is_the_same_on_all_surfaces(turned):
+    """A slope of 30° off the normal gives the same sliding at all four walls and an inner one."""
+    phi, base = math.radians(30), math.radians(turned)
+    move = 0.8 * math.cos(base + phi), 0.8 * math.sin(base + phi)
+    along = 0.8 * (math.sin(phi) - 0.5 * math.cos(phi))
+    to_wall = 50 - RADIUS
+    start = 50 + to_wall * math.cos(base), 50 + to_wall * math.sin(base)
+    x, y, _ = go(replace(EMPTY, sliding=0.5), *start, *move)
+    expected = -along * math.sin(base), along * math.cos(base)
+    assert (x - start[0], y - start[1]) == pytest.approx(expected, abs=1e-12)
+    inner = replace(EMPTY, sliding=0.5, walls=((50, 20, 50, 80),))
+    x, y, _ = go(inner, 50 - RADIUS, 50, 0.8 * math.cos(phi), 0.8 * math.sin(phi))
+    assert (x, y) == pytest.approx((50 - RADIUS, 50 + along), abs=1e-12)
+
+
+def test_ground_speeds_of_free_motion_are_the_wheels():
+    """Where nothing is touched, the ground moves under the wheels as fast as they turn."""
+    random = np.random.default_rng(8)
+    for _ in range(500):
+        left, right = random.uniform(-10, 10, 2)
+        heading = random.uniform(-7, 7)
+        dx, dy, *rest = drive_arc(5.3, left, right, math.cos(heading), math.sin(heading))
+        got = ground_speeds(dx, dy, *rest, 5.3, 0.1)
+        assert got == pytest.approx((left, right), rel=1e-9, abs=1e-9)
+
+
+def test_ground_speeds_agree_with_the_reference():
+    """Along a wall, ground speeds are what the body's movement and turn say."""
+    random = np.random.default_rng(9)
+
+    class AtWall:
+        arena = EMPTY
+
+    for _ in range(300):
+        left, right = random.uniform(-8, 10, 2)
+        pose = (100 - RADIUS - random.uniform(0, 0.5), 50.0, random.uniform(-1.5, 1.5))
+        x, y, heading = pose
+        dx, dy, *rest = drive_arc(5.3, left, right, math.cos(heading), math.sin(heading))
+        to_x, to_y, touched = go(EMPTY, x, y, dx, dy)
+        _, expected, slow_touched = slow_move(AtWall, PAPER, pose, left, right)
+        got = ground_speeds(to_x - x, to_y - y, *rest, 5.3, 0.1) if touched else (left, right)
+        assert touched == slow_touched
+        assert got == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_wrap_brings_angles_home():
+    """An angle differs from its wrapped one by whole turns, and that lies within ±π."""
+    for angle in np.linspace(-50, 50, 999):
+        wrapped = wrap(float(angle))
+        assert abs(wrapped) <= math.pi + 1e-12
+        assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-12)

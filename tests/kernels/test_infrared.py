@@ -1,0 +1,110 @@
+"""Infrared proximity (§3.2.3), judged by the slow reference and by hand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from realitygap.world.arena import Cylinder
+from tests.kernels.reference import sensors as reference
+from tests.kernels.scenes import AVOIDANCE, EMPTY, PAPER, random_pose, random_scenes, readings
+
+A, B = 3515.0, -91.4
+BETAS = np.radians([-81, -63, -45, -27, -9, 9, 27, 45, 63, 81])
+REACH = math.sqrt(A / -B)
+
+
+def law(distances) -> float:
+    """The paper's sum over ten rays of given lengths, clipped."""
+    terms = np.cos(BETAS) * (A / np.asarray(distances) ** 2 + B)
+    return float(np.clip(terms.sum(), 0, 1023))
+
+
+def test_agrees_with_the_reference():
+    """Every sensor of every robot reads what the slow reference reads, whatever stands around."""
+    lit = 0
+    for profile, arena, pose in random_scenes(seed=1, count=500):
+        expected = reference.proximity(profile, arena, pose)
+        got, _ = readings(profile, arena, pose)
+        np.testing.assert_allclose(got, expected, rtol=1e-9, atol=1e-7)
+        lit += sum(0 < value < 1023 for value in expected)
+    assert lit > 500, "the scenes are too empty to judge anything"
+
+
+def test_agrees_where_evolution_happens():
+    """The paper's robot in the paper's arena: its early exits never change a reading."""
+    random = np.random.default_rng(2)
+    for _ in range(300):
+        pose = random_pose(random, AVOIDANCE)
+        got, _ = readings(PAPER, AVOIDANCE, pose)
+        np.testing.assert_allclose(got, reference.proximity(PAPER, AVOIDANCE, pose), rtol=1e-9, atol=1e-7)
+
+
+@pytest.mark.parametrize("gap", [1.0, 2.0, 3.0, 4.5])
+def test_flat_wall(gap):
+    """Sensor 2 sees a flat wall ahead along every ray at gap / cos β."""
+    # At 50 cm to both sides the outermost rays still end on this wall.
+    got, _ = readings(PAPER, EMPTY, (100 - 2.45 - gap, 50, 0.0))
+    assert got[2] == pytest.approx(law(gap / np.cos(BETAS)), rel=1e-12)
+
+
+@pytest.mark.parametrize("gap", [0.5, 1.0, 3.0])
+def test_single_cylinder(gap):
+    """A cylinder straight ahead of sensor 2: the rays that meet it end there, the others at a wall."""
+    radius = 4.0
+    centre = gap + radius
+    arena = replace(EMPTY, cylinders=(Cylinder(x_cm=50 + centre, y_cm=50, radius_cm=radius),))
+    got, _ = readings(PAPER, arena, (50 - 2.45, 50 - 0.55, 0.0))
+    aside = centre * np.sin(BETAS)
+    hit = np.abs(aside) < radius
+    d = np.minimum(50 / np.cos(BETAS), 50 / np.abs(np.sin(BETAS)))
+    d[hit] = centre * np.cos(BETAS[hit]) - np.sqrt(radius**2 - aside[hit] ** 2)
+    assert 0 < hit.sum() < 10
+    assert got[2] == pytest.approx(law(d), rel=1e-12)
+
+
+def test_open_space_reads_zero():
+    """Nothing within reach: all sensors read exactly 0, for all ten terms are negative and count."""
+    got, _ = readings(PAPER, EMPTY, (50, 50, 0.3))
+    assert (got == 0).all()
+
+
+@pytest.mark.parametrize("beyond", [1e-9, 0.01, 1.0])
+def test_exactly_zero_beyond_reach(beyond):
+    """A wall just beyond √(a/−b) before the sensor gives exactly 0."""
+    got, _ = readings(PAPER, EMPTY, (100 - 2.45 - REACH - beyond, 50, 0.0))
+    assert (got == 0).all()
+
+
+def test_rays_that_miss_count():
+    """The sum is literal: rays that meet nothing take b·cos β each from a thin pole's reading."""
+    arena = replace(EMPTY, cylinders=(Cylinder(x_cm=50 + 4 + 0.7, y_cm=50, radius_cm=0.7),))
+    got, _ = readings(PAPER, arena, (50 - 2.45, 50 - 0.55, 0.0))
+    middle, others = np.cos(BETAS[[4, 5]]), np.cos(np.delete(BETAS, [4, 5]))
+    least, most = ((A / d**2 + B) * middle.sum() + B * others.sum() for d in (4.7, 4.0))
+    assert middle.sum() * (A / 4.7**2 + B) > 100 and most < 0, "it would show if they did not count"
+    assert least < most and got[2] == 0
+
+
+def test_sum_is_clipped_not_its_terms():
+    """Two middle rays pass 1023 on a thin pole; the others pull the reading below it."""
+    arena = replace(EMPTY, cylinders=(Cylinder(x_cm=50 + 2.25 + 0.5, y_cm=50, radius_cm=0.5),))
+    got, _ = readings(PAPER, arena, (50 - 2.45, 50 - 0.55, 0.0))
+    nearest = 2 * (A / 2.35**2 + B) * math.cos(math.radians(9))
+    assert nearest > 1023 > got[2] > 0
+
+
+def test_reads_1023_at_most():
+    """Against a wall a sensor reads the converter's highest count."""
+    got, _ = readings(PAPER, EMPTY, (100 - 2.9, 50, 0.0))
+    assert got[2] == got[3] == 1023.0
+
+
+def test_mirror_sensors_read_alike():
+    """On the arena's middle line, facing along it, mirror-image sensors agree to the last bit."""
+    for x in np.linspace(3, 47, 60):
+        got, _ = readings(PAPER, AVOIDANCE, (x, 25, 0.0))
+        assert got[:6].tolist() == got[5::-1].tolist() and got[6] == got[7]

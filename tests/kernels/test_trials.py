@@ -1,0 +1,225 @@
+"""Whole trials: judged by the slow reference, mirrored, and functions of their streams alone."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from realitygap.controller.handmade import braitenberg, constant
+from realitygap.controller.layout import FIRST_LINK, Layout
+from realitygap.controller.network import decode
+from realitygap.controller.operators import Variation
+from realitygap.kernels.rng import substream
+from realitygap.tasks import load_task
+from realitygap.tasks.simulation import Simulation
+from realitygap.values import Pose
+from realitygap.world.arena import Arena, Cylinder, Lamp
+from tests.kernels.reference import trial as reference
+from tests.kernels.reference.rays import overlap
+from tests.kernels.scenes import PAPER, RADIUS, random_profile
+
+LAYOUT = Layout()
+TASKS = {name: load_task(name) for name in ("obstacle-avoidance", "light-seeking")}
+CROWDED = Arena(
+    name="crowded", size_cm=(60, 45), walls=((0, 20, 15, 20), (40, 45, 40, 30)),
+    cylinders=(Cylinder(x_cm=30, y_cm=35, radius_cm=3), Cylinder(x_cm=45, y_cm=10, radius_cm=5)),
+    lamps=(Lamp(x_cm=60, y_cm=22), Lamp(x_cm=5, y_cm=40, line_deg=0, spacing_cm=1, brightness=0.5)),
+)  # fmt: skip
+
+
+def networks(count: int, seed: int = 25, layout: Layout = LAYOUT) -> np.ndarray:
+    """Random genotypes with hidden neurons."""
+    variation = Variation(layout=layout, start_neurons=0.3)
+    return np.stack([variation.random(substream(np.uint64(seed), i)) for i in range(count)])
+
+
+def streams(count: int, trials: int, seed: int = 26) -> np.ndarray:
+    return np.random.default_rng(seed).integers(0, 2**64, (count, trials), np.uint64)
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0, 2.0])
+@pytest.mark.parametrize("name", TASKS)
+def test_agrees_with_the_reference(name, level):
+    """A trial goes, step by step, as the slow reference goes: readings, inputs, commands, path."""
+    task = replace(TASKS[name], seconds=20.0 if name == "obstacle-avoidance" else 6.0)
+    genes = [braitenberg(task.feeds, LAYOUT), *networks(3)]
+    for stream, gene in enumerate(genes):
+        judge(task, PAPER, gene, level, stream)
+
+
+@pytest.mark.parametrize("feeds", ["proximity", "ambient"])
+def test_agrees_in_other_rooms_with_other_robots(feeds):
+    """The same in a room with inner walls and lamps, for robots with sensors of their own."""
+    random = np.random.default_rng(27)
+    contacts = 0
+    for k in range(5):
+        profile = random_profile(random)
+        count = len((profile.ambient if feeds == "ambient" else profile.infrared).sensors)
+        sensors = tuple(int(s) for s in random.integers(0, count, random.integers(1, 17)))
+        task = replace(
+            TASKS["obstacle-avoidance"], arena=CROWDED, feeds=feeds, sensors=sensors, seconds=8.0,
+            start=replace(TASKS["obstacle-avoidance"].start, x_cm=20, y_cm=30, heading_deg=(-90, 30)),
+        )  # fmt: skip
+        layout = Layout(inputs=len(sensors), slots=30)
+        contacts += judge(task, profile, networks(1, seed=k, layout=layout)[0], 1.0, 100 + k, layout)
+    assert contacts > 0
+
+
+def judge(task, profile, genes, level: float, stream: int, layout: Layout = LAYOUT) -> int:
+    """Compare one trial with the reference's; how many steps were in contact."""
+    simulation = Simulation(task, profile, level)
+    expected = reference.run(task, profile, genes, level=level, stream=stream)
+    got, score = simulation.trajectory(decode(genes, layout), stream=stream)
+    fed = got.ambient if task.feeds == "ambient" else got.proximity
+    assert fed.tolist() == expected.readings
+    assert got.inputs.tolist() == expected.inputs
+    assert [tuple(row) for row in got.commands.tolist()] == expected.commands
+    after = np.column_stack([got.x, got.y, got.heading])[1:]
+    np.testing.assert_allclose(after, expected.poses[:-1], rtol=1e-9, atol=1e-9)
+    end = got.end.x, got.end.y, got.end.heading
+    assert end == pytest.approx(expected.poses[-1], rel=1e-9, abs=1e-9)
+    assert got.contact.tolist() == expected.contact
+    assert score == pytest.approx(score_of(task, expected), rel=1e-9, abs=1e-12)
+    return sum(expected.contact)
+
+
+def score_of(task, record) -> float:
+    """Equations 2 and 3 in NumPy."""
+    if task.score is TASKS["light-seeking"].score:
+        lamp = task.arena.lamps[0]
+        return 1 / sum((x - lamp.x_cm) ** 2 + (y - lamp.y_cm) ** 2 for x, y, _ in record.poses)
+    left, right = np.array(record.ground).T
+    v = max(0.0, float(np.mean((left + right) / 2))) / 8
+    return v * (1 - math.sqrt(abs(float(np.mean(left - right))) / 16))
+
+
+def mirrored(genes: np.ndarray) -> np.ndarray:
+    """The network with its wheels swapped, and each sensor swapped with its mirror image."""
+    order = np.array([5, 4, 3, 2, 1, 0, 7, 6, 9, 8, *range(10, 30)])
+    other = genes[order].copy()
+    links = other[:, FIRST_LINK:].reshape(30, -1, 4)
+    # `order` is its own inverse: a source s is found in slot order[s].
+    links[:, :, 1] = np.where(links[:, :, 0] == 1, order[links[:, :, 1]], links[:, :, 1])
+    return other
+
+
+def mirrored_arena(arena: Arena) -> Arena:
+    """The room upside down."""
+    depth = arena.size_cm[1]
+    return replace(
+        arena,
+        walls=tuple((x0, depth - y0, x1, depth - y1) for x0, y0, x1, y1 in arena.walls),
+        cylinders=tuple(replace(c, y_cm=depth - c.y_cm) for c in arena.cylinders),
+        lamps=tuple(replace(lamp, y_cm=depth - lamp.y_cm, line_deg=-lamp.line_deg) for lamp in arena.lamps),
+    )
+
+
+@pytest.mark.parametrize("feeds", ["proximity", "ambient"])
+def test_mirror_symmetry(feeds):
+    """In a mirrored room, the mirrored robot with the mirrored network drives the mirrored path."""
+    task = replace(
+        TASKS["obstacle-avoidance"], arena=CROWDED, feeds=feeds,
+        start=replace(TASKS["obstacle-avoidance"].start, x_cm=22, y_cm=24),
+    )  # fmt: skip
+    other = replace(task, arena=mirrored_arena(CROWDED), start=replace(task.start, y_cm=45 - 24))
+    random = np.random.default_rng(28)
+    contacts = 0
+    for genes in networks(25):
+        x, y, heading = 22.0, 24.0, random.uniform(-3, 3)
+        one, score = Simulation(task, PAPER, 0).trajectory(
+            decode(genes, LAYOUT), stream=0, pose=Pose(x=x, y=y, heading=heading)
+        )
+        two, mirror_score = Simulation(other, PAPER, 0).trajectory(
+            decode(mirrored(genes), LAYOUT), stream=0, pose=Pose(x=x, y=45 - y, heading=-heading)
+        )
+        assert one.commands.tolist() == two.commands[:, ::-1].tolist()
+        np.testing.assert_allclose(one.x, two.x, atol=1e-9)
+        np.testing.assert_allclose(one.y, 45 - two.y, atol=1e-9)
+        np.testing.assert_allclose(one.heading, -two.heading, atol=1e-9)
+        assert one.contact.tolist() == two.contact.tolist()
+        assert score == pytest.approx(mirror_score, rel=1e-9, abs=1e-12)
+        contacts += one.contact.sum()
+    assert contacts > 50
+
+
+def test_each_trial_is_a_function_of_its_stream():
+    """Order, number and company of trials never change a bit of a trial's score."""
+    for task in TASKS.values():
+        simulation = Simulation(replace(task, seconds=3.0), PAPER, "observed")
+        genes, draws = networks(40), streams(40, 4)
+        together = simulation.scores(decode(genes, LAYOUT), draws)
+        assert np.unique(together).size > 50
+        turned = simulation.scores(decode(genes[::-1], LAYOUT), draws[::-1])[::-1]
+        swapped = simulation.scores(decode(genes, LAYOUT), draws[:, ::-1])[:, ::-1]
+        fresh = Simulation(replace(task, seconds=3.0), PAPER, "observed")
+        assert (turned == together).all() and (swapped == together).all()
+        for i in range(9):
+            for t in range(4):
+                alone = fresh.scores(decode(genes[i], LAYOUT), draws[i : i + 1, t : t + 1])
+                assert alone[0, 0] == together[i, t]
+
+
+def test_other_streams_other_trials():
+    """Two streams give two trials; two networks on one stream start alike."""
+    simulation = Simulation(TASKS["obstacle-avoidance"], PAPER, 1)
+    nets = decode(networks(1), LAYOUT)
+    a, b = (simulation.trajectory(nets, stream=s)[0] for s in (1, 2))
+    assert a.x[0] != b.x[0] and a.heading[0] != b.heading[0]
+    other = simulation.trajectory(decode(networks(2)[1:], LAYOUT), stream=1)[0]
+    assert (other.x[0], other.y[0], other.heading[0]) == (a.x[0], a.y[0], a.heading[0])
+
+
+def test_starts_fill_their_disc():
+    """Starts are uniform in the disc (not crowded in its middle) and in heading."""
+    from scipy import stats
+
+    task = TASKS["obstacle-avoidance"]
+    simulation = Simulation(task, PAPER, 1)
+    starts = [simulation.start(int(s)) for s in streams(3000, 1)[:, 0]]
+    place = np.array([(p.x - 25, p.y - 25) for p in starts])
+    r2 = (place**2).sum(1) / 9
+    assert r2.max() <= 1 + 1e-12
+    assert stats.kstest(r2, "uniform").pvalue > 1e-4
+    assert stats.kstest(np.sqrt(r2), "uniform").pvalue < 1e-4
+    angle = np.mod(np.arctan2(place[:, 1], place[:, 0]) / (2 * math.pi), 1)
+    heading = np.array([p.heading for p in starts]) / (2 * math.pi)
+    assert stats.kstest(angle, "uniform").pvalue > 1e-4
+    assert stats.kstest(heading, "uniform").pvalue > 1e-4
+
+
+@pytest.mark.parametrize("level", [0.0, 2.0])
+def test_nothing_is_entered_in_a_whole_trial(level):
+    """In every step of trials of random networks the body overlaps nothing."""
+    for task in (TASKS["obstacle-avoidance"], replace(TASKS["obstacle-avoidance"], arena=CROWDED)):
+        simulation = Simulation(replace(task, start=replace(task.start, x_cm=24, y_cm=25)), PAPER, level)
+        for k, genes in enumerate([*networks(15), constant(10, 10, LAYOUT), constant(10, 9, LAYOUT)]):
+            trajectory, _ = simulation.trajectory(decode(genes, LAYOUT), stream=k)
+            for x, y in zip(trajectory.x, trajectory.y, strict=True):
+                assert overlap(simulation.task.arena, x, y, RADIUS) <= 1.001e-9
+
+
+def test_pushing_a_wall_head_on_is_no_progress():
+    """The wheels of a robot that pushes a wall slip at full speed; over the ground it does not move."""
+    task = replace(TASKS["obstacle-avoidance"], score=mean_ground_speed, seconds=2.0)
+    pose = Pose(x=50 - RADIUS, y=25, heading=0.0)
+    trajectory, speed = Simulation(task, PAPER, 0).trajectory(
+        decode(constant(10, 10, LAYOUT), LAYOUT), stream=0, pose=pose
+    )
+    assert abs(speed) < 1e-9 and trajectory.wheels[-1].min() > 9 and trajectory.contact.all()
+    assert trajectory.end.x == pytest.approx(pose.x) and trajectory.end.y == 25
+    # It can turn away, and drive away backwards.
+    turned, _ = Simulation(task, PAPER, 0).trajectory(
+        decode(constant(5, -5, LAYOUT), LAYOUT), stream=0, pose=pose
+    )
+    assert abs(turned.end.heading) > 2
+    away, speed = Simulation(task, PAPER, 0).trajectory(
+        decode(constant(-10, -10, LAYOUT), LAYOUT), stream=0, pose=pose
+    )
+    assert away.end.x < pose.x - 10 and speed < -6 and not away.contact.any()
+
+
+def mean_ground_speed(path, room):
+    return (path.left.mean() + path.right.mean()) / 2

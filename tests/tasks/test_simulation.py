@@ -1,0 +1,233 @@
+"""The simulated robot at a task: scores, trajectories, readings, refusals."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from realitygap.controller.handmade import braitenberg, constant
+from realitygap.controller.layout import Layout
+from realitygap.controller.network import NetworkController, decode
+from realitygap.controller.operators import Variation
+from realitygap.errors import TaskError, UsageError
+from realitygap.kernels.rng import substream
+from realitygap.tasks import load_task
+from realitygap.tasks.simulation import Simulation
+from realitygap.values import Pose
+from realitygap.world.arena import Arena, Cylinder
+from realitygap.world.profile import load_profile
+from tests.kernels.reference import sensors as reference
+from tests.kernels.scenes import random_pose, random_profile
+
+PAPER = load_profile("paper")
+LAYOUT = Layout()
+AVOIDANCE, SEEKING = load_task("avoidance"), load_task("light")
+TASKS = pytest.mark.parametrize("task", [AVOIDANCE, SEEKING], ids=["avoidance", "light"])
+HALL = Arena(
+    name="hall", size_cm=(200, 80), walls=((100, 0, 100, 30),),
+    cylinders=(Cylinder(x_cm=60, y_cm=40, radius_cm=5),),
+)  # fmt: skip
+
+
+def networks(count: int, layout: Layout = LAYOUT):
+    variation = Variation(layout=layout, start_neurons=0.2)
+    genes = np.stack([variation.random(substream(np.uint64(29), i)) for i in range(count)])
+    return genes, decode(genes, layout)
+
+
+@TASKS
+@pytest.mark.parametrize("noise", ["zero", "observed", "double", 0.37])
+def test_trajectory_has_the_bits_of_scores(task, noise):
+    """A trajectory's score is that of `scores` for the same network and stream, bit for bit."""
+    simulation = Simulation(task, PAPER, noise)
+    genes, nets = networks(20)
+    streams = np.random.default_rng(30).integers(0, 2**64, (20, 2), np.uint64)
+    scores = simulation.scores(nets, streams)
+    assert scores.shape == (20, 2) and np.unique(scores).size > 8
+    for i in range(20):
+        for t in range(2):
+            _, score = simulation.trajectory(decode(genes[i], LAYOUT), stream=int(streams[i, t]))
+            assert score == scores[i, t]
+
+
+@TASKS
+def test_trajectory_rows(task):
+    """A row a step: what the robot read at t, decided there, where it stood; and its end."""
+    genes = braitenberg(task.feeds, LAYOUT)
+    simulation = Simulation(task, PAPER, "observed")
+    trajectory, _ = simulation.trajectory(decode(genes, LAYOUT), stream=3)
+    n = 200
+    assert trajectory.t.tolist() == pytest.approx([0.1 * k for k in range(n)])
+    for name, shape in {
+        "x": (n,), "heading": (n,), "proximity": (n, 8), "ambient": (n, 8), "inputs": (n, 8),
+        "commands": (n, 2), "wheels": (n, 2), "contact": (n,),
+    }.items():  # fmt: skip
+        assert getattr(trajectory, name).shape == shape
+    start = simulation.start(3)
+    assert (trajectory.x[0], trajectory.y[0], trajectory.heading[0]) == (start.x, start.y, start.heading)
+    controller = NetworkController(genes, LAYOUT)
+    for k in range(n):
+        command = controller.decide(trajectory.inputs[k])
+        assert (command.left, command.right) == tuple(trajectory.commands[k])
+    assert np.hypot(np.diff(trajectory.x), np.diff(trajectory.y)).max() < 1.2
+    assert (trajectory.proximity == np.round(trajectory.proximity)).all()
+    assert (trajectory.ambient == np.round(trajectory.ambient)).all()
+
+
+def test_unfed_sensors_read_too():
+    """Sensors that feed nobody are in the trajectory as well: proximity beside ambient."""
+    pose = Pose(x=105, y=35, heading=0.0)
+    trajectory, _ = Simulation(SEEKING, PAPER, 0).trajectory(networks(1)[1], stream=0, pose=pose, seconds=0.1)
+    proximity, ambient = Simulation(SEEKING, PAPER, 0).probe(pose)
+    assert trajectory.proximity[0].tolist() == np.floor(proximity[0] + 0.5).tolist()
+    assert trajectory.ambient[0].tolist() == np.floor(ambient[0] + 0.5).tolist()
+    assert trajectory.proximity[0].max() > 100 and trajectory.ambient[0].min() < 60
+
+
+@TASKS
+def test_probe_without_noise_is_the_model(task):
+    """At zero noise a probe gives the reference's readings, unrounded, at any pose and repeatedly."""
+    random = np.random.default_rng(31)
+    for _ in range(10):
+        x, y, heading = random_pose(random, task.arena)
+        simulation = Simulation(task, PAPER, "zero")
+        proximity, ambient = simulation.probe(Pose(x=x, y=y, heading=heading), repeat=3)
+        pose = (x, y, heading)
+        for t in range(3):
+            np.testing.assert_allclose(proximity[t], reference.proximity(PAPER, task.arena, pose), atol=1e-7)
+            np.testing.assert_allclose(ambient[t], reference.ambient(PAPER, task.arena, pose), rtol=1e-9)
+    assert (np.concatenate([proximity, ambient], axis=1) % 1 != 0).any() or task is AVOIDANCE
+
+
+def test_probe_with_noise():
+    """With noise a probe gives whole counts, other ones each time, the same for the same stream."""
+    simulation = Simulation(AVOIDANCE, PAPER, "observed")
+    pose = Pose(x=5, y=25, heading=math.pi)
+    one, other = (simulation.probe(pose, stream=s, repeat=4) for s in (1, 2))
+    again = simulation.probe(pose, stream=1, repeat=2)
+    for a, b, c in zip(one, other, again, strict=True):
+        assert (a == np.round(a)).all() and (a != b).any() and (a[0] != a[1]).any()
+        assert (c == a[:2]).all(), "the first readings do not depend on how many follow"
+
+
+@pytest.mark.parametrize(
+    ("pose", "words"),
+    [
+        ((15, 15, 0), "cylinder at (15, 15)"), ((15, 21.8, 0), "cylinder at (15, 35)|cylinder at (15, 15)"),
+        ((2.8, 25, 0), "wall at x = 0"), ((25, 47.2, 0), "wall at y = 50"),
+        ((-5, 25, 0), "outside of the room"),
+        ((1000, 25, 0), "outside of the room"), ((math.nan, 25, 0), "finite"), ((25, 25, math.inf), "finite"),
+    ],
+)  # fmt: skip
+def test_poses_in_obstacles_are_refused(pose, words):
+    """A robot cannot be set down where something stands, nor anywhere that is no place."""
+    import re
+
+    simulation = Simulation(AVOIDANCE, PAPER, 0)
+    at = Pose(x=pose[0], y=pose[1], heading=pose[2])
+    words = "|".join(re.escape(word) for word in words.split("|"))
+    with pytest.raises(UsageError, match=words):
+        simulation.trajectory(networks(1)[1], stream=0, pose=at)
+    with pytest.raises(UsageError, match=words):
+        simulation.probe(at)
+
+
+def test_a_pose_in_contact_is_free():
+    """Touching is not overlapping: where a robot stopped at a wall it can be set down again."""
+    simulation = Simulation(AVOIDANCE, PAPER, 0)
+    nets = decode(constant(10, 10, LAYOUT), LAYOUT)
+    end = simulation.trajectory(nets, stream=5)[0].end
+    assert simulation.trajectory(nets, stream=5, pose=end)[0].contact[5]
+
+
+def one_over_contact(path, room):
+    return 1.0 / path.contact.sum()
+
+
+def root_of_negative(path, room):
+    return math.sqrt(-1.0 - path.x[0])
+
+
+@pytest.mark.parametrize("score", [one_over_contact, root_of_negative])
+def test_scores_that_are_no_numbers_are_refused(score):
+    """A division by zero in a user's score is one clear message, in scores and in trajectory."""
+    simulation = Simulation(replace(AVOIDANCE, name="mine", score=score, seconds=0.5), PAPER, 0)
+    nets = networks(1)[1]
+    with pytest.raises(TaskError, match=r"'mine'.*finite"):
+        simulation.scores(nets, np.zeros((1, 2), np.uint64))
+    with pytest.raises(TaskError, match=r"'mine'.*finite"):
+        simulation.trajectory(nets, stream=0)
+
+
+def test_seconds():
+    """A trajectory may be shorter or longer than the task: its beginning is the same."""
+    simulation = Simulation(AVOIDANCE, PAPER, "observed")
+    nets = networks(1)[1]
+    short, usual, long = (simulation.trajectory(nets, stream=9, seconds=s)[0] for s in (3.7, None, 41))
+    assert (short.x.size, usual.x.size, long.x.size) == (37, 200, 410)
+    assert (short.x == long.x[:37]).all() and (usual.heading == long.heading[:200]).all()
+    for wrong in (0, -1, 0.05, 1.234, math.inf, math.nan):
+        with pytest.raises(UsageError, match="seconds"):
+            simulation.trajectory(nets, stream=9, seconds=wrong)
+
+
+def test_another_arena():
+    """Another arena takes the place of the task's: its walls, cylinders and lamps."""
+    simulation = Simulation(AVOIDANCE, PAPER, 0, arena=HALL)
+    proximity, _ = simulation.probe(Pose(x=100 - 2.9 - 0.5, y=20, heading=0.0))
+    assert proximity[0, 2] > 500
+    end = simulation.trajectory(
+        decode(constant(10, 10, LAYOUT), LAYOUT), stream=0, pose=Pose(x=100 - 20, y=20, heading=0.0)
+    )[0].end
+    assert end.x == pytest.approx(100 - 2.9)
+    with pytest.raises(UsageError, match="start"):
+        blocked = replace(HALL, cylinders=(Cylinder(x_cm=25, y_cm=25, radius_cm=5),))
+        Simulation(AVOIDANCE, PAPER, 0, arena=blocked)
+
+
+def test_other_robots():
+    """Robots with other sensors, and tasks that feed other numbers of them, simulate as well."""
+    random = np.random.default_rng(32)
+    for _ in range(6):
+        profile = random_profile(random)
+        for task, part in ((AVOIDANCE, profile.infrared), (SEEKING, profile.ambient)):
+            sensors = tuple(range(len(part.sensors)))
+            layout = Layout(inputs=len(sensors), slots=len(sensors) + 10)
+            simulation = Simulation(replace(task, sensors=sensors, seconds=2.0), profile, 1)
+            trajectory, score = simulation.trajectory(networks(3, layout)[1], stream=1)
+            assert trajectory.proximity.shape == (20, len(profile.infrared.sensors))
+            assert trajectory.ambient.shape == (20, len(profile.ambient.sensors))
+            assert trajectory.inputs.shape == (20, len(sensors)) and math.isfinite(score)
+    with pytest.raises(TaskError, match="sensors"):
+        Simulation(replace(AVOIDANCE, sensors=(0, 8)), PAPER, 1)
+
+
+def test_sensors_in_the_tasks_order():
+    """Input i is fed by sensor sensors[i], twice if the task says so."""
+    task = replace(AVOIDANCE, sensors=(7, 2, 2))
+    pose = Pose(x=50 - 2.45 - 3.5, y=25, heading=0.0)
+    nets = networks(1, Layout(inputs=3))[1]
+    trajectory, _ = Simulation(task, PAPER, 0).trajectory(nets, stream=0, pose=pose, seconds=0.1)
+    low, front, same = trajectory.inputs[0]
+    assert low == -10 and front == same > -10
+
+
+@pytest.mark.parametrize("noise", [10.0, 40.0])
+def test_absurd_noise_stays_in_the_room(noise):
+    """Any noise level that is taken gives finite paths that stay in the room."""
+    simulation = Simulation(AVOIDANCE, PAPER, noise)
+    for stream in range(20):
+        trajectory, score = simulation.trajectory(decode(constant(8, 8, LAYOUT), LAYOUT), stream=stream)
+        assert math.isfinite(score)
+        assert ((trajectory.x >= 2.9 - 1e-6) & (trajectory.x <= 47.1 + 1e-6)).all()
+        assert ((trajectory.y >= 2.9 - 1e-6) & (trajectory.y <= 47.1 + 1e-6)).all()
+
+
+def test_compile_makes_ready():
+    """After `compile` the first scores take no longer than the next ones."""
+    simulation = Simulation(SEEKING, PAPER, 1)
+    simulation.compile()
+    assert simulation.scores(networks(2)[1], np.zeros((2, 2), np.uint64)).shape == (2, 2)
