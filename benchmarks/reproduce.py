@@ -1,0 +1,117 @@
+"""The thirty runs as a whole: time first and once compiled, memory, and the serial algorithm's share.
+
+    python benchmarks/reproduce.py
+
+Runs `realitygap reproduce` in fresh processes with a compilation cache of its own, then times the
+parts of one evaluation in this process, and memory against the number of runs and cost against trials.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from realitygap.cli.bench import random_networks
+from realitygap.controller.network import decode
+from realitygap.kernels.batch import run_trials
+from realitygap.study.config import StudyConfig
+from realitygap.study.materials import gather
+from realitygap.study.plan import plans
+from realitygap.study.run import advance, begin, bench_for
+from realitygap.tasks import load_task
+from realitygap.tasks.simulation import Simulation, batch_streams
+from realitygap.world.profile import load_profile
+
+
+def whole(folder: Path, *words: str) -> tuple[float, float]:
+    """Seconds and peak memory (MB, all processes added up) of one command."""
+    environment = os.environ | {"XDG_CACHE_HOME": str(folder / "cache")}
+    command = [sys.executable, "-m", "realitygap", *words]
+    start, peak = time.perf_counter(), 0.0
+    process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    while process.poll() is None:
+        peak = max(peak, sum(map(proportional_mb, family(process.pid))))
+        time.sleep(0.1)
+    assert process.returncode == 0, command
+    return time.perf_counter() - start, peak
+
+
+def family(pid: int) -> list[int]:
+    """A process and its descendants (Linux)."""
+    found = [pid]
+    for parent in found:
+        for task in Path(f"/proc/{parent}/task").glob("*/children"):
+            found += map(int, task.read_text().split())
+    return found
+
+
+def proportional_mb(pid: int) -> float:
+    """Memory of a process, what it shares counted in proportion (Linux)."""
+    try:
+        lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
+    except OSError:
+        return 0.0
+    return sum(float(line.split()[1]) for line in lines if line.startswith("Pss:")) / 1024
+
+
+def serial_share(task: str) -> tuple[float, float]:
+    """Microseconds of an evaluation in all, and of its compiled trials alone, in pairs."""
+    materials = gather(StudyConfig.single(task))
+    bench, plan = bench_for(materials, 0), plans(materials)[0]
+    state, _ = advance(bench, plan, begin(bench, plan), 300)
+    pairs = []
+    for _ in range(7):
+        start = time.thread_time()
+        _, records = advance(bench, plan, state, 300)
+        middle = time.thread_time()
+        networks = [decode(genes, bench.layout) for genes in records.genes]
+        simulation, streams = bench.simulation, batch_streams(1, 2)
+        args = simulation._robot, simulation._arena, simulation._trial
+        which = np.zeros(2, np.int64)
+        compiled = time.thread_time()
+        for one in networks:
+            run_trials(*args, one, which, 1.0, streams, simulation._paths, simulation._scratch(one))
+        end = time.thread_time()
+        pairs.append(((middle - start) / 300e-6, (end - compiled) / 300e-6))
+    return tuple(np.median(pairs, axis=0))
+
+
+def seconds_for_trials(trials: int) -> float:
+    """CPU seconds of so many trials of obstacle avoidance."""
+    task = replace(load_task("obstacle-avoidance"), seconds=20.0)
+    simulation = Simulation(task, load_profile("paper"), 1.0)
+    networks = random_networks(simulation, stream=3, count=64)
+    streams = batch_streams(5, trials).reshape(64, -1)
+    simulation.scores(networks, streams[:, :2])
+    start = time.thread_time()
+    simulation.scores(networks, streams)
+    return time.thread_time() - start
+
+
+def main() -> None:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        first, _ = whole(folder, "reproduce", "--out", str(folder / "first"))
+        again, peak = whole(folder, "reproduce", "--out", str(folder / "again"))
+        print(f"reproduce, first time: {first:.1f} s; once compiled: {again:.1f} s; memory {peak:.0f} MB")
+        short = ("--evaluations", "200", "--set", "task.seconds=2.0", "--json")
+        for runs in (30, 300):
+            out = str(folder / f"runs{runs}")
+            seconds, peak = whole(folder, "evolve", "avoidance", "--runs", str(runs), "--out", out, *short)
+            print(f"a study of {runs} short runs: {seconds:.1f} s, memory {peak:.0f} MB")
+    for task in ("obstacle-avoidance", "light-seeking"):
+        total, compiled = serial_share(task)
+        print(f"{task}: {total:.0f} µs an evaluation, serial share {100 * (1 - compiled / total):.0f} %")
+    a, b = seconds_for_trials(1280), seconds_for_trials(5120)
+    print(f"four times the trials: {b / a:.2f} times the time")
+
+
+if __name__ == "__main__":
+    main()
