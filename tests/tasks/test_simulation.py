@@ -202,7 +202,7 @@ def test_other_robots():
             assert trajectory.ambient.shape == (20, len(profile.ambient.sensors))
             assert trajectory.inputs.shape == (20, len(sensors)) and math.isfinite(score)
     with pytest.raises(TaskError, match="sensors"):
-        Simulation(replace(AVOIDANCE, sensors=(0, 8)), PAPER, 1)
+        Simulation(replace(AVOIDANCE, sensors=(0, 8)), PAPER, 1).compile()
 
 
 def test_sensors_in_the_tasks_order():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,13 +12,13 @@ from numpy.typing import NDArray
 
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import batch
-from realitygap.kernels.params import STEP_S, Networks, Path
+from realitygap.kernels.params import STEP_S, Networks, Path, Room, Trial
 from realitygap.kernels.work import MOTOR_NOISE, Record, Work, new_work
 from realitygap.values import Pose, Trajectory
 from realitygap.world.noise import noise_level
 
 if TYPE_CHECKING:
-    from realitygap.tasks.task import Task
+    from realitygap.tasks.task import Score, Task
     from realitygap.world.arena import Arena
     from realitygap.world.profile import Profile
 
@@ -38,8 +39,8 @@ class Simulation:
         noise: zero, observed, double, or any level (1 = observed).
         arena: another arena than the task's.
 
-    Raises:
-        UsageError: the robot lacks a sensor, or cannot stand at the task's start.
+    Probing needs only the room and the robot. Everything else needs a robot that has the sensors
+    which the task feeds and can stand at its start: else a TaskError says what is missing.
     """
 
     def __init__(
@@ -50,12 +51,27 @@ class Simulation:
         self.noise = noise_level(noise)
         self._robot = profile.to_kernel()
         self._arena = self.task.arena.to_kernel()
-        self._trial = self.task.to_kernel(profile)
-        self._room = self.task.room(profile)
-        self._score = self.task.compiled_score()
-        self._paths = np.zeros((CHUNK, len(Path._fields), self._trial.steps))
-        self._rows = [Path(*rows) for rows in self._paths]
         self._work: dict[tuple[int, int], Work] = {}
+
+    @cached_property
+    def _trial(self) -> Trial:
+        return self.task.to_kernel(self.profile)
+
+    @cached_property
+    def _room(self) -> Room:
+        return self.task.room(self.profile)
+
+    @cached_property
+    def _score(self) -> Score:
+        return self.task.compiled_score()
+
+    @cached_property
+    def _paths(self) -> Floats:
+        return np.zeros((CHUNK, len(Path._fields), self._trial.steps))
+
+    @cached_property
+    def _rows(self) -> list[Path]:
+        return [Path(*rows) for rows in self._paths]
 
     def scores(self, networks: Networks, streams: Streams) -> Floats:
         """Scores of trials of N networks: streams [N, trials] → scores [N, trials].
@@ -127,7 +143,8 @@ class Simulation:
         With noise as the robot reads them (whole counts); without, as the model gives them.
         """
         proximity_n, ambient_n = len(self.profile.infrared.sensors), len(self.profile.ambient.sensors)
-        work = new_work(self._robot, self._trial, _no_networks())
+        nothing_fed = Trial(steps=0, feed=0, channels=np.zeros(0, np.int64), start=np.zeros(5))
+        work = new_work(self._robot, nothing_fed, _no_networks())
         self._place(work, pose)
         proximity, ambient = np.zeros((repeat, proximity_n)), np.zeros((repeat, ambient_n))
         streams = batch_streams(stream, repeat)
