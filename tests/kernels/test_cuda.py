@@ -29,6 +29,8 @@ def cuda_or_skip():
     """numba.cuda as numba-cuda provides it: the one within Numba is no longer kept up."""
     if importlib.util.find_spec("numba_cuda") is None:
         pytest.skip('no numba-cuda here: pip install "numba-cuda[cu12]"')
+    if importlib.import_module("numba").config.ENABLE_CUDASIM:
+        pytest.skip("CUDA's simulator cannot call compiled steps")
     return importlib.import_module("numba.cuda")
 
 
