@@ -35,7 +35,10 @@ def random_arena(random: np.random.Generator, *, lamps: int | None = None, slidi
         for _ in range(random.integers(0, 4))
     )
     count = random.integers(0, 4) if lamps is None else lamps
-    placed = tuple(random_lamp(random, width, depth) for _ in range(count))
+    drawn = (random_lamp(random, width, depth) for _ in range(count))
+    placed = tuple(
+        lamp for lamp in drawn if not any(c.covers(x, y) for x, y in lamp.points() for c in cylinders)
+    )
     return Arena(
         name="random", size_cm=(width, depth), cylinders=cylinders, walls=walls, lamps=placed, sliding=sliding
     )

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from realitygap.kernels.contact import ground_speeds, settle, wrap
+from realitygap.kernels.contact import ground_speeds, settle
 from realitygap.kernels.wheels import drive_arc
 from realitygap.world.arena import Arena, Cylinder
 from tests.kernels.reference.motion import settle as slow_settle
@@ -182,11 +182,3 @@ def test_ground_speeds_agree_with_the_reference():
         got = ground_speeds(to_x - x, to_y - y, *rest, 5.3, 0.1) if touched else (left, right)
         assert touched == slow_touched
         assert got == pytest.approx(expected, rel=1e-9, abs=1e-9)
-
-
-def test_wrap_brings_angles_home():
-    """An angle differs from its wrapped one by whole turns, and that lies within ±π."""
-    for angle in np.linspace(-50, 50, 999):
-        wrapped = wrap(float(angle))
-        assert abs(wrapped) <= math.pi + 1e-12
-        assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-12)

@@ -93,7 +93,7 @@ def score_of(task, record) -> float:
         return 1 / sum((x - lamp.x_cm) ** 2 + (y - lamp.y_cm) ** 2 for x, y, _ in record.poses)
     left, right = np.array(record.ground).T
     v = max(0.0, float(np.mean((left + right) / 2))) / 8
-    return v * (1 - math.sqrt(abs(float(np.mean(left - right))) / 16))
+    return v * (1 - math.sqrt(min(1.0, abs(float(np.mean(left - right))) / 16)))
 
 
 def mirrored(genes: np.ndarray) -> np.ndarray:
@@ -151,7 +151,7 @@ def test_each_trial_is_a_function_of_its_stream():
         simulation = Simulation(replace(task, seconds=3.0), PAPER, "observed")
         genes, draws = networks(40), streams(40, 4)
         together = simulation.scores(decode(genes, LAYOUT), draws)
-        assert np.unique(together).size > 50
+        assert np.unique(together).size > 30
         turned = simulation.scores(decode(genes[::-1], LAYOUT), draws[::-1])[::-1]
         swapped = simulation.scores(decode(genes, LAYOUT), draws[:, ::-1])[:, ::-1]
         fresh = Simulation(replace(task, seconds=3.0), PAPER, "observed")

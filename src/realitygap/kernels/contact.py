@@ -24,10 +24,11 @@ def push(x, y, dx, dy, nx, ny, depth, sliding):
 
 
 @step
-def settle(arena, radius, x, y, dx, dy):
+def settle_once(arena, radius, x, y, dx, dy):
     """Where a disc ends that moves from the clear place (x, y) by (dx, dy): (x, y, touched).
 
     Where no place near is clear (a wedge) it stays: a robot never enters a wall or cylinder.
+    The movement must be shorter than the radius, or it could end behind an inner wall.
     """
     to_x = x + dx
     to_y = y + dy
@@ -64,14 +65,23 @@ def settle(arena, radius, x, y, dx, dy):
 
 
 @step
+def settle(arena, radius, x, y, dx, dy):
+    """The same for a movement of any length, in pieces of at most half a radius."""
+    pieces = 1
+    if dx * dx + dy * dy > 0.25 * radius * radius:
+        pieces = int(math.sqrt(dx * dx + dy * dy) / (0.5 * radius)) + 1
+        dx /= pieces
+        dy /= pieces
+    touched = False
+    for _ in range(pieces):
+        x, y, met = settle_once(arena, radius, x, y, dx, dy)
+        touched = touched or met
+    return x, y, touched
+
+
+@step
 def ground_speeds(dx, dy, turn, share, cos_mean, sin_mean, track, dt):
     """Speeds of the two wheels over the ground (cm/s), from the body's movement after contact."""
     forward = (dx * cos_mean + dy * sin_mean) / (share * dt)
     apart = 0.5 * turn * track / dt
     return forward - apart, forward + apart
-
-
-@step
-def wrap(angle):
-    """An angle brought to −π … π by whole turns."""
-    return angle - 6.283185307179586 * math.floor(angle / 6.283185307179586 + 0.5)

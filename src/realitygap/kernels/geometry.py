@@ -55,17 +55,12 @@ def see_cylinder(qx, qy, radius, ray_x, ray_y, inverse):
 @step
 def see_cylinders(arena, px, py, ray_x, ray_y, inverse):
     """Shorten the rays that meet a cylinder first."""
-    first_x, first_y = ray_x[0], ray_y[0]
-    last_x, last_y = ray_x[RAYS - 1], ray_y[RAYS - 1]
     for j in range(arena.cylinders.shape[0]):
         qx = arena.cylinders[j, 0] - px
         qy = arena.cylinders[j, 1] - py
         radius = arena.cylinders[j, 2]
-        # Lane RAYS is a pad and looks along the sensor. Outside the fan nothing meets a ray.
-        ahead = qx * ray_x[RAYS] + qy * ray_y[RAYS]
-        inside = (ahead > 0.0) & (ahead * ahead > CONE * CONE * (qx * qx + qy * qy))
-        grazed = (abs(qx * first_y - qy * first_x) < radius) | (abs(qx * last_y - qy * last_x) < radius)
-        if inside | (grazed & (ahead > -radius)):
+        # Lane RAYS is a pad and looks along the sensor: what lies wholly behind meets no ray.
+        if qx * ray_x[RAYS] + qy * ray_y[RAYS] > -radius:
             see_cylinder(qx, qy, radius, ray_x, ray_y, inverse)
 
 

@@ -7,6 +7,7 @@ another machine give the same bits. With NUMBA_DISABLE_JIT=1 the same functions 
 import hashlib
 import os
 import tempfile
+import warnings
 from pathlib import Path
 
 import numba
@@ -42,7 +43,7 @@ if not os.environ.get("NUMBA_CACHE_DIR"):
 
 if numba.config.DISABLE_JIT:
     # The generator's integers wrap on purpose; NumPy scalars would warn at each draw.
-    np.seterr(over="ignore")
+    warnings.filterwarnings("ignore", "overflow encountered", RuntimeWarning)
 
 step = njit(cache=True, fastmath=_FLAGS, error_model="numpy", forceinline=True, _nrt=False)
 """For the parts of a step: inlined into the kernel that calls them.

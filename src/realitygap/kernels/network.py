@@ -18,6 +18,10 @@ LIMIT = 10
 PAST = MAX_DELAY + 1
 """Rows kept from the step before: the longest delay, and the update before."""
 ROWS = PAST + UPDATES
+TARGET, SOURCE, WEIGHT, DELAY = 0, 1, 2, 3
+"""Columns of a link in params.Networks, and rows of `work.sensor_link`."""
+NEVER = 127
+"""The delay written behind the last sensor link: a guard that spares counting."""
 
 
 @step
@@ -31,6 +35,10 @@ def wake(nets, n, work):
             back = (nets.links[n, e, 3] + 1) * neurons
             work.link_back[e] = back + i - nets.links[n, e, 1]
             work.link_weight[e] = nets.links[n, e, 2]
+    for e in range(nets.sensor_count[n]):
+        for i in range(4):
+            work.sensor_link[i, e] = nets.sensor_links[n, e, i]
+    work.sensor_link[DELAY, nets.sensor_count[n]] = NEVER
     for i in range(PAST * neurons):
         work.outputs[i] = 0
     for i in range(work.inputs.shape[0]):
@@ -40,14 +48,14 @@ def wake(nets, n, work):
 
 
 @step
-def arrive(nets, n, update, link, work):
+def arrive(update, link, work):
     """Add to `base` what reaches its targets with delay `update`: the inputs' changes.
 
     Links are sorted by delay; returns the first link that has not arrived yet.
     """
-    links = nets.sensor_links
-    while link < nets.sensor_count[n] and links[n, link, 3] == update:
-        work.base[links[n, link, 0]] += links[n, link, 2] * work.change[links[n, link, 1]]
+    links = work.sensor_link
+    while links[DELAY, link] == update:
+        work.base[links[TARGET, link]] += links[WEIGHT, link] * work.change[links[SOURCE, link]]
         link += 1
     return link
 
@@ -96,7 +104,7 @@ def think(nets, n, work):
     place = np.uint64(PAST * neurons)
     for update in range(UPDATES):
         if update <= MAX_DELAY:
-            link = arrive(nets, n, update, link, work)
+            link = arrive(update, link, work)
         update_neurons(neurons, place, work)
         place += np.uint64(neurons)
     keep_past(neurons, work)

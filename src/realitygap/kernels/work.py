@@ -51,6 +51,8 @@ class Work(NamedTuple):
     """[K] how far back in `outputs` a link's source lies."""
     link_weight: NDArray[np.int32]
     """[K]."""
+    sensor_link: NDArray[np.int64]
+    """[4, K + 1] the network's links from sensors: target, source, weight, delay."""
     settled: NDArray[np.int64]
     """[1] 1 if the network repeats itself until an input changes."""
     inputs: NDArray[np.int32]
@@ -121,7 +123,8 @@ def new_work(robot: Robot, task: Trial, nets: Networks) -> Work:
         pose=np.zeros(5), start=np.zeros(3), wheel=np.zeros((2, 8)), ground=np.zeros(3),
         base=np.zeros(neurons, np.int32), outputs=np.zeros(ROWS * neurons, np.int32),
         link_end=np.zeros(neurons, np.uint64), link_back=np.zeros(links, np.uint64),
-        link_weight=np.zeros(links, np.int32), settled=np.zeros(1, np.int64),
+        link_weight=np.zeros(links, np.int32),
+        sensor_link=np.zeros((4, links + 1), np.int64), settled=np.zeros(1, np.int64),
         inputs=np.zeros(inputs, np.int32), change=np.zeros(inputs, np.int32),
         fan=fan, span=np.array([farthest_notice(robot, fan)]), noticed=np.zeros(seen, np.int64),
         listed=np.zeros(seen, np.uint64),

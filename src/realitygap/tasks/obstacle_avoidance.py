@@ -11,7 +11,7 @@ def score(path: Path, room: Room) -> float:
     """F = V·(1 − √D), equation 2, on ground speeds (docs/readings.md).
 
     V is the signed mean speed of both wheels over the top speed, not below 0; D is the absolute
-    mean of the signed differences between the wheels over twice the top speed.
+    mean of the signed differences between the wheels over twice the top speed, not above 1.
     """
     forward = 0.0
     turning = 0.0
@@ -19,7 +19,7 @@ def score(path: Path, room: Room) -> float:
         forward += (path.left[i] + path.right[i]) / 2.0
         turning += path.left[i] - path.right[i]
     v = max(0.0, forward / (path.left.size * room.top_speed))
-    d = abs(turning) / (path.left.size * 2.0 * room.top_speed)
+    d = min(1.0, abs(turning) / (path.left.size * 2.0 * room.top_speed))
     return v * (1.0 - math.sqrt(d))
 
 

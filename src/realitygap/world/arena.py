@@ -26,6 +26,10 @@ class Cylinder(Value):
     def _check(self) -> None:
         require(self.radius_cm > 0, "radius_cm", "more than 0", self.radius_cm)
 
+    def covers(self, x_cm: float, y_cm: float) -> bool:
+        """Whether a place lies inside."""
+        return math.hypot(x_cm - self.x_cm, y_cm - self.y_cm) < self.radius_cm
+
 
 @dataclass(frozen=True, kw_only=True)
 class Lamp(Value):
@@ -90,6 +94,8 @@ class Arena(Value):
             inside = all(self._holds(x, y, -1e-9) for x, y in lamp.points())
             cure = "Turn its line (line_deg), shorten it (spacing_cm) or move the lamp."
             require(inside, f"lamps[{i}]", f"all five points {room}", lamp.points(), cure)
+            covered = any(c.covers(x, y) for x, y in lamp.points() for c in self.cylinders)
+            require(not covered, f"lamps[{i}]", "no point inside a cylinder", lamp.points(), "Move the lamp.")
 
     def obstacle_at(self, x: float, y: float, radius: float) -> str | None:
         """What a disc at (x, y) would overlap, in words; None where it stands free. Lengths cm."""

@@ -10,13 +10,15 @@ __all__ = ["NOISE_LEVELS", "noise_level", "noise_name"]
 
 NOISE_LEVELS = {"zero": 0.0, "observed": 1.0, "double": 2.0}
 """The paper's three levels."""
+LARGEST = 10.0
+"""Beyond it the wheels' noise, a share of their speed, drives the speed control itself unstable."""
 
 
 def noise_level(value: str | float) -> float:
     """A noise level from its name or number.
 
     Args:
-        value: "zero", "observed", "double", or a number, 0 or more (as a number or as text).
+        value: "zero", "observed", "double", or a number from 0 to 10 (as a number or as text).
 
     Raises:
         ConfigError: anything else.
@@ -28,9 +30,10 @@ def noise_level(value: str | float) -> float:
         level = math.nan if isinstance(value, bool) else float(text)
     except ValueError:
         level = math.nan
-    if not (math.isfinite(level) and level >= 0):
+    if not 0 <= level <= LARGEST:
         raise ConfigError(
-            f"noise: expected {', '.join(NOISE_LEVELS)} or a number, 0 or more (1 = observed), got {value!r}."
+            f"noise: expected {', '.join(NOISE_LEVELS)} or a number from 0 to {LARGEST:g} (1 = observed), "
+            f"got {value!r}."
         )
     return level + 0.0
 

@@ -81,6 +81,18 @@ def surfaces(arena: Arena, radius: float):
 
 
 def settle(arena: Arena, radius: float, x: float, y: float, dx: float, dy: float):
+    """Where a disc ends, and whether it touched something: in pieces of at most half a radius."""
+    pieces = 1
+    while math.hypot(dx, dy) / pieces > radius / 2:
+        pieces += 1
+    touched = False
+    for _ in range(pieces):
+        x, y, met = settle_once(arena, radius, x, y, dx / pieces, dy / pieces)
+        touched = touched or met
+    return x, y, touched
+
+
+def settle_once(arena: Arena, radius: float, x: float, y: float, dx: float, dy: float):
     """Where a disc ends that moves from (x, y) by (dx, dy), and whether it touched something.
 
     Each overlap pushes it out along the normal and holds back its movement along the surface by
