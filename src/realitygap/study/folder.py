@@ -115,13 +115,13 @@ def lock(folder: Path) -> Iterator[None]:
 
 def versions() -> dict[str, str]:
     """What the bits of a result may depend on besides the configuration."""
+    from importlib.metadata import version
+
     import numba
     import numpy
 
-    from realitygap import __version__
-
     return {
-        "realitygap": __version__,
+        "realitygap": version("realitygap"),
         "python": platform.python_version(),
         "numpy": numpy.__version__,
         "numba": numba.__version__,
