@@ -1,0 +1,276 @@
+"""The twin's process: a robot behind a pseudo-terminal, its clock and the experimenter's hand.
+
+On the pseudo-terminal there is the robot's protocol and nothing else. A second channel, a Unix
+socket, takes lines of text: `run` from a virtual clock (realitygap.robot.clock says how), and from
+the experimenter `place X_CM Y_CM HEADING_RAD`, `film FILE` (write where the robot is every 20 ms,
+for the camera; `film` alone ends it) and `quit`. Each is answered with one line.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import importlib
+import json
+import os
+import pty
+import select
+import signal
+import socket
+import sys
+import tempfile
+import termios
+import time
+import tty
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+from realitygap.errors import RealityGapError, UsageError
+from realitygap.twin.firmware import Firmware, RobotBody
+
+__all__ = ["BODY", "FILM_MS", "Server", "make_body"]
+
+BODY = "realitygap.twin.body:TwinBody"
+"""The robot's physics: any class with this one's interface may take its place."""
+
+FILM_MS = 20
+PATIENCE_S = 0.25
+"""Real time to wait for bytes that a clock has announced but that got lost on the way."""
+
+TICK_S = 0.01
+"""How often the physics is brought to the present under the real clock."""
+
+CHUNK = 4096
+_NOISE = bytes(range(128, 256)) * 2
+"""What a character becomes at another rate than the robot's: nothing that anyone could read."""
+
+
+def make_body(
+    arena: Mapping[str, Any], *, unit: int, noise: float, seed: int, body: str = BODY
+) -> RobotBody:
+    """A robot of class `body` ("module:class") in an arena of plain numbers."""
+    module, name = body.split(":")
+    made: RobotBody = getattr(importlib.import_module(module), name)(
+        dict(arena), unit=unit, noise=noise, seed=seed
+    )
+    return made
+
+
+class Server:
+    """Serves one robot. As a context it opens and closes the device and the channel.
+
+    Args:
+        firmware: the robot.
+        virtual: whether its time runs only as a clock allows.
+    """
+
+    def __init__(self, firmware: Firmware, *, virtual: bool) -> None:
+        self.firmware = firmware
+        self.virtual = virtual
+        self._film: IO[str] | None = None
+        self._running = True
+        self._buffers: dict[socket.socket, bytes] = {}
+
+    def __enter__(self) -> Server:
+        self._folder = tempfile.TemporaryDirectory(prefix="realitygap-twin-")
+        self.channel = os.path.join(self._folder.name, "clock")
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._listener.bind(self.channel)
+        self._listener.listen()
+        self._master, self._slave = pty.openpty()
+        tty.setraw(self._slave)
+        _set_rate(self._slave, self.firmware.baud)
+        flags = fcntl.fcntl(self._master, fcntl.F_GETFL)
+        fcntl.fcntl(self._master, fcntl.F_SETFL, flags | os.O_NONBLOCK)
+        self.device = os.ttyname(self._slave)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._end_film()
+        for connection in (self._listener, *self._buffers):
+            connection.close()
+        for fd in (self._master, self._slave):
+            os.close(fd)
+        self._folder.cleanup()
+
+    def serve(self, leash: int | None = None) -> None:
+        """Serve until told to quit, or until the descriptor `leash` closes."""
+        self._start = time.monotonic_ns() - self.firmware.now
+        watched: list[Any] = [self._listener, *([] if leash is None else [leash])]
+        if not self.virtual:
+            watched.append(self._master)
+        while self._running:
+            ready, _, _ = select.select([*watched, *self._buffers], [], [], self._nap())
+            if not self.virtual:
+                self._keep_up(self._master in ready)
+            for source in ready:
+                if source is self._listener:
+                    self._buffers[self._listener.accept()[0]] = b""
+                elif isinstance(source, socket.socket):
+                    self._hear(source)
+                elif source == leash and not os.read(source, CHUNK):
+                    self._running = False
+
+    def _nap(self) -> float | None:
+        """How long nothing happens, real time in s."""
+        if self.virtual:
+            return None
+        due = (self.firmware.next_event() - (time.monotonic_ns() - self._start)) / 1e9
+        return min(TICK_S, max(0.0, due))
+
+    def _keep_up(self, written: bool) -> None:
+        """The real clock: the bytes that are there are being written now."""
+        out = self.firmware.run(time.monotonic_ns() - self._start)
+        if written:
+            self._receive(self._read(CHUNK))
+        self._put_out(out)
+
+    def _hear(self, source: socket.socket) -> None:
+        try:
+            data = source.recv(CHUNK)
+        except OSError:
+            data = b""
+        if not data:
+            del self._buffers[source]
+            source.close()
+            return
+        *lines, rest = (self._buffers[source] + data).split(b"\n")
+        self._buffers[source] = rest
+        for line in lines:
+            with contextlib.suppress(OSError):  # whoever asked is gone
+                source.sendall(self._do(line.decode("utf-8", "replace")).encode() + b"\n")
+
+    def _do(self, line: str) -> str:
+        """Carry out one line of the channel; the answer."""
+        word, _, rest = line.partition(" ")
+        try:
+            if word == "run":
+                until, written, lines = map(int, rest.split())
+                return self._allow(until, written, lines)
+            if word == "place":
+                x_cm, y_cm, heading = map(float, rest.split())
+                self.firmware.place(x_cm, y_cm, heading)
+                return "ok"
+            if word == "film":
+                self._end_film()
+                if rest:
+                    self._start_film(Path(rest))
+                return "ok"
+        except (ValueError, OSError, RealityGapError) as error:
+            return f"error {' '.join(str(error).split())}"
+        if word == "quit":
+            self._running = False
+            return "ok"
+        return f"error expected run, place, film or quit; got {line!r}"
+
+    def _allow(self, until: int, written: int, lines: int) -> str:
+        """Let time run; under the real clock it runs by itself."""
+        if not self.virtual:
+            return "error this twin runs in real time: connect to it without a clock channel"
+        if written:
+            self._receive(self._read_all(written))
+        out = self.firmware.run(until, lines)
+        return f"at {self.firmware.now} {self._put_out(out)}"
+
+    def _read_all(self, count: int) -> bytes:
+        """So many bytes from the line, or fewer if some were lost on the way to it."""
+        data = self._read(count)
+        while len(data) < count and select.select([self._master], [], [], PATIENCE_S)[0]:
+            data += self._read(count - len(data))
+        return data
+
+    def _read(self, count: int) -> bytes:
+        try:
+            return os.read(self._master, count)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            if error.errno != errno.EIO:
+                raise
+            return b""
+
+    def _receive(self, data: bytes) -> None:
+        if data:
+            self.firmware.receive(data if self._in_tune() else data.translate(_NOISE))
+
+    def _put_out(self, data: bytes) -> int:
+        """Bytes onto the line; if nobody reads them they are lost, as a robot's would be."""
+        if not data:
+            return 0
+        try:
+            return os.write(self._master, data if self._in_tune() else data.translate(_NOISE))
+        except BlockingIOError:
+            return 0
+
+    def _in_tune(self) -> bool:
+        """Whether the driver's rate is the robot's."""
+        return termios.tcgetattr(self._slave)[5] == _rate(self.firmware.baud)
+
+    def _start_film(self, path: Path) -> None:
+        film = self._film = path.open("w", encoding="utf-8")
+        film.write("t_ms,x_cm,y_cm,heading_rad,led_0,led_1\n")
+
+        def look() -> None:
+            body = self.firmware.body
+            leds = ",".join(str(int(led)) for led in body.leds)
+            film.write(",".join([str(body.time_ms), *map(repr, map(float, body.truth())), leds]) + "\n")
+
+        self.firmware.watch(FILM_MS, look)
+
+    def _end_film(self) -> None:
+        if self._film is not None:
+            self.firmware.watch(FILM_MS, None)
+            self._film.close()
+            self._film = None
+
+
+def _rate(baud: int) -> int:
+    return int(getattr(termios, f"B{baud}"))
+
+
+def _set_rate(fd: int, baud: int) -> None:
+    attributes = termios.tcgetattr(fd)
+    attributes[4] = attributes[5] = _rate(baud)
+    termios.tcsetattr(fd, termios.TCSANOW, attributes)
+
+
+@contextmanager
+def serving(settings: Mapping[str, Any]) -> Iterator[Server]:
+    """A server of a twin's settings: arena, unit, noise, seed, baud, clock, pose, body."""
+    unit = int(settings["unit"])
+    body = make_body(
+        settings["arena"],
+        unit=unit,
+        noise=float(settings["noise"]),
+        seed=int(settings["seed"]),
+        body=settings.get("body", BODY),
+    )
+    if settings.get("pose"):
+        body.place(*settings["pose"])
+    banner = (f"Khepera, twin unit {unit}: pseudo-reality, no robot", "bios 5.02, serial protocol 5.01")
+    firmware = Firmware(body, baud=int(settings["baud"]), banner=banner)
+    with Server(firmware, virtual=settings["clock"] == "virtual") as server:
+        yield server
+
+
+def _main() -> int:
+    """Settings as a JSON line on stdin, device and channel as one on stdout; ends with stdin."""
+    stop: Callable[..., None] = lambda *_: sys.exit(0)  # noqa: E731
+    signal.signal(signal.SIGTERM, stop)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the driver's: it must stop the robot first
+    settings = json.loads(sys.stdin.buffer.readline())
+    try:
+        with serving(settings) as server:
+            print(json.dumps({"device": server.device, "channel": server.channel}), flush=True)  # noqa: T201
+            server.serve(leash=sys.stdin.fileno())
+    except UsageError as error:
+        print(json.dumps({"error": str(error)}), flush=True)  # noqa: T201
+        return error.exit_code
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(_main())
