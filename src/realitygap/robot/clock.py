@@ -105,6 +105,7 @@ class VirtualClock:
         except OSError as error:
             self._socket.close()
             raise LineError(f"no twin on the clock channel {channel!r}: {error.strerror}") from None
+        self._now_ns = 0
         self._replies = b""
         self._owed = 0
         self._dropping = False

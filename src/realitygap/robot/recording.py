@@ -65,7 +65,7 @@ class Step(NamedTuple):
         """Names of the columns: units in the names, where there are any."""
         counts = (len(self.readings.proximity), len(self.readings.ambient), len(self.inputs))
         groups = [f"{name}_{i}" for name, n in zip(_GROUPS, counts, strict=True) for i in range(n)]
-        return ["t_s", "late_s", *groups, *(f"{name}_{side}" for name in _PAIRS for side in ("left", "right"))]
+        return ["t_s", "late_s", *groups, *_pair_columns()]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,7 +137,7 @@ class Recording:
         ended = str(facts.pop("end", {}).get("ended", KILLED))
         text = steps_file.read_text(encoding="utf-8") if steps_file.is_file() else ""
         lines = text[: text.rfind("\n") + 1].splitlines()
-        columns = next(csv.reader(lines[:1]), ["t_s", "late_s", *_no_pairs()])
+        columns = next(csv.reader(lines[:1]), ["t_s", "late_s", *_pair_columns()])
         rows = [_row(line, len(columns), f"{steps_file}, line {k}") for k, line in enumerate(lines[1:], 2)]
         return cls.from_rows(columns, rows, ended=ended, facts=facts)
 
@@ -171,7 +171,7 @@ class Recorder:
         self.facts = dict(facts or {})
         self.folder = Path(folder) if folder is not None else None
         self.ended = KILLED
-        self._columns: list[str] = ["t_s", "late_s", *_no_pairs()]
+        self._columns: list[str] = ["t_s", "late_s", *_pair_columns()]
         self._rows: list[list[float]] = []
         self._file: IO[str] | None = None
         if self.folder is not None:
@@ -215,7 +215,7 @@ class Recorder:
             self._file.flush()
 
 
-def _no_pairs() -> list[str]:
+def _pair_columns() -> list[str]:
     return [f"{name}_{side}" for name in _PAIRS for side in ("left", "right")]
 
 

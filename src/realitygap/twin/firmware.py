@@ -40,9 +40,8 @@ class RobotBody(Protocol):
     """The robot's mechanics and sensors, in whole milliseconds; Khepera units, pulses, counts."""
 
     leds: list[int]
+    time_ms: int
 
-    @property
-    def time_ms(self) -> int: ...
     def advance(self, milliseconds: int) -> None: ...
     def set_speed(self, left: int, right: int) -> None: ...
     def set_position(self, left: int, right: int) -> None: ...
@@ -193,10 +192,14 @@ class Firmware:
             for value in (done[side], self._mode, self._target[side] - there[side])
         )
 
-    def _drive(self, mode: int, target: tuple[int, ...], order: Callable[[int, int], None]) -> tuple[int, ...]:
-        left, right = target
+    def _drive(self, mode: int, asked: Request, order: Callable[[int, int], None]) -> tuple[int, ...]:
+        left, right = asked.arguments
         order(left, right)
         self._mode, self._target = mode, (left, right)
+        return ()
+
+    def _set(self, asked: Request, order: Callable[..., None]) -> tuple[int, ...]:
+        order(*asked.arguments)
         return ()
 
     def _led(self, number: int, action: int) -> tuple[int, ...]:
@@ -210,25 +213,21 @@ class Firmware:
         raise RefusedError(PROTOCOL_ERROR)
 
 
-def _done(_: None) -> tuple[int, ...]:
-    return ()
-
-
 _ACTIONS: dict[str, Callable[[Firmware, Request], tuple[object, ...]]] = {
-    "A": lambda f, asked: _done(f.body.set_speed_gains(*asked.arguments)),
+    "A": lambda f, asked: f._set(asked, f.body.set_speed_gains),
     "B": lambda f, asked: (BIOS, PROTOCOL),
-    "C": lambda f, asked: f._drive(POSITION, asked.arguments, f.body.set_position),
-    "D": lambda f, asked: f._drive(SPEED, asked.arguments, f.body.set_speed),
+    "C": lambda f, asked: f._drive(POSITION, asked, f.body.set_position),
+    "D": lambda f, asked: f._drive(SPEED, asked, f.body.set_speed),
     "E": lambda f, asked: f.body.speeds(),
-    "F": lambda f, asked: _done(f.body.set_position_gains(*asked.arguments)),
-    "G": lambda f, asked: _done(f.body.set_pulses(*asked.arguments)),
+    "F": lambda f, asked: f._set(asked, f.body.set_position_gains),
+    "G": lambda f, asked: f._set(asked, f.body.set_pulses),
     "H": lambda f, asked: f.body.pulses(),
     "I": lambda f, asked: (f.body.analog(asked.arguments[0]),),
-    "J": lambda f, asked: _done(f.body.set_profile(*asked.arguments)),
+    "J": lambda f, asked: f._set(asked, f.body.set_profile),
     "K": lambda f, asked: f._motion(),
     "L": lambda f, asked: f._led(*asked.arguments),
     "N": lambda f, asked: tuple(f.body.proximity()),
     "O": lambda f, asked: tuple(f.body.ambient()),
-    "P": lambda f, asked: f._drive(SPEED, asked.arguments, f.body.set_pwm),
+    "P": lambda f, asked: f._drive(SPEED, asked, f.body.set_pwm),
     "T": lambda f, asked: f._turret(asked),
 }

@@ -101,7 +101,7 @@ def start_twin(
     """Start a twin in a process of its own; it ends when closed, or with this process.
 
     Args:
-        arena: the room in plain numbers, as `TwinBody` takes it.
+        arena: the room in plain numbers, as the twin takes it (size_cm, cylinders, walls, lamps; cm).
         unit: which robot of the population.
         noise: the dial on the twin's whole noise.
         seed: of its noise.
@@ -117,10 +117,10 @@ def start_twin(
         raise UsageError(f'a twin\'s clock is "virtual" or "real"; got {clock!r}')
     if baud not in BAUD_RATES:
         raise UsageError(f"the robot's baud rates are {', '.join(map(str, BAUD_RATES))}; got {baud}")
-    settings = {
-        **{"arena": dict(arena), "unit": unit, "noise": noise, "seed": seed, "clock": clock, "baud": baud},
-        **{"pose": None if pose is None else (pose.x, pose.y, pose.heading), "body": body},
-    }
+    settings: dict[str, Any] = {"arena": dict(arena), "unit": unit, "noise": noise, "seed": seed}
+    settings |= {"clock": clock, "baud": baud, "body": body}
+    if pose is not None:
+        settings["pose"] = (pose.x, pose.y, pose.heading)
     process = subprocess.Popen(
         [sys.executable, "-m", "realitygap.twin.server"],
         stdin=subprocess.PIPE,

@@ -13,6 +13,7 @@ import errno
 import fcntl
 import importlib
 import json
+import math
 import os
 import pty
 import select
@@ -207,16 +208,17 @@ class Server:
 
     def _in_tune(self) -> bool:
         """Whether the driver's rate is the robot's."""
-        return termios.tcgetattr(self._slave)[5] == _rate(self.firmware.baud)
+        return bool(termios.tcgetattr(self._slave)[5] == _rate(self.firmware.baud))
 
     def _start_film(self, path: Path) -> None:
         film = self._film = path.open("w", encoding="utf-8")
-        film.write("t_ms,x_cm,y_cm,heading_rad,led_0,led_1\n")
+        film.write("t_s,x_cm,y_cm,heading_deg,led_0,led_1\n")
 
         def look() -> None:
             body = self.firmware.body
-            leds = ",".join(str(int(led)) for led in body.leds)
-            film.write(",".join([str(body.time_ms), *map(repr, map(float, body.truth())), leds]) + "\n")
+            x, y, heading = body.truth()
+            where = f"{body.time_ms / 1000:.3f},{x:.6f},{y:.6f},{math.degrees(heading):.6f}"
+            film.write(f"{where},{int(body.leds[0])},{int(body.leds[1])}\n")
 
         self.firmware.watch(FILM_MS, look)
 
