@@ -55,7 +55,7 @@ def _ms(reads: tuple[Request, ...], baud: int) -> float:
 def _refusal(reads: tuple[Request, ...], kinds: tuple[str, ...], baud: int) -> str:
     count = sum(map(characters, (*reads, _FASTEST)))
     enough = next(rate for rate in BAUD_RATES if _ms(reads, rate) <= STEP_MS)
-    one = " or read one kind of sensors" if len(kinds) > 1 and _ms(reads[:1], baud) <= STEP_MS else ""
+    one = ", or read one kind of sensors" if len(kinds) > 1 and _ms(reads[:1], baud) <= STEP_MS else ""
     return (
         f"{baud} baud cannot carry a {STEP_MS:g} ms loop with {' and '.join(kinds)} readings: "
         f"{' + '.join(read.letter for read in reads)} + D are up to {count} characters of "

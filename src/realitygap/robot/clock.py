@@ -140,7 +140,7 @@ class VirtualClock:
         if self._dropping:
             self._collect(fd)
             self._dropping = False
-        self._run(max(round(until * 1e9), self._now_ns), lines)
+        self._run(max(int(until * 1e9) + 1, self._now_ns), lines)  # + 1: surely past `until`
         self.settle()
         return self._collect(fd)
 

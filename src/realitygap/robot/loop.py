@@ -57,7 +57,7 @@ def drive(
     steps = round(seconds / STEP_S)
     if steps < 1 or abs(steps * STEP_S - seconds) > 1e-6:
         raise UsageError(f"a trial lasts whole steps of {STEP_S:g} s, one at least; got {seconds:g} s")
-    recorder = recorder or Recorder()
+    recorder = Recorder() if recorder is None else recorder
     ended = "finished"
     with Stopping() as stopping:
         try:
