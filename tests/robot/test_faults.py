@@ -128,7 +128,7 @@ def test_a_twin_that_dies_ends_the_drive(bench: Bench) -> None:
                 twin.close()
             return super().decide([])
 
-    with pytest.raises(RobotError, match="twin|line is lost"):
+    with pytest.raises(RobotError, match=r"twin|line is lost"):
         drive(SerialBody(khepera), Killer(), seconds=2, clock=khepera.clock, inputs=bands)
 
 

@@ -52,6 +52,7 @@ def test_a_killed_recording_is_readable_to_its_last_whole_line(tmp_path: Path) -
     with (tmp_path / "r/steps.csv").open("a") as file:
         file.write("0.3,0,1,2")
     recording = Recording.from_folder(tmp_path / "r")
+    recorder.finish("too late")
     assert recording.ended == "killed" and len(recording.t) == 3
 
 
@@ -82,5 +83,6 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     recorder.add(step(0))
     with (tmp_path / "r/steps.csv").open("a") as file:
         file.write("a,b\n")
-    with pytest.raises(UsageError, match=r"steps.csv, line 3: expected 20 numbers"):
+    recorder.finish("finished")
+    with pytest.raises(UsageError, match=r"steps\.csv, line 3: expected 18 numbers, got 'a,b'"):
         Recording.from_folder(tmp_path / "r")

@@ -171,9 +171,13 @@ class VirtualClock:
             self._replies += data
         reply, self._replies = self._replies.split(b"\n", 1)
         self._owed -= 1
-        _, now_ns, count = reply.split()
-        self._now_ns = int(now_ns)
-        self._announced += int(count)
+        word, _, rest = reply.decode("utf-8", "replace").partition(" ")
+        if word != "at":
+            self.close()
+            raise LineError(f"the clock channel {self.channel!r} says: {rest or word}")
+        now_ns, count = map(int, rest.split())
+        self._now_ns = now_ns
+        self._announced += count
 
     def _collect(self, fd: int) -> bytes:
         """The bytes that the twin has announced."""
