@@ -7,7 +7,6 @@ Each row is handed to the system before the next step, so that a killed process 
 from __future__ import annotations
 
 import csv
-import json
 import math
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 
 from realitygap.errors import UsageError
 from realitygap.robot.body import Odometry
+from realitygap.robot.facts import to_toml
 from realitygap.values import Command, Readings
 
 __all__ = ["KILLED", "LATE_S", "Recorder", "Recording", "Step"]
@@ -178,7 +178,7 @@ class Recorder:
             self.folder.mkdir(parents=True, exist_ok=True)
             if (self.folder / FACTS).exists():
                 raise UsageError(f"{str(self.folder)!r} already holds a recording; choose another folder")
-            (self.folder / FACTS).write_text(_toml(self.facts), encoding="utf-8")
+            (self.folder / FACTS).write_text(to_toml(self.facts), encoding="utf-8")
             self._file = (self.folder / STEPS).open("w", encoding="utf-8")
 
     def __len__(self) -> int:
@@ -203,7 +203,7 @@ class Recorder:
         late = sum(row[1] > LATE_S for row in self._rows)
         end = {"end": {"ended": ended, "steps": len(self._rows), "late_steps": late}}
         with (self.folder / FACTS).open("a", encoding="utf-8") as file:
-            file.write("\n" + _toml(end))
+            file.write("\n" + to_toml(end))
 
     def recording(self) -> Recording:
         """All that was kept so far."""
@@ -231,30 +231,3 @@ def _row(line: str, width: int, where: str) -> list[float]:
     except ValueError:
         pass
     raise UsageError(f"{where}: expected {width} numbers, got {line!r}")
-
-
-def _toml(facts: Mapping[str, Any]) -> str:
-    """Facts as TOML: plain keys first, then tables; None is left out."""
-    plain = {k: v for k, v in facts.items() if not isinstance(v, Mapping) and v is not None}
-    lines = [f"{json.dumps(str(k))} = {_value(v)}" for k, v in plain.items()]
-    for key, table in facts.items():
-        if isinstance(table, Mapping):
-            lines += ["", f"[{json.dumps(str(key))}]"]
-            lines += [f"{json.dumps(str(k))} = {_value(v)}" for k, v in table.items() if v is not None]
-    return "\n".join(lines).lstrip("\n") + "\n"
-
-
-def _value(value: Any) -> str:
-    """A TOML value: strings as JSON writes them, which TOML reads alike."""
-    if isinstance(value, Mapping):
-        inner = ", ".join(f"{json.dumps(str(k))} = {_value(v)}" for k, v in value.items())
-        return f"{{ {inner} }}"
-    if isinstance(value, str):
-        return json.dumps(value).replace("\x7f", "\\u007f")
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_value, value)) + "]"
-    if hasattr(value, "tolist"):
-        return _value(value.tolist())
-    if isinstance(value, bool | int | float):
-        return json.dumps(value) if not isinstance(value, float) or math.isfinite(value) else repr(value)
-    return json.dumps(str(value))

@@ -9,21 +9,16 @@ for the camera; `film` alone ends it) and `quit`. Each is answered with one line
 from __future__ import annotations
 
 import contextlib
-import errno
-import fcntl
 import importlib
 import json
 import math
 import os
-import pty
 import select
 import signal
 import socket
 import sys
 import tempfile
-import termios
 import time
-import tty
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -31,6 +26,7 @@ from typing import IO, Any
 
 from realitygap.errors import RealityGapError, UsageError
 from realitygap.twin.firmware import Firmware, RobotBody
+from realitygap.twin.port import Port
 
 __all__ = ["BODY", "FILM_MS", "Server", "make_body"]
 
@@ -38,16 +34,10 @@ BODY = "realitygap.twin.body:TwinBody"
 """The robot's physics: any class with this one's interface may take its place."""
 
 FILM_MS = 20
-PATIENCE_S = 0.25
-"""Real time to wait for bytes that a clock has announced but that got lost on the way."""
-
 TICK_S = 0.01
 """How often the physics is brought to the present under the real clock."""
 
 CHUNK = 4096
-_NOISE = bytes(range(128, 256)) * 2
-"""What a character becomes at another rate than the robot's: nothing that anyone could read."""
-
 
 def make_body(
     arena: Mapping[str, Any], *, unit: int, noise: float, seed: int, body: str = BODY
@@ -81,20 +71,15 @@ class Server:
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._listener.bind(self.channel)
         self._listener.listen()
-        self._master, self._slave = pty.openpty()
-        tty.setraw(self._slave)
-        _set_rate(self._slave, self.firmware.baud)
-        flags = fcntl.fcntl(self._master, fcntl.F_GETFL)
-        fcntl.fcntl(self._master, fcntl.F_SETFL, flags | os.O_NONBLOCK)
-        self.device = os.ttyname(self._slave)
+        self._port = Port(self.firmware.baud)
+        self.device = self._port.name
         return self
 
     def __exit__(self, *error: object) -> None:
         self._end_film()
         for connection in (self._listener, *self._buffers):
             connection.close()
-        for fd in (self._master, self._slave):
-            os.close(fd)
+        self._port.close()
         self._folder.cleanup()
 
     def serve(self, leash: int | None = None) -> None:
@@ -102,11 +87,11 @@ class Server:
         self._start = time.monotonic_ns() - self.firmware.now
         watched: list[Any] = [self._listener, *([] if leash is None else [leash])]
         if not self.virtual:
-            watched.append(self._master)
+            watched.append(self._port)
         while self._running:
             ready, _, _ = select.select([*watched, *self._buffers], [], [], self._nap())
             if not self.virtual:
-                self._keep_up(self._master in ready)
+                self._keep_up(self._port in ready)
             for source in ready:
                 if source is self._listener:
                     self._buffers[self._listener.accept()[0]] = b""
@@ -126,8 +111,8 @@ class Server:
         """The real clock: the bytes that are there are being written now."""
         out = self.firmware.run(time.monotonic_ns() - self._start)
         if written:
-            self._receive(self._read(CHUNK))
-        self._put_out(out)
+            self.firmware.receive(self._port.read(CHUNK))
+        self._port.write(out)
 
     def _hear(self, source: socket.socket) -> None:
         try:
@@ -172,43 +157,9 @@ class Server:
         if not self.virtual:
             return "error this twin runs in real time: connect to it without a clock channel"
         if written:
-            self._receive(self._read_all(written))
+            self.firmware.receive(self._port.read_all(written))
         out = self.firmware.run(until, lines)
-        return f"at {self.firmware.now} {self._put_out(out)}"
-
-    def _read_all(self, count: int) -> bytes:
-        """So many bytes from the line, or fewer if some were lost on the way to it."""
-        data = self._read(count)
-        while len(data) < count and select.select([self._master], [], [], PATIENCE_S)[0]:
-            data += self._read(count - len(data))
-        return data
-
-    def _read(self, count: int) -> bytes:
-        try:
-            return os.read(self._master, count)
-        except BlockingIOError:
-            return b""
-        except OSError as error:
-            if error.errno != errno.EIO:
-                raise
-            return b""
-
-    def _receive(self, data: bytes) -> None:
-        if data:
-            self.firmware.receive(data if self._in_tune() else data.translate(_NOISE))
-
-    def _put_out(self, data: bytes) -> int:
-        """Bytes onto the line; if nobody reads them they are lost, as a robot's would be."""
-        if not data:
-            return 0
-        try:
-            return os.write(self._master, data if self._in_tune() else data.translate(_NOISE))
-        except BlockingIOError:
-            return 0
-
-    def _in_tune(self) -> bool:
-        """Whether the driver's rate is the robot's."""
-        return bool(termios.tcgetattr(self._slave)[5] == _rate(self.firmware.baud))
+        return f"at {self.firmware.now} {self._port.write(out)}"
 
     def _start_film(self, path: Path) -> None:
         film = self._film = path.open("w", encoding="utf-8")
@@ -227,16 +178,6 @@ class Server:
             self.firmware.watch(FILM_MS, None)
             self._film.close()
             self._film = None
-
-
-def _rate(baud: int) -> int:
-    return int(getattr(termios, f"B{baud}"))
-
-
-def _set_rate(fd: int, baud: int) -> None:
-    attributes = termios.tcgetattr(fd)
-    attributes[4] = attributes[5] = _rate(baud)
-    termios.tcsetattr(fd, termios.TCSANOW, attributes)
 
 
 @contextmanager
