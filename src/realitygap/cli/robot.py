@@ -65,13 +65,15 @@ def check(
     Example: a robot as it comes from the factory
         realitygap robot check --port /dev/ttyUSB0 --baud 9600
     """
+    from contextlib import closing
+
     from realitygap.robot.clock import RealClock, VirtualClock
     from realitygap.robot.khepera import Khepera
     from realitygap.robot.signals import Stopping
 
     clock = VirtualClock(clock_channel) if clock_channel else RealClock()
     rate = None if baud == "any" else int(baud)
-    with Stopping(), Khepera.connect(port, baud=rate, clock=clock) as khepera:
+    with Stopping(), closing(clock), Khepera.connect(port, baud=rate, clock=clock) as khepera:
         facts: dict[str, Any] = {"port": port, "baud": khepera.baud, **khepera.versions._asdict()}
         if not json_output:
             click.echo(f"{port}: bios {khepera.versions.bios}, protocol {khepera.versions.protocol}")
