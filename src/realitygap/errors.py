@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 __all__ = [
+    "BaudError",
     "ConfigError",
     "GenotypeError",
+    "LineError",
     "RealityGapError",
+    "RobotError",
+    "RobotStoppedError",
     "StudyBusyError",
     "StudyError",
     "StudyInterruptedError",
@@ -50,3 +54,21 @@ class StudyInterruptedError(RealityGapError, KeyboardInterrupt):
     """Ctrl-C while a study ran: what was saved is kept. Whoever waits for KeyboardInterrupt gets it."""
 
     exit_code = 130
+
+
+class RobotError(RealityGapError):
+    """A robot that does not do what it was told: names the command and what it answered."""
+
+
+class LineError(RobotError):
+    """A serial line that is lost, or on which no answer can be understood."""
+
+
+class RobotStoppedError(RobotError, KeyboardInterrupt):
+    """Ctrl-C or SIGTERM while a robot drove: it was stopped first, its recording is kept."""
+
+    exit_code = 130
+
+
+class BaudError(UsageError):
+    """A baud rate too slow for what each step has to carry: shows the arithmetic."""

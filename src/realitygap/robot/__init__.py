@@ -1,0 +1,1 @@
+"""A Khepera on a serial line: protocol, driver, clock, control loop, recordings, safe stop."""

@@ -1,0 +1,55 @@
+"""Ctrl-C and SIGTERM while a robot drives: turned into an exception, held back while it is stopped."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from realitygap.errors import RobotStoppedError
+
+__all__ = ["Stopping"]
+
+NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class Stopping:
+    """As a context, in the main thread: each of the signals raises RobotStoppedError."""
+
+    def __init__(self) -> None:
+        self._held = False
+        self._missed: int | None = None
+        self._before: dict[signal.Signals, object] = {}
+
+    def __enter__(self) -> Stopping:
+        if threading.current_thread() is threading.main_thread():
+            for number in NUMBERS:
+                self._before[number] = signal.signal(number, self._arrived)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)  # type: ignore[arg-type]
+        self._before.clear()
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Within it no signal interrupts; one that came is raised at its end, if nothing else is."""
+        self._held = True
+        yield
+        self._held = False
+        if self._missed is not None:
+            raise _stopped(self._missed)
+
+    def _arrived(self, number: int, frame: FrameType | None) -> None:
+        if self._held:
+            self._missed = number
+            return
+        self._held = True  # the first one stops the robot; what follows must not disturb that
+        raise _stopped(number)
+
+
+def _stopped(number: int) -> RobotStoppedError:
+    return RobotStoppedError(f"stopped by {signal.Signals(number).name}; the robot was told to stand first")

@@ -1,0 +1,233 @@
+"""The emulated robot: commands in, answers out, each at its time on the wire.
+
+Simulated time is in nanoseconds. A character takes 11 bits at the line's rate, in each direction on
+a wire of its own; a command is carried out when its line end has arrived, its answer is put out
+when the answer's last character has gone. Between events the body's physics runs on.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+from realitygap.robot.protocol import (
+    BITS_PER_CHARACTER,
+    NOT_FOUND,
+    PROTOCOL_ERROR,
+    RefusedError,
+    Request,
+    answer,
+    parse_request,
+)
+
+__all__ = ["BIOS", "PROTOCOL", "Firmware", "RobotBody"]
+
+BIOS, PROTOCOL = "5.02", "5.01"
+"""As khepera.md's example of command B."""
+
+SPEED, POSITION = 0, 1
+"""Modes that command K reports."""
+
+LONGEST = 256
+"""Characters of a command that the robot keeps; more are no command."""
+
+NEVER = 1 << 62
+MS = 1_000_000
+
+
+class RobotBody(Protocol):
+    """The robot's mechanics and sensors, in whole milliseconds; Khepera units, pulses, counts."""
+
+    leds: list[int]
+    time_ms: int
+
+    def advance(self, milliseconds: int) -> None: ...
+    def set_speed(self, left: int, right: int) -> None: ...
+    def set_position(self, left: int, right: int) -> None: ...
+    def set_pwm(self, left: int, right: int) -> None: ...
+    def set_speed_gains(self, kp: int, ki: int, kd: int) -> None: ...
+    def set_position_gains(self, kp: int, ki: int, kd: int) -> None: ...
+    def set_profile(self, vl: int, al: int, vr: int, ar: int) -> None: ...
+    def pulses(self) -> tuple[int, int]: ...
+    def set_pulses(self, left: int, right: int) -> None: ...
+    def speeds(self) -> tuple[int, int]: ...
+    def on_target(self) -> tuple[bool, bool]: ...
+    def proximity(self) -> list[int]: ...
+    def ambient(self) -> list[int]: ...
+    def analog(self, n: int) -> int: ...
+    def place(self, x_cm: float, y_cm: float, heading: float) -> None: ...
+    def truth(self) -> tuple[float, float, float]: ...
+
+
+class _Sent(NamedTuple):
+    """Something on a wire, and when its last character arrives, ns."""
+
+    at: int
+    data: bytes
+
+
+class Firmware:
+    """What the robot's processor does with a line.
+
+    Args:
+        body: the robot.
+        baud: the jumper's rate.
+        banner: the two lines after a reset.
+    """
+
+    def __init__(self, body: RobotBody, *, baud: int, banner: tuple[str, str]) -> None:
+        self.body = body
+        self.baud = baud
+        self.now = body.time_ms * MS
+        self._bit = 1_000_000_000 * BITS_PER_CHARACTER
+        self._inbox: deque[_Sent] = deque()
+        self._outbox: deque[_Sent] = deque()
+        self._half = b""
+        self._in_free = self._out_free = self.now
+        self._mode = SPEED
+        self._target = (0, 0)
+        self._watch: Callable[[], None] | None = None
+        self._watch_ms = self._watch_next = 0
+        for text in banner:
+            self._put_out(text.encode("ascii") + b"\r\n")
+
+    def receive(self, data: bytes) -> None:
+        """Bytes that somebody writes to the line now."""
+        start = max(self._in_free, self.now)
+        self._in_free = start + self._wire(len(data))
+        gone = 0
+        for piece in data.replace(b"\r", b"\n").split(b"\n")[:-1]:
+            gone += len(piece) + 1
+            self._inbox.append(_Sent(start + self._wire(gone), self._half + piece))
+            self._half = b""
+        self._half = (self._half + data[gone:])[: LONGEST + 1]
+
+    def run(self, until: int, lines: int = 0) -> bytes:
+        """Let time pass up to `until`, or until so many lines have been put out (0: never mind).
+
+        Returns:
+            What was put out.
+        """
+        out = b""
+        while (at := min(self._arrives(), self.next_out())) <= until:
+            self.now = max(self.now, at)
+            if self.next_out() > at:
+                self._carry_out(self._inbox.popleft().data)
+                continue
+            out += self._outbox.popleft().data
+            lines -= 1
+            if lines == 0:
+                return out
+        self.now = max(self.now, until)
+        self.catch_up()
+        return out
+
+    def catch_up(self) -> None:
+        """Bring the body to the present."""
+        left = self.now // MS - self.body.time_ms
+        while self._watch is not None and left > 0 and self._watch_next - self.body.time_ms <= left:
+            part = max(0, self._watch_next - self.body.time_ms)
+            if part:
+                self.body.advance(part)
+            self._watch()
+            self._watch_next += self._watch_ms
+            left -= part
+        if left > 0:
+            self.body.advance(left)
+
+    def watch(self, every_ms: int, look: Callable[[], None] | None) -> None:
+        """Call `look` now and every so many ms of simulated time; None: no more."""
+        self.catch_up()
+        self._watch, self._watch_ms = look, every_ms
+        self._watch_next = self.body.time_ms + every_ms
+        if look is not None:
+            look()
+
+    def next_out(self) -> int:
+        """When the next answer will have been put out, ns."""
+        return self._outbox[0].at if self._outbox else NEVER
+
+    def next_event(self) -> int:
+        """When something happens next, ns."""
+        return min(self._arrives(), self.next_out())
+
+    def place(self, x_cm: float, y_cm: float, heading: float) -> None:
+        """The experimenter's hand puts the robot down."""
+        self.catch_up()
+        self.body.place(x_cm, y_cm, heading)
+
+    def _arrives(self) -> int:
+        return self._inbox[0].at if self._inbox else NEVER
+
+    def _wire(self, characters: int) -> int:
+        return characters * self._bit // self.baud
+
+    def _put_out(self, data: bytes) -> None:
+        self._out_free = max(self._out_free, self.now) + self._wire(len(data))
+        self._outbox.append(_Sent(self._out_free, data))
+
+    def _carry_out(self, line: bytes) -> None:
+        """Answer one line; an empty one only wakes the robot."""
+        if not line.strip():
+            return
+        self.catch_up()
+        try:
+            if len(line) > LONGEST:
+                raise RefusedError(NOT_FOUND)
+            asked = parse_request(line.decode("ascii", "replace"))
+            values = _ACTIONS[asked.letter](self, asked)
+        except RefusedError as refusal:
+            self._put_out(str(refusal).encode("ascii") + b"\r\n")
+            return
+        self._put_out(answer(asked.letter, *values))
+
+    def _motion(self) -> tuple[int, ...]:
+        """Command K: the error is target less present, in pulses or Khepera units."""
+        there = self.body.pulses() if self._mode == POSITION else self.body.speeds()
+        done = self.body.on_target()
+        return tuple(
+            int(value)
+            for side in (0, 1)
+            for value in (done[side], self._mode, self._target[side] - there[side])
+        )
+
+    def _drive(self, mode: int, asked: Request, order: Callable[[int, int], None]) -> tuple[int, ...]:
+        left, right = asked.arguments
+        order(left, right)
+        self._mode, self._target = mode, (left, right)
+        return ()
+
+    def _set(self, asked: Request, order: Callable[..., None]) -> tuple[int, ...]:
+        order(*asked.arguments)
+        return ()
+
+    def _led(self, number: int, action: int) -> tuple[int, ...]:
+        leds = list(self.body.leds)
+        leds[number] = action if action < 2 else 1 - int(leds[number])
+        self.body.leds = leds
+        return ()
+
+    def _turret(self, asked: Request) -> tuple[int, ...]:
+        """No turret is mounted: what the robot says then no source tells; we let it refuse."""
+        raise RefusedError(PROTOCOL_ERROR)
+
+
+_ACTIONS: dict[str, Callable[[Firmware, Request], tuple[object, ...]]] = {
+    "A": lambda f, asked: f._set(asked, f.body.set_speed_gains),
+    "B": lambda f, asked: (BIOS, PROTOCOL),
+    "C": lambda f, asked: f._drive(POSITION, asked, f.body.set_position),
+    "D": lambda f, asked: f._drive(SPEED, asked, f.body.set_speed),
+    "E": lambda f, asked: f.body.speeds(),
+    "F": lambda f, asked: f._set(asked, f.body.set_position_gains),
+    "G": lambda f, asked: f._set(asked, f.body.set_pulses),
+    "H": lambda f, asked: f.body.pulses(),
+    "I": lambda f, asked: (f.body.analog(asked.arguments[0]),),
+    "J": lambda f, asked: f._set(asked, f.body.set_profile),
+    "K": lambda f, asked: f._motion(),
+    "L": lambda f, asked: f._led(*asked.arguments),
+    "N": lambda f, asked: tuple(f.body.proximity()),
+    "O": lambda f, asked: tuple(f.body.ambient()),
+    "P": lambda f, asked: f._drive(SPEED, asked, f.body.set_pwm),
+    "T": lambda f, asked: f._turret(asked),
+}

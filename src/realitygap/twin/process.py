@@ -1,0 +1,151 @@
+"""A twin in a process of its own, as a program starts it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import socket
+import subprocess
+import sys
+import weakref
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from realitygap.errors import RobotError, UsageError
+from realitygap.robot.protocol import BAUD_RATES
+from realitygap.twin.server import BODY
+from realitygap.values import Pose
+
+__all__ = ["TwinProcess", "start_twin"]
+
+CHANNEL_S = 60.0
+LEAVE_S = 5.0
+
+
+class TwinProcess:
+    """A running twin: its serial device, and the experimenter's hand. As a context it is closed.
+
+    Attributes:
+        device: path of the pseudo-terminal, which any Khepera program can open.
+        channel: path of the second channel, for a virtual clock.
+    """
+
+    def __init__(self, process: subprocess.Popen[bytes], device: str, channel: str) -> None:
+        self.device = device
+        self.channel = channel
+        self._process = process
+        self._hand: socket.socket | None = None
+        self._finalizer = weakref.finalize(self, _end, process)
+
+    def place(self, pose: Pose) -> None:
+        """Put the robot down (under a virtual clock: after the clock has settled)."""
+        self._tell(f"place {pose.x!r} {pose.y!r} {pose.heading!r}")
+
+    def film(self, states: str | Path | None) -> None:
+        """Write where the robot is, every 20 ms, into a sealed file for the camera; None ends it."""
+        self._tell(f"film {Path(states).resolve()}" if states is not None else "film")
+
+    @property
+    def pid(self) -> int:
+        """Of the twin's process."""
+        return self._process.pid
+
+    def close(self) -> None:
+        """End the twin."""
+        if self._hand is not None:
+            self._hand.close()
+            self._hand = None
+        self._finalizer()
+
+    def __enter__(self) -> TwinProcess:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _tell(self, line: str) -> None:
+        try:
+            if self._hand is None:
+                self._hand = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+                self._hand.settimeout(CHANNEL_S)
+                self._hand.connect(self.channel)
+            self._hand.sendall(line.encode() + b"\n")
+            reply = b""
+            while not reply.endswith(b"\n"):
+                data = self._hand.recv(4096)
+                if not data:
+                    raise RobotError("the twin is gone")
+                reply += data
+        except OSError as error:
+            raise RobotError(f"the twin does not answer: {error.strerror or error}") from None
+        word, _, rest = reply.decode().strip().partition(" ")
+        if word == "error":
+            raise RobotError(f"the twin refused {line.split()[0]!r}: {rest}")
+
+
+def start_twin(
+    arena: Mapping[str, Any],
+    *,
+    unit: int,
+    noise: float = 1.0,
+    seed: int = 0,
+    clock: str = "virtual",
+    baud: int = 38400,
+    pose: Pose | None = None,
+    body: str = BODY,
+) -> TwinProcess:
+    """Start a twin in a process of its own; it ends when closed, or with this process.
+
+    Args:
+        arena: the room in plain numbers, as the twin takes it (size_cm, cylinders, walls, lamps; cm).
+        unit: which robot of the population.
+        noise: the dial on the twin's whole noise.
+        seed: of its noise.
+        clock: "virtual", or "real" time.
+        baud: the robot's jumper.
+        pose: where it stands at first; None leaves it to the body.
+        body: the physics, "module:class".
+
+    Raises:
+        UsageError: a setting that the twin refuses.
+    """
+    if clock not in ("virtual", "real"):
+        raise UsageError(f'a twin\'s clock is "virtual" or "real"; got {clock!r}')
+    if baud not in BAUD_RATES:
+        raise UsageError(f"the robot's baud rates are {', '.join(map(str, BAUD_RATES))}; got {baud}")
+    settings: dict[str, Any] = {"arena": dict(arena), "unit": unit, "noise": noise, "seed": seed}
+    settings |= {"clock": clock, "baud": baud, "body": body}
+    if pose is not None:
+        settings["pose"] = (pose.x, pose.y, pose.heading)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "realitygap.twin.server"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        start_new_session=True,
+    )
+    assert process.stdin is not None and process.stdout is not None
+    with contextlib.suppress(BrokenPipeError):
+        process.stdin.write(json.dumps(settings).encode() + b"\n")
+        process.stdin.flush()
+    said = json.loads(process.stdout.readline() or b"{}")
+    if "device" not in said:
+        _end(process)
+        raise UsageError(f"the twin did not start: {said.get('error', 'its own message is above')}")
+    return TwinProcess(process, said["device"], said["channel"])
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """Close the leash and wait; insist if need be."""
+    for pipe in (process.stdin, process.stdout):
+        if pipe is not None:
+            with contextlib.suppress(OSError):
+                pipe.close()
+    try:
+        process.wait(LEAVE_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()

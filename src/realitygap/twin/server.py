@@ -1,0 +1,219 @@
+"""The twin's process: a robot behind a pseudo-terminal, its clock and the experimenter's hand.
+
+On the pseudo-terminal there is the robot's protocol and nothing else. A second channel, a Unix
+socket, takes lines of text: `run` from a virtual clock (realitygap.robot.clock says how), and from
+the experimenter `place X_CM Y_CM HEADING_RAD`, `film FILE` (write where the robot is every 20 ms,
+for the camera; `film` alone ends it) and `quit`. Each is answered with one line.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import json
+import math
+import os
+import select
+import signal
+import socket
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+from realitygap.errors import RealityGapError, UsageError
+from realitygap.twin.firmware import Firmware, RobotBody
+from realitygap.twin.port import Port
+
+__all__ = ["BODY", "FILM_MS", "Server", "make_body"]
+
+BODY = "realitygap.twin.body:TwinBody"
+"""The robot's physics: any class with this one's interface may take its place."""
+
+FILM_MS = 20
+TICK_S = 0.01
+"""How often the physics is brought to the present under the real clock."""
+
+CHUNK = 4096
+
+def make_body(
+    arena: Mapping[str, Any], *, unit: int, noise: float, seed: int, body: str = BODY
+) -> RobotBody:
+    """A robot of class `body` ("module:class") in an arena of plain numbers."""
+    module, name = body.split(":")
+    made: RobotBody = getattr(importlib.import_module(module), name)(
+        dict(arena), unit=unit, noise=noise, seed=seed
+    )
+    return made
+
+
+class Server:
+    """Serves one robot. As a context it opens and closes the device and the channel.
+
+    Args:
+        firmware: the robot.
+        virtual: whether its time runs only as a clock allows.
+    """
+
+    def __init__(self, firmware: Firmware, *, virtual: bool) -> None:
+        self.firmware = firmware
+        self.virtual = virtual
+        self._film: IO[str] | None = None
+        self._running = True
+        self._buffers: dict[socket.socket, bytes] = {}
+
+    def __enter__(self) -> Server:
+        self._folder = tempfile.TemporaryDirectory(prefix="realitygap-twin-")
+        self.channel = os.path.join(self._folder.name, "clock")
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._listener.bind(self.channel)
+        self._listener.listen()
+        self._port = Port(self.firmware.baud)
+        self.device = self._port.name
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._end_film()
+        for connection in (self._listener, *self._buffers):
+            connection.close()
+        self._port.close()
+        self._folder.cleanup()
+
+    def serve(self, leash: int | None = None) -> None:
+        """Serve until told to quit, or until the descriptor `leash` closes."""
+        self._start = time.monotonic_ns() - self.firmware.now
+        watched: list[Any] = [self._listener, *([] if leash is None else [leash])]
+        if not self.virtual:
+            watched.append(self._port)
+        while self._running:
+            ready, _, _ = select.select([*watched, *self._buffers], [], [], self._nap())
+            if not self.virtual:
+                self._keep_up(self._port in ready)
+            for source in ready:
+                if source is self._listener:
+                    self._buffers[self._listener.accept()[0]] = b""
+                elif isinstance(source, socket.socket):
+                    self._hear(source)
+                elif source == leash and not os.read(source, CHUNK):
+                    self._running = False
+
+    def _nap(self) -> float | None:
+        """How long nothing happens, real time in s."""
+        if self.virtual:
+            return None
+        due = (self.firmware.next_event() - (time.monotonic_ns() - self._start)) / 1e9
+        return min(TICK_S, max(0.0, due))
+
+    def _keep_up(self, written: bool) -> None:
+        """The real clock: the bytes that are there are being written now."""
+        out = self.firmware.run(time.monotonic_ns() - self._start)
+        if written:
+            self.firmware.receive(self._port.read(CHUNK))
+        self._port.write(out)
+
+    def _hear(self, source: socket.socket) -> None:
+        try:
+            data = source.recv(CHUNK)
+        except OSError:
+            data = b""
+        if not data:
+            del self._buffers[source]
+            source.close()
+            return
+        *lines, rest = (self._buffers[source] + data).split(b"\n")
+        self._buffers[source] = rest
+        for line in lines:
+            with contextlib.suppress(OSError):  # whoever asked is gone
+                source.sendall(self._do(line.decode("utf-8", "replace")).encode() + b"\n")
+
+    def _do(self, line: str) -> str:
+        """Carry out one line of the channel; the answer."""
+        word, _, rest = line.partition(" ")
+        try:
+            if word == "run":
+                until, written, lines = map(int, rest.split())
+                return self._allow(until, written, lines)
+            if word == "place":
+                x_cm, y_cm, heading = map(float, rest.split())
+                self.firmware.place(x_cm, y_cm, heading)
+                return "ok"
+            if word == "film":
+                self._end_film()
+                if rest:
+                    self._start_film(Path(rest))
+                return "ok"
+        except (ValueError, OSError, RealityGapError) as error:
+            return f"error {' '.join(str(error).split())}"
+        if word == "quit":
+            self._running = False
+            return "ok"
+        return f"error expected run, place, film or quit; got {line!r}"
+
+    def _allow(self, until: int, written: int, lines: int) -> str:
+        """Let time run; under the real clock it runs by itself."""
+        if not self.virtual:
+            return "error this twin runs in real time: connect to it without a clock channel"
+        if written:
+            self.firmware.receive(self._port.read_all(written))
+        out = self.firmware.run(until, lines)
+        return f"at {self.firmware.now} {self._port.write(out)}"
+
+    def _start_film(self, path: Path) -> None:
+        film = self._film = path.open("w", encoding="utf-8")
+        film.write("t_s,x_cm,y_cm,heading_deg,led_0,led_1\n")
+
+        def look() -> None:
+            body = self.firmware.body
+            x, y, heading = body.truth()
+            where = f"{body.time_ms / 1000:.3f},{x:.6f},{y:.6f},{math.degrees(heading):.6f}"
+            film.write(f"{where},{int(body.leds[0])},{int(body.leds[1])}\n")
+
+        self.firmware.watch(FILM_MS, look)
+
+    def _end_film(self) -> None:
+        if self._film is not None:
+            self.firmware.watch(FILM_MS, None)
+            self._film.close()
+            self._film = None
+
+
+@contextmanager
+def serving(settings: Mapping[str, Any]) -> Iterator[Server]:
+    """A server of a twin's settings: arena, unit, noise, seed, baud, clock, pose, body."""
+    unit = int(settings["unit"])
+    body = make_body(
+        settings["arena"],
+        unit=unit,
+        noise=float(settings["noise"]),
+        seed=int(settings["seed"]),
+        body=settings.get("body", BODY),
+    )
+    if settings.get("pose"):
+        body.place(*settings["pose"])
+    banner = (f"Khepera, twin unit {unit}: pseudo-reality, no robot", "bios 5.02, serial protocol 5.01")
+    firmware = Firmware(body, baud=int(settings["baud"]), banner=banner)
+    with Server(firmware, virtual=settings["clock"] == "virtual") as server:
+        yield server
+
+
+def _main() -> int:
+    """Settings as a JSON line on stdin, device and channel as one on stdout; ends with stdin."""
+    stop: Callable[..., None] = lambda *_: sys.exit(0)  # noqa: E731
+    signal.signal(signal.SIGTERM, stop)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the driver's: it must stop the robot first
+    settings = json.loads(sys.stdin.buffer.readline())
+    try:
+        with serving(settings) as server:
+            print(json.dumps({"device": server.device, "channel": server.channel}), flush=True)  # noqa: T201
+            server.serve(leash=sys.stdin.fileno())
+    except UsageError as error:
+        print(json.dumps({"error": str(error)}), flush=True)  # noqa: T201
+        return error.exit_code
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(_main())

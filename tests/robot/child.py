@@ -1,0 +1,31 @@
+"""A driver in a process of its own, to be stopped and killed: child.py DEVICE FOLDER."""
+
+from __future__ import annotations
+
+import sys
+
+from realitygap.robot.body import SerialBody
+from realitygap.robot.clock import RealClock
+from realitygap.robot.khepera import Khepera
+from realitygap.robot.loop import drive
+from realitygap.robot.recording import Recorder
+from tests.robot.controllers import Constant, bands
+
+
+def main(device: str, folder: str) -> None:
+    """Drive for a minute; say so after the first steps."""
+
+    class Talking(Constant):
+        def decide(self, inputs: object) -> object:
+            if self.steps == 5:
+                print("driving", flush=True)
+            return super().decide([])
+
+    clock = RealClock()
+    with Khepera.connect(device, clock=clock) as khepera:
+        body = SerialBody(khepera)
+        drive(body, Talking(3, 4), seconds=60, clock=clock, inputs=bands, recorder=Recorder(folder))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2])

@@ -1,0 +1,67 @@
+"""Whatever ends the driver, the robot stands and the recording is readable."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from realitygap.robot.recording import Recording
+from tests.robot.conftest import ROOT, Bench
+from tests.robot.test_faults import stands
+
+ENDS = {
+    signal.SIGINT: "RobotStoppedError: stopped by SIGINT",
+    signal.SIGTERM: "RobotStoppedError: stopped by SIGTERM",
+    signal.SIGHUP: "RobotStoppedError: stopped by SIGHUP",
+    signal.SIGKILL: "killed",
+}
+
+
+@pytest.mark.parametrize("number", ENDS, ids=lambda number: number.name)
+def test_a_driver_that_is_stopped_or_killed_leaves_the_robot_standing(
+    bench: Bench, tmp_path: Path, number: signal.Signals
+) -> None:
+    """Ctrl-C, SIGTERM and a closed terminal stop the wheels first; after kill -9 the guard does."""
+    twin = bench.twin(clock="real")
+    twin.film(tmp_path / "states.csv")
+    with subprocess.Popen(
+        [sys.executable, "-m", "tests.robot.child", twin.device, str(tmp_path / "r")],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as driver:
+        assert driver.stdout is not None and driver.stdout.readline() == "driving\n"
+        driver.send_signal(number)
+        assert driver.wait(5) != 0
+    time.sleep(0.7)
+    twin.film(None)
+    assert stands(tmp_path / "states.csv")
+    recording = Recording.from_folder(tmp_path / "r")
+    assert len(recording.t) >= 5 and (recording.counters[-1] > 0).all()
+    assert recording.ended.startswith(ENDS[number])
+
+
+def test_a_second_ctrl_c_does_not_disturb_the_stop(bench: Bench, tmp_path: Path) -> None:
+    """Two signals at once: the stop is carried through."""
+    twin = bench.twin(clock="real")
+    with subprocess.Popen(
+        [sys.executable, "-m", "tests.robot.child", twin.device, str(tmp_path / "r")],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    ) as driver:
+        assert driver.stdout is not None and driver.stdout.readline() == "driving\n"
+        for _ in range(2):
+            driver.send_signal(signal.SIGINT)
+            time.sleep(0.02)
+        assert driver.wait(5) != 0
+    khepera = bench.khepera(twin.device)
+    assert khepera.speeds() == (0, 0)
+    assert Recording.from_folder(tmp_path / "r").ended.startswith("RobotStoppedError")

@@ -1,0 +1,149 @@
+"""The twin's process: a device that any program can open, a channel for clock and hand."""
+
+from __future__ import annotations
+
+import csv
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import termios
+import time
+from pathlib import Path
+
+import pytest
+
+from realitygap.errors import RobotError, UsageError
+from realitygap.robot.clock import VirtualClock
+from realitygap.twin.process import TwinProcess, start_twin
+from realitygap.values import Pose
+from tests.robot.conftest import ARENA, BODY, ROOT, Bench, bench
+
+__all__ = ["bench"]
+
+
+def ask(fd: int, text: str, seconds: float = 0.4) -> bytes:
+    """Write to a device and collect what comes within some time."""
+    os.write(fd, text.encode())
+    out, until = b"", time.monotonic() + seconds
+    while (left := until - time.monotonic()) > 0:
+        if select.select([fd], [], [], left)[0]:
+            out += os.read(fd, 4096)
+    return out
+
+
+def channel(twin: TwinProcess, *lines: str) -> list[str]:
+    """What the second channel answers."""
+    with socket.socket(socket.AF_UNIX) as sock:
+        sock.connect(twin.channel)
+        file = sock.makefile("rw")
+        answers = []
+        for line in lines:
+            file.write(line + "\n")
+            file.flush()
+            answers.append(file.readline().strip())
+        file.close()
+        return answers
+
+
+def test_any_program_can_talk_to_it(bench: Bench) -> None:
+    """With nothing but open, write and read, in real time."""
+    twin = bench.twin(clock="real", unit=4)
+    fd = os.open(twin.device, os.O_RDWR | os.O_NOCTTY)
+    assert b"twin unit 4" in ask(fd, "")
+    assert ask(fd, "B\r") == b"b,5.02,5.01\r\n"
+    assert ask(fd, "nonsense\n") == b"Command not found\r\n"
+    ask(fd, "D,10,10\n")
+    left = int(ask(fd, "H\n").split(b",")[1])
+    assert 150 < left < 1500
+    os.close(fd)
+
+
+def test_another_baud_rate_is_noise(bench: Bench) -> None:
+    """A driver that sets another rate than the jumper's is not understood, nor understands."""
+    twin = bench.twin(clock="real", baud=9600)
+    fd = os.open(twin.device, os.O_RDWR | os.O_NOCTTY)
+    ask(fd, "")
+    settings = termios.tcgetattr(fd)
+    settings[4] = settings[5] = termios.B38400
+    termios.tcsetattr(fd, termios.TCSANOW, settings)
+    assert b"b" not in ask(fd, "B\n")
+    settings[4] = settings[5] = termios.B9600
+    termios.tcsetattr(fd, termios.TCSANOW, settings)
+    ask(fd, "\n")
+    assert ask(fd, "B\n") == b"b,5.02,5.01\r\n"
+    os.close(fd)
+
+
+def test_the_channel_refuses_what_it_does_not_know(bench: Bench) -> None:
+    """With one line each, and goes on."""
+    twin = bench.twin()
+    answers = channel(twin, "fly", "place 1 2", "run x", "film /nowhere/at/all", "run 0 0 0")
+    assert answers[0] == "error expected run, place, film or quit; got 'fly'"
+    assert all(answer.startswith("error") for answer in answers[1:4])
+    assert answers[4] == "at 0 0"
+
+
+def test_a_clock_for_a_real_time_twin_is_refused(bench: Bench) -> None:
+    """Real time cannot be told how far to run."""
+    twin = bench.twin(clock="real")
+    with pytest.raises(RobotError, match="runs in real time"):
+        VirtualClock(twin.channel)
+
+
+def test_virtual_time_stands_until_it_is_let_go(bench: Bench, tmp_path: Path) -> None:
+    """However long one waits; and the hand's poses are filmed to the sealed file every 20 ms."""
+    twin = bench.twin()
+    clock = VirtualClock(twin.channel)
+    twin.place(Pose(x=11, y=12, heading=0.5))
+    twin.film(tmp_path / "states.csv")
+    time.sleep(0.1)
+    clock.sleep_until(0.1)
+    clock.settle()
+    twin.film(None)
+    clock.close()
+    rows = list(csv.DictReader((tmp_path / "states.csv").read_text().splitlines()))
+    assert [row["t_s"] for row in rows] == ["0.000", "0.020", "0.040", "0.060", "0.080", "0.100"]
+    assert {(row["x_cm"], row["y_cm"], row["heading_deg"]) for row in rows} == {
+        ("11.000000", "12.000000", "28.647890")
+    }
+
+
+def test_a_twin_ends_with_its_parent(bench: Bench, tmp_path: Path) -> None:
+    """A parent killed with kill -9 leaves no twin behind, nor its channel's folder."""
+    code = f"""
+import time
+from realitygap.twin.process import start_twin
+twin = start_twin({ARENA!r}, unit=1, body={BODY!r})
+print(twin.pid, twin.channel, flush=True)
+time.sleep(60)
+"""
+    command = [sys.executable, "-c", code]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        pid, path = parent.stdout.readline().split()
+        parent.send_signal(signal.SIGKILL)
+    until = time.monotonic() + 5
+    while time.monotonic() < until and (Path(path).parent.exists() or _alive(pid)):
+        time.sleep(0.02)
+    assert not Path(path).parent.exists() and not _alive(pid)
+
+
+def _alive(pid: str) -> bool:
+    """Whether a process holds anything open (one that nobody has waited for does not)."""
+    try:
+        return bool(os.listdir(f"/proc/{pid}/fd"))
+    except OSError:
+        return False
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [({"clock": "sun"}, "clock is"), ({"baud": 1200}, "9600, 19200"), ({"body": "no.such:Body"}, "start")],
+)
+def test_a_wrong_setting_is_refused(bench: Bench, settings: dict[str, object], says: str) -> None:
+    """Before or by the process; it never hangs."""
+    with pytest.raises(UsageError, match=says):
+        start_twin(ARENA, **{"unit": 1, "body": BODY, **settings})  # type: ignore[arg-type]
