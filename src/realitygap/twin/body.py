@@ -161,12 +161,12 @@ class TwinBody:
     def set_speed_gains(self, kp: int, ki: int, kd: int) -> None:
         """Gains of the speed controller."""
         for wheel in self._wheels:
-            wheel.speed_gains = (kp, ki, kd)
+            wheel.set_gains(speed=(kp, ki, kd))
 
     def set_position_gains(self, kp: int, ki: int, kd: int) -> None:
         """Gains of the position controller."""
         for wheel in self._wheels:
-            wheel.position_gains = (kp, ki, kd)
+            wheel.set_gains(position=(kp, ki, kd))
 
     def set_profile(self, vl: int, al: int, vr: int, ar: int) -> None:
         """Speed and acceleration of the position controller, left and right."""

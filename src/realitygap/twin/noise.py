@@ -11,13 +11,14 @@ asking twice gives the same answer and not asking changes nothing.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Creep", "SensorNoise", "draws", "spread"]
+from realitygap.errors import ConfigError
+
+__all__ = ["Creep", "SensorNoise", "check_dial", "draws"]
 
 PROXIMITY_COUNTS = 21.0
 AMBIENT_COUNTS = 4.5
@@ -33,11 +34,11 @@ OUTLIERS, OUTLIER_SIZE = 0.1, 2.2
 """Heavier tails than normal: one draw in ten has 2.2 times the others' deviation."""
 _CORE = 1.0 / math.sqrt(1.0 - OUTLIERS + OUTLIERS * OUTLIER_SIZE**2)
 
-SLIP_SHARE, SLIP_MS = 0.064, 50.0
+SLIP_SHARE, SLIP_MS = 0.064, 40.0
 """Slip of the tyre: deviation of the creep, and the time in which it is forgotten."""
-GROUND_SHARE, GROUND_CELL_M, GROUND_CELLS = 0.045, 0.008, 64
-"""The ground: creep that belongs to a place (dust, seams), in cells of 8 mm."""
-AXLE_SHARE = 0.028
+GROUND_SHARE, GROUND_CELL_M, GROUND_CELLS = 0.042, 0.006, 64
+"""The ground: creep that belongs to a place (dust, seams), in cells of 6 mm."""
+AXLE_SHARE = 0.025
 """A wheel that sits off its axle: amplitude, once a turn."""
 CREEP_MS = 5
 """The creep is brought up to date this often: 1 mm of way at most."""
@@ -75,34 +76,31 @@ def _heavy(keys: NDArray[np.uint64]) -> NDArray[np.float64]:
     return np.asarray(_normals(keys) * np.where(outlier, _CORE * OUTLIER_SIZE, _CORE))
 
 
-@dataclass(frozen=True, kw_only=True)
 class SensorNoise:
     """Noise of deviation 1 for the eight sensors of one kind: a pure function of the time."""
 
-    seed: int
-    purpose: int
+    def __init__(self, *, seed: int, purpose: int) -> None:
+        base = spread(np.array([seed & _MASK], np.uint64))
+        base = spread(base ^ np.uint64(purpose))
+        self._white = spread(base + np.arange(8, dtype=np.uint64))
+        self._drift = spread(self._white)
 
-    def _key(self, purpose: int) -> NDArray[np.uint64]:
-        base = spread(np.array([self.seed & _MASK], np.uint64))
-        base = spread(base ^ np.uint64(self.purpose * 4 + purpose))
-        return spread(base + np.arange(8, dtype=np.uint64))
-
-    def white(self, refreshing: NDArray[np.int64]) -> NDArray[np.float64]:
-        """[8] draws for the given refreshing of each sensor."""
-        return _heavy(self._key(0) ^ refreshing.astype(np.uint64))
+    def white(self, refreshed: NDArray[np.int64]) -> NDArray[np.float64]:
+        """[8] draws for the given refreshing of each sensor, named by its time."""
+        return _heavy(self._white ^ refreshed.astype(np.uint64))
 
     def drift(self, time_ms: int) -> NDArray[np.float64]:
         """[8] slowly changing values of deviation 1."""
         knot, rest = divmod(time_ms, DRIFT_KNOT_MS)
-        here = _normals(self._key(1) ^ np.uint64(knot + 1))
-        there = _normals(self._key(1) ^ np.uint64(knot + 2))
+        knots = np.array([[knot + 1], [knot + 2]], np.uint64)
+        here, there = _normals(self._drift ^ knots)
         share = rest / DRIFT_KNOT_MS
         share = share * share * (3.0 - 2.0 * share)
-        return np.asarray((here * (1 - share) + there * share) / math.hypot(share, 1.0 - share))
+        return np.asarray((here * (1.0 - share) + there * share) / math.hypot(share, 1.0 - share))
 
-    def at(self, time_ms: int, refreshing: NDArray[np.int64]) -> NDArray[np.float64]:
+    def at(self, time_ms: int, refreshed: NDArray[np.int64]) -> NDArray[np.float64]:
         """[8] the whole noise, deviation 1."""
-        return WHITE * self.white(refreshing) + DRIFT * self.drift(time_ms)
+        return WHITE * self.white(refreshed) + DRIFT * self.drift(time_ms)
 
 
 class Creep:
@@ -145,8 +143,6 @@ class Creep:
 
 def check_dial(value: Any) -> float:
     """The dial's position: any finite number from 0 on, 1 for the size that real robots have."""
-    from realitygap.errors import ConfigError
-
     good = isinstance(value, int | float) and not isinstance(value, bool)
     if not good or not math.isfinite(value) or value < 0:
         raise ConfigError(f"the twin's noise is a number from 0 on (1 = as real robots have it), got {value!r}")

@@ -68,14 +68,14 @@ class Scene:
         x, y = x[:, None], y[:, None]
         t, _ = self._cross(x, y, dx, dy)
         which = t.argmin(axis=0)
-        distance = np.minimum(np.take_along_axis(t, which[None], 0)[0], FAR)
+        distance = np.minimum(t.min(axis=0), FAR)
         nx, ny = self._u[1][which], -self._u[0][which]
         flip = np.where(nx * dx + ny * dy > 0.0, -1.0, 1.0)
         nx, ny = nx * flip, ny * flip
         if len(self._circles):
             round_ = self._touch(x, y, dx, dy)
             which = round_.argmin(axis=0)
-            near = np.take_along_axis(round_, which[None], 0)[0]
+            near = round_.min(axis=0)
             closer = near < distance
             distance = np.where(closer, near, distance)
             cx, cy, r = (c[which] for c in self._circles.T)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.twin.arena import edges
-from realitygap.twin.model import BODY_RADIUS
+from realitygap.twin.model import BODY_RADIUS, WALL_HEIGHT
 from realitygap.twin.noise import (
     AMBIENT_COUNTS,
     DARK_COUNTS,
@@ -40,17 +40,19 @@ FAN = (np.arange(RAYS) + 0.5) * math.pi / RAYS - math.pi / 2
 # Infrared: fitted to wall.sam with this very law (RMSE 28 counts over the eight sensors)
 IR_EXPONENT = 2.6  # cos^2.6: lamp's and eye's own narrowness together
 IR_DEPTH = 0.0016  # m: lamp and eye lie a little behind their window
-IR_GAIN = 0.0550  # counts·m², for the sum over the fan
+IR_GAIN = 0.0550  # counts·m² a ray of the fan, as many as there are
 IR_OFFSET = 500.0  # counts: what must be thrown back before the converter shows anything
 IR_REACH = 0.12  # m: further away nothing reaches the offset
 
 # Ambient light
-EYE_EXPONENT = 2.2  # light.sam: half the light at 43° off
+EYE_EXPONENT = 1.7  # light.sam at 25 cm: 58 % of the light at 43° off, 24 % at 65°
 EYE_HEIGHT = 0.012  # m
-WALL_WHITE = 0.6  # share of the light that walls and cylinders throw back, evenly
-LAMP_COUNTS = 330.0
-"""How far a lamp 1 m away, straight ahead, pulls a reading down: a lamp that a person would choose for
-an arena of this size, so that the far end is well lit and the last half metre is not told apart."""
+WALL_WHITE = 0.2  # share of the light that walls and cylinders (grey paint) throw back, evenly
+EYE_MIDDLE = 1.40  # rad: the eye's response over all elevations, summed
+LAMP_COUNTS = 6000.0
+"""How far a lamp 1 m away, straight ahead, would pull a reading down: a desk lamp, bright enough to
+saturate a sensor that looks at it from the far end of the room (paper, 3.3: lit sensors say where the
+lamp is, hardly how far)."""
 LAMP_PROUD = 0.006  # m: the lamp hangs this far in front of a wall it is fixed to
 
 
@@ -72,7 +74,8 @@ class Sensors:
         self._idle = SensorNoise(seed=seed, purpose=3)
         weight = np.cos(FAN) ** IR_EXPONENT
         self._ir_weight = weight * IR_GAIN
-        fan = np.cos(FAN) ** EYE_EXPONENT * np.cos(FAN)
+        self._gain = np.array(unit.proximity_gain)
+        fan = np.cos(FAN) ** EYE_EXPONENT
         self._eye_weight = fan / fan.sum()
 
     @staticmethod
@@ -109,10 +112,7 @@ class Sensors:
         dx, dy = self._fan(look)
         distance, incidence = self._scene.hits(x, y, dx, dy)
         thrown = incidence / (distance + IR_DEPTH) ** 2
-        return np.asarray((thrown @ self._ir_weight) / RAYS * self._gain() - IR_OFFSET)
-
-    def _gain(self) -> Array:
-        return np.array(self._unit.proximity_gain)
+        return np.asarray((thrown @ self._ir_weight) * self._gain - IR_OFFSET)
 
     def proximity(self, time_ms: int, refreshed: NDArray[np.int64], poses: Array) -> list[int]:
         """[8] counts."""
@@ -134,14 +134,14 @@ class Sensors:
         total = np.zeros(8)
         if not len(self._lamps):
             return total
-        dx, dy = self._fan(look)
-        distance, _, px, py, nx, ny = self._scene.meet(x, y, dx, dy)
+        distance, _, px, py, nx, ny = self._scene.meet(x, y, *self._fan(look))
+        tall = np.arctan((WALL_HEIGHT - EYE_HEIGHT) / distance) + np.arctan(EYE_HEIGHT / distance)
+        tall /= EYE_MIDDLE  # share of a sensor's view, up and down, that a wall fills
         centre = poses.mean(axis=0)
         for lamp in self._lamps:
             total += self._direct(x, y, look, lamp)
             lit = self._on_walls(px, py, nx, ny, lamp, centre)
-            total += WALL_WHITE * (lit @ self._eye_weight)
-        del distance
+            total += WALL_WHITE * ((lit * tall) @ self._eye_weight)
         return total * self._unit.lamp_power
 
     def _direct(self, x: Array, y: Array, look: Array, lamp: Array) -> Array:

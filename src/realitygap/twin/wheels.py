@@ -12,6 +12,7 @@ __all__ = ["PULSES_PER_TURN", "SPEED_GAINS", "Wheel"]
 
 PULSES_PER_TURN = 600
 """Encoder on the motor's axle, 24 pulses a turn, behind a gear of 25 to 1."""
+PULSES_PER_RADIAN = PULSES_PER_TURN / (2.0 * math.pi)
 
 SPEED_GAINS = (3800, 800, 100)
 POSITION_GAINS = (3000, 20, 4000)
@@ -23,12 +24,10 @@ MAX_PWM = 255
 WINDOW_MS = 10
 """The speed is measured as the pulses of the last 10 ms."""
 
-SPEED_SCALE = (1 / 60000.0, 1 / 800000.0, 1 / 60000.0)
-POSITION_SCALE = (1 / 300000.0, 1 / 30000000.0, 1 / 60000.0)
+SPEED_SCALE = (1 / 40000.0, 1 / 500000.0, 1 / 40000.0)
+POSITION_SCALE = (1 / 150000.0, 1 / 500000.0, 1 / 150000.0)
 """Volt per gain and pulse: ours, for the manual leaves them out; chosen so that the factory's gains
 give a quick step without overshoot, as twin.md asks, and never changed since."""
-BOUND = 150.0
-"""The integral part cannot grow beyond this (pulses): a robot that was held starts without a leap."""
 ARRIVED = 3
 """Within 3 pulses (0.25 mm) of its target a wheel is there."""
 
@@ -38,8 +37,7 @@ class Wheel:
 
     def __init__(self, nominal_volt: float) -> None:
         self._volt = nominal_volt
-        self.speed_gains: tuple[int, int, int] = SPEED_GAINS
-        self.position_gains: tuple[int, int, int] = POSITION_GAINS
+        self.set_gains(speed=SPEED_GAINS, position=POSITION_GAINS)
         self.profile: tuple[int, int] = PROFILE
         self.reset()
 
@@ -57,6 +55,17 @@ class Wheel:
         self._reference = 0.0
         self._pace = 0.0
         self._pwm = 0
+
+    def set_gains(
+        self, *, speed: tuple[int, int, int] | None = None, position: tuple[int, int, int] | None = None
+    ) -> None:
+        """New gains for one controller or both."""
+        if speed is not None:
+            kp, ki, kd = (g * s for g, s in zip(speed, SPEED_SCALE, strict=True))
+            self._speed_volts = (kp, ki, kd)
+        if position is not None:
+            kp, ki, kd = (g * s for g, s in zip(position, POSITION_SCALE, strict=True))
+            self._position_volts = (kp, ki, kd)
 
     @property
     def pulses(self) -> int:
@@ -112,34 +121,34 @@ class Wheel:
 
     def voltage(self, angle: float) -> float:
         """One millisecond: count the pulses up to `angle` (rad) and say what the motor gets (V)."""
-        self._ring[self._slot] = self._raw
-        self._slot = (self._slot + 1) % WINDOW_MS
-        self._raw = math.floor(angle * (PULSES_PER_TURN / (2.0 * math.pi)))
+        ring, slot = self._ring, self._slot
+        ring[slot] = self._raw
+        self._slot = slot = (slot + 1) % WINDOW_MS
+        self._raw = raw = math.floor(angle * PULSES_PER_RADIAN)
         if self._mode == "speed":
-            return self._hold_speed()
+            return self._pid(self._wanted - (raw - ring[slot]), self._speed_volts)
         if self._mode == "position":
-            return self._hold_place()
+            return self._pid(self._follow_profile() - self.pulses, self._position_volts)
         return self._volt * self._pwm / MAX_PWM
 
-    def _pid(self, error: float, gains: tuple[int, int, int], scale: tuple[float, float, float]) -> float:
-        bounded = max(-BOUND * 10, min(BOUND * 10, self._error_sum + error))
-        change, self._error_last = error - self._error_last, error
-        volt = gains[0] * scale[0] * error + gains[1] * scale[1] * bounded + gains[2] * scale[2] * change
-        if abs(volt) < self._volt:
-            self._error_sum = bounded
+    def _pid(self, error: float, volts: tuple[float, float, float]) -> float:
+        total = self._error_sum + error
+        volt = volts[0] * error + volts[1] * total + volts[2] * (error - self._error_last)
+        self._error_last = error
+        if -self._volt < volt < self._volt:
+            self._error_sum = total
             return volt
-        return math.copysign(self._volt, volt)
+        return math.copysign(self._volt, volt)  # saturated: the sum waits
 
-    def _hold_speed(self) -> float:
-        return self._pid(self._wanted - (self._raw - self._ring[self._slot]), self.speed_gains, SPEED_SCALE)
-
-    def _hold_place(self) -> float:
-        fastest, quickest = float(self.profile[0]), self.profile[1] / 256.0
+    def _follow_profile(self) -> float:
+        """Where the wheel should be by now: fast, but never too fast to stop in time."""
+        fastest, quickest = float(self.profile[0]), self.profile[1] / 256.0  # per 10 ms, per 10 ms·ms
         way = self._target - self._reference
-        # speed from which the profile can still stop in time; pulses per 10 ms, a step is 1 ms
-        allowed = min(fastest, math.sqrt(2.0 * quickest * 10.0 * abs(way) / 10.0))
-        wanted = math.copysign(allowed, way) if abs(way) > 0.05 else 0.0
+        wanted = math.copysign(min(fastest, math.sqrt(0.2 * quickest * 10.0 * abs(way))), way)
         self._pace += max(-quickest, min(quickest, wanted - self._pace))
         step = self._pace / 10.0
-        self._reference = float(self._target) if abs(way) <= abs(step) else self._reference + step
-        return self._pid(self._reference - self.pulses, self.position_gains, POSITION_SCALE)
+        if abs(way) <= max(abs(step), 0.5):
+            self._reference, self._pace = float(self._target), 0.0
+        else:
+            self._reference += step
+        return self._reference
