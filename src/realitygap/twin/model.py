@@ -20,7 +20,8 @@ CASTER_X = 0.021
 CASTER_RADIUS = 0.002
 WHEEL_MASS = 0.002
 WHEEL_HALF_WIDTH = 0.0015
-WALL_HEIGHT = 0.06
+WALL_HEIGHT = 0.04
+"""Just above the robot and its disk, which a camera overhead must not lose behind a cylinder."""
 
 NOMINAL_VOLT = 5.0
 STALL_TORQUE = 0.006  # N·m at the wheel: twice what makes the tyres slip

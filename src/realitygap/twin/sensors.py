@@ -47,7 +47,7 @@ IR_REACH = 0.12  # m: further away nothing reaches the offset
 # Ambient light
 EYE_EXPONENT = 1.7  # light.sam at 25 cm: 58 % of the light at 43° off, 24 % at 65°
 EYE_HEIGHT = 0.012  # m
-WALL_WHITE = 0.2  # share of the light that walls and cylinders (grey paint) throw back, evenly
+WALL_WHITE = 0.3  # share of the light that walls and cylinders (grey paint) throw back, evenly
 EYE_MIDDLE = 1.40  # rad: the eye's response over all elevations, summed
 LAMP_COUNTS = 6000.0
 """How far a lamp 1 m away, straight ahead, would pull a reading down: a desk lamp, bright enough to

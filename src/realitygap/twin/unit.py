@@ -102,8 +102,8 @@ def draw_unit(number: int) -> Unit:
         lamp_power=around(1.0, 0.06),
         lamp_height=around(0.05, 0.004),
         camera=CameraUnit(
-            offset_m=two(0.0, 0.012),
-            height_share=around(1.0, 0.02),
+            offset_m=two(0.0, 0.008),
+            height_share=around(1.0, 0.01),
             tilt=two(0.0, math.radians(0.7)),
             roll=around(0.0, math.radians(0.8)),
             k1=around(-0.06, 0.015),
