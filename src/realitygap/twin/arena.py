@@ -53,7 +53,8 @@ def check_arena(arena: Mapping[str, Any]) -> dict[str, Any]:
     """
     unknown = set(arena) - {"size_cm", *_PARTS}
     if unknown:
-        raise ConfigError(f"arena: unknown key {sorted(unknown)[0]!r}; known are size_cm, {', '.join(_PARTS)}")
+        key = sorted(unknown)[0]
+        raise ConfigError(f"arena: unknown key {key!r}; known are size_cm, {', '.join(_PARTS)}")
     try:
         width, depth = (float(v) for v in arena["size_cm"])
     except (KeyError, TypeError, ValueError):

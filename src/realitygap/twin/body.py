@@ -4,52 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.errors import ConfigError
 from realitygap.twin.arena import check_arena
-from realitygap.twin.model import NOMINAL_VOLT, build_xml
+from realitygap.twin.model import BODY_RADIUS, NOMINAL_VOLT, build_xml
 from realitygap.twin.noise import CREEP_MS, Creep, check_dial, draws
 from realitygap.twin.sensors import Sensors
+from realitygap.twin.states import States, heading_of
 from realitygap.twin.unit import Unit, draw_unit
 from realitygap.twin.wheels import Wheel
 
-__all__ = ["States", "TwinBody"]
+__all__ = ["TwinBody"]
 
 RECORD_MS = 10
 """A state is kept for the camera this often."""
 HISTORY_MS = 21
 """A sensor's reading is at most 20 ms old."""
-
-
-class States(NamedTuple):
-    """What happened, for the camera and the sealed file. `pose` is x, y, z (m) and a quaternion."""
-
-    time_ms: NDArray[np.int64]
-    pose: NDArray[np.float64]
-
-    @property
-    def x_cm(self) -> NDArray[np.float64]:
-        """[n] cm."""
-        return self.pose[:, 0] * 100.0
-
-    @property
-    def y_cm(self) -> NDArray[np.float64]:
-        """[n] cm."""
-        return self.pose[:, 1] * 100.0
-
-    @property
-    def heading(self) -> NDArray[np.float64]:
-        """[n] rad, counter-clockwise from +x."""
-        return _heading(self.pose)
-
-
-def _heading(pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    w, x, y, z = (pose[..., k] for k in (3, 4, 5, 6))
-    return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+TOUCH = 1e-4
+"""A hand sets the robot down this exactly (m)."""
 
 
 class TwinBody:
@@ -83,8 +60,8 @@ class TwinBody:
         self._wheels = (Wheel(NOMINAL_VOLT), Wheel(NOMINAL_VOLT))
         self._qpos, self._ctrl = self._data.qpos, self._data.ctrl
         self._states: list[tuple[int, NDArray[np.float64]]] = []
-        w, h = self.arena["size_cm"]
-        self.place(w / 2, h / 2, 0.0)
+        self._slipped, self._angles, self._creeps = [0.0, 0.0], [0.0, 0.0], (0.0, 0.0)
+        self.place(*self._somewhere(), 0.0)
 
     # physics
 
@@ -122,6 +99,21 @@ class TwinBody:
     def _record(self) -> None:
         self._states.append((self.time_ms, self._history[self.time_ms % HISTORY_MS]))
 
+    def _fits(self, x_cm: float, y_cm: float) -> bool:
+        w, h = self.arena["size_cm"]
+        inside = 0.0 < x_cm < w and 0.0 < y_cm < h
+        return inside and self._sensors.clearance(x_cm / 100.0, y_cm / 100.0) >= BODY_RADIUS - TOUCH
+
+    def _somewhere(self) -> tuple[float, float]:
+        """The middle of the floor, or the free place nearest to it."""
+        w, h = self.arena["size_cm"]
+        places = [(w * i / 40, h * j / 40) for i in range(1, 40) for j in range(1, 40)]
+        places.sort(key=lambda place: (place[0] - w / 2) ** 2 + (place[1] - h / 2) ** 2)
+        for place in places:
+            if self._fits(*place):
+                return place
+        raise ConfigError("arena: nowhere on the floor is room for the robot; leave some free")
+
     def place(self, x_cm: float, y_cm: float, heading: float) -> None:
         """The experimenter's hand: lift the robot and set it down at rest. Counters keep their values.
 
@@ -129,15 +121,21 @@ class TwinBody:
             x_cm: where its centre goes.
             y_cm: where its centre goes.
             heading: rad, counter-clockwise from +x.
+
+        Raises:
+            ConfigError: something else stands there.
         """
+        if not self._fits(x_cm, y_cm):
+            raise ConfigError(
+                f"the robot (radius {BODY_RADIUS * 100:g} cm) finds no room at ({x_cm:g}, {y_cm:g}) cm: "
+                "choose a place clear of walls and cylinders"
+            )
         data = self._data
         angles = float(data.qpos[7]), float(data.qpos[8])
         mujoco.mj_resetData(self._model, data)
         data.qpos[:7] = (x_cm / 100.0, y_cm / 100.0, 0.0, math.cos(heading / 2), 0, 0, math.sin(heading / 2))
         data.qpos[7:9] = angles
         mujoco.mj_forward(self._model, data)
-        if not hasattr(self, "_slipped"):
-            self._slipped, self._angles, self._creeps = [0.0, 0.0], [0.0, 0.0], (0.0, 0.0)
         self._history = [data.qpos[:7].copy() for _ in range(HISTORY_MS)]
         self._record()
 
@@ -202,7 +200,7 @@ class TwinBody:
         """When each sensor was refreshed last, and the poses [8, 3] (x, y in m, heading) of then."""
         refreshed = self._sensors.refreshed(self.time_ms)
         poses = np.array([self._history[t % HISTORY_MS] for t in refreshed])
-        return refreshed, np.stack([poses[:, 0], poses[:, 1], _heading(poses)], axis=1)
+        return refreshed, np.stack([poses[:, 0], poses[:, 1], heading_of(poses)], axis=1)
 
     def proximity(self) -> list[int]:
         """Eight counts, 0 to 1023, each as its converter took it 0 to 20 ms ago."""
@@ -221,7 +219,7 @@ class TwinBody:
     def truth(self) -> tuple[float, float, float]:
         """x, y (cm) and heading (rad, −π to π) as they are: for tests and the sealed file only."""
         pose = self._qpos[:7]
-        return float(pose[0]) * 100.0, float(pose[1]) * 100.0, float(_heading(pose))
+        return float(pose[0]) * 100.0, float(pose[1]) * 100.0, float(heading_of(pose))
 
     def states(self) -> States:
         """Everything recorded so far, a state each 10 ms and at each placing."""

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from realitygap.errors import ConfigError
 from realitygap.twin.arena import check_arena
-from realitygap.twin.body import States
 from realitygap.twin.drawing import Drawing
 from realitygap.twin.lens import HEIGHT, WIDTH, hang_camera
 from realitygap.twin.noise import check_dial, draws
 from realitygap.twin.render import open_renderer
+from realitygap.twin.states import States, heading_of
 from realitygap.twin.unit import draw_unit
 
 __all__ = ["OverheadCamera"]
@@ -97,17 +97,16 @@ class OverheadCamera:
             number: of the frame: names its noise.
         """
         if self._renderer is not None:
-            picture = self._renderer.frame(pose)
+            picture = self._renderer.frame(pose) * self._light
         else:
             assert self._drawing is not None
-            turn = States(np.zeros(1, np.int64), np.asarray(pose)[None])
-            picture = self._drawing.frame(float(pose[0]), float(pose[1]), float(turn.heading[0]))
-        picture = picture * self._light
+            picture = self._drawing.frame(float(pose[0]), float(pose[1]), float(heading_of(pose)))
+            picture *= self._light
         if self._noise:
             size = picture.size
             start = int(draws(self._seed, 59, number).integers(size))
             picture += self._bank[start : start + size].reshape(picture.shape)
-        return np.clip(picture + np.float32(0.5), 0, 255).astype(np.uint8)
+        return np.asarray(np.clip(picture + np.float32(0.5), 0, 255).astype(np.uint8))
 
     def film(self, states: States, *, fps: float = FPS) -> Iterator[tuple[float, Frame]]:
         """Frames of the recorded states at an even pace: (time in s from the first state, frame).

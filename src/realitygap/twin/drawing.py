@@ -54,7 +54,7 @@ class Drawing:
     @staticmethod
     def _coarse(fine: Array) -> Array:
         h, w = fine.shape[0] // SUB, fine.shape[1] // SUB
-        return fine.reshape(h, SUB, w, SUB, 3).mean(axis=(1, 3), dtype=np.float32)
+        return np.asarray(fine.reshape(h, SUB, w, SUB, 3).mean(axis=(1, 3), dtype=np.float32))
 
     def _at(self, z: float, window: tuple[slice, slice] = (slice(None), slice(None))) -> Array:
         return np.asarray(self._floor[window] + np.float32(z) * self._slope[window])

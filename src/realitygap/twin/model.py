@@ -9,7 +9,7 @@ from typing import Any
 from realitygap.twin.arena import WALL_HALF
 from realitygap.twin.unit import Unit
 
-__all__ = ["BODY_RADIUS", "BODY_TOP", "CLEARANCE", "NOMINAL_VOLT", "WALL_HEIGHT", "arena_geoms", "build_xml"]
+__all__ = ["BODY_RADIUS", "BODY_TOP", "CLEARANCE", "NOMINAL_VOLT", "WALL_HEIGHT", "build_xml"]
 
 BODY_RADIUS = 0.0275  # K-Team, Khepera user manual: diameter 55 mm
 BODY_TOP = 0.030  # the same: height 30 mm
@@ -40,7 +40,7 @@ def _gravity(unit: Unit) -> str:
     return f"{9.81 * math.sin(ax):.9g} {9.81 * math.sin(ay):.9g} -9.81"
 
 
-def arena_geoms(arena: Mapping[str, Any], contact: str = CONTACT) -> str:
+def _arena(arena: Mapping[str, Any], contact: str) -> str:
     """Floor, walls, partitions, cylinders and lamps."""
     w, h = (v / 100.0 for v in arena["size_cm"])
     z = WALL_HEIGHT / 2
@@ -74,7 +74,8 @@ def _wheel(side: str, y: float, unit: Unit, radius: float, contact: str) -> str:
       <body name="{side}" pos="0 {y} {radius}">
         <joint name="{side}" type="hinge" axis="0 1 0" armature="{ROTOR}"/>
         <geom name="{side}" type="ellipsoid" size="{radius} {WHEEL_HALF_WIDTH} {radius}" mass="{WHEEL_MASS}"
-              material="tyre" contype="0" conaffinity="1" friction="{unit.friction} 0 0" priority="1" {contact}/>
+              material="tyre" contype="0" conaffinity="1" friction="{unit.friction} 0 0" priority="1"
+              {contact}/>
       </body>"""
 
 
@@ -95,7 +96,8 @@ def _robot(unit: Unit, contact: str) -> str:
             material="body" contype="2" conaffinity="2" friction="0.3 0 0" {contact}/>
       <geom {caster} pos="{CASTER_X} 0 {z}"/>
       <geom {caster} pos="{-CASTER_X} 0 {z}"/>
-      {{disk}}{_wheel("left", unit.track / 2, unit, left, contact)}{_wheel("right", -unit.track / 2, unit, right, contact)}
+      {{disk}}{_wheel("left", unit.track / 2, unit, left, contact)}
+      {_wheel("right", -unit.track / 2, unit, right, contact)}
     </body>"""
 
 
@@ -116,7 +118,7 @@ def build_xml(arena: Mapping[str, Any], unit: Unit, *, timestep: float = 0.001, 
     <material name="tyre" rgba="0.1 0.1 0.1 1" specular="0"/>
   </asset>
   <worldbody>
-    {arena_geoms(arena)}
+    {_arena(arena, CONTACT)}
     {extra}{_robot(unit, CONTACT).replace("{disk}", disk)}
   </worldbody>
   <actuator>

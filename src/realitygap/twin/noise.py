@@ -72,7 +72,7 @@ def _normals(keys: NDArray[np.uint64]) -> NDArray[np.float64]:
 
 def _heavy(keys: NDArray[np.uint64]) -> NDArray[np.float64]:
     """Draws of deviation 1 with heavier tails than normal (kurtosis about 5)."""
-    outlier = spread(keys ^ _MIX_A).astype(np.float64) < OUTLIERS * 2.0**64
+    outlier = spread(np.asarray(keys ^ _MIX_A)).astype(np.float64) < OUTLIERS * 2.0**64
     return np.asarray(_normals(keys) * np.where(outlier, _CORE * OUTLIER_SIZE, _CORE))
 
 
@@ -145,5 +145,5 @@ def check_dial(value: Any) -> float:
     """The dial's position: any finite number from 0 on, 1 for the size that real robots have."""
     good = isinstance(value, int | float) and not isinstance(value, bool)
     if not good or not math.isfinite(value) or value < 0:
-        raise ConfigError(f"the twin's noise is a number from 0 on (1 = as real robots have it), got {value!r}")
+        raise ConfigError(f"the twin's noise is a number from 0 on, 1 as on real robots; got {value!r}")
     return float(value)

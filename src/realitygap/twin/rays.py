@@ -22,18 +22,30 @@ class Scene:
         self._u = along / self._length
         self._circles = circles
 
+    def _distances(self, x: float, y: float) -> tuple[Array, Array]:
+        """From a point to each face and to each circle (m)."""
+        rx, ry = x - self._p[0], y - self._p[1]
+        along = np.minimum(np.maximum(rx * self._u[0] + ry * self._u[1], 0.0), self._length)
+        cx, cy, r = self._circles.T
+        return np.hypot(rx - along * self._u[0], ry - along * self._u[1]), np.hypot(x - cx, y - cy) - r
+
     def clearance(self, x: float, y: float) -> float:
         """How far it is from a point to the nearest thing (m)."""
-        rx, ry = x - self._p[0], y - self._p[1]
-        along = np.clip(rx * self._u[0] + ry * self._u[1], 0.0, self._length)
-        nearest = float(np.hypot(rx - along * self._u[0], ry - along * self._u[1]).min())
-        if len(self._circles):
-            cx, cy, r = self._circles.T
-            nearest = min(nearest, float((np.hypot(x - cx, y - cy) - r).min()))
-        return nearest
+        return float(np.concatenate(self._distances(x, y)).min())
 
-    def _cross(self, x: Array, y: Array, dx: Array, dy: Array) -> tuple[Array, Array]:
-        """[faces, ...] distances to the faces' lines (inf if missed); [...] are the rays' own axes."""
+    def near(self, x: float, y: float, reach: float) -> Scene | None:
+        """Only what comes nearer than `reach` (m) to a point; None if nothing does."""
+        faces, circles = self._distances(x, y)
+        some, others = faces < reach, circles < reach
+        if not (some.any() or others.any()):
+            return None
+        part = object.__new__(Scene)
+        part._p, part._u, part._length = self._p[:, some], self._u[:, some], self._length[some]
+        part._circles = self._circles[others]
+        return part
+
+    def _cross(self, x: Array, y: Array, dx: Array, dy: Array) -> Array:
+        """[faces, ...] distances to the faces' lines (inf if missed); ... are the rays' own axes."""
         wide = (slice(None),) + (None,) * dx.ndim
         ux, uy = self._u[0][wide], self._u[1][wide]
         rx, ry = self._p[0][wide] - x, self._p[1][wide] - y
@@ -42,7 +54,7 @@ class Scene:
             t = (rx * uy - ry * ux) / turn
             s = (rx * dy - ry * dx) / turn
         hit = (t > 0.0) & (s >= -1e-9) & (s <= self._length[wide] + 1e-9)
-        return np.where(hit, t, np.inf), turn
+        return np.asarray(np.where(hit, t, np.inf))
 
     def _touch(self, x: Array, y: Array, dx: Array, dy: Array) -> Array:
         """[circles, ...] distances to the circles (inf if missed); directions of length 1."""
@@ -66,19 +78,20 @@ class Scene:
             (towards the ray's side).
         """
         x, y = x[:, None], y[:, None]
-        t, _ = self._cross(x, y, dx, dy)
-        which = t.argmin(axis=0)
-        distance = np.minimum(t.min(axis=0), FAR)
-        nx, ny = self._u[1][which], -self._u[0][which]
-        flip = np.where(nx * dx + ny * dy > 0.0, -1.0, 1.0)
-        nx, ny = nx * flip, ny * flip
+        distance, nx, ny = np.full(dx.shape, FAR), -dx, -dy
+        if len(self._length):
+            t = self._cross(x, y, dx, dy)
+            distance = np.minimum(t.min(axis=0), FAR)
+            which = t.argmin(axis=0)
+            nx, ny = self._u[1][which], -self._u[0][which]
+            flip = np.where(nx * dx + ny * dy > 0.0, -1.0, 1.0)
+            nx, ny = nx * flip, ny * flip
         if len(self._circles):
-            round_ = self._touch(x, y, dx, dy)
-            which = round_.argmin(axis=0)
-            near = round_.min(axis=0)
+            t = self._touch(x, y, dx, dy)
+            near = t.min(axis=0)
             closer = near < distance
+            cx, cy, r = (c[t.argmin(axis=0)] for c in self._circles.T)
             distance = np.where(closer, near, distance)
-            cx, cy, r = (c[which] for c in self._circles.T)
             nx = np.where(closer, (x + distance * dx - cx) / r, nx)
             ny = np.where(closer, (y + distance * dy - cy) / r, ny)
         incidence = -(nx * dx + ny * dy)
@@ -94,8 +107,8 @@ class Scene:
         way = np.hypot(ax, ay) + 1e-12
         dx, dy = ax / way, ay / way
         free = np.ones(np.shape(dx), dtype=np.bool_)
-        if len(self._p[0]) > 4:  # the four sides of the floor never stand between two points inside
-            t, _ = self._cross(x, y, dx, dy)
+        if len(self._length) > 4:  # the four sides of the floor never stand between two points inside
+            t = self._cross(x, y, dx, dy)
             free &= (t[4:] > way - 1e-9).all(axis=0)
         if len(self._circles):
             free &= (self._touch(x, y, dx, dy) > way - 1e-9).all(axis=0)

@@ -17,7 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.twin.drawing import (
-    DISK_HEIGHT, DISK_RADIUS, FRONT_AHEAD, FRONT_RADIUS, MIDDLE_RADIUS,
+    DISK_HEIGHT,
+    DISK_RADIUS,
+    FRONT_AHEAD,
+    FRONT_RADIUS,
+    MIDDLE_RADIUS,
 )  # fmt: skip
 from realitygap.twin.lens import HEIGHT, WIDTH, Lens, hang_camera
 
@@ -30,7 +34,7 @@ PAD_WIDTH, PAD_HEIGHT = 704, 528
 GL_LIBRARIES = ("egl", "osmesa")
 
 
-def _scene(arena: Mapping[str, Any], lens: Lens) -> dict[str, str]:
+def _scene(arena: Mapping[str, Any], lens: Lens) -> dict[str, Any]:
     """What the camera needs beyond the physics: itself, light, the disk."""
     right, up = lens.rotation[:, 0], lens.rotation[:, 1]
     axes = " ".join(f"{v:.9f}" for v in (*right, *up))
@@ -101,7 +105,7 @@ class Renderer:
         if len(raw) != size:
             raise BrokenPipeError("the renderer's process ended")
         picture = np.frombuffer(raw, np.uint8).reshape(PAD_HEIGHT, PAD_WIDTH, 3)
-        return np.asarray(cv2.remap(picture, self._u, self._v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+        return np.asarray(cv2.remap(picture, self._u, self._v, cv2.INTER_LINEAR), np.uint8)
 
     def close(self) -> None:
         """End the other process."""
@@ -118,7 +122,8 @@ class Renderer:
 def open_renderer(arena: Mapping[str, Any], unit: int, lens: Lens) -> Renderer | None:
     """A renderer by the first GL library that works here, or None."""
     for library in GL_LIBRARIES:
-        environment = {**os.environ, "MUJOCO_GL": library, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        path = os.pathsep.join(filter(None, sys.path))
+        environment = {**os.environ, "MUJOCO_GL": library, "PYTHONPATH": path}
         environment.pop("PYOPENGL_PLATFORM", None)
         process = subprocess.Popen(
             [sys.executable, "-m", "realitygap.twin.render"],

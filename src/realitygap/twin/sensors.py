@@ -85,7 +85,11 @@ class Sensors:
 
     def refreshed(self, time_ms: int) -> NDArray[np.int64]:
         """[8] when each sensor was read last, up to now (ms)."""
-        return np.maximum(time_ms - (time_ms - PHASE_MS) % CYCLE_MS, 0)
+        return np.asarray(np.maximum(time_ms - (time_ms - PHASE_MS) % CYCLE_MS, 0))
+
+    def clearance(self, x: float, y: float) -> float:
+        """How far it is from a point to the nearest thing (m)."""
+        return self._scene.clearance(x, y)
 
     def _stand(self, poses: Array) -> tuple[Array, Array, Array]:
         """Where the sensors are and where they look, [8] each, from the poses of their refreshing."""
@@ -107,10 +111,10 @@ class Sensors:
         the incidence), weakened by the square of the distance.
         """
         x, y, look = self._stand(poses)
-        if self._scene.clearance(poses[:, 0].mean(), poses[:, 1].mean()) > IR_REACH + BODY_RADIUS:
+        near = self._scene.near(float(poses[0, 0]), float(poses[0, 1]), IR_REACH + BODY_RADIUS)
+        if near is None:
             return np.full(8, -IR_OFFSET)
-        dx, dy = self._fan(look)
-        distance, incidence = self._scene.hits(x, y, dx, dy)
+        distance, incidence = near.hits(x, y, *self._fan(look))
         thrown = incidence / (distance + IR_DEPTH) ** 2
         return np.asarray((thrown @ self._ir_weight) * self._gain - IR_OFFSET)
 
