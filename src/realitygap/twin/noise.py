@@ -72,7 +72,8 @@ def _normals(keys: NDArray[np.uint64]) -> NDArray[np.float64]:
 
 def _heavy(keys: NDArray[np.uint64]) -> NDArray[np.float64]:
     """Draws of deviation 1 with heavier tails than normal (kurtosis about 5)."""
-    outlier = spread(np.asarray(keys ^ _MIX_A)).astype(np.float64) < OUTLIERS * 2.0**64
+    other: NDArray[np.uint64] = np.bitwise_xor(keys, _MIX_A)
+    outlier = spread(other).astype(np.float64) < OUTLIERS * 2.0**64
     return np.asarray(_normals(keys) * np.where(outlier, _CORE * OUTLIER_SIZE, _CORE))
 
 

@@ -45,10 +45,10 @@ IR_OFFSET = 500.0  # counts: what must be thrown back before the converter shows
 IR_REACH = 0.12  # m: further away nothing reaches the offset
 
 # Ambient light
-EYE_EXPONENT = 1.7  # light.sam at 25 cm: 58 % of the light at 43° off, 24 % at 65°
+EYE_EXPONENT = 1.4  # light.sam at 25 cm: three quarters of the light at 33° off, a third at 65°
 EYE_HEIGHT = 0.012  # m
 WALL_WHITE = 0.3  # share of the light that walls and cylinders (grey paint) throw back, evenly
-EYE_MIDDLE = 1.40  # rad: the eye's response over all elevations, summed
+EYE_MIDDLE = 1.47  # rad: the eye's response over all elevations, summed
 LAMP_COUNTS = 6000.0
 """How far a lamp 1 m away, straight ahead, would pull a reading down: a desk lamp, bright enough to
 saturate a sensor that looks at it from the far end of the room (paper, 3.3: lit sensors say where the

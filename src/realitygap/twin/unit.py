@@ -106,8 +106,8 @@ def draw_unit(number: int) -> Unit:
             height_share=around(1.0, 0.01),
             tilt=two(0.0, math.radians(0.7)),
             roll=around(0.0, math.radians(0.8)),
-            k1=around(-0.06, 0.015),
-            k2=around(0.01, 0.004),
+            k1=around(-0.12, 0.025),
+            k2=around(0.03, 0.01),
             gain=around(1.0, 0.04),
         ),
     )

