@@ -48,6 +48,7 @@ class Drawing:
         floor, slope = lens.floor(*grid)
         self._floor, self._slope = floor.astype(np.float32), slope.astype(np.float32)
         self._lens = lens
+        self._samples = SUB * lens.focal / lens.position[2]  # a metre
         self._fine = self._still(arena)
         self.background = self._coarse(self._fine)
 
@@ -90,6 +91,12 @@ class Drawing:
             picture[np.hypot(p[..., 0] - cx, p[..., 1] - cy) < 0.008] = LAMP
         return picture
 
+    def _paint(self, fine: Array, p: Array, circle: tuple[float, float, float], colour: Array) -> None:
+        """A circle on the plane `p`, its edge as soft as a sample is wide."""
+        off = np.hypot(p[..., 0] - circle[0], p[..., 1] - circle[1])
+        inside = np.clip((circle[2] - off) * self._samples + 0.5, 0.0, 1.0)[..., None]
+        fine += (colour - fine) * inside.astype(np.float32)
+
     def frame(self, x: float, y: float, heading: float) -> Array:
         """The picture with the robot at x, y (m): grey levels as floats, without the camera's noise."""
         centre = self._lens.pixels(np.array([x, y, DISK_HEIGHT / 2]))
@@ -106,10 +113,9 @@ class Drawing:
             fine[np.hypot(p[..., 0] - x, p[..., 1] - y) < BODY_RADIUS] = BODY
         p = self._at(DISK_HEIGHT, window)
         ahead_x, ahead_y = x + FRONT_AHEAD * np.cos(heading), y + FRONT_AHEAD * np.sin(heading)
-        off = np.hypot(p[..., 0] - x, p[..., 1] - y)
-        fine[off < DISK_RADIUS] = BLACK
-        fine[off < MIDDLE_RADIUS] = WHITE
-        fine[np.hypot(p[..., 0] - ahead_x, p[..., 1] - ahead_y) < FRONT_RADIUS] = WHITE
+        self._paint(fine, p, (x, y, DISK_RADIUS), BLACK)
+        self._paint(fine, p, (x, y, MIDDLE_RADIUS), WHITE)
+        self._paint(fine, p, (ahead_x, ahead_y, FRONT_RADIUS), WHITE)
         over = self._over[window]
         fine[over] = self._fine[window][over]
         picture[top:bottom, left:right] = self._coarse(fine)

@@ -64,7 +64,7 @@ def spread(numbers: NDArray[np.uint64]) -> NDArray[np.uint64]:
 
 def _normals(keys: NDArray[np.uint64]) -> NDArray[np.float64]:
     """One normal draw for each key (Box and Muller 1958)."""
-    bits = spread(keys)
+    bits: NDArray[np.uint64] = spread(keys)
     first = ((bits >> np.uint64(32)).astype(np.float64) + 0.5) * 2.0**-32
     second = (bits & np.uint64(0xFFFFFFFF)).astype(np.float64) * 2.0**-32
     return np.asarray(np.sqrt(-2.0 * np.log(first)) * np.cos(2.0 * math.pi * second))
@@ -82,8 +82,8 @@ class SensorNoise:
 
     def __init__(self, *, seed: int, purpose: int) -> None:
         base = spread(np.array([seed & _MASK], np.uint64))
-        base = spread(base ^ np.uint64(purpose))
-        self._white = spread(base + np.arange(8, dtype=np.uint64))
+        base = spread(np.bitwise_xor(base, np.uint64(purpose)))
+        self._white = spread(np.add(base, np.arange(8, dtype=np.uint64), dtype=np.uint64))
         self._drift = spread(self._white)
 
     def white(self, refreshed: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -34,7 +34,7 @@ _EIGHT = 8
 class CameraUnit:
     """How somebody hung the camera: not quite over the middle, not quite straight."""
 
-    offset_m: tuple[float, float]
+    offset_share: tuple[float, float]
     height_share: float
     tilt: tuple[float, float]
     roll: float
@@ -102,10 +102,10 @@ def draw_unit(number: int) -> Unit:
         lamp_power=around(1.0, 0.06),
         lamp_height=around(0.05, 0.004),
         camera=CameraUnit(
-            offset_m=two(0.0, 0.008),
-            height_share=around(1.0, 0.01),
+            offset_share=two(0.0, 0.005),
+            height_share=around(1.0, 0.007),
             tilt=two(0.0, math.radians(0.7)),
-            roll=around(0.0, math.radians(0.8)),
+            roll=around(0.0, math.radians(0.5)),
             k1=around(-0.12, 0.025),
             k2=around(0.03, 0.01),
             gain=around(1.0, 0.04),
