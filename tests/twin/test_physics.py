@@ -148,6 +148,20 @@ def test_hand_puts_it_down() -> None:
             body.place(x, y, 0.0)
 
 
+def test_stays_in_its_room_whatever_it_is_told() -> None:
+    """Full speed, full voltage and sudden turns among obstacles never put it through or on top of one."""
+    body = TwinBody(CROWDED, unit=4, noise=2.0)
+    generator = np.random.default_rng(1)
+    for _ in range(60):
+        left, right = (int(v) for v in generator.integers(-127, 128, 2))
+        (body.set_pwm if generator.random() < 0.3 else body.set_speed)(left, right)
+        body.advance(250)
+        x, y, _ = body.truth()
+        assert 2.6 < x < 77.4 and 2.6 < y < 57.4
+        assert all(math.hypot(x - cx, y - cy) > r + 2.6 for cx, cy, r in CROWDED["cylinders"])
+        assert tilt_deg(body) < 20
+
+
 def test_states_for_the_camera() -> None:
     """A state is kept each 10 ms, and says where the robot was."""
     body = TwinBody(OPEN, unit=0)

@@ -23,8 +23,8 @@ Array = NDArray[np.float32]
 
 DISK_RADIUS, MIDDLE_RADIUS, FRONT_RADIUS, FRONT_AHEAD = 0.0275, 0.007, 0.0045, 0.0195
 """The disk on the robot's back: black, with a white patch in the middle and another ahead (issue 3)."""
-DISK_HEIGHT = 0.0325
-"""On top of the robot, 2.5 mm of card and velvet above its body (m)."""
+DISK_HEIGHT = 0.0305
+"""On top of the robot: half a millimetre of card above its body (m)."""
 
 SUB = 2  # samples along a pixel's side
 FLOOR = np.array([199, 196, 189], np.float32)
