@@ -1,0 +1,120 @@
+"""The overhead camera: recorded states in, frames out, afterwards and at any pace.
+
+MuJoCo's renderer draws the frames where an EGL or OSMesa library works, else they are drawn through the
+same camera and lens; `metadata` says which made them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.errors import ConfigError
+from realitygap.twin.arena import check_arena
+from realitygap.twin.drawing import Drawing
+from realitygap.twin.lens import HEIGHT, WIDTH, hang_camera
+from realitygap.twin.noise import check_dial, draws
+from realitygap.twin.render import open_renderer
+from realitygap.twin.states import States, heading_of
+from realitygap.twin.unit import draw_unit
+
+__all__ = ["OverheadCamera"]
+
+Frame = NDArray[np.uint8]
+
+PIXEL_NOISE = 2.5
+"""Grey levels, deviation: a plain video camera indoors."""
+FALL_OFF = 0.16
+"""A lens darkens its corners: by this share at the picture's corner."""
+FPS = 25.0
+VIEWS = ("auto", "mujoco", "drawn")
+
+
+class OverheadCamera:
+    """The camera above one unit's arena. Use it in a `with`, or `close` it.
+
+    Args:
+        arena: size_cm, cylinders, walls, lamps (cm).
+        unit: the robot, and with it the room and the camera.
+        noise: the dial.
+        view: `mujoco`, `drawn`, or `auto` for the first that works.
+        seed: names the noise of the pixels.
+
+    Raises:
+        ConfigError: `mujoco` is asked for and neither EGL nor OSMesa works here.
+    """
+
+    def __init__(
+        self, arena: Mapping[str, Any], *, unit: int, noise: float = 1.0, view: str = "auto", seed: int = 0
+    ) -> None:
+        if view not in VIEWS:
+            raise ConfigError(f"the camera's view is one of {', '.join(VIEWS)}, got {view!r}")
+        arena = check_arena(arena)
+        who = draw_unit(unit)
+        self.lens = hang_camera(arena, who)
+        self._unit, self._noise, self._seed = unit, check_dial(noise), seed
+        self._renderer = None if view == "drawn" else open_renderer(arena, unit, self.lens)
+        if view == "mujoco" and self._renderer is None:
+            raise ConfigError("MuJoCo's renderer needs an EGL or OSMesa library and neither works here: "
+                              "install one, or ask for the drawn view")  # fmt: skip
+        self._drawing = Drawing(arena, self.lens) if self._renderer is None else None
+        columns, rows = np.meshgrid(np.arange(WIDTH) - WIDTH / 2, np.arange(HEIGHT) - HEIGHT / 2)
+        corner = (WIDTH**2 + HEIGHT**2) / 4
+        light = who.camera.gain * (1 - FALL_OFF * (columns**2 + rows**2) / corner)
+        self._light = light.astype(np.float32)[..., None]
+        self._bank = draws(unit, seed, 53).standard_normal(2 * WIDTH * HEIGHT * 3, np.float32)
+        self._bank *= np.float32(PIXEL_NOISE * self._noise)
+
+    def __enter__(self) -> OverheadCamera:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the renderer's process, if there is one."""
+        if self._renderer is not None:
+            self._renderer.close()
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """Who made the frames, for the film's metadata. Nothing that a tracker has to find out."""
+        view = f"MuJoCo ({self._renderer.library})" if self._renderer else "drawn (no EGL or OSMesa used)"
+        return {"view": view, "width": WIDTH, "height": HEIGHT, "noise": self._noise,
+                "unit": self._unit, "body": "twin (pseudo-reality)"}  # fmt: skip
+
+    def frame(self, pose: NDArray[np.float64], number: int = 0) -> Frame:
+        """[480, 640, 3] what the camera shows of a robot at `pose` (x, y, z in m, quaternion).
+
+        Args:
+            pose: [7], a row of `States.pose`.
+            number: of the frame: names its noise.
+        """
+        if self._renderer is not None:
+            picture = self._renderer.frame(pose) * self._light
+        else:
+            assert self._drawing is not None
+            picture = self._drawing.frame(float(pose[0]), float(pose[1]), float(heading_of(pose)))
+            picture *= self._light
+        if self._noise:
+            size = picture.size
+            start = int(draws(self._seed, 59, number).integers(size))
+            picture += self._bank[start : start + size].reshape(picture.shape)
+        return np.asarray(np.clip(picture + np.float32(0.5), 0, 255).astype(np.uint8))
+
+    def film(self, states: States, *, fps: float = FPS) -> Iterator[tuple[float, Frame]]:
+        """Frames of the recorded states at an even pace: (time in s from the first state, frame).
+
+        Between two states the later one that is not after the frame's time is shown (10 ms at most).
+        """
+        start, end = int(states.time_ms[0]), int(states.time_ms[-1])
+        for number in range(int((end - start) * fps / 1000.0) + 1):
+            t = number / fps
+            row = int(np.searchsorted(states.time_ms, start + t * 1000.0 + 1e-6, side="right")) - 1
+            yield t, self.frame(states.pose[row], number)

@@ -1,0 +1,78 @@
+"""Recorded states: where the robot was, for the camera and for testing the tracker, never for a score."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from realitygap.errors import ConfigError
+
+__all__ = ["States", "heading_of"]
+
+_COLUMNS = ("t_s", "x_cm", "y_cm", "heading_deg")
+
+
+def heading_of(pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    """[...] heading (rad, −π to π) of poses [..., 7]."""
+    w, x, y, z = (pose[..., k] for k in (3, 4, 5, 6))
+    return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+
+
+class States(NamedTuple):
+    """[n] times (ms) and [n, 7] poses: x, y, z (m) and a quaternion."""
+
+    time_ms: NDArray[np.int64]
+    pose: NDArray[np.float64]
+
+    @property
+    def x_cm(self) -> NDArray[np.float64]:
+        """[n] cm."""
+        return self.pose[:, 0] * 100.0
+
+    @property
+    def y_cm(self) -> NDArray[np.float64]:
+        """[n] cm."""
+        return self.pose[:, 1] * 100.0
+
+    @property
+    def heading(self) -> NDArray[np.float64]:
+        """[n] rad, counter-clockwise from +x."""
+        return heading_of(self.pose)
+
+    @classmethod
+    def standing(cls, time_ms: ArrayLike, x_cm: ArrayLike, y_cm: ArrayLike, heading: ArrayLike) -> States:
+        """States of a robot that stands upright: x, y in cm, heading in rad, [n] each."""
+        t = np.asarray(time_ms, np.int64)
+        half = np.asarray(heading, np.float64) / 2.0
+        pose = np.zeros((len(t), 7))
+        pose[:, 0], pose[:, 1] = np.asarray(x_cm) / 100.0, np.asarray(y_cm) / 100.0
+        pose[:, 3], pose[:, 6] = np.cos(half), np.sin(half)
+        return cls(t, pose)
+
+    @classmethod
+    def from_file(cls, path: str | Path) -> States:
+        """States of a sealed file (t_s, x_cm, y_cm, heading_deg and further columns).
+
+        Raises:
+            ConfigError: the file is not such a table; names the line.
+        """
+        rows: list[list[float]] = []
+        with Path(path).open(encoding="utf-8", newline="") as file:
+            table = csv.DictReader(file)
+            missing = set(_COLUMNS) - set(table.fieldnames or ())
+            if missing:
+                raise ConfigError(f"{path}: a file of states has the columns {', '.join(_COLUMNS)}; "
+                                  f"missing {', '.join(sorted(missing))}")  # fmt: skip
+            for row in table:
+                try:
+                    rows.append([float(row[name]) for name in _COLUMNS])
+                except (TypeError, ValueError):
+                    raise ConfigError(
+                        f"{path}, line {table.line_num}: expected numbers for {', '.join(_COLUMNS)}"
+                    ) from None
+        t, x, y, heading = np.array(rows, np.float64).reshape(-1, 4).T
+        return cls.standing(np.rint(t * 1000.0).astype(np.int64), x, y, np.radians(heading))

@@ -1,0 +1,160 @@
+"""The overhead camera: both views, one lens."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import realitygap.twin.render as render
+from realitygap.errors import ConfigError
+from realitygap.twin.arena import check_arena, load_arena
+from realitygap.twin.body import TwinBody
+from realitygap.twin.camera import OverheadCamera
+from realitygap.twin.drawing import DISK_HEIGHT, FRONT_AHEAD, FRONT_RADIUS, MIDDLE_RADIUS
+from realitygap.twin.lens import HEIGHT, WIDTH, hang_camera
+from realitygap.twin.states import States
+from realitygap.twin.unit import draw_unit
+
+ARENAS = {name: load_arena(name) for name in ("obstacle-avoidance", "light-seeking")}
+
+
+def camera(view: str, name: str = "obstacle-avoidance", unit: int = 1, noise: float = 1.0) -> OverheadCamera:
+    """A camera, or a skipped test where no GL library works."""
+    try:
+        return OverheadCamera(ARENAS[name], unit=unit, view=view, noise=noise)
+    except ConfigError as error:
+        pytest.skip(str(error))
+
+
+def white_spot(frame: NDArray[np.uint8], near: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
+    """Centre of the white in the black around a pixel: column, row."""
+    reach = math.ceil(radius) + 1
+    left, top = (round(v) - reach for v in near)
+    part = frame[top : top + 2 * reach + 1, left : left + 2 * reach + 1].mean(axis=2)
+    weight = np.maximum(part - (part.min() + part.max()) / 2, 0)
+    rows, columns = np.mgrid[: part.shape[0], : part.shape[1]]
+    weight[np.hypot(columns + left - near[0], rows + top - near[1]) > radius] = 0
+    return np.array([(columns * weight).sum(), (rows * weight).sum()]) / weight.sum() + [left, top]
+
+
+@pytest.mark.parametrize("view", ["drawn", "mujoco"])
+@pytest.mark.parametrize("name", list(ARENAS))
+def test_the_disk_is_where_the_lens_says(view: str, name: str) -> None:
+    """Both white patches are seen within a fifth of a pixel of where the camera's geometry puts them."""
+    width, depth = (v / 100 for v in ARENAS[name]["size_cm"])
+    with camera(view, name, noise=0.0) as eye:
+        for x, y, heading in [
+            (0.06, 0.07, 0.4),
+            (width / 2, depth / 2, -2.0),
+            (width - 0.05, depth - 0.2, 2.5),
+        ]:
+            frame = eye.frame(States.standing([0], [x * 100], [y * 100], [heading]).pose[0])
+            assert frame.shape == (480, 640, 3) and frame.dtype == np.uint8
+            scale = eye.lens.focal / eye.lens.position[2]
+            for ahead, radius in ((0.0, MIDDLE_RADIUS), (FRONT_AHEAD, FRONT_RADIUS)):
+                patch = [x + ahead * math.cos(heading), y + ahead * math.sin(heading), DISK_HEIGHT]
+                expected = eye.lens.pixels(np.array(patch))
+                assert np.hypot(*(white_spot(frame, expected, scale * (radius + 0.0025)) - expected)) < 0.2
+
+
+def test_both_views_show_the_same() -> None:
+    """Rendered and drawn frames agree about where walls, cylinders and robot are."""
+    pose = States.standing([0], [9], [25], [1.0]).pose[0]
+    with camera("mujoco", noise=0.0) as first, camera("drawn", noise=0.0) as second:
+        a, b = (eye.frame(pose).astype(float).mean(axis=2) for eye in (first, second))
+    inside = (slice(60, 420), slice(110, 520))
+    assert np.corrcoef(a[inside].ravel(), b[inside].ravel())[0, 1] > 0.85
+
+
+@pytest.mark.parametrize("name", list(ARENAS))
+def test_every_unit_sees_its_whole_floor(name: str) -> None:
+    """However a unit's camera hangs, the disk is in the picture wherever the robot can be."""
+    arena = check_arena(ARENAS[name])
+    w, h = (v / 100 for v in arena["size_cm"])
+    corners = np.array([[x, y, DISK_HEIGHT] for x in (0, w) for y in (0, h)])
+    for unit in range(200):
+        seen = hang_camera(arena, draw_unit(unit)).pixels(corners)
+        assert (seen >= 0).all() and (seen[:, 0] < WIDTH).all() and (seen[:, 1] < HEIGHT).all()
+
+
+def test_the_lens_bends_and_straightens() -> None:
+    """Pixels go to the floor and back; a straight edge is bent; height moves points out."""
+    lens = hang_camera(ARENAS["light-seeking"], draw_unit(0))
+    columns, rows = np.meshgrid([0.0, 100.5, 320, 639], [0.0, 77, 240, 479])
+    floor, slope = lens.floor(columns, rows)
+    back = lens.pixels(np.concatenate([floor, np.zeros_like(floor[..., :1])], axis=-1))
+    assert back == pytest.approx(np.stack([columns, rows], axis=-1), abs=1e-6)
+    raised = np.concatenate([floor + 0.03 * slope, np.full_like(floor[..., :1], 0.03)], axis=-1)
+    assert lens.pixels(raised) == pytest.approx(back, abs=1e-6)
+    edge = lens.pixels(np.array([[x, 0.0, 0.0] for x in (0.0, 0.55, 1.1)]))
+    chord = edge[0] + (edge[2] - edge[0]) * (edge[1, 0] - edge[0, 0]) / (edge[2, 0] - edge[0, 0])
+    assert abs(edge[1, 1] - chord[1]) > 0.7
+    parallax = lens.pixels(np.array([[1.0, 0.6, z] for z in (0.0, DISK_HEIGHT)]))
+    assert 2 < np.hypot(*(parallax[1] - parallax[0])) < 20
+
+
+def test_a_film_of_recorded_states() -> None:
+    """States recorded first give frames at an even pace afterwards, the same each time."""
+    body = TwinBody(ARENAS["obstacle-avoidance"], unit=1)
+    body.set_speed(5, 4)
+    body.advance(400)
+    with camera("drawn") as eye, camera("drawn", noise=0.0) as still:
+        film = list(eye.film(body.states(), fps=25))
+        again = list(eye.film(body.states(), fps=25))
+        quiet = [frame for _, frame in still.film(body.states(), fps=25)]
+    assert [t for t, _ in film] == pytest.approx(np.arange(11) / 25)
+    assert all(np.array_equal(a[1], b[1]) for a, b in zip(film, again, strict=True))
+    noise = np.array([f.astype(float) - q for (_, f), q in zip(film, quiet, strict=True)])
+    assert noise.std() == pytest.approx(2.5, abs=0.2)
+    assert abs(np.corrcoef(noise[0].ravel(), noise[1].ravel())[0, 1]) < 0.03
+
+
+def test_falls_back_where_no_renderer_works(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without EGL and OSMesa the frames are drawn, the metadata say so, and the renderer is refused."""
+    monkeypatch.setattr(render, "GL_LIBRARIES", ("glory",))
+    with OverheadCamera(ARENAS["light-seeking"], unit=0) as eye:
+        assert eye.metadata["view"].startswith("drawn")
+    with pytest.raises(ConfigError, match="EGL or OSMesa"):
+        OverheadCamera(ARENAS["light-seeking"], unit=0, view="mujoco")
+    with pytest.raises(ConfigError, match="auto, mujoco, drawn"):
+        OverheadCamera(ARENAS["light-seeking"], unit=0, view="film")
+
+
+def test_metadata_say_nothing_that_must_be_found_out() -> None:
+    """A film's metadata name the view and the unit; where the camera hangs stays sealed."""
+    with camera("drawn") as eye:
+        assert set(eye.metadata) == {"view", "width", "height", "noise", "unit", "body"}
+        assert "pseudo-reality" in eye.metadata["body"]
+
+
+def test_states_from_a_file(tmp_path: Path) -> None:
+    """A sealed file's rows become states; a broken line is named."""
+    path = tmp_path / "sealed.csv"
+    path.write_text("t_s,x_cm,y_cm,heading_deg,led_0\n0.020,10,20,90,0\n0.040,11,21,-170,1\n")
+    states = States.from_file(path)
+    assert states.time_ms.tolist() == [20, 40]
+    assert states.x_cm == pytest.approx([10, 11])
+    assert np.degrees(states.heading) == pytest.approx([90, -170])
+    path.write_text("t_s,x_cm,y_cm,heading_deg\n0,1,2,3\n0,1,oops,3\n")
+    with pytest.raises(ConfigError, match="line 3"):
+        States.from_file(path)
+    path.write_text("t_s,x\n")
+    with pytest.raises(ConfigError, match="x_cm"):
+        States.from_file(path)
+
+
+def test_the_twin_knows_nothing_of_the_simulation() -> None:
+    """Physics, sensors and camera load without any room of the simulation."""
+    code = (
+        "import sys, realitygap.twin.body, realitygap.twin.camera\n"
+        "rooms = ('world', 'kernels', 'tasks', 'controller', 'evolution', 'study', 'calibration', 'report')\n"
+        "print([m for m in sys.modules if m.startswith('realitygap.') and m.split('.')[1] in rooms])\n"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "[]"

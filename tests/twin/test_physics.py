@@ -1,0 +1,172 @@
+"""The twin's physics: what a wheeled robot on a table does."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from realitygap.errors import ConfigError
+from realitygap.twin.body import TwinBody
+from tests.twin.rooms import CROWDED, OPEN
+
+PULSES_PER_CM = 120
+
+
+def tilt_deg(body: TwinBody) -> float:
+    """How far the body leans."""
+    q = body.states().pose[-1, 3:]
+    return math.degrees(math.acos(min(1.0, 1 - 2 * (q[1] ** 2 + q[2] ** 2))))
+
+
+@pytest.mark.parametrize("unit", range(4))
+def test_stands_level(unit: int) -> None:
+    """A robot left alone stays where it was put, leaning by less than half a degree."""
+    body = TwinBody(OPEN, unit=unit)
+    body.place(50, 60, 1.0)
+    body.advance(2000)
+    x, y, heading = body.truth()
+    assert math.hypot(x - 50, y - 60) < 0.05
+    assert abs(heading - 1.0) < 0.01
+    assert tilt_deg(body) < 0.5
+    assert abs(body.states().pose[:, 2]).max() < 1e-4
+
+
+@pytest.mark.parametrize("speed", [-10, -3, 1, 5, 10])
+def test_drives_straight(speed: int) -> None:
+    """Without noise a robot drives as far as its pulses say, straight but for its unequal wheels."""
+    body = TwinBody(OPEN, unit=3, noise=0.0)
+    body.place(100, 100, 0.5)
+    body.set_speed(speed, speed)
+    body.advance(3000)
+    x, y, heading = body.truth()
+    way = math.hypot(x - 100, y - 100)
+    assert body.pulses() == pytest.approx((speed * 300, speed * 300), abs=3 + abs(speed) * 10)
+    assert way == pytest.approx(abs(sum(body.pulses())) / 2 / PULSES_PER_CM, rel=0.015, abs=0.02)
+    assert abs(heading - 0.5) < math.radians(15) * way / 100 + 0.005
+    assert body.speeds() == pytest.approx((speed, speed), abs=1)
+
+
+def test_turns_in_place() -> None:
+    """Wheels turning against each other turn the robot and leave its centre where it was."""
+    body = TwinBody(OPEN, unit=2, noise=0.0)
+    body.place(100, 100, 0.0)
+    body.set_speed(-3, 3)
+    body.advance(2000)
+    x, y, heading = body.truth()
+    left, right = body.pulses()
+    assert math.hypot(x - 100, y - 100) < 0.1
+    assert heading == pytest.approx((right - left) / PULSES_PER_CM / 5.3, rel=0.02)
+
+
+@pytest.mark.parametrize("speed", [1, 5, 15, 24])
+@pytest.mark.parametrize("heading", [0.0, 0.7])
+def test_collides_without_sinking_in(speed: int, heading: float) -> None:
+    """From 8 to 200 mm/s a robot meets a cylinder or a wall without going into it by 0.2 mm, or over it."""
+    room = {"size_cm": [60, 60], "cylinders": [[30, 30, 4]]} if heading == 0.0 else OPEN
+    body = TwinBody(room, unit=1)
+    start = (22.5, 30) if heading == 0.0 else (197 - 1.5 * math.cos(heading), 100)
+    body.place(*start, heading)
+    body.set_speed(speed, speed)
+    worst = 0.0
+    for _ in range(2500):
+        body.advance(1)
+        x, y, _ = body.truth()
+        gap = math.hypot(x - 30, y - 30) - 4 - 2.75 if heading == 0.0 else 200 - x - 2.75
+        worst = min(worst, gap)
+        assert tilt_deg(body) < 2.0
+    assert -0.02 < worst < 0.01, "it touched, and by less than 0.2 mm too much"
+
+
+def test_can_leave_a_wall() -> None:
+    """A robot that pushes a wall can always turn on the spot or back away."""
+    body = TwinBody(OPEN, unit=0)
+    body.place(196.5, 100, 0.0)
+    body.set_speed(8, 8)
+    body.advance(1500)
+    before = body.truth()
+    body.set_speed(-4, 4)
+    body.advance(1000)
+    assert abs(body.truth()[2] - before[2]) > 0.8
+    body.place(196.5, 100, 0.0)
+    body.set_speed(8, 8)
+    body.advance(1500)
+    body.set_speed(-8, -8)
+    body.advance(1000)
+    assert body.truth()[0] < before[0] - 4
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+def test_half_the_step_same_behaviour(noise: float) -> None:
+    """Physics at half the time step ends at the same place, noise and a brush with a wall included."""
+    ends = []
+    for substeps in (1, 2):
+        body = TwinBody(OPEN, unit=5, noise=noise, seed=2, substeps=substeps)
+        body.place(170, 150, 0.6)
+        for left, right in [(6, 6), (8, 3), (-5, 5), (6, 7)] * 2:
+            body.set_speed(left, right)
+            body.advance(700)
+        ends.append(body.truth())
+    assert math.hypot(ends[0][0] - ends[1][0], ends[0][1] - ends[1][1]) < 0.15
+    assert abs(ends[0][2] - ends[1][2]) < 0.03
+
+
+def test_same_calls_same_bits() -> None:
+    """Same unit, seed, arena and calls: the same bits. Another seed or unit: another path."""
+
+    def live(unit: int, seed: int, read: bool) -> tuple[object, ...]:
+        body = TwinBody(CROWDED, unit=unit, seed=seed)
+        body.set_speed(7, 5)
+        for _ in range(10):
+            body.advance(100)
+            if read:
+                body.proximity(), body.ambient()
+        return body.truth(), body.proximity(), body.ambient(), body.pulses()
+
+    first = live(1, 4, True)
+    assert live(1, 4, True) == first
+    assert live(1, 4, False) == first, "asking the sensors changes nothing"
+    assert live(1, 5, True) != first
+    assert live(2, 4, True) != first
+
+
+def test_hand_puts_it_down() -> None:
+    """A hand places the robot at rest and leaves its counters; no hand puts it into a cylinder."""
+    body = TwinBody(CROWDED, unit=0)
+    body.set_speed(5, 5)
+    body.advance(200)
+    pulses = body.pulses()
+    body.set_speed(0, 0)
+    body.place(70, 50, -2.0)
+    assert body.truth() == pytest.approx((70, 50, -2.0))
+    assert body.pulses() == pulses
+    body.advance(300)
+    assert body.truth()[:2] == pytest.approx((70, 50), abs=0.1)
+    for x, y in [(20, 20), (1, 30), (-5, 20), (42.5, 22.5)]:
+        with pytest.raises(ConfigError, match="no room"):
+            body.place(x, y, 0.0)
+
+
+def test_stays_in_its_room_whatever_it_is_told() -> None:
+    """Full speed, full voltage and sudden turns among obstacles never put it through or on top of one."""
+    body = TwinBody(CROWDED, unit=4, noise=2.0)
+    generator = np.random.default_rng(1)
+    for _ in range(60):
+        left, right = (int(v) for v in generator.integers(-127, 128, 2))
+        (body.set_pwm if generator.random() < 0.3 else body.set_speed)(left, right)
+        body.advance(250)
+        x, y, _ = body.truth()
+        assert 2.6 < x < 77.4 and 2.6 < y < 57.4
+        assert all(math.hypot(x - cx, y - cy) > r + 2.6 for cx, cy, r in CROWDED["cylinders"])
+        assert tilt_deg(body) < 20
+
+
+def test_states_for_the_camera() -> None:
+    """A state is kept each 10 ms, and says where the robot was."""
+    body = TwinBody(OPEN, unit=0)
+    body.set_speed(10, 10)
+    body.advance(500)
+    states = body.states()
+    assert np.array_equal(states.time_ms, np.r_[0, np.arange(10, 501, 10)])
+    assert (states.x_cm[-1], states.y_cm[-1], states.heading[-1]) == pytest.approx(body.truth())

@@ -1,0 +1,63 @@
+"""The twin's arenas: plain numbers, refused in words where they make no sense."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from realitygap.errors import ConfigError
+from realitygap.twin.arena import check_arena, edges, load_arena
+from realitygap.twin.body import TwinBody
+
+
+def test_the_papers_arenas() -> None:
+    """Both tasks' arenas are the twin's own data, with the room and the obstacles of the paper."""
+    avoidance, light = load_arena("obstacle-avoidance"), load_arena("light-seeking")
+    assert avoidance["size_cm"] == [50.0, 50.0]
+    assert sorted(c[:2] for c in avoidance["cylinders"]) == [[15, 15], [15, 35], [35, 15], [35, 35]]
+    assert {c[2] for c in avoidance["cylinders"]} == {4.0}
+    assert (light["size_cm"], light["lamps"]) == ([110.0, 70.0], [[110.0, 35.0]])
+
+
+@pytest.mark.parametrize(
+    ("arena", "says"),
+    [
+        ({}, "size_cm"),
+        ({"size_cm": [2, 50]}, "size_cm"),
+        ({"size_cm": "big"}, "size_cm"),
+        ({"size_cm": [50, 50], "trees": []}, "trees"),
+        ({"size_cm": [50, 50], "cylinders": [[1, 2]]}, "x, y, radius"),
+        ({"size_cm": [50, 50], "cylinders": [[10, 10, 0]]}, "radius is above 0"),
+        ({"size_cm": [50, 50], "walls": [[1, 2, 1, 2]]}, "two different ends"),
+        ({"size_cm": [50, 50], "lamps": [[1, float("nan")]]}, "lamps"),
+        ({"size_cm": [50, 50], "lamps": 3}, "lamps"),
+    ],
+)
+def test_nonsense_is_refused(arena: dict[str, Any], says: str) -> None:
+    """A wrong key or value is named."""
+    with pytest.raises(ConfigError, match=says):
+        check_arena(arena)
+
+
+def test_unknown_name_is_refused() -> None:
+    """An arena that the twin does not have is refused with those that it has."""
+    with pytest.raises(ConfigError, match="light-seeking"):
+        load_arena("maze")
+
+
+def test_partition_is_a_closed_board() -> None:
+    """A partition has four faces that close on each other, as thick everywhere."""
+    faces = edges(check_arena({"size_cm": [50, 50], "walls": [[10, 10, 30, 20]]}))[4:]
+    assert np.allclose(faces[:, 2:], np.roll(faces[:, :2], -1, axis=0))
+    lengths = np.sort(np.hypot(*(faces[:, 2:] - faces[:, :2]).T))
+    assert np.allclose(lengths[:2], 0.006)
+
+
+def test_full_room_is_refused() -> None:
+    """A floor without room for a robot is refused before anything explodes."""
+    with pytest.raises(ConfigError, match="room for the robot"):
+        TwinBody({"size_cm": [10, 10], "cylinders": [[5, 5, 4]]}, unit=0)
+    body = TwinBody({"size_cm": [50, 50], "cylinders": [[25, 25, 4]]}, unit=0)
+    assert np.hypot(body.truth()[0] - 25, body.truth()[1] - 25) > 6.7

@@ -1,0 +1,117 @@
+"""The twin's noise has the size it says, and the dial multiplies all of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from realitygap.errors import ConfigError
+from realitygap.twin.body import TwinBody
+from realitygap.twin.noise import AMBIENT_COUNTS, PROXIMITY_COUNTS, Creep, SensorNoise
+from tests.twin.rooms import OPEN
+
+LIT = {"size_cm": [100, 100], "lamps": [[100, 50]]}
+
+
+def creep_over_100_ms(dial: float, speed_cm_s: float, steps: int = 4000) -> NDArray[np.float64]:
+    """Mean creep of each 100 ms of wheels that roll over the floor at a speed."""
+    creep = Creep(seed=3, noise=dial, phases=(0.3, 2.0))
+    rows = []
+    for k in range(steps * 20):
+        way = speed_cm_s / 100 * k * 0.005
+        rows.append([creep.at(w, way % 0.31, (way * 0.37) % 0.27, way / 0.008) for w in (0, 1)])
+    return np.array(rows).reshape(steps, 20, 2).mean(axis=1)
+
+
+@pytest.mark.parametrize("dial", [0.5, 1.0, 2.0])
+def test_wheels_err_by_six_percent(dial: float) -> None:
+    """Over 100 ms a wheel carries the robot about 6 % more or less than it turns, times the dial."""
+    for speed in (2.0, 6.0):
+        deviation = creep_over_100_ms(dial, speed).std()
+        assert 0.052 * dial < deviation < 0.072 * dial
+    assert not np.any(creep_over_100_ms(0.0, 4.0, steps=5))
+
+
+@pytest.mark.parametrize("dial", [0.5, 1.0, 2.0])
+def test_wheels_of_the_driving_robot(dial: float) -> None:
+    """The same measured on the ground, as a camera would: from true poses against pulses."""
+    errors = []
+    for unit in range(3):
+        body = TwinBody({"size_cm": [300, 300]}, unit=unit, noise=dial, seed=8)
+        body.place(20, 150, 0.0)
+        body.set_speed(10, 10)
+        body.advance(500)
+        rows = []
+        for _ in range(100):
+            body.advance(100)
+            rows.append([*body.truth(), *body.pulses()])
+        x, y, heading, left, right = np.diff(np.array(rows), axis=0).T
+        way, turn = np.hypot(x, y), heading * body.unit.track * 50
+        for rolled, pulses in ((way - turn, left), (way + turn, right)):
+            share = rolled / (pulses / 120)
+            errors.append(share - share.mean())
+    assert np.std(errors) == pytest.approx(0.06 * dial, rel=0.2)
+
+
+@pytest.mark.parametrize("dial", [0.5, 1.0, 2.0])
+def test_sensors_err_as_the_real_ones(dial: float) -> None:
+    """A lit proximity sensor varies by 21 counts, an ambient one by 4.5, times the dial."""
+    body = TwinBody(LIT, unit=3, noise=dial)
+    body.place(100 - 2.75 - 2.7, 50, 0.0)
+    quiet = TwinBody(LIT, unit=3, noise=0.0)
+    quiet.place(100 - 2.75 - 2.7, 50, 0.0)
+    quiet.advance(30)
+    middle = [k for k, v in enumerate(quiet.proximity()) if 100 * dial < v < 1023 - 100 * dial]
+    assert middle, "some sensor is neither dark nor saturated"
+    near, light = [], []
+    for _ in range(500):
+        body.advance(20)
+        near.append(body.proximity())
+        light.append(body.ambient())
+    assert np.std(near, axis=0)[middle].mean() == pytest.approx(PROXIMITY_COUNTS * dial, rel=0.15)
+    assert np.std(light, axis=0).mean() == pytest.approx(AMBIENT_COUNTS * dial, rel=0.15)
+
+
+def test_dark_sensors_jitter_a_little() -> None:
+    """A proximity sensor that sees nothing reads a few counts, never negative; without noise, 0."""
+    body = TwinBody(OPEN, unit=0)
+    rows = []
+    for _ in range(100):
+        body.advance(20)
+        rows.append(body.proximity())
+    assert 1 < np.mean(rows) < 8
+    assert np.min(rows) == 0 and np.max(rows) < 40
+    quiet = TwinBody(OPEN, unit=0, noise=0.0)
+    assert quiet.proximity() == [0] * 8
+
+
+def test_tails_are_heavier_than_normal_and_part_is_slow() -> None:
+    """Kurtosis lies well above the normal's 3; neighbouring readings keep about a tenth in common."""
+    noise = SensorNoise(seed=11, purpose=1)
+    rows = np.array([noise.at(t, np.full(8, t)) for t in range(0, 400_000, 100)])
+    assert rows.std() == pytest.approx(1.0, abs=0.04)
+    white = np.array([noise.white(np.full(8, t)) for t in range(4000)]).ravel()
+    normal = np.random.default_rng(0).standard_normal(white.size)
+    kurtosis = [float((v**4).mean() / (v**2).mean() ** 2) for v in (white, normal)]
+    assert kurtosis[0] > 4.0 > 3.3 > kurtosis[1]
+    near = float((rows[1:] * rows[:-1]).mean())
+    far = float((rows[300:] * rows[:-300]).mean())
+    assert 0.06 < near < 0.14
+    assert abs(far) < 0.04
+
+
+def test_asking_twice_gives_the_same() -> None:
+    """Between two refreshings a sensor keeps its value, however often it is asked."""
+    body = TwinBody(LIT, unit=0)
+    body.advance(100)
+    assert body.proximity() == body.proximity()
+    assert body.ambient() == body.ambient()
+    assert body.analog(2) == body.analog(2)
+
+
+@pytest.mark.parametrize("wrong", [-1, float("nan"), float("inf"), "loud", True, None])
+def test_dial_is_a_number(wrong: object) -> None:
+    """A dial that is no number from 0 on is refused in words."""
+    with pytest.raises(ConfigError, match="noise is a number from 0 on"):
+        TwinBody(OPEN, unit=0, noise=wrong)  # type: ignore[arg-type]

@@ -1,0 +1,192 @@
+"""What the twin's sensors see: laws of physics, and the shape of the real robot's tables."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from realitygap.twin.arena import check_arena, edges
+from realitygap.twin.body import TwinBody
+from realitygap.twin.rays import Scene
+from realitygap.twin.sensors import IR_OFFSET, LAMP_COUNTS, Sensors
+from realitygap.twin.unit import draw_unit
+from tests.twin.rooms import CROWDED, OPEN, table
+
+FRONT = (2, 3)
+
+
+def eyes(arena: dict[str, Any], unit: int = 0) -> Sensors:
+    """Sensors without noise."""
+    return Sensors(check_arena(arena), draw_unit(unit), noise=0.0, seed=0)
+
+
+def at(x_cm: float, y_cm: float, heading: float) -> NDArray[np.float64]:
+    """The pose of a robot at rest, for all eight sensors (m)."""
+    return np.tile([x_cm / 100, y_cm / 100, heading], (8, 1))
+
+
+def slow_ray(scene: dict[str, Any], x: float, y: float, angle: float) -> float:
+    """The obvious way: walk along the ray, a tenth of a millimetre at a time (cm)."""
+    w, h = scene["size_cm"]
+    for step in range(1, 20_000):
+        px, py = x + step * 0.01 * math.cos(angle), y + step * 0.01 * math.sin(angle)
+        if not (0 < px < w and 0 < py < h):
+            return step * 0.01
+        if any(math.hypot(px - cx, py - cy) < r for cx, cy, r in scene["cylinders"]):
+            return step * 0.01
+        for x0, y0, x1, y1 in scene["walls"]:
+            length = math.hypot(x1 - x0, y1 - y0)
+            along = ((px - x0) * (x1 - x0) + (py - y0) * (y1 - y0)) / length
+            off = ((py - y0) * (x1 - x0) - (px - x0) * (y1 - y0)) / length
+            if -0.3 < along < length + 0.3 and abs(off) < 0.3:
+                return step * 0.01
+    return math.inf
+
+
+def test_rays_meet_what_the_obvious_way_meets() -> None:
+    """Fast rays end where slow ones do, with normals that look back at them."""
+    arena = check_arena(CROWDED)
+    scene = Scene(edges(arena), np.array(arena["cylinders"]) / 100)
+    generator = np.random.default_rng(5)
+    for x, y in [(10, 10), (30, 45), (70, 20), (47, 30)]:
+        angles = generator.uniform(-math.pi, math.pi, 12)
+        start = np.array([x / 100]), np.array([y / 100])
+        distance, incidence, *_ = scene.meet(*start, np.cos(angles)[None], np.sin(angles)[None])
+        slow = [slow_ray(arena, x, y, a) for a in angles]
+        assert distance[0] * 100 == pytest.approx(slow, abs=0.03)
+        assert (incidence > 0).all() and (incidence <= 1 + 1e-12).all()
+
+
+def test_infrared_weakens_with_the_square_of_the_distance() -> None:
+    """Twice as far from a wall: a quarter of the light, but for the depth of the sensor's window."""
+    sensors = eyes(OPEN)
+    light = [sensors.reflected(at(200 - 2.5 - d, 100, 0.0))[2] + IR_OFFSET for d in (1.0, 2.0, 4.0)]
+    assert light[0] / light[1] == pytest.approx((2.16 / 1.16) ** 2, rel=0.1)
+    assert light[1] / light[2] == pytest.approx((4.16 / 2.16) ** 2, rel=0.1)
+
+
+def test_infrared_saturates_and_vanishes() -> None:
+    """Close to a wall a sensor reads 1023, 8 cm away nothing; in between it falls all the way."""
+    body = TwinBody(OPEN, unit=0, noise=0.0)
+    rows = []
+    for gap in np.arange(0.2, 8.0, 0.3):
+        body.place(200 - 2.75 - gap, 100, 0.0)
+        rows.append(body.proximity())
+    front = np.array(rows)[:, FRONT]
+    assert (front[0] == 1023).all() and (front[-1] == 0).all()
+    assert (np.diff(front, axis=0) <= 0).all()
+
+
+def test_a_cylinder_throws_back_less_than_a_wall() -> None:
+    """At the same gap a cylinder of 4 cm shows less than a wall."""
+    sensors = eyes({"size_cm": [100, 100], "cylinders": [[50, 50, 4]]})
+    wall = sensors.reflected(at(100 - 2.75 - 2.0, 20, 0.0))[2]
+    cylinder = sensors.reflected(at(50 - 4 - 2.75 - 2.0, 50, 0.0))[2]
+    assert cylinder < 0.8 * wall
+
+
+def test_sensors_differ_by_their_gains() -> None:
+    """The eight sensors of one unit do not agree, nor do two units."""
+    readings = [eyes(OPEN, unit).reflected(at(200 - 5.0, 100, 0.0)) + IR_OFFSET for unit in (0, 1)]
+    assert abs(readings[0][2] / readings[0][3] - 1) > 0.02
+    assert abs(readings[0][2] / readings[1][2] - 1) > 0.02
+
+
+def test_direct_light_weakens_with_the_square_and_adds_up() -> None:
+    """Without walls near, half the distance is four times the light; two lamps give twice as much."""
+    one = {"size_cm": [900, 900], "lamps": [[450, 450]]}
+    sensors = eyes(one)
+    sensors._direction[:] = 0.0
+    near, far = (sensors.illumination(at(450 - d - 2.5, 450, 0.0))[2] for d in (50.0, 100.0))
+    assert near / far == pytest.approx(4.0, rel=0.05)
+    two = eyes({**one, "lamps": one["lamps"] * 2})
+    two._direction[:] = 0.0
+    assert two.illumination(at(350, 450, 0.0)) == pytest.approx(2 * sensors.illumination(at(350, 450, 0.0)))
+
+
+def test_ambient_is_linear_between_dark_and_floor() -> None:
+    """Readings fall in proportion to the light, from about 480 down to about 60 and no further."""
+    room = {"size_cm": [110, 70], "lamps": [[110, 35]]}
+    sensors, unit = eyes(room), draw_unit(0)
+    for x, y, heading in [(15, 35, 0.0), (15, 35, 2.0), (60, 20, -2.5), (90, 50, 1.0)]:
+        light = sensors.illumination(at(x, y, heading))
+        readings = np.array(sensors.ambient(0, np.zeros(8, np.int64), at(x, y, heading)))
+        expected = np.array(unit.dark) - LAMP_COUNTS * np.array(unit.ambient_gain) * light
+        assert readings == pytest.approx(np.maximum(expected, unit.floor), abs=0.51)
+    dark = eyes({"size_cm": [110, 70]}).ambient(0, np.zeros(8, np.int64), at(50, 30, 0.0))
+    assert dark == [round(v) for v in unit.dark]
+
+
+def test_light_tells_where_the_lamp_is() -> None:
+    """From the paper's start the sensors that look at the lamp are bright and the others dimmer."""
+    sensors = eyes({"size_cm": [110, 70], "lamps": [[110, 35]]})
+    towards = np.array(sensors.ambient(0, np.zeros(8, np.int64), at(15, 35, 0.0)))
+    away = np.array(sensors.ambient(0, np.zeros(8, np.int64), at(15, 35, math.pi)))
+    assert towards[[2, 3]].max() < 80 and away[[6, 7]].max() < 80
+    assert towards[[0, 5, 6, 7]].min() > 150 and away[[0, 2, 3, 5]].min() > 150
+
+
+def test_cylinders_and_the_body_throw_shadows() -> None:
+    """Behind a cylinder there is no direct light, and a sensor that looks away has none."""
+    room = {"size_cm": [200, 200], "lamps": [[150, 100]]}
+    shaded = {**room, "cylinders": [[100, 100, 5]]}
+    free = eyes(room).illumination(at(60, 100, 0.0))
+    hidden = eyes(shaded).illumination(at(60, 100, 0.0))
+    assert hidden[2] < 0.1 * free[2]
+    assert free[6] < 0.1 * free[2]
+
+
+def test_sensors_are_refreshed_one_after_another() -> None:
+    """A reading is 0 to 19 ms old, and the eight have different ages."""
+    sensors = eyes(OPEN)
+    ages = np.array([t - sensors.refreshed(t) for t in range(100, 200)])
+    assert ages.min() == 0 and ages.max() == 19
+    assert len(set(ages[0])) == 8
+
+
+def test_proximity_looks_like_the_real_table() -> None:
+    """In front of a wall, twin units and the real robot agree about where a sensor saturates, where it
+    loses the wall, and how wide it looks; they differ no more than units do."""
+    real, distances = table("wall.sam")
+    saturated, lost, width, twin = [], [], [], []
+    for unit in range(6):
+        sensors = eyes(OPEN, unit)
+        rows = np.array([
+            [sensors.reflected(at(200 - 2.75 - d / 10, 100, math.radians(2.0 * b))) for b in range(0, 180, 4)]
+            for d in distances
+        ])  # fmt: skip
+        rows = np.clip(rows, 0, 1023)
+        twin.append(rows)
+        saturated += list((rows.max(axis=1) >= 1023).sum(axis=0))
+        lost += list((rows.max(axis=1) >= 50).sum(axis=0))
+        width += list((rows[10] > 100).sum(axis=0) * 8)
+    assert np.mean(saturated) == pytest.approx((real.max(axis=1) >= 1023).sum(axis=0).mean(), abs=1.5)
+    assert np.mean(lost) == pytest.approx((real.max(axis=1) >= 50).sum(axis=0).mean(), abs=2.0)
+    assert np.mean(width) == pytest.approx((real[10] > 100).sum(axis=0).mean() * 2, abs=14)
+    for sensor in range(8):
+        mean = np.mean(twin, axis=0)[:, :, sensor].ravel()
+        assert np.corrcoef(mean, real[:, ::4, sensor].ravel())[0, 1] > 0.93
+
+
+def test_ambient_looks_like_the_real_table() -> None:
+    """Dark and saturated readings, and how much light a sensor keeps at an angle, are the real robot's."""
+    real, distances = table("light.sam")
+    volts = 500 * (1 - real / 1024)
+    units = [draw_unit(k) for k in range(20)]
+    assert np.mean([u.dark for u in units]) == pytest.approx(np.median(volts[-1].max(axis=0)), abs=15)
+    assert np.mean([u.floor for u in units]) == pytest.approx(np.median(volts[1].min(axis=0)), abs=8)
+    row = int(np.argmin(abs(distances - 253)))
+    drop = (volts[row].max() - volts[row][:, FRONT]).mean(axis=1)
+    sensors = eyes({"size_cm": [900, 900], "lamps": [[450, 450]]})
+    sensors._direction[:] = [math.radians(v) for v in (90, 45, 0, 0, -45, -90, 180, 180)]
+    reach = (27.5 + distances[row]) / 10
+    seen = np.array(
+        [sensors.illumination(at(450 - reach, 450, math.radians(a)))[[2, 3]].mean() for a in (0, 30, 60)]
+    )
+    for k, share in zip((15, 30), seen[1:] / seen[0], strict=True):
+        both = (drop[k] + drop[180 - k]) / 2 / drop[[0, 1, 2, 178, 179]].mean()
+        assert share == pytest.approx(both, abs=0.12)
