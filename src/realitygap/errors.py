@@ -4,6 +4,7 @@ from __future__ import annotations
 
 __all__ = [
     "ConfigError",
+    "FilmError",
     "GenotypeError",
     "RealityGapError",
     "StudyBusyError",
@@ -50,3 +51,7 @@ class StudyInterruptedError(RealityGapError, KeyboardInterrupt):
     """Ctrl-C while a study ran: what was saved is kept. Whoever waits for KeyboardInterrupt gets it."""
 
     exit_code = 130
+
+
+class FilmError(UsageError):
+    """A film, a camera, a disk or a table of poses that cannot be used."""

@@ -1,0 +1,250 @@
+"""Films in and out, through PyAV: no other program is needed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import av
+import numpy as np
+from av.error import EOFError as EndOfFilm
+from av.error import FFmpegError
+from numpy.typing import NDArray
+
+from realitygap.errors import FilmError
+
+__all__ = ["FilmReader", "FilmWriter", "Frame"]
+
+Image = NDArray[np.uint8]
+
+_LUMA_FIRST = ("yuv420p", "yuvj420p", "yuv422p", "yuvj422p", "yuv444p", "yuvj444p", "nv12", "gray")
+"""Pixel formats of 8 bits whose first plane is the brightness."""
+
+_BROKEN_IN_A_ROW = 50
+"""So many packets that cannot be decoded, one after another, end a film."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One picture of a film: when it was taken after the first (s), and its brightness [height, width]."""
+
+    t_s: float
+    grey: Image
+    damaged: bool
+    source: Any
+
+    def colour(self) -> Image:
+        """The picture in red, green and blue, [height, width, 3]."""
+        return _turned(self.source.to_ndarray(format="rgb24"), self.source)
+
+
+class FilmReader:
+    """A film being read, a context manager and an iterator of its frames; one pass.
+
+    What is wrong with the film is known when the pass is over: `trouble` then says in words where
+    it was cut off or damaged, or is None.
+
+    Raises:
+        FilmError: no such file, not a film, or one that no frame can be read from.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.trouble: str | None = None
+        self._container: Any = self._open()
+        self._stream: Any = self._container.streams.video[0]
+        self._stream.thread_type = "AUTO"
+        self.frames_expected = self._expected()
+
+    @property
+    def notes(self) -> dict[str, Any]:
+        """What `FilmWriter` noted about the film; empty for others' films."""
+        with suppress(ValueError):
+            notes = json.loads(self._container.metadata.get("comment", ""))
+            if isinstance(notes, dict):
+                return notes
+        return {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._container.close()
+
+    def __iter__(self) -> Iterator[Frame]:
+        begin: float | None = None
+        count, damaged, last = 0, 0, 0.0
+        for source in self._decoded():
+            t = count / self._rate() if source.pts is None else float(source.pts * source.time_base)
+            begin = t if begin is None else begin
+            last, hurt = t - begin, bool(getattr(source, "is_corrupt", False))
+            count, damaged = count + 1, damaged + hurt
+            yield Frame(round(last, 9), _turned(_grey(source), source), hurt, source)
+        if not count:
+            raise FilmError(f"{self.path}: no frame can be read from this film. Give another file.")
+        self._judge(count, damaged, last)
+
+    def _open(self) -> Any:
+        if not self.path.exists():
+            raise FilmError(f"{self.path}: no such film. Check the path.")
+        if self.path.is_dir():
+            raise FilmError(f"{self.path}: a folder; give the path of a film.")
+        try:
+            container: Any = av.open(str(self.path), metadata_errors="replace")
+        except (FFmpegError, ValueError, OSError) as error:
+            if isinstance(error, PermissionError):
+                raise FilmError(f"{self.path}: cannot be read. Check the file's rights.") from None
+            raise FilmError(
+                f"{self.path}: not a film, or cut off so early that its table of contents is missing. "
+                "Give a film as a camera writes it (MP4, MOV, MKV, AVI …)."
+            ) from None
+        if not container.streams.video:
+            container.close()
+            raise FilmError(f"{self.path}: there is no picture in this file. Give a film.")
+        return container
+
+    def _expected(self) -> int | None:
+        """How many frames the film says it has, if it says so."""
+        if self._stream.frames:
+            return int(self._stream.frames)
+        if self._stream.duration and self._stream.time_base:
+            return round(float(self._stream.duration * self._stream.time_base) * self._rate())
+        if self._container.duration:
+            return round(self._container.duration / av.time_base * self._rate())
+        return None
+
+    def _rate(self) -> float:
+        return float(self._stream.average_rate or self._stream.guessed_rate or 25)
+
+    def _decoded(self) -> Iterator[Any]:
+        """Frames as the decoder gives them; what it cannot decode is left out."""
+        packets, broken = self._container.demux(self._stream), 0
+        while True:
+            try:
+                packet = next(packets)
+            except (StopIteration, EndOfFilm):
+                return
+            except (FFmpegError, OSError):
+                return
+            try:
+                yield from packet.decode()
+                broken = 0
+            except EndOfFilm:
+                return
+            except FFmpegError:
+                broken += 1
+                if broken > _BROKEN_IN_A_ROW:
+                    return
+
+    def _judge(self, count: int, damaged: int, last: float) -> None:
+        """Say what the pass found."""
+        expected = self.frames_expected
+        if expected is not None and count < expected - max(2, round(0.02 * expected)):
+            self.trouble = (
+                f"the film is cut off or damaged: {count} of about {expected} frames could be read, "
+                f"the last at {last:.2f} s"
+            )
+        elif damaged:
+            self.trouble = f"{damaged} of the film's {count} frames are damaged"
+
+
+class FilmWriter:
+    """A film being written as MP4 with H.264, a context manager; it appears when it is complete.
+
+    Args:
+        path: the file, ending in .mp4.
+        rate: frames a second.
+        made_by: which camera made it, such as "MuJoCo's renderer": kept in the film.
+        notes: what else to keep in it, ready for JSON.
+        quality: H.264's constant rate factor: 0 lossless, 18 good to the eye, 51 worst.
+
+    Raises:
+        FilmError: a path or a rate that cannot be used, frames of different sizes.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        *,
+        rate: float,
+        made_by: str,
+        notes: Mapping[str, Any] | None = None,
+        quality: float = 18,
+    ) -> None:
+        self.path = Path(path)
+        if self.path.suffix.lower() != ".mp4":
+            raise FilmError(f"{path}: expected a film's name ending in .mp4.")
+        if not 0 < rate <= 1000:
+            raise FilmError(f"rate: expected 0 to 1000 frames a second, got {rate!r}.")
+        self._rate = Fraction(rate).limit_denominator(1000)
+        self._notes = json.dumps({"made_by": made_by, **(notes or {})}, ensure_ascii=False)
+        self._quality = quality
+        self._part = self.path.with_name(f".{self.path.stem}.part.mp4")
+        self._container: Any = None
+        self._stream: Any = None
+        self._shape: tuple[int, ...] = ()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._container is None:
+            return
+        try:
+            if kind is None:
+                self._container.mux(self._stream.encode())
+        finally:
+            self._container.close()
+            if kind is not None:
+                self._part.unlink(missing_ok=True)
+        if kind is None:
+            self._part.replace(self.path)
+
+    def add(self, picture: Image) -> None:
+        """Append a picture, [height, width] grey or [height, width, 3] red, green and blue, 8 bits."""
+        if self._container is None:
+            self._begin(picture.shape)
+        if picture.shape != self._shape:
+            raise FilmError(f"{self.path}: expected pictures of shape {self._shape}, got {picture.shape}.")
+        form = "gray" if picture.ndim == 2 else "rgb24"
+        even = np.ascontiguousarray(picture[: self._stream.height, : self._stream.width])
+        self._container.mux(self._stream.encode(av.VideoFrame.from_ndarray(even, format=form)))
+
+    def _begin(self, shape: tuple[int, ...]) -> None:
+        self._shape = shape
+        codec = "libx264" if "libx264" in av.codecs_available else "mpeg4"
+        try:
+            self._container = av.open(str(self._part), "w", options={"movflags": "+faststart"})
+        except (FFmpegError, OSError) as error:
+            raise FilmError(f"{self.path}: cannot be written ({error.strerror}). Choose another place.") from None
+        self._container.metadata["comment"] = self._notes
+        self._stream = self._container.add_stream(codec, rate=self._rate)
+        self._stream.height, self._stream.width = (n - n % 2 for n in shape[:2])
+        self._stream.pix_fmt = "yuv420p"
+        if codec == "libx264":
+            self._stream.options = {"crf": f"{self._quality:g}", "preset": "veryfast"}
+
+
+def _grey(source: Any) -> Image:
+    """A decoded frame's brightness; the decoder's own memory where it is one plane of 8 bits."""
+    if source.format.name in _LUMA_FIRST:
+        plane = source.planes[0]
+        rows = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)
+        return rows[: source.height, : source.width]
+    return np.asarray(source.to_ndarray(format="gray"))
+
+
+def _turned(picture: Image, source: Any) -> Image:
+    """The picture upright: telephones note how they were held instead of turning it."""
+    quarters = round(getattr(source, "rotation", 0) / 90) % 4
+    return np.ascontiguousarray(np.rot90(picture, quarters)) if quarters else picture
