@@ -19,7 +19,7 @@ from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
 from realitygap.film.masks import OUTER, Picture, correlation, pattern_of, peak, responses
 
-__all__ = ["Finder", "Sighting"]
+__all__ = ["FOUND_ANEW", "KNOWN_AGAIN", "Finder", "Sighting"]
 
 REACH_CM = 1.5
 """How far from the expected place the disk's centre is looked for."""
@@ -27,8 +27,14 @@ REACH_CM = 1.5
 _CLOSE_CM = 0.7
 """The same about a place that the masks found in the whole picture."""
 
-_RING_SLACK = 0.35
+RING_SLACK = 0.35
 """How far off its ring about the centre the front patch may seem, in radii of the front patch."""
+
+KNOWN_AGAIN = 0.5
+"""Quality from which on a disk near its last place is believed."""
+
+FOUND_ANEW = 0.7
+"""Quality from which on a disk anywhere in a picture is believed."""
 
 _CANDIDATES, _CLOSER_LOOKS, _PEAKS = 40, 6, 5
 _GOOD = 0.85
@@ -57,14 +63,15 @@ class Finder:
     Args:
         camera: its pictures are 8 bits grey, [height, width].
         disk: what to look for.
+        slack: how far off its ring about the centre the front patch may seem, in its radii.
 
     Raises:
         FilmError: a camera that cannot correct for the disk's height.
     """
 
-    def __init__(self, camera: CameraModel, disk: Disk) -> None:
+    def __init__(self, camera: CameraModel, disk: Disk, slack: float = RING_SLACK) -> None:
         camera.check_height(disk.height_cm)
-        self.camera, self.disk = camera, disk
+        self.camera, self.disk, self._slack = camera, disk, slack
         self._pattern = pattern_of(disk)
         middle = camera.to_floor(camera.middle, disk.height_cm)
         self._scale = camera.pixels_per_cm(middle, disk.height_cm)
@@ -112,7 +119,7 @@ class Finder:
     def _front(self, response: Picture, centre: tuple[float, float]) -> tuple[float, float] | None:
         """The front patch on its ring about the centre, in steps."""
         ring = self.disk.front_distance_cm / self._step
-        slack = _RING_SLACK * self.disk.front_radius_cm / self._step
+        slack = self._slack * self.disk.front_radius_cm / self._step
         places = np.rint(np.array(centre) + ring * _RING).astype(int)
         places = places.clip(0, response.shape[0] - 1)
         column, row = places[int(response[places[:, 1], places[:, 0]].argmax())]

@@ -1,0 +1,65 @@
+"""CSV tables of poses, in and out; whatever is wrong is said with file and line."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from realitygap.errors import FilmError
+
+__all__ = ["number", "read_table"]
+
+
+def read_table(path: str | Path, columns: Sequence[str]) -> list[tuple[int, dict[str, str]]]:
+    """The rows of a CSV file with their line numbers, as text by column; other columns are left out.
+
+    Args:
+        path: the file; its first line names the columns, in any order.
+        columns: those that it must have.
+
+    Raises:
+        FilmError: unreadable file, a column that is missing, a row with too few values.
+    """
+    try:
+        text = Path(path).read_text("utf-8-sig")
+    except FileNotFoundError:
+        raise FilmError(f"{path}: no such file. Give a CSV file with columns {', '.join(columns)}.") from None
+    except OSError as error:
+        raise FilmError(f"{path}: cannot be read ({error.strerror}). Check the path and its rights.") from None
+    except UnicodeDecodeError:
+        raise FilmError(f"{path}: not a text file in UTF-8, as a CSV file must be.") from None
+    reader = csv.reader(text.splitlines())
+    try:
+        lines = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(row)]
+    except csv.Error as error:
+        raise FilmError(f"{path}, line {reader.line_num}: not CSV: {error}. Correct that line.") from None
+    if not lines:
+        raise FilmError(f"{path}: empty. Its first line must name the columns: {', '.join(columns)}.")
+    (first, head), rows = lines[0], lines[1:]
+    missing = [name for name in columns if name not in head]
+    if missing:
+        raise FilmError(
+            f"{path}, line {first}: expected columns {', '.join(columns)}, got {', '.join(head)}. "
+            f"Add {', '.join(missing)}; columns are separated by commas."
+        )
+    for line, row in rows:
+        if len(row) != len(head):
+            raise FilmError(f"{path}, line {line}: expected {len(head)} values, got {len(row)}. Correct that line.")
+    return [(line, {name: row[head.index(name)] for name in columns}) for line, row in rows]
+
+
+def number(path: str | Path, line: int, name: str, text: str) -> float:
+    """A cell as a finite number.
+
+    Raises:
+        FilmError: anything else; names file, line and column.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise FilmError(f"{path}, line {line}: {name}: expected a number, got {text!r}. Correct that line.")
+    return value
