@@ -1,7 +1,7 @@
 """A small renderer of overhead films whose truth is known; it shares nothing with the tracker.
 
 A pinhole camera with a bent lens looks at a floor with grain, cylinders with shadows and a robot
-with its disk. Every pixel is the mean of 4 × 4 rays. Lengths in cm, angles in rad.
+with its disk. Every pixel is the mean of 3 × 3 rays. Lengths in cm, angles in rad.
 """
 
 import math
@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import cv2
 import numpy as np
 
-RAYS = 4
+RAYS = 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,7 +140,7 @@ class Renderer:
         """The robot's shadow, body and disk, in place."""
         scene, (x, y, heading) = self.scene, pose
         column, row = scene.lens.pixel(x, y, scene.disk_height)
-        reach = int(7.5 * scene.lens.focal / (scene.lens.place[2] - 3))
+        reach = int(5.5 * scene.lens.focal / (scene.lens.place[2] - 3))
         left, right = max(int(column) - reach, 0), min(int(column) + reach, image.shape[1])
         top, bottom = max(int(row) - reach, 0), min(int(row) + reach, image.shape[0])
         if right <= left or bottom <= top:

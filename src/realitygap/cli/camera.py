@@ -54,8 +54,9 @@ def calibrate(
     Example:
         realitygap camera calibrate --frames frames --poses poses.csv --out camera.json
     """
-    from realitygap.film.calibrate import calibrate_camera, read_frames
+    from realitygap.film.calibrate import calibrate_camera
     from realitygap.film.disk import load_disk
+    from realitygap.film.frames import read_frames
 
     worn, known = load_disk(disk), read_frames(frames, poses)
     with FilmLine("calibrating") as line:
@@ -70,15 +71,16 @@ def calibrate(
 
 def _print(made: Calibration) -> None:
     """The residuals, frame by frame, and their summary."""
-    rows = [
-        (r.frame, *(_shown(v) for v in (r.x_mm, r.y_mm, r.distance_mm, r.heading_deg)), _remark(r.used, r.x_mm))
-        for r in made.residuals
-    ]
+    rows = []
+    for r in made.residuals:
+        numbers = (_shown(value) for value in (r.x_mm, r.y_mm, r.distance_mm, r.heading_deg))
+        rows.append((r.frame, *numbers, _remark(r.used, r.x_mm)))
     print_table(("frame", "x mm", "y mm", "off mm", "heading deg", ""), rows)
     facts = made.to_dict()
     click.echo(
-        f"\n{facts['used']} of {facts['frames']} frames used; mean {facts['mean_mm']:.2f} mm and "
-        f"{facts['mean_heading_deg']:.2f}°, worst {facts['worst_mm']:.2f} mm and {facts['worst_heading_deg']:.2f}°"
+        f"\n{facts['used']} of {facts['frames']} frames used; "
+        f"mean {facts['mean_mm']:.2f} mm and {facts['mean_heading_deg']:.2f}°, "
+        f"worst {facts['worst_mm']:.2f} mm and {facts['worst_heading_deg']:.2f}°"
     )
 
 

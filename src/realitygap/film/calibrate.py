@@ -10,10 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,10 +20,10 @@ from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
 from realitygap.film.finder import FOUND_ANEW, Finder, Sighting
 from realitygap.film.fit import fit_camera, lens_place
-from realitygap.film.tables import number, read_table
+from realitygap.film.frames import KnownFrame
 from realitygap.values import Pose
 
-__all__ = ["Calibration", "KnownFrame", "Residual", "calibrate_camera", "read_frames"]
+__all__ = ["Calibration", "Residual", "calibrate_camera"]
 
 Picture = NDArray[np.uint8]
 
@@ -45,15 +43,6 @@ _LOOSE = 0.6
 
 _TOLERANCE_CM = 0.6
 """A pose farther off than this from what the others say is left out."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class KnownFrame:
-    """A picture [height, width] in which the robot stood at a known pose."""
-
-    name: str
-    picture: Picture
-    pose: Pose
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,32 +83,6 @@ class Calibration:
             "worst_heading_deg": float(np.max(turned)),
             "residuals": [vars(r) | {"distance_mm": r.distance_mm} for r in self.residuals],
         }
-
-
-def read_frames(folder: str | Path, poses: str | Path) -> list[KnownFrame]:
-    """The frames that a table of poses names, from a folder of pictures.
-
-    Args:
-        folder: pictures, PNG, JPEG or the like.
-        poses: CSV with columns frame (a picture's name, its ending may be left out), x_cm, y_cm
-            and heading_deg.
-
-    Raises:
-        FilmError: whatever is missing or wrong, with file and line.
-    """
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise FilmError(f"{folder}: no such folder. Give the folder that holds the frames.")
-    known: dict[str, int] = {}
-    frames: list[KnownFrame] = []
-    for line, row in read_table(poses, ("frame", "x_cm", "y_cm", "heading_deg")):
-        path = _picture_file(folder, row["frame"], f"{poses}, line {line}")
-        if path.name in known:
-            raise FilmError(f"{poses}, line {line}: {path.name} was already given in line {known[path.name]}.")
-        known[path.name] = line
-        x, y, heading = (number(poses, line, name, row[name]) for name in ("x_cm", "y_cm", "heading_deg"))
-        frames.append(KnownFrame(name=path.name, picture=_read(path), pose=Pose.from_degrees(x, y, heading)))
-    return frames
 
 
 def calibrate_camera(
@@ -175,8 +138,8 @@ def _checked(frames: list[KnownFrame], disk: Disk, lens_height_cm: float | None)
     for frame in frames:
         if frame.picture.shape != first.picture.shape:
             raise FilmError(
-                f"{frame.name}: {frame.picture.shape[1]} × {frame.picture.shape[0]} pixels, but {first.name} has "
-                f"{first.picture.shape[1]} × {first.picture.shape[0]}. Take all frames with one camera."
+                f"{frame.name}: {frame.picture.shape[1]} × {frame.picture.shape[0]} pixels, but {first.name} "
+                f"has {first.picture.shape[1]} × {first.picture.shape[0]}. Take all frames with one camera."
             )
     _check_spread([frame.pose for frame in frames], "poses")
     return first.picture.shape[1], first.picture.shape[0]
@@ -189,10 +152,14 @@ def _check_spread(poses: list[Pose], what: str) -> None:
     if long / math.sqrt(len(poses)) < 1.0:
         raise FilmError(f"the {what} all lie at one place. Put the robot all over the floor.")
     if broad < _LEAST_SPREAD * long:
-        raise FilmError(f"the {what} lie in a line, which says nothing across it. Put the robot all over the floor.")
+        raise FilmError(
+            f"the {what} lie in a line, which says nothing across it. Put the robot all over the floor."
+        )
 
 
-def _first_look(frames: list[KnownFrame], disk: Disk, report: Callable[[int], None]) -> list[NDArray[Any] | None]:
+def _first_look(
+    frames: list[KnownFrame], disk: Disk, report: Callable[[int], None]
+) -> list[NDArray[Any] | None]:
     """Both patches of every frame in pixels [2, 2], found without knowing the camera."""
     height, width = frames[0].picture.shape
     scale, largest = _LEAST_FRONT_PX / disk.front_radius_cm, min(height, width) / (4 * disk.radius_cm)
@@ -223,7 +190,8 @@ def _at_scale(
     flat = CameraModel(
         width_px=width, height_px=height, homography=np.diag([scale, scale, 1.0]), plane_cm=disk.height_cm
     )
-    finder, looks = Finder(flat, disk, slack=_LOOSE), []
+    finder = Finder(flat, disk, slack=_LOOSE)
+    looks: list[tuple[float, NDArray[Any] | None]] = []
     for done, picture in enumerate(pictures):
         seen = finder.anywhere(picture)
         looks.append((0.0, None) if seen is None else (seen.quality, _pixels(flat, seen)))
@@ -254,7 +222,9 @@ def _fitted(
     """The camera that explains what was seen."""
     pairs = [(frame, pixels) for frame, pixels in zip(frames, seen, strict=True) if pixels is not None]
     if len(pairs) < LEAST_FRAMES:
-        raise FilmError(f"the disk is seen in {len(pairs)} frames only, {LEAST_FRAMES} are needed. Take more frames.")
+        raise FilmError(
+            f"the disk is seen in {len(pairs)} frames only, {LEAST_FRAMES} are needed. Take more frames."
+        )
     _check_spread([frame.pose for frame, _ in pairs], "poses of the frames in which the disk is seen")
     places = np.concatenate([_patches(frame.pose, disk) for frame, _ in pairs])
     pixels = np.concatenate([pixels for _, pixels in pairs])
@@ -301,21 +271,3 @@ def _residual(camera: CameraModel, frame: KnownFrame, pixels: NDArray[Any] | Non
     )
 
 
-def _picture_file(folder: Path, name: str, where: str) -> Path:
-    """The picture of that name, with or without its ending."""
-    if name and (folder / name).is_file():
-        return folder / name
-    alike = [path for path in sorted(folder.iterdir()) if path.stem == name and path.is_file()]
-    if len(alike) != 1:
-        what = f"{len(alike)} pictures are called so" if alike else f"there is no such picture in {folder}"
-        raise FilmError(f"{where}: frame {name!r}: {what}. Give the picture's file name.")
-    return alike[0]
-
-
-def _read(path: Path) -> Picture:
-    """A picture in grey."""
-    data = np.fromfile(path, np.uint8)
-    picture = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
-    if picture is None:
-        raise FilmError(f"{path}: not a picture. Give frames as PNG or JPEG.")
-    return np.asarray(picture, np.uint8)

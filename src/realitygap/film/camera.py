@@ -1,10 +1,7 @@
 """The overhead camera: from places on the floor (cm) to places in the picture (px) and back.
 
 A homography takes the plane in which the disk moves to an ideal picture; two radial terms bend
-that as the lens does (Brown 1966, without the tangential terms):
-
-    v = (ideal − middle) / half diagonal,   pixel = middle + half diagonal · v (1 + k1 |v|² + k2 |v|⁴)
-
+that as the lens does (`lens.py`).
 The homography holds at one height above the floor. Things at another height are moved along the
 ray to the lens first, for which the lens's place must be known.
 Pixels are counted from the middle of the picture's upper left one: x to the right, y down.
@@ -22,6 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from realitygap.errors import FilmError
+from realitygap.film.files import read_text
+from realitygap.film.lens import bent, straightened
 
 __all__ = ["CameraModel", "load_camera"]
 
@@ -56,7 +55,8 @@ class CameraModel:
 
     def __post_init__(self) -> None:
         if self.width_px < 1 or self.height_px < 1:
-            raise FilmError(f"width_px, height_px: expected 1 or more, got {self.width_px}, {self.height_px}.")
+            got = f"{self.width_px}, {self.height_px}"
+            raise FilmError(f"width_px, height_px: expected 1 or more, got {got}.")
         matrix = np.array(self.homography, dtype=np.float64)
         if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or abs(np.linalg.det(matrix)) < 1e-300:
             raise FilmError("homography: expected 3 × 3 finite numbers that can be inverted.")
@@ -64,7 +64,8 @@ class CameraModel:
         if len(self.radial) != 2 or not all(math.isfinite(number) for number in numbers):
             raise FilmError("radial, plane_cm, lens_cm: expected two finite numbers, one, and three or null.")
         if self.lens_cm is not None and self.lens_cm[2] <= self.plane_cm:
-            raise FilmError(f"lens_cm: expected above the plane at {self.plane_cm:g} cm, got {self.lens_cm[2]:g}.")
+            above = f"above the plane at {self.plane_cm:g} cm"
+            raise FilmError(f"lens_cm: expected {above}, got {self.lens_cm[2]:g}.")
         matrix /= np.abs(matrix).max()
         middle = np.linalg.solve(matrix, [*self.middle, 1.0])
         if middle[2] < 0:  # points in front of the camera have a positive third coordinate
@@ -150,8 +151,7 @@ class CameraModel:
         """Whether pixels [..., 2] lie in the picture, at least `margin_px` from its edge."""
         p = np.asarray(pixels, float)
         low, high = margin_px - 0.5, np.array([self.width_px, self.height_px]) - 0.5 - margin_px
-        inside: NDArray[np.bool_] = ((p >= low) & (p <= high)).all(axis=-1)
-        return inside
+        return np.asarray(((p >= low) & (p <= high)).all(axis=-1))
 
     def check_size(self, width_px: int, height_px: int, what: str) -> None:
         """Refuse pictures of another size.
@@ -161,8 +161,8 @@ class CameraModel:
         """
         if (width_px, height_px) != (self.width_px, self.height_px):
             raise FilmError(
-                f"{what}: {width_px} × {height_px} pixels, but the camera was calibrated for {self.width_px} × "
-                f"{self.height_px}. Calibrate with frames of this size, or give the camera that filmed it."
+                f"{what}: {width_px} × {height_px} pixels, but the camera was calibrated for "
+                f"{self.width_px} × {self.height_px}. Calibrate with frames of this size, or give the camera that filmed it."
             )
 
     def check_height(self, height_cm: float) -> None:
@@ -206,34 +206,15 @@ class CameraModel:
 
     def _bent(self, ideal: Array) -> Array:
         """What the lens makes of ideal pixels."""
-        k1, k2 = self.radial
-        if k1 == 0 and k2 == 0:
+        if self.radial == (0.0, 0.0):
             return ideal
-        v = (ideal - self.middle) / self.half_diagonal
-        square = np.einsum("...i,...i->...", v, v)
-        bent = self.middle + self.half_diagonal * v * (1 + k1 * square + k2 * square * square)[..., None]
-        return np.where((square < _turning_point(k1, k2))[..., None], bent, OUTSIDE)
+        v = bent((ideal - self.middle) / self.half_diagonal, *self.radial)
+        return np.where(np.isnan(v), OUTSIDE, self.middle + self.half_diagonal * v)
 
     def _straightened(self, pixels: Array) -> Array:
-        """The ideal pixels that the lens bent to these: Newton's steps on the distance from the middle."""
-        k1, k2 = self.radial
-        v = (pixels - self.middle) / self.half_diagonal
-        bent = np.sqrt(np.einsum("...i,...i->...", v, v))
-        limit = math.sqrt(min(_turning_point(k1, k2), 1e6))
-        r = np.minimum(bent, 0.999 * limit)
-        for _ in range(20):
-            square = r * r
-            slope = np.maximum(1 + 3 * k1 * square + 5 * k2 * square * square, 0.05)
-            r = np.clip(r - (r * (1 + k1 * square + k2 * square * square) - bent) / slope, 0, limit)
-        factor = np.where(bent > 0, r / np.where(bent > 0, bent, 1.0), 1.0)
-        return np.asarray(self.middle + self.half_diagonal * v * factor[..., None])
-
-
-def _turning_point(k1: float, k2: float) -> float:
-    """The squared distance at which the lens would fold the picture back; infinite if it never does."""
-    roots = np.roots([5 * k2, 3 * k1, 1.0]) if k2 else np.array([-1 / (3 * k1)] if k1 else [])
-    real = [root.real for root in np.atleast_1d(roots) if abs(root.imag) < 1e-12 and root.real > 0]
-    return float(min(real)) if real else math.inf
+        """The ideal pixels that the lens bent to these."""
+        v = straightened((pixels - self.middle) / self.half_diagonal, *self.radial)
+        return np.asarray(self.middle + self.half_diagonal * v)
 
 
 def load_camera(path: str | Path) -> CameraModel:
@@ -244,11 +225,7 @@ def load_camera(path: str | Path) -> CameraModel:
     """
     cure = "Make it with `realitygap camera calibrate`."
     try:
-        table = json.loads(Path(path).read_text("utf-8"))
-    except FileNotFoundError:
-        raise FilmError(f"{path}: no such file. {cure}") from None
-    except OSError as error:
-        raise FilmError(f"{path}: cannot be read ({error.strerror}). Check the path and its rights.") from None
+        table = json.loads(read_text(path, cure))
     except ValueError as error:
         raise FilmError(f"{path}: not a JSON file: {error}. {cure}") from None
     if not isinstance(table, dict) or table.get("format") != FORMAT:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from realitygap.errors import FilmError
+from realitygap.film.files import read_text
 
 __all__ = ["Disk", "load_disk"]
 
@@ -62,14 +63,9 @@ def load_disk(path: str | Path | None = None) -> Disk:
     """
     if path is None:
         return _built(tomllib.loads(files("realitygap.film").joinpath("disk.toml").read_text("utf-8")))
+    text = read_text(path, "Give the path of a disk's .toml file.")
     try:
-        return _built(tomllib.loads(Path(path).read_text("utf-8")))
-    except FileNotFoundError:
-        raise FilmError(f"{path}: no such file. Give the path of a disk's .toml file.") from None
-    except OSError as error:
-        raise FilmError(f"{path}: cannot be read ({error.strerror}). Check the path and its rights.") from None
-    except UnicodeDecodeError:
-        raise FilmError(f"{path}: not a text file in UTF-8, as TOML must be.") from None
+        return _built(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
         raise FilmError(f"{path}: not a TOML file: {error}. Correct that line.") from None
     except FilmError as error:

@@ -9,7 +9,7 @@ looked at closely.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -79,7 +79,9 @@ class Finder:
         self._step = min(max(1 / self._scale, front / 9), front / 4)
         self._shrink = max(1, int(front * self._scale / 2.5))
 
-    def near(self, picture: NDArray[np.uint8], place: NDArray[np.float64], reach_cm: float = REACH_CM) -> Sighting | None:
+    def near(
+        self, picture: NDArray[np.uint8], place: NDArray[np.float64], reach_cm: float = REACH_CM
+    ) -> Sighting | None:
         """The disk whose centre lies within `reach_cm` of a place (cm), or None."""
         disk, step = self.disk, self._step
         support = reach_cm + disk.front_distance_cm + 3 * OUTER * disk.front_radius_cm
@@ -113,8 +115,7 @@ class Finder:
         axis = np.arange(-half, half + 1) * self._step
         x, y = np.meshgrid(place[0] + axis, place[1] + axis)
         pixels = self.camera.to_pixels(np.stack([x, y], -1), self.disk.height_cm).astype(np.float32)
-        flat = cv2.remap(picture, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        return np.asarray(flat, np.float32)
+        return _sampled(picture, pixels[..., 0], pixels[..., 1]).astype(np.float32)
 
     def _front(self, response: Picture, centre: tuple[float, float]) -> tuple[float, float] | None:
         """The front patch on its ring about the centre, in steps."""
@@ -141,7 +142,7 @@ class Finder:
         length = math.hypot(dx, dy)
         ahead = np.array([[dx, dy], [-dy, dx]]) / (length * self._step)
         spots = (self._pattern.places @ ahead + centre).astype(np.float32)
-        seen = cv2.remap(fine, spots[:, :1], spots[:, 1:], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        seen = _sampled(fine, spots[:, :1], spots[:, 1:])
         return correlation(seen[:, 0].astype(np.float64), self._pattern)
 
     def _place(self, spot: tuple[float, float], place: NDArray[np.float64], half: int) -> tuple[float, float]:
@@ -162,7 +163,7 @@ class Finder:
         height, width = (n // shrink for n in picture.shape)
         small = picture[: height * shrink, : width * shrink].astype(np.float32)
         if shrink > 1:
-            small = cv2.resize(small, (width, height), interpolation=cv2.INTER_AREA)
+            small = np.asarray(cv2.resize(small, (width, height), interpolation=cv2.INTER_AREA), np.float32)
         for_centre, for_front, _ = responses(small, self.disk, self._scale / shrink)
         reach = max(1, round(0.6 * self.disk.centre_radius_cm * self._scale / shrink))
         tops = _maxima(for_centre, reach, _CANDIDATES)
@@ -177,6 +178,11 @@ class Finder:
         together = np.minimum(for_centre[tops[:, 0], tops[:, 1]], 1.5 * fronts)
         order = np.argsort(-together, kind="stable")[:_CLOSER_LOOKS]
         return np.asarray(places[order[together[order] > 0]])
+
+
+def _sampled(picture: NDArray[Any], columns: Picture, rows: Picture) -> NDArray[Any]:
+    """The picture between its pixels, and beyond its edge as at its edge."""
+    return np.asarray(cv2.remap(picture, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 
 
 def _maxima(response: Picture, reach: int, count: int) -> NDArray[np.int64]:

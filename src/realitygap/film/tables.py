@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from realitygap.errors import FilmError
+from realitygap.film.files import read_text
 
 __all__ = ["number", "read_table"]
 
@@ -22,14 +23,7 @@ def read_table(path: str | Path, columns: Sequence[str]) -> list[tuple[int, dict
     Raises:
         FilmError: unreadable file, a column that is missing, a row with too few values.
     """
-    try:
-        text = Path(path).read_text("utf-8-sig")
-    except FileNotFoundError:
-        raise FilmError(f"{path}: no such file. Give a CSV file with columns {', '.join(columns)}.") from None
-    except OSError as error:
-        raise FilmError(f"{path}: cannot be read ({error.strerror}). Check the path and its rights.") from None
-    except UnicodeDecodeError:
-        raise FilmError(f"{path}: not a text file in UTF-8, as a CSV file must be.") from None
+    text = read_text(path, f"Give a CSV file with columns {', '.join(columns)}.")
     reader = csv.reader(text.splitlines())
     try:
         lines = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(row)]
@@ -46,7 +40,8 @@ def read_table(path: str | Path, columns: Sequence[str]) -> list[tuple[int, dict
         )
     for line, row in rows:
         if len(row) != len(head):
-            raise FilmError(f"{path}, line {line}: expected {len(head)} values, got {len(row)}. Correct that line.")
+            what = f"expected {len(head)} values, got {len(row)}"
+            raise FilmError(f"{path}, line {line}: {what}. Correct that line.")
     return [(line, {name: row[head.index(name)] for name in columns}) for line, row in rows]
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from realitygap.errors import FilmError
 from realitygap.film.tables import number, read_table
 
-__all__ = ["Track", "read_track"]
+__all__ = ["COLUMNS", "Track", "read_track"]
 
 Array = NDArray[np.float64]
 

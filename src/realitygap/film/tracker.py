@@ -19,7 +19,7 @@ from realitygap.errors import FilmError
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
 from realitygap.film.finder import FOUND_ANEW, KNOWN_AGAIN, Finder, Sighting
-from realitygap.film.track import Track
+from realitygap.film.track import COLUMNS, Track
 from realitygap.film.video import FilmReader
 from realitygap.values import Pose
 
@@ -101,12 +101,12 @@ def track_film(
         trouble = reader.trouble
     if on_progress is not None:
         on_progress(len(rows), len(rows))
-    track = Track(**dict(zip(("t_s", "x_cm", "y_cm", "heading_deg", "quality"), np.array(rows).T, strict=True)))
+    track = Track(**dict(zip(COLUMNS, np.array(rows).T, strict=True)))
     if not track.found.any():
         raise FilmError(
             f"{film}: no robot's disk is seen in any of its {len(track)} frames (best quality "
-            f"{tracker.best_quality:.2f}, needed {FOUND_ANEW:g}). Check that the robot carries the disk, that "
-            "--camera was calibrated for this film, and that --disk has the disk's true size."
+            f"{tracker.best_quality:.2f}, needed {FOUND_ANEW:g}). Check that the robot carries the disk, "
+            "that --camera was calibrated for this film, and that --disk has the disk's true size."
         )
     return Tracked(track=track, last_frame=last, trouble=trouble)
 

@@ -117,9 +117,8 @@ class FilmReader:
             return int(self._stream.frames)
         if self._stream.duration and self._stream.time_base:
             return round(float(self._stream.duration * self._stream.time_base) * self._rate())
-        if self._container.duration:
-            return round(self._container.duration / av.time_base * self._rate())
-        return None
+        seconds = float(self._container.duration or 0) / float(av.time_base)
+        return round(seconds * self._rate()) or None
 
     def _rate(self) -> float:
         return float(self._stream.average_rate or self._stream.guessed_rate or 25)
@@ -226,7 +225,8 @@ class FilmWriter:
         try:
             self._container = av.open(str(self._part), "w", options={"movflags": "+faststart"})
         except (FFmpegError, OSError) as error:
-            raise FilmError(f"{self.path}: cannot be written ({error.strerror}). Choose another place.") from None
+            why = error.strerror
+            raise FilmError(f"{self.path}: cannot be written ({why}). Choose another place.") from None
         self._container.metadata["comment"] = self._notes
         self._stream = self._container.add_stream(codec, rate=self._rate)
         self._stream.height, self._stream.width = (n - n % 2 for n in shape[:2])
