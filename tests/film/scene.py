@@ -12,6 +12,9 @@ import numpy as np
 
 RAYS = 3
 
+_STILLS = {}
+"""Still parts that were drawn before: they take longest."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Lens:
@@ -84,7 +87,10 @@ class Renderer:
     def __init__(self, scene):
         self.scene = scene
         self.random = np.random.default_rng(scene.seed)
-        self.still = self._still()
+        key = (scene.lens, scene.room, scene.cylinders, scene.floor, scene.seed)
+        if key not in _STILLS:
+            _STILLS[key] = self._still()
+        self.still = _STILLS[key]
 
     def picture(self, pose):
         """The picture [height, width] of 8 bits with the robot's centre and heading at `pose`."""

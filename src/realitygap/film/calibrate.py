@@ -42,6 +42,7 @@ _LOOSE = 0.6
 """Slack of the front patch's ring (radii of the patch) while the scale is known only roughly."""
 
 _TOLERANCE_CM = 0.6
+_TOLERANCE_DEG = 15.0
 """A pose farther off than this from what the others say is left out."""
 
 
@@ -261,13 +262,14 @@ def _residual(camera: CameraModel, frame: KnownFrame, pixels: NDArray[Any] | Non
         return Residual(frame=frame.name, x_mm=None, y_mm=None, heading_deg=None, used=False)
     centre, front = camera.to_floor(pixels)
     turned = math.atan2(front[1] - centre[1], front[0] - centre[0]) - frame.pose.heading
+    heading = Pose(x=0, y=0, heading=turned).heading_deg
     x, y = 10 * (float(centre[0]) - frame.pose.x), 10 * (float(centre[1]) - frame.pose.y)
     return Residual(
         frame=frame.name,
         x_mm=x,
         y_mm=y,
-        heading_deg=Pose(x=0, y=0, heading=turned).heading_deg,
-        used=math.hypot(x, y) <= 10 * _TOLERANCE_CM,
+        heading_deg=heading,
+        used=math.hypot(x, y) <= 10 * _TOLERANCE_CM and abs(heading) <= _TOLERANCE_DEG,
     )
 
 

@@ -162,7 +162,8 @@ class CameraModel:
         if (width_px, height_px) != (self.width_px, self.height_px):
             raise FilmError(
                 f"{what}: {width_px} × {height_px} pixels, but the camera was calibrated for "
-                f"{self.width_px} × {self.height_px}. Calibrate with frames of this size, or give the camera that filmed it."
+                f"{self.width_px} × {self.height_px}. Calibrate with frames of this size, "
+                "or give the camera that filmed it."
             )
 
     def check_height(self, height_cm: float) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import cv2
 import numpy as np
@@ -54,7 +55,7 @@ def fit_camera(
     start = np.append(np.asarray(matrix, float).ravel()[:8] / matrix[2, 2], [0.0, 0.0] if radial else [])
     agreeing = start
     for _ in range(3):  # the lens's bend may have kept good points out of the vote
-        agreeing = _least_squares(lambda v: _misses(v, p[agree], q[agree], half), agreeing)
+        agreeing = _least_squares(partial(_misses, p=p[agree], q=q[agree], half=half), agreeing)
         far = np.hypot(*(_seen(agreeing, p) - q).T) * half
         agree = far <= max(tolerance_px / 3, 4 * float(np.median(far)))
     back = np.diag([half, half, 1.0])
