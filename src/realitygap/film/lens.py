@@ -38,6 +38,8 @@ def straightened(v: Array, k1: float, k2: float) -> Array:
 
 def _turning_point(k1: float, k2: float) -> float:
     """The squared distance at which the lens would fold the picture back; infinite if it never does."""
-    roots = np.roots([5 * k2, 3 * k1, 1.0]) if k2 else np.array([-1 / (3 * k1)] if k1 else [])
-    real = [root.real for root in np.atleast_1d(roots) if abs(root.imag) < 1e-12 and root.real > 0]
-    return float(min(real)) if real else math.inf
+    spread = 9 * k1 * k1 - 20 * k2  # of 1 + 3 k1 s + 5 k2 s², the slope of the bent distance
+    if spread < 0:
+        return math.inf
+    below = (-3 * k1 + math.sqrt(spread), -3 * k1 - math.sqrt(spread))
+    return min((2 / b for b in below if b > 1e-9), default=math.inf)

@@ -26,6 +26,8 @@ Image = NDArray[np.uint8]
 _LUMA_FIRST = ("yuv420p", "yuvj420p", "yuv422p", "yuvj422p", "yuv444p", "yuvj444p", "nv12", "gray")
 """Pixel formats of 8 bits whose first plane is the brightness."""
 
+_BETWEEN = int(av.video.frame.PictureType.B)
+
 _BROKEN_IN_A_ROW = 50
 """So many packets that cannot be decoded, one after another, end a film."""
 
@@ -82,11 +84,10 @@ class FilmReader:
     def __iter__(self) -> Iterator[Frame]:
         begin: float | None = None
         count, damaged, last = 0, 0, 0.0
-        for source in self._decoded():
+        for source, hurt in _sound_or_hurt(self._decoded()):
             t = count / self._rate() if source.pts is None else float(source.pts * source.time_base)
             begin = t if begin is None else begin
-            last, hurt = t - begin, bool(getattr(source, "is_corrupt", False))
-            count, damaged = count + 1, damaged + hurt
+            last, count, damaged = t - begin, count + 1, damaged + hurt
             yield Frame(round(last, 9), _turned(_grey(source), source), hurt, source)
         if not count:
             raise FilmError(f"{self.path}: no frame can be read from this film. Give another file.")
@@ -124,15 +125,13 @@ class FilmReader:
         return float(self._stream.average_rate or self._stream.guessed_rate or 25)
 
     def _decoded(self) -> Iterator[Any]:
-        """Frames as the decoder gives them; what it cannot decode is left out."""
+        """Frames as the decoder gives them; None where there was something that it cannot decode."""
         packets, broken = self._container.demux(self._stream), 0
-        while True:
+        while broken <= _BROKEN_IN_A_ROW:
             try:
                 packet = next(packets)
-            except (StopIteration, EndOfFilm):
-                return
-            except (FFmpegError, OSError):
-                return
+            except (StopIteration, FFmpegError, OSError):
+                break
             try:
                 yield from packet.decode()
                 broken = 0
@@ -140,8 +139,9 @@ class FilmReader:
                 return
             except FFmpegError:
                 broken += 1
-                if broken > _BROKEN_IN_A_ROW:
-                    return
+                yield None
+        with suppress(FFmpegError):  # what the decoder still holds of a film that was cut off
+            yield from self._stream.codec_context.decode(None)
 
     def _judge(self, count: int, damaged: int, last: float) -> None:
         """Say what the pass found."""
@@ -152,7 +152,7 @@ class FilmReader:
                 f"the last at {last:.2f} s"
             )
         elif damaged:
-            self.trouble = f"{damaged} of the film's {count} frames are damaged"
+            self.trouble = f"{damaged} of the film's {count} frames are damaged or build on damaged ones"
 
 
 class FilmWriter:
@@ -233,6 +233,28 @@ class FilmWriter:
         self._stream.pix_fmt = "yuv420p"
         if codec == "libx264":
             self._stream.options = {"crf": f"{self._quality:g}", "preset": "veryfast"}
+
+
+def _sound_or_hurt(sources: Iterator[Any]) -> Iterator[tuple[Any, bool]]:
+    """Frames, and whether each is damaged: most frames of a film only say what changed since others.
+
+    So damage lasts until the next key frame, and it also reaches the frames just before, which build
+    on what comes after them (type B): these wait until that is known.
+    """
+    waiting: list[Any] = []
+    hurt = False
+    for source in sources:
+        if source is None:
+            hurt = True
+            continue
+        waiting.append(source)
+        if source.pict_type == _BETWEEN:
+            hurt = hurt or source.is_corrupt
+            continue
+        hurt = source.is_corrupt or (hurt and not source.key_frame)
+        yield from ((one, bool(hurt or one.is_corrupt)) for one in waiting)
+        waiting.clear()
+    yield from ((one, bool(hurt or one.is_corrupt)) for one in waiting)
 
 
 def _grey(source: Any) -> Image:
