@@ -1,5 +1,6 @@
 """The tracker against sealed truth."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -122,3 +123,13 @@ def test_film_of_another_size_is_refused(tmp_path, camera, poses):
     small = Scene(lens=Lens(size=(320, 240), focal=360, middle=(160, 120)))
     with pytest.raises(FilmError, match="320 × 240 pixels, but the camera was calibrated for 640 × 480"):
         track_film(write_film(tmp_path / "small.mp4", small, poses[:3]), camera, Disk())
+
+
+@pytest.mark.parametrize("grain", [1, 2, 3, 4, 6])
+def test_spotted_floor_is_no_robot(camera, grain):
+    """Light and dark spots of any size, as strong as the picture allows, are not taken for the disk."""
+    draw, tracker = np.random.default_rng(grain), Tracker(camera, Disk())
+    for _ in range(4):
+        spots = cv2.GaussianBlur(draw.normal(0, 1, (480, 640)), (0, 0), grain)
+        picture = np.clip(128 + 50 * spots / spots.std(), 0, 255).astype(np.uint8)
+        assert tracker.see(picture) is None

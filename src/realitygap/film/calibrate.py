@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from realitygap.errors import FilmError
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
-from realitygap.film.finder import FOUND_ANEW, Finder, Sighting
+from realitygap.film.finder import KNOWN_AGAIN, Finder, Sighting
 from realitygap.film.fit import fit_camera, lens_place
 from realitygap.film.frames import KnownFrame
 from realitygap.values import Pose
@@ -168,13 +168,13 @@ def _first_look(
     while scale < largest:
         scales.append(scale)
         scale *= _SCALES
-    few = [frames[i].picture for i in np.unique(np.linspace(0, len(frames) - 1, 6).astype(int))]
+    few = [frames[i].picture for i in np.unique(np.linspace(0, len(frames) - 1, 4).astype(int))]
     sums = [sum(q**4 for q, _ in _at_scale(few, disk, scale)) for scale in scales]
     best = int(np.argmax(sums)) if sums else 0
     pictures = [frame.picture for frame in frames]
     looks = [_at_scale(pictures, disk, scale, report) for scale in scales[max(best - 1, 0) : best + 2]]
     chosen = [max(looks_at_one, key=lambda look: look[0]) for looks_at_one in zip(*looks, strict=True)]
-    seen = [pixels if quality >= FOUND_ANEW else None for quality, pixels in chosen]
+    seen = [pixels if quality >= KNOWN_AGAIN else None for quality, pixels in chosen]
     if sum(one is not None for one in seen) < LEAST_FRAMES:
         raise FilmError(
             f"the disk is seen in {sum(one is not None for one in seen)} of {len(frames)} frames, "
@@ -208,9 +208,9 @@ def _closely(finder: Finder, frame: KnownFrame) -> Sighting | None:
     """The disk of a frame where the first camera expects it, or wherever it is."""
     place = np.array([frame.pose.x, frame.pose.y])
     seen = finder.near(frame.picture, place)
-    if seen is None or seen.quality < FOUND_ANEW:
+    if seen is None or seen.quality < KNOWN_AGAIN:
         seen = finder.anywhere(frame.picture)
-    return seen if seen is not None and seen.quality >= FOUND_ANEW else None
+    return seen if seen is not None and seen.quality >= KNOWN_AGAIN else None
 
 
 def _fitted(

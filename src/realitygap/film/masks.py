@@ -101,16 +101,31 @@ def correlation(seen: NDArray[np.float64], pattern: Pattern) -> float:
 
     The correlation is taken for the centre patch and for the front patch with their surroundings
     apart, and the worse one counts: a lone white spot is no robot. Of the black face the brightest
-    quarter is left out, whatever it is, so that a hand or a cable may lie there.
+    quarter is left out, whatever it is, so that a hand or a cable may lie there. Light that grows
+    evenly across the disk, as a lamp's reflection does, is taken away first.
     """
-    limit = np.quantile(seen[pattern.black], 1 - _HIDDEN)
-    use = ~pattern.black | (seen <= limit)
+    seen = seen - _slope(seen, pattern)
+    use = _unhidden(seen, pattern)
     worst = 1.0
     for part in (pattern.inner & use, ~pattern.inner & use):
         a, b = seen[part] - seen[part].mean(), pattern.white[part] - pattern.white[part].mean()
         strength = math.sqrt(float(a @ a) * float(b @ b))
         worst = min(worst, float(a @ b) / strength if strength > 0 else 0.0)
     return max(worst, 0.0)
+
+
+def _unhidden(seen: NDArray[np.float64], pattern: Pattern) -> NDArray[np.bool_]:
+    """Places that are compared: not the brightest of the black face."""
+    limit = np.quantile(seen[pattern.black], 1 - _HIDDEN)
+    return np.asarray(~pattern.black | (seen <= limit))
+
+
+def _slope(seen: NDArray[np.float64], pattern: Pattern) -> NDArray[np.float64]:
+    """The part of the light that grows evenly across the disk, at the pattern's places."""
+    use = _unhidden(seen, pattern)
+    terms = np.column_stack([np.ones(int(use.sum())), pattern.white[use], pattern.places[use]])
+    parts = np.linalg.solve(terms.T @ terms, terms.T @ seen[use])
+    return np.asarray(pattern.places @ parts[2:])
 
 
 def _soft_disc(distance: NDArray[np.float64], radius: float, sigma: float) -> NDArray[np.float64]:
