@@ -141,6 +141,7 @@ def test_degenerate_poses_are_refused(frames):
 
 def test_wrong_poses_are_refused(frames):
     """Poses that belong to other frames, or headings the wrong way round, are no calibration."""
+    frames = frames[:9]
     turned = [replace(f, pose=g.pose) for f, g in zip(frames, frames[5:] + frames[:5], strict=True)]
     with pytest.raises(FilmError, match="no camera explains"):
         calibrate_camera(turned, Disk())
