@@ -15,18 +15,11 @@ import av
 import numpy as np
 from av.error import EOFError as EndOfFilm
 from av.error import FFmpegError
-from numpy.typing import NDArray
 
 from realitygap.errors import FilmError
+from realitygap.film.decoded import Image, grey, sound_or_hurt, turned
 
 __all__ = ["FilmReader", "FilmWriter", "Frame"]
-
-Image = NDArray[np.uint8]
-
-_LUMA_FIRST = ("yuv420p", "yuvj420p", "yuv422p", "yuvj422p", "yuv444p", "yuvj444p", "nv12", "gray")
-"""Pixel formats of 8 bits whose first plane is the brightness."""
-
-_BETWEEN = int(av.video.frame.PictureType.B)
 
 _BROKEN_IN_A_ROW = 50
 """So many packets that cannot be decoded, one after another, end a film."""
@@ -43,7 +36,7 @@ class Frame:
 
     def colour(self) -> Image:
         """The picture in red, green and blue, [height, width, 3]."""
-        return _turned(self.source.to_ndarray(format="rgb24"), self.source)
+        return turned(self.source.to_ndarray(format="rgb24"), self.source)
 
 
 class FilmReader:
@@ -84,11 +77,11 @@ class FilmReader:
     def __iter__(self) -> Iterator[Frame]:
         begin: float | None = None
         count, damaged, last = 0, 0, 0.0
-        for source, hurt in _sound_or_hurt(self._decoded()):
+        for source, hurt in sound_or_hurt(self._decoded()):
             t = count / self._rate() if source.pts is None else float(source.pts * source.time_base)
             begin = t if begin is None else begin
             last, count, damaged = t - begin, count + 1, damaged + hurt
-            yield Frame(round(last, 9), _turned(_grey(source), source), hurt, source)
+            yield Frame(round(last, 9), turned(grey(source), source), hurt, source)
         if not count:
             raise FilmError(f"{self.path}: no frame can be read from this film. Give another file.")
         self._judge(count, damaged, last)
@@ -233,40 +226,3 @@ class FilmWriter:
         self._stream.pix_fmt = "yuv420p"
         if codec == "libx264":
             self._stream.options = {"crf": f"{self._quality:g}", "preset": "veryfast"}
-
-
-def _sound_or_hurt(sources: Iterator[Any]) -> Iterator[tuple[Any, bool]]:
-    """Frames, and whether each is damaged: most frames of a film only say what changed since others.
-
-    So damage lasts until the next key frame, and it also reaches the frames just before, which build
-    on what comes after them (type B): these wait until that is known.
-    """
-    waiting: list[Any] = []
-    hurt = False
-    for source in sources:
-        if source is None:
-            hurt = True
-            continue
-        waiting.append(source)
-        if source.pict_type == _BETWEEN:
-            hurt = hurt or source.is_corrupt
-            continue
-        hurt = source.is_corrupt or (hurt and not source.key_frame)
-        yield from ((one, bool(hurt or one.is_corrupt)) for one in waiting)
-        waiting.clear()
-    yield from ((one, bool(hurt or one.is_corrupt)) for one in waiting)
-
-
-def _grey(source: Any) -> Image:
-    """A decoded frame's brightness; the decoder's own memory where it is one plane of 8 bits."""
-    if source.format.name in _LUMA_FIRST:
-        plane = source.planes[0]
-        rows = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)
-        return rows[: source.height, : source.width]
-    return np.asarray(source.to_ndarray(format="gray"))
-
-
-def _turned(picture: Image, source: Any) -> Image:
-    """The picture upright: telephones note how they were held instead of turning it."""
-    quarters = round(getattr(source, "rotation", 0) / 90) % 4
-    return np.ascontiguousarray(np.rot90(picture, quarters)) if quarters else picture
