@@ -5,6 +5,7 @@ from __future__ import annotations
 __all__ = [
     "BaudError",
     "ConfigError",
+    "FilmError",
     "GenotypeError",
     "LineError",
     "RealityGapError",
@@ -72,3 +73,7 @@ class RobotStoppedError(RobotError, KeyboardInterrupt):
 
 class BaudError(UsageError):
     """A baud rate too slow for what each step has to carry: shows the arithmetic."""
+
+
+class FilmError(UsageError):
+    """A film, a camera, a disk or a table of poses that cannot be used."""

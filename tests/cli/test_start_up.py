@@ -8,7 +8,7 @@ import pytest
 import realitygap as package
 from realitygap.cli import realitygap
 
-HEAVY = ("numba", "matplotlib", "pydantic", "rich", "sqlite3", "jinja2", "av", "filelock")
+HEAVY = ("numba", "matplotlib", "mujoco", "cv2", "serial", "rich", "sqlite3", "jinja2", "av", "filelock")
 
 COMMANDS = [
     *((name,) for name in realitygap.commands),

@@ -7,6 +7,7 @@ import click
 from realitygap import __version__
 from realitygap.cli.arena import arena
 from realitygap.cli.bench import bench
+from realitygap.cli.camera import camera
 from realitygap.cli.evolve import evolve
 from realitygap.cli.failure import Commands
 from realitygap.cli.probe import probe
@@ -14,8 +15,11 @@ from realitygap.cli.profile import profile
 from realitygap.cli.replay import replay
 from realitygap.cli.report import report
 from realitygap.cli.reproduce import reproduce
+from realitygap.cli.robot import robot
 from realitygap.cli.show import show
 from realitygap.cli.simulate import simulate
+from realitygap.cli.track import track
+from realitygap.cli.twin import twin
 
 __all__ = ["main", "realitygap"]
 
@@ -41,7 +45,9 @@ def realitygap(ctx: click.Context) -> None:
         click.echo(ctx.get_help())
 
 
-for _command in (reproduce, evolve, simulate, probe, show, replay, report, profile, arena, bench):
+for _command in (
+    reproduce, evolve, simulate, probe, show, replay, report, robot, twin, track, camera, profile, arena, bench,
+):  # fmt: skip
     realitygap.add_command(_command)
 
 

@@ -1,0 +1,101 @@
+"""`realitygap camera`: the overhead camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from realitygap.cli.kinds import FileToWrite, Finite
+from realitygap.cli.options import as_json
+from realitygap.cli.output import print_json, print_table
+from realitygap.cli.track import FilmLine
+
+if TYPE_CHECKING:
+    from realitygap.film.calibrate import Calibration
+
+__all__ = ["camera"]
+
+
+@click.group()
+def camera() -> None:
+    """Calibrate the overhead camera.
+
+    \b
+    Example:
+        realitygap camera calibrate --frames frames --poses poses.csv --out camera.json
+    """
+
+
+@camera.command()
+@click.option("--frames", required=True, metavar="DIR", help="Folder of pictures with the robot in them.")
+@click.option("--poses", required=True, metavar="FILE", help="CSV: frame, x_cm, y_cm, heading_deg.")
+@click.option(
+    "--out", type=FileToWrite(".json"), required=True, metavar="FILE", help="Write the camera there (.json)."
+)
+@click.option("--disk", metavar="FILE", help="The disk's TOML file [default: the shipped disk].")
+@click.option(
+    "--lens-height",
+    type=Finite(low=0),
+    metavar="CM",
+    help="Lens above the floor; lets disks of other heights be tracked.",
+)
+@as_json
+def calibrate(
+    frames: str, poses: str, out: Path, disk: str | None, lens_height: float | None, json_output: bool
+) -> None:
+    """Calibrate a camera with known poses.
+
+    Put the robot, with its disk, at 12 or more places all over the floor, at many headings; take a
+    picture of each, and write down where it stood. Prints how far each pose is off.
+
+    \b
+    Example:
+        realitygap camera calibrate --frames frames --poses poses.csv --out camera.json
+    """
+    from realitygap.film.calibrate import calibrate_camera
+    from realitygap.film.disk import load_disk
+    from realitygap.film.frames import read_frames
+
+    worn, known = load_disk(disk), read_frames(frames, poses)
+    with FilmLine("calibrating") as line:
+        made = calibrate_camera(known, worn, lens_height_cm=lens_height, on_progress=line.frames)
+    made.camera.save(out)
+    if json_output:
+        print_json({"camera": str(out), **made.to_dict()})
+        return
+    _print(made)
+    click.echo(f"saved {out}")
+
+
+def _print(made: Calibration) -> None:
+    """The residuals, frame by frame, and their summary."""
+    rows = []
+    for r in made.residuals:
+        numbers = (_shown(value) for value in (r.x_mm, r.y_mm, r.distance_mm, r.heading_deg))
+        rows.append((r.frame, *numbers, _remark(r.used, r.x_mm)))
+    print_table(("frame", "x mm", "y mm", "off mm", "heading deg", ""), rows)
+    facts = made.to_dict()
+    click.echo(
+        f"\n{facts['used']} of {facts['frames']} frames used; "
+        f"mean {facts['mean_mm']:.2f} mm and {facts['mean_heading_deg']:.2f}°, "
+        f"worst {facts['worst_mm']:.2f} mm and {facts['worst_heading_deg']:.2f}°"
+    )
+
+
+def _shown(value: float | None) -> Number:
+    return Number("nan" if value is None else value)
+
+
+def _remark(used: bool, x_mm: float | None) -> str:
+    if x_mm is None:
+        return "no disk seen"
+    return "" if used else "left out: check this pose"
+
+
+class Number(float):
+    """A number with two decimals; a dash if there is none."""
+
+    def __str__(self) -> str:
+        return "–" if self != self else f"{float(self):.2f}"

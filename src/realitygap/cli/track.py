@@ -1,0 +1,107 @@
+"""`realitygap track`: where the robot was in each frame of a film."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from realitygap.cli.kinds import FileToWrite
+from realitygap.cli.options import as_json
+from realitygap.cli.output import print_json
+from realitygap.cli.progress import ProgressLine
+
+if TYPE_CHECKING:
+    from realitygap.film.tracker import Tracked
+
+__all__ = ["FilmLine", "track"]
+
+SHOWN_AFTER_S = 2.0
+"""Shorter work shows no progress."""
+
+
+@click.command()
+@click.argument("film", type=click.Path())
+@click.option("--camera", required=True, metavar="FILE", help="The camera's camera.json.")
+@click.option("--disk", metavar="FILE", help="The disk's TOML file [default: the shipped disk].")
+@click.option(
+    "--out", type=FileToWrite(".csv"), required=True, metavar="FILE", help="Write the track there (.csv)."
+)
+@click.option(
+    "--tails", type=FileToWrite(".png"), metavar="FILE", help="Draw tails over the last frame there (.png)."
+)
+@as_json
+def track(
+    film: str, camera: str, disk: str | None, out: Path, tails: Path | None, json_output: bool
+) -> None:
+    """Track the robot in FILM.
+
+    FILM is any film from above (MP4, MOV, MKV, AVI …) of a robot that carries the disk. The track
+    is a table: t_s, x_cm, y_cm, heading_deg, quality (0 to 1). In a frame where the disk is not
+    found place and heading are empty and quality is 0.
+
+    \b
+    Example:
+        realitygap track film.mp4 --camera camera.json --out track.csv --tails tails.png
+    """
+    from realitygap.film.camera import load_camera
+    from realitygap.film.disk import load_disk
+    from realitygap.film.tails import draw_tails, save_tails
+    from realitygap.film.tracker import track_film
+
+    model, worn = load_camera(camera), load_disk(disk)
+    begun = time.perf_counter()
+    with FilmLine("tracking") as line:
+        tracked = track_film(film, model, worn, line.frames)
+    seconds = time.perf_counter() - begun
+    tracked.track.write_csv(out)
+    if tails is not None:
+        save_tails(tails, draw_tails(tracked.last_frame, tracked.track, model, worn))
+    if json_output:
+        facts = {"film": film, "camera": camera, "trouble": tracked.trouble, "seconds": seconds}
+        print_json({**facts, "lost": tracked.track.lost, **tracked.track.to_dict()})
+        return
+    _print(tracked, seconds)
+    for made in (out, tails):
+        if made is not None:
+            click.echo(f"saved {made}")
+
+
+def _print(tracked: Tracked, seconds: float) -> None:
+    """What was found, what was lost, and what was wrong with the film."""
+    rows = tracked.track
+    good = rows.quality[rows.found].mean()
+    click.echo(
+        f"{len(rows)} frames, {rows.t_s[-1]:.2f} s of film; found in {len(rows) - rows.lost}, "
+        f"mean quality {good:.2f}; {len(rows) / max(seconds, 1e-9):.0f} frames/s"
+    )
+    if rows.lost:
+        gaps = rows.gaps()
+        listed = ", ".join(f"{a:.2f} s" if a == b else f"{a:.2f} to {b:.2f} s" for a, b in gaps[:5])
+        more = f" and {len(gaps) - 5} more stretches" if len(gaps) > 5 else ""
+        click.echo(f"lost in {rows.lost} frames: {listed}{more}")
+    if tracked.trouble is not None:
+        click.echo(f"warning: {tracked.trouble}; what could be read is kept.", err=True)
+
+
+class FilmLine(ProgressLine):
+    """Progress of work on frames: a line once it has taken longer than a moment."""
+
+    def __init__(self, phase: str) -> None:
+        super().__init__()
+        self._says, self._begun, self._open = phase, time.monotonic(), False
+
+    def __enter__(self) -> FilmLine:
+        return self
+
+    def frames(self, done: int, total: int | None) -> None:
+        """Show how many frames are done."""
+        if time.monotonic() - self._begun < SHOWN_AFTER_S and not self._open:
+            return
+        if not self._open:
+            self._open = True
+            super().__enter__()
+        whole = max(total or done, done)
+        self._show(self._says, done, whole, "frames", done == whole)

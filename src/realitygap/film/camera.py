@@ -1,0 +1,249 @@
+"""The overhead camera: from places on the floor (cm) to places in the picture (px) and back.
+
+A homography takes the plane in which the disk moves to an ideal picture; two radial terms bend
+that as the lens does (`lens.py`).
+The homography holds at one height above the floor. Things at another height are moved along the
+ray to the lens first, for which the lens's place must be known.
+Pixels are counted from the middle of the picture's upper left one: x to the right, y down.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from realitygap.errors import FilmError
+from realitygap.film.files import read_text
+from realitygap.film.lens import bent, straightened
+
+__all__ = ["CameraModel", "load_camera"]
+
+Array = NDArray[np.float64]
+
+FORMAT = "realitygap camera 1"
+OUTSIDE = -1e6
+"""Where the picture of something goes that no ray brings into it, px."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CameraModel:
+    """One camera at one place.
+
+    Attributes:
+        width_px, height_px: size of its pictures.
+        homography: [3, 3], from (x, y, 1) in cm on the plane to ideal pixels.
+        radial: k1 and k2, no unit.
+        plane_cm: height of the homography's plane above the floor.
+        lens_cm: where the lens is, (x, y, height), if known.
+
+    Raises:
+        FilmError: numbers that are no camera.
+    """
+
+    width_px: int
+    height_px: int
+    homography: Array
+    radial: tuple[float, float] = (0.0, 0.0)
+    plane_cm: float = 0.0
+    lens_cm: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.width_px < 1 or self.height_px < 1:
+            got = f"{self.width_px}, {self.height_px}"
+            raise FilmError(f"width_px, height_px: expected 1 or more, got {got}.")
+        matrix = np.array(self.homography, dtype=np.float64)
+        if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or abs(np.linalg.det(matrix)) < 1e-300:
+            raise FilmError("homography: expected 3 × 3 finite numbers that can be inverted.")
+        numbers = (*self.radial, self.plane_cm, *(self.lens_cm or ()))
+        if len(self.radial) != 2 or not all(math.isfinite(number) for number in numbers):
+            raise FilmError("radial, plane_cm, lens_cm: expected two finite numbers, one, and three or null.")
+        if self.lens_cm is not None and self.lens_cm[2] <= self.plane_cm:
+            above = f"above the plane at {self.plane_cm:g} cm"
+            raise FilmError(f"lens_cm: expected {above}, got {self.lens_cm[2]:g}.")
+        matrix /= np.abs(matrix).max()
+        middle = np.linalg.solve(matrix, [*self.middle, 1.0])
+        if middle[2] < 0:  # points in front of the camera have a positive third coordinate
+            matrix = -matrix
+        matrix.setflags(write=False)
+        object.__setattr__(self, "homography", matrix)
+
+    @classmethod
+    def from_pinhole(
+        cls,
+        *,
+        width_px: int,
+        height_px: int,
+        focal_px: float,
+        lens_cm: ArrayLike,
+        rotation: ArrayLike,
+        radial: tuple[float, float] = (0.0, 0.0),
+        plane_cm: float = 0.0,
+    ) -> CameraModel:
+        """The model of a camera whose construction is known.
+
+        Args:
+            width_px, height_px: size of its pictures; it looks through their middle.
+            focal_px: focal length.
+            lens_cm: (x, y, height) of the lens.
+            rotation: [3, 3], from the room's axes to the camera's (x right, y down, z forward).
+            radial: k1 and k2 as in this module's equation.
+            plane_cm: height of the plane that the homography shall hold for.
+        """
+        turn, lens = np.asarray(rotation, float), np.asarray(lens_cm, float)
+        inside = np.array(
+            [[focal_px, 0, (width_px - 1) / 2], [0, focal_px, (height_px - 1) / 2], [0, 0, 1.0]]
+        )
+        shift = turn @ (np.array([0, 0, plane_cm]) - lens)
+        return cls(
+            width_px=width_px,
+            height_px=height_px,
+            homography=inside @ np.column_stack([turn[:, 0], turn[:, 1], shift]),
+            radial=radial,
+            plane_cm=plane_cm,
+            lens_cm=(float(lens[0]), float(lens[1]), float(lens[2])),
+        )
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """The middle of the picture, px."""
+        return (self.width_px - 1) / 2, (self.height_px - 1) / 2
+
+    @property
+    def half_diagonal(self) -> float:
+        """The unit of the radial terms, px."""
+        return math.hypot(self.width_px, self.height_px) / 2
+
+    def to_pixels(self, places: ArrayLike, height_cm: float | None = None) -> Array:
+        """Where places [..., 2] (cm) at a height (default: the plane's) are in the picture, [..., 2] px."""
+        flat = self._shifted(np.asarray(places, float), height_cm, self.plane_cm)
+        h = self.homography
+        x, y = flat[..., 0], flat[..., 1]
+        depth = h[2, 0] * x + h[2, 1] * y + h[2, 2]
+        seen = depth > 1e-12
+        depth = np.where(seen, depth, 1.0)
+        ideal = np.stack(
+            [(h[0, 0] * x + h[0, 1] * y + h[0, 2]) / depth, (h[1, 0] * x + h[1, 1] * y + h[1, 2]) / depth], -1
+        )
+        return np.where(seen[..., None], self._bent(ideal), OUTSIDE)
+
+    def to_floor(self, pixels: ArrayLike, height_cm: float | None = None) -> Array:
+        """The places [..., 2] (cm) at a height (default: the plane's) that pixels [..., 2] show."""
+        ideal = self._straightened(np.asarray(pixels, float))
+        inverse = np.linalg.inv(self.homography)
+        flat = ideal @ inverse[:2, :2].T + inverse[:2, 2]
+        flat /= (ideal @ inverse[2, :2] + inverse[2, 2])[..., None]
+        return self._shifted(flat, self.plane_cm, height_cm)
+
+    def pixels_per_cm(self, place: ArrayLike, height_cm: float | None = None) -> float:
+        """The picture's scale at a place (cm): the root of how much larger an area becomes."""
+        x, y = np.asarray(place, float)
+        cross = self.to_pixels([[x - 0.1, y], [x + 0.1, y], [x, y - 0.1], [x, y + 0.1]], height_cm)
+        along, across = (cross[1] - cross[0]) / 0.2, (cross[3] - cross[2]) / 0.2
+        return float(math.sqrt(abs(along[0] * across[1] - along[1] * across[0])))
+
+    def shows(self, pixels: ArrayLike, margin_px: float = 0.0) -> NDArray[np.bool_]:
+        """Whether pixels [..., 2] lie in the picture, at least `margin_px` from its edge."""
+        p = np.asarray(pixels, float)
+        low, high = margin_px - 0.5, np.array([self.width_px, self.height_px]) - 0.5 - margin_px
+        return np.asarray(((p >= low) & (p <= high)).all(axis=-1))
+
+    def check_size(self, width_px: int, height_px: int, what: str) -> None:
+        """Refuse pictures of another size.
+
+        Raises:
+            FilmError: names what came and what the camera was calibrated for.
+        """
+        if (width_px, height_px) != (self.width_px, self.height_px):
+            raise FilmError(
+                f"{what}: {width_px} × {height_px} pixels, but the camera was calibrated for "
+                f"{self.width_px} × {self.height_px}. Calibrate with frames of this size, "
+                "or give the camera that filmed it."
+            )
+
+    def check_height(self, height_cm: float) -> None:
+        """Refuse a height that this camera cannot correct for.
+
+        Raises:
+            FilmError: another height than the plane's, and nobody knows where the lens is.
+        """
+        if abs(height_cm - self.plane_cm) > 1e-6 and self.lens_cm is None:
+            raise FilmError(
+                f"height_cm: the disk is {height_cm:g} cm above the floor, but the camera was calibrated at "
+                f"{self.plane_cm:g} cm and does not know where its lens is. Calibrate with this disk, "
+                "or calibrate with --lens-height."
+            )
+
+    def to_dict(self) -> dict[str, Any]:
+        """The camera as its JSON file has it."""
+        return {
+            "format": FORMAT,
+            "width_px": self.width_px,
+            "height_px": self.height_px,
+            "homography": self.homography.tolist(),
+            "radial": list(self.radial),
+            "plane_cm": self.plane_cm,
+            "lens_cm": None if self.lens_cm is None else list(self.lens_cm),
+        }
+
+    def save(self, path: str | Path) -> None:
+        """Write the camera as JSON."""
+        Path(path).write_text(json.dumps(self.to_dict(), indent=2) + "\n", "utf-8")
+
+    def _shifted(self, places: Array, from_cm: float | None, to_cm: float | None) -> Array:
+        """Places at one height, moved along the rays to the lens to another height."""
+        low = self.plane_cm if from_cm is None else from_cm
+        high = self.plane_cm if to_cm is None else to_cm
+        if abs(low - high) <= 1e-9:
+            return places
+        self.check_height(low if to_cm == self.plane_cm else high)
+        lens = np.array(self.lens_cm)
+        return np.asarray(lens[:2] + (places - lens[:2]) * (lens[2] - high) / (lens[2] - low))
+
+    def _bent(self, ideal: Array) -> Array:
+        """What the lens makes of ideal pixels."""
+        if self.radial == (0.0, 0.0):
+            return ideal
+        v = bent((ideal - self.middle) / self.half_diagonal, *self.radial)
+        return np.where(np.isnan(v), OUTSIDE, self.middle + self.half_diagonal * v)
+
+    def _straightened(self, pixels: Array) -> Array:
+        """The ideal pixels that the lens bent to these."""
+        v = straightened((pixels - self.middle) / self.half_diagonal, *self.radial)
+        return np.asarray(self.middle + self.half_diagonal * v)
+
+
+def load_camera(path: str | Path) -> CameraModel:
+    """The camera of a JSON file, as `realitygap camera calibrate` writes it.
+
+    Raises:
+        FilmError: unreadable file, broken JSON, a key that is missing or refused.
+    """
+    cure = "Make it with `realitygap camera calibrate`."
+    try:
+        table = json.loads(read_text(path, cure))
+    except ValueError as error:
+        raise FilmError(f"{path}: not a JSON file: {error}. {cure}") from None
+    if not isinstance(table, dict) or table.get("format") != FORMAT:
+        raise FilmError(f'{path}: expected a camera ("format": "{FORMAT}"), got another file. {cure}')
+    try:
+        lens = table.get("lens_cm")
+        return CameraModel(
+            width_px=int(table["width_px"]),
+            height_px=int(table["height_px"]),
+            homography=np.array(table["homography"], dtype=np.float64),
+            radial=tuple(float(k) for k in table["radial"]),  # type: ignore[arg-type]
+            plane_cm=float(table["plane_cm"]),
+            lens_cm=None if lens is None else (float(lens[0]), float(lens[1]), float(lens[2])),
+        )
+    except FilmError as error:
+        raise FilmError(f"{path}: {error} {cure}") from None
+    except KeyError as error:
+        raise FilmError(f"{path}: {error.args[0]}: missing. {cure}") from None
+    except (TypeError, ValueError, IndexError, OverflowError) as error:
+        raise FilmError(f"{path}: a value of the wrong kind ({error}). {cure}") from None

@@ -1,0 +1,82 @@
+"""The black and white disk that the robot carries (§6), read from TOML."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import dataclass, fields
+from difflib import get_close_matches
+from importlib.resources import files
+from numbers import Real
+from pathlib import Path
+from typing import Any
+
+from realitygap.errors import FilmError
+from realitygap.film.files import read_text
+
+__all__ = ["Disk", "load_disk"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Disk:
+    """A black disk with two white patches, one at its centre and one ahead; lengths in cm.
+
+    Raises:
+        FilmError: a length that is no positive number, patches that touch or leave the disk.
+    """
+
+    radius_cm: float = 2.75
+    centre_radius_cm: float = 0.7
+    front_radius_cm: float = 0.45
+    front_distance_cm: float = 1.95
+    height_cm: float = 3.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
+                raise FilmError(f"{field.name}: expected a number of cm, got {value!r}.")
+            if value < 0 or (value == 0 and field.name != "height_cm"):
+                raise FilmError(f"{field.name}: expected more than 0 cm, got {value!r}.")
+            object.__setattr__(self, field.name, float(value))
+        if self.centre_radius_cm + self.front_radius_cm >= self.front_distance_cm:
+            raise FilmError(
+                f"front_distance_cm: expected more than both patches' radii together, got "
+                f"{self.front_distance_cm:g}: the patches would touch. Move the front patch outwards."
+            )
+        if self.front_distance_cm + self.front_radius_cm > self.radius_cm:
+            raise FilmError(
+                f"radius_cm: expected at least {self.front_distance_cm + self.front_radius_cm:g} (the "
+                f"front patch's far edge), got {self.radius_cm:g}. Make the disk larger or the patch smaller."
+            )
+
+    def to_dict(self) -> dict[str, float]:
+        """The disk as a dictionary ready for JSON, keys as in its file."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+
+def load_disk(path: str | Path | None = None) -> Disk:
+    """The disk of a TOML file; without one, the disk that the project ships.
+
+    Raises:
+        FilmError: unreadable file, broken TOML, unknown key, or a value that is refused.
+    """
+    if path is None:
+        return _built(tomllib.loads(files("realitygap.film").joinpath("disk.toml").read_text("utf-8")))
+    text = read_text(path, "Give the path of a disk's .toml file.")
+    try:
+        return _built(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise FilmError(f"{path}: not a TOML file: {error}. Correct that line.") from None
+    except FilmError as error:
+        raise FilmError(f"{path}: {error}") from None
+
+
+def _built(table: dict[str, Any]) -> Disk:
+    known = [field.name for field in fields(Disk)]
+    for key in table:
+        if key not in known:
+            near = get_close_matches(key, known, n=1)
+            cure = f"Did you mean {near[0]!r}?" if near else f"Known keys: {', '.join(known)}."
+            raise FilmError(f"{key}: unknown key. {cure}")
+    return Disk(**table)

@@ -1,0 +1,204 @@
+"""Finds the disk in one picture: near a place, or anywhere.
+
+Near a place, the picture is first laid out on the disk's plane, a square of so many steps a
+centimetre, where masks have one size and a distance is a distance. Anywhere, the masks run over the
+picture itself with the size that the patches have at its middle, and the likeliest places are then
+looked at closely.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.film.camera import CameraModel
+from realitygap.film.disk import Disk
+from realitygap.film.masks import OUTER, Picture, correlation, pattern_of, peak, responses
+
+__all__ = ["FOUND_ANEW", "KNOWN_AGAIN", "Finder", "Sighting"]
+
+REACH_CM = 1.5
+"""How far from the expected place the disk's centre is looked for."""
+
+_CLOSE_CM = 0.7
+"""The same about a place that the masks found in the whole picture."""
+
+RING_SLACK = 0.35
+"""How far off its ring about the centre the front patch may seem, in radii of the front patch."""
+
+KNOWN_AGAIN = 0.7
+"""Quality from which on a disk near its last place is believed."""
+
+FOUND_ANEW = 0.9
+"""Quality from which on a disk anywhere in a picture is believed: the likeliest place of a spotted
+floor reaches 0.84, of a page of print 0.92; a disk under strong noise, blur, glare, compression or
+a cable stays above 0.94 (measured on rendered pictures)."""
+
+_CANDIDATES, _CLOSER_LOOKS, _PEAKS = 40, 6, 5
+_GOOD = 0.95
+"""A quality so good that no other candidate is looked at."""
+
+_ANGLES = np.arange(72) * (math.tau / 72)
+_RING = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], 1)
+
+
+class Sighting(NamedTuple):
+    """The disk as it was seen: its centre and its front patch on its plane (cm), quality 0 to 1."""
+
+    centre: tuple[float, float]
+    front: tuple[float, float]
+    quality: float
+
+    @property
+    def heading(self) -> float:
+        """Where it looks, rad."""
+        return math.atan2(self.front[1] - self.centre[1], self.front[0] - self.centre[0])
+
+
+class Finder:
+    """Looks for one kind of disk through one camera.
+
+    Args:
+        camera: its pictures are 8 bits grey, [height, width].
+        disk: what to look for.
+        slack: how far off its ring about the centre the front patch may seem, in its radii.
+
+    Raises:
+        FilmError: a camera that cannot correct for the disk's height.
+    """
+
+    def __init__(self, camera: CameraModel, disk: Disk, slack: float = RING_SLACK) -> None:
+        camera.check_height(disk.height_cm)
+        self.camera, self.disk, self._slack = camera, disk, slack
+        self._pattern = pattern_of(disk)
+        middle = camera.to_floor(camera.middle, disk.height_cm)
+        self._scale = camera.pixels_per_cm(middle, disk.height_cm)
+        front = disk.front_radius_cm
+        self._step = min(max(1 / self._scale, front / 9), front / 4)
+        self._shrink = max(1, int(front * self._scale / 2.5))
+
+    def near(
+        self, picture: NDArray[np.uint8], place: NDArray[np.float64], reach_cm: float = REACH_CM
+    ) -> Sighting | None:
+        """The disk whose centre lies within `reach_cm` of a place (cm), or None."""
+        disk, step = self.disk, self._step
+        support = reach_cm + disk.front_distance_cm + 3 * OUTER * disk.front_radius_cm
+        half = math.ceil(support / step)
+        flat = self._laid_out(picture, place, half)
+        for_centre, for_front, fine = responses(flat, disk, 1 / step)
+        best: Sighting | None = None
+        for row, column in _tops(for_centre, half, reach_cm / step, _PEAKS):
+            centre = peak(for_centre, column, row)
+            front = None if centre is None else self._front(for_front, centre)
+            if centre is None or front is None:
+                continue
+            quality = self._quality(fine, centre, front)
+            if best is None or quality > best.quality:
+                best = Sighting(self._place(centre, place, half), self._place(front, place, half), quality)
+        return best if best is not None and self._visible(best) else None
+
+    def anywhere(self, picture: NDArray[np.uint8]) -> Sighting | None:
+        """The likeliest disk in the whole picture, or None."""
+        best: Sighting | None = None
+        for place in self._candidates(picture):
+            seen = self.near(picture, place, _CLOSE_CM)
+            if seen is not None and (best is None or seen.quality > best.quality):
+                best = seen
+                if best.quality > _GOOD:
+                    break
+        return best
+
+    def _laid_out(self, picture: NDArray[np.uint8], place: NDArray[np.float64], half: int) -> Picture:
+        """A square of the disk's plane about a place, `half` steps to each side."""
+        axis = np.arange(-half, half + 1) * self._step
+        x, y = np.meshgrid(place[0] + axis, place[1] + axis)
+        pixels = self.camera.to_pixels(np.stack([x, y], -1), self.disk.height_cm).astype(np.float32)
+        return _sampled(picture, pixels[..., 0], pixels[..., 1]).astype(np.float32)
+
+    def _front(self, response: Picture, centre: tuple[float, float]) -> tuple[float, float] | None:
+        """The front patch on its ring about the centre, in steps."""
+        ring = self.disk.front_distance_cm / self._step
+        slack = self._slack * self.disk.front_radius_cm / self._step
+        places = np.rint(np.array(centre) + ring * _RING).astype(int)
+        places = places.clip(0, response.shape[0] - 1)
+        column, row = places[int(response[places[:, 1], places[:, 0]].argmax())]
+        for _ in range(6):  # uphill to the top of the mask's response
+            left, up = max(column - 1, 0), max(row - 1, 0)
+            around = response[up : row + 2, left : column + 2]
+            dy, dx = np.unravel_index(int(around.argmax()), around.shape)
+            if (up + dy, left + dx) == (row, column):
+                break
+            row, column = int(up + dy), int(left + dx)
+        front = peak(response, int(column), int(row))
+        if front is None or abs(math.dist(front, centre) - ring) > slack:
+            return None
+        return front
+
+    def _quality(self, fine: Picture, centre: tuple[float, float], front: tuple[float, float]) -> float:
+        """How much the place looks like the disk."""
+        dx, dy = front[0] - centre[0], front[1] - centre[1]
+        length = math.hypot(dx, dy)
+        ahead = np.array([[dx, dy], [-dy, dx]]) / (length * self._step)
+        spots = (self._pattern.places @ ahead + centre).astype(np.float32)
+        seen = _sampled(fine, spots[:, :1], spots[:, 1:])
+        return correlation(seen[:, 0].astype(np.float64), self._pattern)
+
+    def _place(self, spot: tuple[float, float], place: NDArray[np.float64], half: int) -> tuple[float, float]:
+        """A spot of the laid out square as a place in cm."""
+        return (
+            float(place[0] + (spot[0] - half) * self._step),
+            float(place[1] + (spot[1] - half) * self._step),
+        )
+
+    def _visible(self, seen: Sighting) -> bool:
+        """Whether both patches lie in the picture."""
+        pixels = self.camera.to_pixels([seen.centre, seen.front], self.disk.height_cm)
+        return bool(self.camera.shows(pixels, 1.0).all())
+
+    def _candidates(self, picture: NDArray[np.uint8]) -> NDArray[np.float64]:
+        """Places (cm) where both masks respond together, the likeliest first, [n, 2]."""
+        shrink = self._shrink
+        height, width = (n // shrink for n in picture.shape)
+        small = picture[: height * shrink, : width * shrink].astype(np.float32)
+        if shrink > 1:
+            small = np.asarray(cv2.resize(small, (width, height), interpolation=cv2.INTER_AREA), np.float32)
+        for_centre, for_front, _ = responses(small, self.disk, self._scale / shrink)
+        reach = max(1, round(0.6 * self.disk.centre_radius_cm * self._scale / shrink))
+        tops = _maxima(for_centre, reach, _CANDIDATES)
+        if not len(tops):
+            return np.empty((0, 2))
+        pixels = (tops[:, ::-1] + 0.5) * shrink - 0.5
+        places = self.camera.to_floor(pixels, self.disk.height_cm)
+        ring = places[:, None] + self.disk.front_distance_cm * _RING
+        around = np.rint((self.camera.to_pixels(ring, self.disk.height_cm) + 0.5) / shrink - 0.5).astype(int)
+        column, row = around[..., 0].clip(0, width - 1), around[..., 1].clip(0, height - 1)
+        fronts = for_front[row, column].max(axis=1)
+        together = np.minimum(for_centre[tops[:, 0], tops[:, 1]], 1.5 * fronts)
+        order = np.argsort(-together, kind="stable")[:_CLOSER_LOOKS]
+        return np.asarray(places[order[together[order] > 0]])
+
+
+def _sampled(picture: NDArray[Any], columns: Picture, rows: Picture) -> NDArray[Any]:
+    """The picture between its pixels, and beyond its edge as at its edge."""
+    return np.asarray(cv2.remap(picture, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+
+
+def _maxima(response: Picture, reach: int, count: int) -> NDArray[np.int64]:
+    """The highest `count` places (row, column) that nothing within `reach` pixels surpasses, [n, 2]."""
+    kernel = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+    top = (response >= cv2.dilate(response, kernel)) & (response > 0.5)
+    places = np.argwhere(top)
+    return places[np.argsort(-response[top], kind="stable")[:count]]
+
+
+def _tops(response: Picture, half: int, reach: float, count: int) -> list[tuple[int, int]]:
+    """The highest maxima (row, column) within `reach` steps of the square's middle."""
+    low, high = max(half - math.ceil(reach), 1), half + math.ceil(reach) + 1
+    inner = response[low - 1 : high + 1, low - 1 : high + 1]
+    places = _maxima(inner, 1, 4 * count) + (low - 1)
+    near = np.hypot(places[:, 0] - half, places[:, 1] - half) <= reach
+    return [(int(row), int(column)) for row, column in places[near][:count]]

@@ -1,0 +1,138 @@
+"""Fits a camera to places on the disk's plane and where they are in the picture.
+
+The homography comes from a vote (RANSAC), so that one mistyped pose spoils nothing; then its eight
+numbers and the two radial terms are made to fit all points that agree, by Levenberg and
+Marquardt's steps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.film.camera import CameraModel
+
+__all__ = ["fit_camera", "lens_place"]
+
+Array = NDArray[np.float64]
+
+_PRIOR_PX = 0.2
+"""Radial terms of size 1 cost as much as one point being this far off: only points can call for them."""
+
+
+def fit_camera(
+    places: Array,
+    pixels: Array,
+    size: tuple[int, int],
+    *,
+    plane_cm: float,
+    radial: bool,
+    tolerance_px: float,
+) -> CameraModel | None:
+    """The camera that takes places [n, 2] (cm) to pixels [n, 2]; None if there is none.
+
+    Args:
+        places: on the disk's plane.
+        pixels: where they were seen.
+        size: width and height of the picture, px.
+        plane_cm: the plane's height.
+        radial: whether to fit the lens's two terms.
+        tolerance_px: points farther off do not count in the vote.
+    """
+    middle, half = np.array([(size[0] - 1) / 2, (size[1] - 1) / 2]), math.hypot(*size) / 2
+    about, spread = places.mean(0), max(float(places.std()), 1e-9)
+    p, q = (places - about) / spread, (pixels - middle) / half
+    cv2.setRNGSeed(1)
+    matrix, votes = cv2.findHomography(p, q, cv2.RANSAC, tolerance_px / half, maxIters=5000)
+    if matrix is None or int(votes.sum()) < 4:
+        return None
+    agree = votes.ravel() > 0
+    start = np.append(np.asarray(matrix, float).ravel()[:8] / matrix[2, 2], [0.0, 0.0] if radial else [])
+    agreeing = start
+    for _ in range(3):  # the lens's bend may have kept good points out of the vote
+        agreeing = _least_squares(partial(_misses, p=p[agree], q=q[agree], half=half), agreeing)
+        far = np.hypot(*(_seen(agreeing, p) - q).T) * half
+        agree = far <= max(tolerance_px / 3, 4 * float(np.median(far)))
+    back = np.diag([half, half, 1.0])
+    back[:2, 2] = middle
+    onto = np.array([[1 / spread, 0, -about[0] / spread], [0, 1 / spread, -about[1] / spread], [0, 0, 1]])
+    k1, k2 = (float(agreeing[8]), float(agreeing[9])) if radial else (0.0, 0.0)
+    return CameraModel(
+        width_px=size[0],
+        height_px=size[1],
+        homography=back @ np.append(agreeing[:8], 1.0).reshape(3, 3) @ onto,
+        radial=(k1, k2),
+        plane_cm=plane_cm,
+    )
+
+
+def lens_place(camera: CameraModel, height_cm: float) -> tuple[float, float, float]:
+    """Where the lens of a camera is that stands so high above the floor, (x, y, height) in cm.
+
+    Square pixels and an optical axis through the picture's middle are assumed; then the height
+    says the focal length, and that the place.
+    """
+    low, high = (math.log(f * camera.half_diagonal) for f in (0.05, 100.0))
+    for _ in range(80):
+        half = (low + high) / 2
+        too_high = _pinhole(camera, math.exp(half))[2] + camera.plane_cm > height_cm
+        low, high = (low, half) if too_high else (half, high)
+    x, y, _ = _pinhole(camera, math.exp(half))
+    return float(x), float(y), float(height_cm)
+
+
+def _pinhole(camera: CameraModel, focal: float) -> Array:
+    """The lens above the plane, if the focal length (px) is this."""
+    middle = np.array([[focal, 0, camera.middle[0]], [0, focal, camera.middle[1]], [0, 0, 1.0]])
+    a = np.linalg.solve(middle, camera.homography)
+    a *= 2 / (np.linalg.norm(a[:, 0]) + np.linalg.norm(a[:, 1]))
+    u, _, v = np.linalg.svd(np.column_stack([a[:, 0], a[:, 1], np.cross(a[:, 0], a[:, 1])]))
+    turn = u @ v
+    place = -turn.T @ a[:, 2]
+    return np.array([place[0], place[1], abs(place[2])])
+
+
+def _seen(values: Array, p: Array) -> Array:
+    """Where the places are in the picture, both in the units of the fit."""
+    h = np.append(values[:8], 1.0).reshape(3, 3)
+    ideal = (p @ h[:2, :2].T + h[:2, 2]) / (p @ h[2, :2] + h[2, 2])[:, None]
+    if len(values) == 8:
+        return np.asarray(ideal)
+    square = (ideal**2).sum(1, keepdims=True)
+    return np.asarray(ideal * (1 + values[8] * square + values[9] * square * square))
+
+
+def _misses(values: Array, p: Array, q: Array, half: float) -> Array:
+    """How far off each point is (px), and what the radial terms cost."""
+    return np.append((_seen(values, p) - q).ravel() * half, _PRIOR_PX * values[8:])
+
+
+def _least_squares(misses: Callable[[Array], Array], values: Array, rounds: int = 60) -> Array:
+    """The values whose misses have the least sum of squares (Levenberg 1944, Marquardt 1963)."""
+    damping, off = 1e-3, misses(values)
+    for _ in range(rounds):
+        steps = 1e-6 * np.maximum(np.abs(values), 1e-2)
+        columns = [
+            (misses(values + step) - misses(values - step)) / (2 * size)
+            for size, step in zip(steps, np.diag(steps), strict=True)
+        ]
+        jacobian = np.column_stack(columns)
+        normal, slope = jacobian.T @ jacobian, jacobian.T @ off
+        trial = values - np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), slope)
+        tried = misses(trial)
+        better = float(tried @ tried) < float(off @ off)
+        if better:
+            gain = float(off @ off) - float(tried @ tried)
+            values, off, damping = trial, tried, damping / 5
+            if gain < 1e-10 * float(off @ off) + 1e-18:
+                break
+        else:
+            damping *= 8
+            if damping > 1e12:
+                break
+    return values

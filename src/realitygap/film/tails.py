@@ -1,0 +1,84 @@
+"""Tails, as in the paper's figures 3 and 5.
+
+"After processing an entire sequence, the lines, one per frame, joining the centre of the Khepera to
+its leading edge, were overlaid on the final frame to produce an image of the Khepera with a white
+'tail' behind it." (§6)
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.errors import FilmError
+from realitygap.film.camera import CameraModel
+from realitygap.film.disk import Disk
+from realitygap.film.track import Track
+
+__all__ = ["draw_tails", "save_tails"]
+
+Picture = NDArray[np.uint8]
+
+_WIDE_PX = 1200
+"""Narrower pictures are drawn larger, by a whole factor, so that the lines are fine."""
+
+_BRIGHTEST = 110
+"""The floor is darkened to this, so that white shows on it (0 black, 255 white)."""
+
+_SHIFT = 4
+"""OpenCV draws between pixels in units of 1 / 2^shift."""
+
+
+def draw_tails(frame: Picture, track: Track, camera: CameraModel, disk: Disk) -> Picture:
+    """A frame [height, width, 3] under the white lines of a track, one for each frame in which the
+    robot was found; larger than the frame if that is small. The frame is darkened where its floor
+    is so bright that white would not show."""
+    camera.check_size(frame.shape[1], frame.shape[0], "the frame")
+    factor = max(1, math.ceil(_WIDE_PX / frame.shape[1]))
+    height, width = frame.shape[:2]
+    picture = cv2.resize(frame, (factor * width, factor * height), interpolation=cv2.INTER_CUBIC)
+    strokes = _strokes(track, camera, disk)
+    dark = min(1.0, _BRIGHTEST / max(_floor_under(frame, strokes), 1.0))
+    picture = np.rint(picture * dark).astype(np.uint8)
+    lines = np.rint(((strokes + 0.5) * factor - 0.5) * 2**_SHIFT).astype(np.int32)
+    veil = np.zeros(picture.shape[:2], np.uint8)
+    for line in lines:
+        cv2.polylines(veil, [line.reshape(-1, 1, 2)], False, 255, max(1, factor // 2), cv2.LINE_AA, _SHIFT)
+    part = (veil / 255.0)[..., None]
+    return np.asarray(np.rint(picture + (255 - picture) * part), np.uint8)
+
+
+def save_tails(path: str | Path, picture: Picture) -> None:
+    """Write a picture [height, width, 3] as PNG.
+
+    Raises:
+        FilmError: a name that does not end in .png.
+    """
+    if Path(path).suffix.lower() != ".png":
+        raise FilmError(f"{path}: expected a picture's name ending in .png.")
+    done, data = cv2.imencode(".png", np.ascontiguousarray(picture[..., ::-1]))
+    if not done:
+        raise FilmError(f"{path}: cannot be made into a picture.")
+    Path(path).write_bytes(data.tobytes())
+
+
+def _strokes(track: Track, camera: CameraModel, disk: Disk) -> NDArray[np.float64]:
+    """From centre to leading edge, [n, 2, 2] px, where the robot was found."""
+    found = track.found
+    centre = np.stack([track.x_cm[found], track.y_cm[found]], 1)
+    heading = np.radians(track.heading_deg[found])
+    edge = centre + disk.radius_cm * np.stack([np.cos(heading), np.sin(heading)], 1)
+    return camera.to_pixels(np.stack([centre, edge], 1), disk.height_cm)
+
+
+def _floor_under(frame: Picture, strokes: NDArray[np.float64]) -> float:
+    """How bright the picture is along the path."""
+    spots = np.rint(strokes[:, 0]).astype(int)
+    if not len(spots):
+        return 0.0
+    columns, rows = spots[:, 0].clip(0, frame.shape[1] - 1), spots[:, 1].clip(0, frame.shape[0] - 1)
+    return float(np.quantile(frame[rows, columns].mean(axis=1), 0.75))

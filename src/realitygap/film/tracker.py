@@ -1,0 +1,118 @@
+"""The tracker: the disk's pose in every frame of a film (§6).
+
+The whole first frame is searched; then a window round the last place; and the whole frame again
+whenever the robot was lost. Nothing is carried over from frame to frame but where to look: a frame
+in which the disk is not seen is reported as lost, never guessed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.errors import FilmError
+from realitygap.film.camera import CameraModel
+from realitygap.film.disk import Disk
+from realitygap.film.finder import FOUND_ANEW, KNOWN_AGAIN, Finder, Sighting
+from realitygap.film.track import COLUMNS, Track
+from realitygap.film.video import FilmReader
+from realitygap.values import Pose
+
+__all__ = ["Tracked", "Tracker", "track_film"]
+
+Picture = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tracked:
+    """What came of a film: the track, the last frame [height, width, 3], and in words what was
+    wrong with the film (None: nothing)."""
+
+    track: Track
+    last_frame: Picture
+    trouble: str | None
+
+
+class Tracker:
+    """Follows one disk from frame to frame; `pose` and `quality` are the last frame's.
+
+    Args:
+        camera: which took the frames.
+        disk: what the robot carries.
+    """
+
+    def __init__(self, camera: CameraModel, disk: Disk) -> None:
+        self._finder = Finder(camera, disk)
+        self._last: Sighting | None = None
+        self.best_quality = 0.0
+
+    def see(self, picture: Picture) -> tuple[Pose, float] | None:
+        """The disk's pose in a picture [height, width] and its quality, or None."""
+        seen = None
+        if self._last is not None:
+            seen = self._believed(self._finder.near(picture, np.array(self._last.centre)), KNOWN_AGAIN)
+        if seen is None:
+            seen = self._believed(self._finder.anywhere(picture), FOUND_ANEW)
+        self._last = seen
+        if seen is None:
+            return None
+        return Pose(x=seen.centre[0], y=seen.centre[1], heading=seen.heading), seen.quality
+
+    def _believed(self, seen: Sighting | None, least: float) -> Sighting | None:
+        self.best_quality = max(self.best_quality, 0.0 if seen is None else seen.quality)
+        return seen if seen is not None and seen.quality >= least else None
+
+
+def track_film(
+    film: str | Path,
+    camera: CameraModel,
+    disk: Disk,
+    on_progress: Callable[[int, int | None], None] | None = None,
+) -> Tracked:
+    """Track the robot through a film.
+
+    Args:
+        film: any film that PyAV reads.
+        camera: which took it.
+        disk: what the robot carries.
+        on_progress: is called now and then with the number of frames done, and of all if known.
+
+    Raises:
+        FilmError: not a film, a film of another size, or one in which no disk is seen.
+    """
+    tracker = Tracker(camera, disk)
+    rows: list[tuple[float, float, float, float, float]] = []
+    with FilmReader(film) as reader:
+        for frame in reader:
+            if not rows:
+                camera.check_size(frame.grey.shape[1], frame.grey.shape[0], str(film))
+            elif frame.grey.shape != (camera.height_px, camera.width_px):
+                raise FilmError(f"{film}: its pictures change size at {frame.t_s:.2f} s. Cut the film there.")
+            seen = None if frame.damaged else tracker.see(frame.grey)
+            rows.append((frame.t_s, *_row(seen)))
+            if on_progress is not None and len(rows) % 10 == 0:
+                on_progress(len(rows), reader.frames_expected)
+        last = frame.colour()
+        trouble = reader.trouble
+    if on_progress is not None:
+        on_progress(len(rows), len(rows))
+    track = Track(**dict(zip(COLUMNS, np.array(rows).T, strict=True)))
+    if not track.found.any():
+        raise FilmError(
+            f"{film}: no robot's disk is seen in any of its {len(track)} frames (best quality "
+            f"{tracker.best_quality:.2f}, needed {FOUND_ANEW:g}). Check that the robot carries the disk, "
+            "that --camera was calibrated for this film, and that --disk has the disk's true size."
+        )
+    return Tracked(track=track, last_frame=last, trouble=trouble)
+
+
+def _row(seen: tuple[Pose, float] | None) -> tuple[float, float, float, float]:
+    if seen is None:
+        return math.nan, math.nan, math.nan, 0.0
+    pose, quality = seen
+    return pose.x, pose.y, pose.heading_deg, quality

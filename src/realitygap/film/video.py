@@ -1,0 +1,228 @@
+"""Films in and out, through PyAV: no other program is needed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import av
+import numpy as np
+from av.error import EOFError as EndOfFilm
+from av.error import FFmpegError
+
+from realitygap.errors import FilmError
+from realitygap.film.decoded import Image, grey, sound_or_hurt, turned
+
+__all__ = ["FilmReader", "FilmWriter", "Frame"]
+
+_BROKEN_IN_A_ROW = 50
+"""So many packets that cannot be decoded, one after another, end a film."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One picture of a film: when it was taken after the first (s), and its brightness [height, width]."""
+
+    t_s: float
+    grey: Image
+    damaged: bool
+    source: Any
+
+    def colour(self) -> Image:
+        """The picture in red, green and blue, [height, width, 3]."""
+        return turned(self.source.to_ndarray(format="rgb24"), self.source)
+
+
+class FilmReader:
+    """A film being read, a context manager and an iterator of its frames; one pass.
+
+    What is wrong with the film is known when the pass is over: `trouble` then says in words where
+    it was cut off or damaged, or is None.
+
+    Raises:
+        FilmError: no such file, not a film, or one that no frame can be read from.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.trouble: str | None = None
+        self._container: Any = self._open()
+        self._stream: Any = self._container.streams.video[0]
+        self._stream.thread_type = "AUTO"
+        self.frames_expected = self._expected()
+
+    @property
+    def notes(self) -> dict[str, Any]:
+        """What `FilmWriter` noted about the film; empty for others' films."""
+        with suppress(ValueError):
+            notes = json.loads(self._container.metadata.get("comment", ""))
+            if isinstance(notes, dict):
+                return notes
+        return {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._container.close()
+
+    def __iter__(self) -> Iterator[Frame]:
+        begin: float | None = None
+        count, damaged, last = 0, 0, 0.0
+        for source, hurt in sound_or_hurt(self._decoded()):
+            t = count / self._rate() if source.pts is None else float(source.pts * source.time_base)
+            begin = t if begin is None else begin
+            last, count, damaged = t - begin, count + 1, damaged + hurt
+            yield Frame(round(last, 9), turned(grey(source), source), hurt, source)
+        if not count:
+            raise FilmError(f"{self.path}: no frame can be read from this film. Give another file.")
+        self._judge(count, damaged, last)
+
+    def _open(self) -> Any:
+        if not self.path.exists():
+            raise FilmError(f"{self.path}: no such film. Check the path.")
+        if self.path.is_dir():
+            raise FilmError(f"{self.path}: a folder; give the path of a film.")
+        try:
+            container: Any = av.open(str(self.path), metadata_errors="replace")
+        except (FFmpegError, ValueError, OSError) as error:
+            if isinstance(error, PermissionError):
+                raise FilmError(f"{self.path}: cannot be read. Check the file's rights.") from None
+            raise FilmError(
+                f"{self.path}: not a film, or cut off so early that its table of contents is missing. "
+                "Give a film as a camera writes it (MP4, MOV, MKV, AVI …)."
+            ) from None
+        if not container.streams.video:
+            container.close()
+            raise FilmError(f"{self.path}: there is no picture in this file. Give a film.")
+        return container
+
+    def _expected(self) -> int | None:
+        """How many frames the film says it has, if it says so."""
+        if self._stream.frames:
+            return int(self._stream.frames)
+        if self._stream.duration and self._stream.time_base:
+            return round(float(self._stream.duration * self._stream.time_base) * self._rate())
+        seconds = float(self._container.duration or 0) / float(av.time_base)
+        return round(seconds * self._rate()) or None
+
+    def _rate(self) -> float:
+        return float(self._stream.average_rate or self._stream.guessed_rate or 25)
+
+    def _decoded(self) -> Iterator[Any]:
+        """Frames as the decoder gives them; None where there was something that it cannot decode."""
+        packets, broken = self._container.demux(self._stream), 0
+        while broken <= _BROKEN_IN_A_ROW:
+            try:
+                packet = next(packets)
+            except (StopIteration, FFmpegError, OSError):
+                break
+            try:
+                yield from packet.decode()
+                broken = 0
+            except EndOfFilm:
+                return
+            except FFmpegError:
+                broken += 1
+                yield None
+        with suppress(FFmpegError):  # what the decoder still holds of a film that was cut off
+            yield from self._stream.codec_context.decode(None)
+
+    def _judge(self, count: int, damaged: int, last: float) -> None:
+        """Say what the pass found."""
+        expected = self.frames_expected
+        if expected is not None and count < expected - max(2, round(0.02 * expected)):
+            self.trouble = (
+                f"the film is cut off or damaged: {count} of about {expected} frames could be read, "
+                f"the last at {last:.2f} s"
+            )
+        elif damaged:
+            self.trouble = f"{damaged} of the film's {count} frames are damaged or build on damaged ones"
+
+
+class FilmWriter:
+    """A film being written as MP4 with H.264, a context manager; it appears when it is complete.
+
+    Args:
+        path: the file, ending in .mp4.
+        rate: frames a second.
+        made_by: which camera made it, such as "MuJoCo's renderer": kept in the film.
+        notes: what else to keep in it, ready for JSON.
+        quality: H.264's constant rate factor: 0 lossless, 18 good to the eye, 51 worst.
+
+    Raises:
+        FilmError: a path or a rate that cannot be used, frames of different sizes.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        *,
+        rate: float,
+        made_by: str,
+        notes: Mapping[str, Any] | None = None,
+        quality: float = 18,
+    ) -> None:
+        self.path = Path(path)
+        if self.path.suffix.lower() != ".mp4":
+            raise FilmError(f"{path}: expected a film's name ending in .mp4.")
+        if not 0 < rate <= 1000:
+            raise FilmError(f"rate: expected 0 to 1000 frames a second, got {rate!r}.")
+        self._rate = Fraction(rate).limit_denominator(1000)
+        self._notes = json.dumps({"made_by": made_by, **(notes or {})}, ensure_ascii=False)
+        self._quality = quality
+        self._part = self.path.with_name(f".{self.path.stem}.part.mp4")
+        self._container: Any = None
+        self._stream: Any = None
+        self._shape: tuple[int, ...] = ()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._container is None:
+            return
+        try:
+            if kind is None:
+                self._container.mux(self._stream.encode())
+        finally:
+            self._container.close()
+            if kind is not None:
+                self._part.unlink(missing_ok=True)
+        if kind is None:
+            self._part.replace(self.path)
+
+    def add(self, picture: Image) -> None:
+        """Append a picture, [height, width] grey or [height, width, 3] red, green and blue, 8 bits."""
+        if self._container is None:
+            self._begin(picture.shape)
+        if picture.shape != self._shape:
+            raise FilmError(f"{self.path}: expected pictures of shape {self._shape}, got {picture.shape}.")
+        form = "gray" if picture.ndim == 2 else "rgb24"
+        even = np.ascontiguousarray(picture[: self._stream.height, : self._stream.width])
+        self._container.mux(self._stream.encode(av.VideoFrame.from_ndarray(even, format=form)))
+
+    def _begin(self, shape: tuple[int, ...]) -> None:
+        self._shape = shape
+        codec = "libx264" if "libx264" in av.codecs_available else "mpeg4"
+        try:
+            self._container = av.open(str(self._part), "w", options={"movflags": "+faststart"})
+        except (FFmpegError, OSError) as error:
+            why = error.strerror
+            raise FilmError(f"{self.path}: cannot be written ({why}). Choose another place.") from None
+        self._container.metadata["comment"] = self._notes
+        self._stream = self._container.add_stream(codec, rate=self._rate)
+        self._stream.height, self._stream.width = (n - n % 2 for n in shape[:2])
+        self._stream.pix_fmt = "yuv420p"
+        if codec == "libx264":
+            self._stream.options = {"crf": f"{self._quality:g}", "preset": "veryfast"}

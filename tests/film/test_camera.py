@@ -1,0 +1,197 @@
+"""The camera model: there and back, its file, its calibration."""
+
+import json
+import math
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from realitygap.errors import FilmError
+from realitygap.film.calibrate import calibrate_camera
+from realitygap.film.camera import CameraModel, load_camera
+from realitygap.film.disk import Disk
+from realitygap.film.fit import lens_place
+from realitygap.film.frames import read_frames
+from realitygap.values import Pose
+from tests.film.scene import Lens
+
+PLACES = st.tuples(st.floats(0, 50), st.floats(2, 45))
+
+
+def pinhole(radial=(-0.05, 0.01), plane_cm=3.0):
+    """The tests' camera, looking through its picture's middle, as its construction says."""
+    lens = Lens()
+    return CameraModel.from_pinhole(
+        width_px=640,
+        height_px=480,
+        focal_px=lens.focal,
+        lens_cm=lens.place,
+        rotation=lens.rotation(),
+        radial=radial,
+        plane_cm=plane_cm,
+    )
+
+
+@given(PLACES, st.floats(0, 20), st.floats(-0.15, 0.15), st.floats(-0.05, 0.05))
+def test_there_and_back(place, height, k1, k2):
+    """A place's pixel shows that place, at any height and through any mild lens."""
+    camera = pinhole((k1, k2))
+    back = camera.to_floor(camera.to_pixels(place, height), height)
+    assert np.allclose(back, place, atol=1e-6)
+
+
+def test_agrees_with_the_renderer():
+    """Without a bent lens the model and the renderer, which share nothing, see the same, at each height."""
+    straight = replace(Lens(), bend=(0, 0, 0), middle=(319.5, 239.5))
+    for height in (0.0, 3.0, 7.0):
+        seen = pinhole((0, 0)).to_pixels([12.0, 31.0], height)
+        assert np.allclose(seen, straight.pixel(12.0, 31.0, height), atol=1e-9)
+
+
+def test_lens_is_found_from_its_height():
+    """The homography and the lens's height say where the lens is."""
+    camera = pinhole((0, 0))
+    assert np.allclose(lens_place(camera, 78.0), Lens().place, atol=1e-3)
+
+
+def test_file_keeps_every_number(tmp_path):
+    """A camera read back from its file is the same camera."""
+    camera = pinhole()
+    camera.save(tmp_path / "camera.json")
+    assert load_camera(tmp_path / "camera.json").to_dict() == camera.to_dict()
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("{", "not a JSON file"),
+        ("[]", "expected a camera"),
+        ('{"format": "realitygap camera 1"}', "width_px: missing"),
+        ('{"a": 1}', "expected a camera"),
+    ],
+)
+def test_broken_files_are_refused(tmp_path, text, says):
+    """A file that is no camera is refused with its name and what to do."""
+    path = tmp_path / "camera.json"
+    path.write_text(text)
+    with pytest.raises(FilmError, match=says) as refusal:
+        load_camera(path)
+    assert str(path) in str(refusal.value)
+    assert "camera calibrate" in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("homography", [[1, 2], [3, 4]]),
+        ("radial", "ab"),
+        ("radial", [1]),
+        ("lens_cm", [1]),
+        ("plane_cm", None),
+    ],
+)
+def test_wrong_values_are_refused(tmp_path, key, value):
+    """A camera's file with one wrong value is refused, without a traceback."""
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps(pinhole().to_dict() | {key: value}))
+    with pytest.raises(FilmError, match=r"camera\.json"):
+        load_camera(path)
+
+
+def test_unknown_height_is_refused():
+    """A disk of another height than the calibration's needs a lens whose place is known."""
+    camera = replace(pinhole(), lens_cm=None)
+    with pytest.raises(FilmError, match="--lens-height"):
+        camera.to_pixels([1.0, 2.0], 5.0)
+
+
+def test_calibration_explains_its_frames(calibration):
+    """Every frame of a good calibration is used, and explained within 0.4 mm and 0.5°."""
+    facts = calibration.to_dict()
+    assert facts["used"] == facts["frames"] == 12
+    assert facts["worst_mm"] < 0.4
+    assert facts["worst_heading_deg"] < 0.5
+    assert np.allclose(calibration.camera.lens_cm, Lens().place, atol=0.8)
+
+
+def test_one_wrong_pose_spoils_nothing(frames, calibration):
+    """A mistyped pose is left out and named; the camera is as good without it."""
+    wrong = replace(frames[5], pose=Pose(x=frames[5].pose.x + 3, y=frames[5].pose.y, heading=0.3))
+    made = calibrate_camera([*frames[:5], wrong, *frames[6:]], Disk())
+    assert [r.frame for r in made.residuals if not r.used] == [wrong.name]
+    places = np.array([[10.0, 10.0], [40.0, 35.0], [25.0, 25.0]])
+    assert np.allclose(made.camera.to_pixels(places), calibration.camera.to_pixels(places), atol=0.3)
+
+
+def test_degenerate_poses_are_refused(frames):
+    """Too few poses, poses at one place and poses in a line are refused, each in its own words."""
+    with pytest.raises(FilmError, match="at least 4 frames"):
+        calibrate_camera(frames[:3], Disk())
+    line = [replace(f, pose=Pose(x=5.0 * i, y=10.0, heading=0)) for i, f in enumerate(frames)]
+    with pytest.raises(FilmError, match="lie in a line"):
+        calibrate_camera(line, Disk())
+    one = [replace(f, pose=Pose(x=5.0, y=10.0, heading=0)) for f in frames]
+    with pytest.raises(FilmError, match="at one place"):
+        calibrate_camera(one, Disk())
+
+
+def test_wrong_poses_are_refused(frames):
+    """Poses that belong to other frames, or headings the wrong way round, are no calibration."""
+    frames = frames[:9]
+    turned = [replace(f, pose=g.pose) for f, g in zip(frames, frames[5:] + frames[:5], strict=True)]
+    with pytest.raises(FilmError, match="no camera explains"):
+        calibrate_camera(turned, Disk())
+    mirrored = [replace(f, pose=replace(f.pose, heading=f.pose.heading + math.pi)) for f in frames]
+    with pytest.raises(FilmError, match="no camera explains"):
+        calibrate_camera(mirrored, Disk())
+
+
+def test_frames_without_disk_are_refused(frames):
+    """Pictures without the disk are refused in words."""
+    empty = [replace(f, picture=np.full_like(f.picture, 120)) for f in frames]
+    with pytest.raises(FilmError, match="the disk is seen in 0 of 12 frames"):
+        calibrate_camera(empty, Disk())
+
+
+def write_frames(folder, frames):
+    """The frames as a person would bring them."""
+    for frame in frames:
+        cv2.imwrite(str(folder / frame.name), frame.picture)
+    rows = [f"{f.name},{f.pose.x},{f.pose.y},{f.pose.heading_deg}" for f in frames]
+    (folder / "poses.csv").write_text("\n".join(["frame,x_cm,y_cm,heading_deg", *rows]) + "\n")
+
+
+def test_frames_are_read_back(tmp_path, frames):
+    """A folder of pictures and its table come back as they were written."""
+    write_frames(tmp_path, frames[:4])
+    read = read_frames(tmp_path, tmp_path / "poses.csv")
+    assert [f.name for f in read] == [f.name for f in frames[:4]]
+    assert all((a.picture == b.picture).all() for a, b in zip(read, frames[:4], strict=True))
+    assert all(math.isclose(a.pose.x, b.pose.x) for a, b in zip(read, frames[:4], strict=True))
+
+
+@pytest.mark.parametrize(
+    ("table", "says"),
+    [
+        ("", "empty"),
+        ("frame,x,y,heading\nf00.png,1,2,3\n", "line 1: expected columns frame, x_cm"),
+        ("frame;x_cm;y_cm;heading_deg\n", "line 1: expected columns"),
+        ("frame,x_cm,y_cm,heading_deg\nf00.png,1,zwei,3\n", "line 2: y_cm: expected a number, got 'zwei'"),
+        ("frame,x_cm,y_cm,heading_deg\nf00.png,1,nan,3\n", "line 2: y_cm: expected a number"),
+        ("frame,x_cm,y_cm,heading_deg\n\nf00.png,1,2\n", "line 3: expected 4 values, got 3"),
+        ("frame,x_cm,y_cm,heading_deg\nother.png,1,2,3\n", "line 2: frame 'other.png': there is no such"),
+        ("frame,x_cm,y_cm,heading_deg\nf00.png,1,2,3\nf00,1,2,3\n", "line 3: f00.png was already given"),
+    ],
+)
+def test_broken_tables_are_refused(tmp_path, frames, table, says):
+    """A table of poses with a mistake is refused with file and line."""
+    write_frames(tmp_path, frames[:1])
+    (tmp_path / "poses.csv").write_text(table)
+    with pytest.raises(FilmError) as refusal:
+        read_frames(tmp_path, tmp_path / "poses.csv")
+    assert says in str(refusal.value)
+    assert "poses.csv" in str(refusal.value)

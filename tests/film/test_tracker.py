@@ -1,0 +1,135 @@
+"""The tracker against sealed truth."""
+
+import cv2
+import numpy as np
+import pytest
+
+from realitygap.errors import FilmError
+from realitygap.film.disk import Disk
+from realitygap.film.tracker import Tracker, track_film
+from tests.film.conftest import write_film
+from tests.film.scene import Lens, Renderer, Scene
+
+HARD = {
+    "noise": (Scene(noise=15), 18),
+    "blur": (Scene(blur=2.2), 18),
+    "glare": (Scene(glare=130), 18),
+    "low contrast": (Scene(contrast=0.2), 18),
+    "strong compression": (Scene(), 38),
+    "partly hidden": (Scene(hidden=0.9), 18),
+    "white floor": (Scene(floor=250), 18),
+    "black floor": (Scene(floor=35), 18),
+}
+
+
+def test_clean_film_is_exact(clean_film, camera, poses, errors_of):
+    """On a clean film no frame is lost, the mean error is under 0.4 mm and 0.5°, the worst under 1.5 mm."""
+    track = track_film(clean_film, camera, Disk()).track
+    off, turned = errors_of(track, poses)
+    assert track.lost == 0
+    assert off.mean() < 0.4
+    assert off.max() < 1.5
+    assert turned.mean() < 0.5
+    assert np.allclose(track.t_s, np.arange(len(poses)) * 4 / 25, atol=1e-3)
+
+
+def test_wrong_truth_is_told_apart(clean_film, camera, poses, errors_of):
+    """The errors' measure is no rubber stamp: truth one frame late is far off."""
+    track = track_film(clean_film, camera, Disk()).track
+    off, turned = errors_of(track, np.roll(poses, 1, axis=0))
+    assert off.mean() > 3
+    assert turned.mean() > 2
+
+
+@pytest.mark.parametrize("condition", HARD)
+def test_hard_films_are_tracked(condition, tmp_path, camera, poses, errors_of):
+    """Noise, blur, glare, low contrast, compression and a cable over the disk lose no frame, and
+    the mean error stays under 0.6 mm and 1.5°, the worst under 1.5 mm."""
+    scene, quality = HARD[condition]
+    truth = poses[:16]
+    track = track_film(write_film(tmp_path / "film.mp4", scene, truth, quality), camera, Disk()).track
+    off, turned = errors_of(track, truth)
+    assert track.lost == 0
+    assert off.mean() < 0.6
+    assert off.max() < 1.5
+    assert turned.mean() < 1.5
+
+
+@pytest.mark.parametrize("scene", [Scene(robot=False), Scene(robot=False, noise=20, glare=150)])
+def test_film_without_robot_says_so(tmp_path, camera, poses, scene):
+    """A film with no robot in it is refused in words, and nothing is found in it."""
+    film = write_film(tmp_path / "empty.mp4", scene, poses[:6])
+    with pytest.raises(FilmError, match="no robot's disk is seen in any of its 6 frames"):
+        track_film(film, camera, Disk())
+
+
+def test_lost_robot_is_lost_and_found_again(camera, errors_of):
+    """While nothing of the robot, or not its front patch, is seen the frame is lost, never guessed;
+    a robot that a hand has moved is found at once."""
+    renderer, bare = Renderer(Scene()), Renderer(Scene(robot=False))
+    blind = Renderer(Scene(disk=(2.75, 0.7, 0.0, 1.95)))
+    lone = Renderer(Scene(disk=(2.75, 0.0, 0.45, 1.95)))
+    tracker, here, there = Tracker(camera, Disk()), (20.0, 22.0, 0.5), (33.0, 26.0, -2.0)
+    seen = [
+        tracker.see(picture)
+        for picture in (
+            renderer.picture(here),
+            bare.picture(here),
+            blind.picture(here),
+            lone.picture(here),
+            renderer.picture(here),
+            renderer.picture(there),
+        )
+    ]
+    assert [one is not None for one in seen] == [True, False, False, False, True, True]
+    pose, quality = seen[-1]
+    assert np.hypot(pose.x - there[0], pose.y - there[1]) < 0.05
+    assert quality > 0.9
+
+
+def test_robot_leaving_the_picture_is_lost(camera):
+    """A disk that lies partly outside the picture is not reported where its patches are unseen."""
+    renderer, tracker = Renderer(Scene(cylinders=(), room=(90, 90))), Tracker(camera, Disk())
+    for y in np.arange(40, 56, 1.0):
+        seen = tracker.see(renderer.picture((25.0, y, 1.57)))
+        row = renderer.scene.lens.pixel(25.0, y + 1.95, 3.0)[1]
+        if row > 12:
+            assert seen is not None
+            assert abs(seen[0].y - y) < 0.1
+        elif row < -2:
+            assert seen is None
+
+
+def test_height_of_the_disk_is_corrected(camera, errors_of):
+    """A disk higher than the calibration's is put right when the lens's height is known, and would
+    be millimetres off otherwise."""
+    tall, pose = Renderer(Scene(disk_height=7.0)), (40.0, 40.0, 1.0)
+    right, _ = Tracker(camera, Disk(height_cm=7.0)).see(tall.picture(pose))
+    wrong, _ = Tracker(camera, Disk()).see(tall.picture(pose)) or (None, 0)
+    assert np.hypot(right.x - 40, right.y - 40) < 0.06
+    assert wrong is None or np.hypot(wrong.x - 40, wrong.y - 40) > 0.5
+
+
+def test_progress_reaches_the_end(clean_film, camera):
+    """Progress only grows, and ends with all frames."""
+    seen = []
+    track_film(clean_film, camera, Disk(), lambda done, total: seen.append((done, total)))
+    assert seen[-1] == (40, 40)
+    assert [done for done, _ in seen] == sorted(done for done, _ in seen)
+
+
+def test_film_of_another_size_is_refused(tmp_path, camera, poses):
+    """A film whose size is not the camera's names both sizes."""
+    small = Scene(lens=Lens(size=(320, 240), focal=360, middle=(160, 120)))
+    with pytest.raises(FilmError, match="320 × 240 pixels, but the camera was calibrated for 640 × 480"):
+        track_film(write_film(tmp_path / "small.mp4", small, poses[:3]), camera, Disk())
+
+
+@pytest.mark.parametrize("grain", [1, 2, 3, 4, 6])
+def test_spotted_floor_is_no_robot(camera, grain):
+    """Light and dark spots of any size, as strong as the picture allows, are not taken for the disk."""
+    draw, tracker = np.random.default_rng(grain), Tracker(camera, Disk())
+    for _ in range(4):
+        spots = cv2.GaussianBlur(draw.normal(0, 1, (480, 640)), (0, 0), grain)
+        picture = np.clip(128 + 50 * spots / spots.std(), 0, 255).astype(np.uint8)
+        assert tracker.see(picture) is None

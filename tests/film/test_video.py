@@ -1,0 +1,117 @@
+"""Films in and out."""
+
+import numpy as np
+import pytest
+
+from realitygap.errors import FilmError
+from realitygap.film.disk import Disk
+from realitygap.film.tracker import track_film
+from realitygap.film.video import FilmReader, FilmWriter
+
+
+def steps(count=30):
+    """Grey pictures that grow brighter, one by one, under a little grain."""
+    grain = np.random.default_rng(1).integers(-6, 7, (48, 64))
+    return [np.clip(40 + 4 * i + grain, 0, 255).astype(np.uint8) for i in range(count)]
+
+
+def write(path, pictures, **extra):
+    """Pictures as a film."""
+    with FilmWriter(path, rate=10, made_by="a test", notes=extra) as film:
+        for picture in pictures:
+            film.add(picture)
+    return path
+
+
+def test_film_comes_back(tmp_path):
+    """Every frame comes back in order, at its time, nearly as bright; so do the notes."""
+    path = write(tmp_path / "film.mp4", steps(), task="obstacle avoidance")
+    with FilmReader(path) as film:
+        assert film.notes == {"made_by": "a test", "task": "obstacle avoidance"}
+        frames = [(f.t_s, float(f.grey.mean()), f.colour().shape) for f in film]
+        assert film.frames_expected == len(frames) == 30
+        assert film.trouble is None
+    assert np.allclose([t for t, *_ in frames], np.arange(30) / 10, atol=1e-4)
+    light = np.array([mean for _, mean, _ in frames])
+    assert np.allclose(np.diff(light), light[-1] / 29 - light[0] / 29, atol=1.0)
+    assert {shape for *_, shape in frames} == {(48, 64, 3)}
+
+
+def test_colours_and_odd_sizes(tmp_path):
+    """Colour pictures of an odd size lose at most a row and a column."""
+    red = np.zeros((49, 65, 3), np.uint8)
+    red[..., 0] = 200
+    with FilmReader(write(tmp_path / "film.mp4", [red] * 3)) as film:
+        picture = next(iter(film)).colour()
+    assert picture.shape == (48, 64, 3)
+    assert np.allclose(picture.mean((0, 1)), (200, 0, 0), atol=12)
+
+
+def test_failed_film_leaves_nothing(tmp_path):
+    """A film whose making fails leaves no file, and a film that was there stays."""
+    path = write(tmp_path / "film.mp4", steps(3))
+    before = path.read_bytes()
+    with pytest.raises(ZeroDivisionError), FilmWriter(path, rate=10, made_by="a test") as film:
+        film.add(steps(1)[0])
+        raise ZeroDivisionError
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_pictures_of_two_sizes_are_refused(tmp_path):
+    """All pictures of a film have one size."""
+    with pytest.raises(FilmError, match="shape"), FilmWriter(tmp_path / "a.mp4", rate=1, made_by="x") as film:
+        film.add(np.zeros((20, 20), np.uint8))
+        film.add(np.zeros((20, 22), np.uint8))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "says"),
+    [
+        ("film.mp4", None, "no such film"),
+        ("film.mp4", b"", "not a film"),
+        ("film.mp4", b"t_s,x_cm\n0,1\n" * 40, "not a film"),
+        ("notes.txt", b"hello\n" * 40, "not a film"),
+    ],
+)
+def test_what_is_no_film_is_refused(tmp_path, name, content, says):
+    """A missing file, an empty one and a text are refused by name."""
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(FilmError, match=says) as refusal:
+        FilmReader(path)
+    assert str(path) in str(refusal.value)
+
+
+def test_folder_is_refused(tmp_path):
+    """A folder is no film."""
+    with pytest.raises(FilmError, match="a folder"):
+        FilmReader(tmp_path)
+
+
+def test_cut_off_film_is_kept_up_to_there(tmp_path, clean_film, camera, poses, errors_of):
+    """Of a film that was cut off what can be read is tracked, and the cut is said."""
+    data, path = clean_film.read_bytes(), tmp_path / "cut.mp4"
+    path.write_bytes(data[: int(0.6 * len(data))])
+    tracked = track_film(path, camera, Disk())
+    count = len(tracked.track)
+    assert 3 < count < len(poses)
+    assert f"{count} of about {len(poses)} frames could be read" in tracked.trouble
+    off, _ = errors_of(tracked.track, poses[:count])
+    assert off.max() < 1.5
+
+
+def test_garbled_film_is_never_guessed(tmp_path, clean_film, camera, poses, errors_of):
+    """Where bytes of a film were changed a frame is lost or right, not wrong."""
+    data = bytearray(clean_film.read_bytes())
+    for place in np.random.default_rng(5).integers(len(data) // 3, len(data), 12):
+        data[place] ^= 0x55
+    path = tmp_path / "garbled.mp4"
+    path.write_bytes(bytes(data))
+    tracked = track_film(path, camera, Disk())
+    assert tracked.trouble is not None
+    truth = poses[np.rint(tracked.track.t_s * 25 / 4).astype(int)]
+    off, _ = errors_of(tracked.track, truth)
+    assert 5 < len(off) < len(poses)
+    assert off.max() < 1.5
