@@ -46,7 +46,8 @@ def realitygap(ctx: click.Context) -> None:
 
 
 for _command in (
-    reproduce, evolve, simulate, probe, show, replay, report, robot, twin, track, camera, profile, arena, bench,
+    reproduce, evolve, simulate, probe, show, replay, report,
+    robot, twin, track, camera, profile, arena, bench,
 ):  # fmt: skip
     realitygap.add_command(_command)
 
