@@ -1,0 +1,58 @@
+"""A step in two halves, sense and move, for a body whose controller is not a kernel.
+
+The wheels' commands lie where a network of no neurons would have its outputs (`quiet`).
+"""
+
+import numpy as np
+
+from realitygap.kernels.batch import sense_aside
+from realitygap.kernels.jit import kernel
+from realitygap.kernels.params import Networks
+from realitygap.kernels.trial import act, begin, draw_noise, move, scale_input, sense
+
+
+def quiet() -> Networks:
+    """One network of no neurons; whoever drives the robot writes its outputs, work.outputs[0] and [1]."""
+    return Networks(
+        neurons=np.zeros(1, np.int64), thresholds=np.zeros((1, 2), np.int16),
+        sensor_links=np.zeros((1, 1, 4), np.int16), sensor_count=np.zeros(1, np.int64),
+        links=np.zeros((1, 1, 4), np.int16), link_start=np.zeros((1, 3), np.int16),
+    )  # fmt: skip
+
+
+@kernel
+def set_down(nets, work):
+    """The robot at rest at work.start, wheels not commanded."""
+    begin(nets, 0, work.start, work)
+    work.outputs[0] = 0
+    work.outputs[1] = 0
+
+
+@kernel
+def sense_now(robot, arena, feed, level, stream, k, both, work, aside, noise):
+    """What the sensors read in step `k`: the fed ones into work.readings, the others into `aside`.
+
+    A function of the trial's stream, the step and where the robot is: the bits of record_trial.
+    """
+    draw_noise(level, stream, k, work.readings.shape[0], work)
+    sense(robot, arena, feed, level, work)
+    if both:
+        sense_aside(robot, arena, feed, level, noise, stream, k, work, aside)
+
+
+@kernel
+def feed_inputs(robot, task, readings, inputs):
+    """Readings of the fed sensors as the network's integer inputs."""
+    low = robot.bands[task.feed, 0]
+    high = robot.bands[task.feed, 1]
+    for i in range(task.channels.shape[0]):
+        channel = task.channels[i]
+        inputs[i] = scale_input(low, high, readings[channel]) if channel >= 0 else 0
+
+
+@kernel
+def move_on(robot, arena, nets, level, stream, k, work):
+    """Step `k`'s wheels and movement, under the commands in work.outputs."""
+    draw_noise(level, stream, k, work.readings.shape[0], work)
+    act(robot, nets, 0, level, work)
+    move(robot, arena, work)

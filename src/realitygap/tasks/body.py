@@ -1,0 +1,199 @@
+"""The simulated robot as a body: what a controller drives, as it drives a twin or a Khepera.
+
+Of the form that robot/body.py asks for, without knowing of it. Time goes on with the body's own
+clock, in the simulation's steps of 100 ms.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from realitygap.errors import UsageError
+from realitygap.kernels import halves
+from realitygap.kernels.params import STEP_S
+from realitygap.kernels.work import MOTOR_NOISE, new_work
+from realitygap.tasks.simulation import Simulation
+from realitygap.values import Command, Pose, Readings
+
+__all__ = ["SimulatedBody", "SimulatedClock", "WheelCounts", "network_inputs"]
+
+KINDS = ("proximity", "ambient")
+PULSES_PER_STEP = 10
+"""Pulses that a wheel turns by in a step at one Khepera unit (a pulse per 10 ms)."""
+ROUNDING_S = 1e-6
+"""A time this little short of a step's is that step's."""
+STAND_STEPS = 20
+"""Steps that the wheels may take to come to rest."""
+
+
+class WheelCounts(NamedTuple):
+    """What the wheels say: counters in pulses, measured speeds in Khepera units."""
+
+    counters: tuple[int, int]
+    speeds: tuple[int, int]
+
+
+class SimulatedBody:
+    """The robot of a simulation, which any controller may drive.
+
+    Driven by its task's network with `network_inputs`, it lives the same trial, to the bit, as
+    `Simulation.trajectory` with the same stream. Each reset begins that trial's noise anew.
+
+    Args:
+        simulation: task, robot, noise and arena.
+        stream: names the noise, and where the robot stands at first.
+        kinds: the sensors that are read: "proximity", "ambient" or both; by default what the task feeds.
+
+    Attributes:
+        clock: the body's time; it moves when the clock does.
+        stream: the noise's; a change counts from the next reset.
+
+    Raises:
+        UsageError: a kind of sensors that there is not.
+    """
+
+    def __init__(
+        self, simulation: Simulation, *, stream: int = 0, kinds: tuple[str, ...] | None = None
+    ) -> None:
+        kinds = (simulation.task.feeds,) if kinds is None else tuple(kinds)
+        if not kinds or not set(kinds) <= set(KINDS):
+            raise UsageError(f"kinds: expected {', '.join(KINDS)} or both, got {', '.join(kinds) or 'none'}.")
+        self.simulation = simulation
+        self.stream = stream
+        self.kinds = tuple(kind for kind in KINDS if kind in kinds)
+        self._robot, self._arena, self._trial = simulation._robot, simulation._arena, simulation._trial
+        self._nobody = halves.quiet()
+        self._work = new_work(self._robot, self._trial, self._nobody)
+        sensors = len(self._robot.proximity_place if self._trial.feed else self._robot.ambient_place)
+        self._aside = np.zeros(sensors)
+        self._noise = np.zeros(16 * ((sensors + MOTOR_NOISE + 15) // 16))
+        self.clock = SimulatedClock(self._step)
+        self._set_down(simulation.start(stream))
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot is."""
+        x, y, heading = map(float, self._work.pose[:3])
+        return Pose(x=x, y=y, heading=heading)
+
+    @property
+    def wheels(self) -> tuple[float, float]:
+        """What the wheels do, Khepera units."""
+        left, right = self._work.wheel[:, 0] / self._robot.speed_per_unit
+        return float(left), float(right)
+
+    @property
+    def odometry(self) -> WheelCounts:
+        """As read with the last `sense`."""
+        return self._odometry
+
+    def reset(self, pose: Pose | None = None) -> None:
+        """Stand, counters at zero, at `pose` (None: where it is); the noise begins anew.
+
+        Raises:
+            UsageError: something stands there.
+        """
+        self._set_down(self.pose if pose is None else pose)
+
+    def sense(self) -> Readings:
+        """What the sensors read now, counts; empty for a kind that is not read."""
+        fed = KINDS[self._trial.feed]
+        halves.sense_now(
+            self._robot, self._arena, self._trial.feed, self.simulation.noise, np.uint64(self._drawn_from),
+            self._k, self.kinds != (fed,), self._work, self._aside, self._noise,
+        )  # fmt: skip
+        self._odometry = self._wheel_counts()
+        read = {fed: self._work.readings, KINDS[1 - self._trial.feed]: self._aside}
+        kept = {kind: (read[kind] if kind in self.kinds else read[kind][:0]).copy() for kind in KINDS}
+        return Readings(**kept)
+
+    def act(self, command: Command) -> None:
+        """Wheel speeds from now on, as the network puts them out."""
+        self._work.outputs[:2] = command.left, command.right
+
+    def stop(self) -> None:
+        """Stand; the clock goes on until the wheels rest."""
+        self.act(Command(left=0, right=0))
+        for _ in range(STAND_STEPS):
+            if not self._work.wheel[:, 0].any():
+                return
+            self.clock.sleep_until(self.clock.now() + STEP_S)
+
+    def close(self) -> None:
+        """Stand."""
+        self.stop()
+
+    def _set_down(self, pose: Pose) -> None:
+        self.simulation._place(self._work, pose)
+        halves.set_down(self._nobody, self._work)
+        self._drawn_from = self.stream
+        self._k = 0
+        self._pulses = [0.0, 0.0]
+        self._odometry = self._wheel_counts()
+        self.clock.begin_step()
+
+    def _step(self) -> None:
+        """100 ms of the simulation."""
+        halves.move_on(
+            self._robot, self._arena, self._nobody, self.simulation.noise, np.uint64(self._drawn_from),
+            self._k, self._work,
+        )  # fmt: skip
+        self._k += 1
+        for i, speed in enumerate(self.wheels):
+            self._pulses[i] += PULSES_PER_STEP * speed
+
+    def _wheel_counts(self) -> WheelCounts:
+        (left, right), speeds = self._pulses, self.wheels
+        return WheelCounts((round(left), round(right)), (round(speeds[0]), round(speeds[1])))
+
+
+class SimulatedClock:
+    """A simulated body's time, s: of the form that robot/clock.py asks for; nothing is ever late."""
+
+    def __init__(self, step: Callable[[], None]) -> None:
+        self._step = step
+        self._now = 0.0
+        self._begun = 0.0
+        self._steps = 0
+
+    def now(self) -> float:
+        """Seconds since the body was made."""
+        return self._now
+
+    def sleep_until(self, time_s: float) -> None:
+        """Let the simulation go on, by whole steps as they become due."""
+        self._now = max(self._now, time_s)
+        due = math.floor((self._now - self._begun + ROUNDING_S) / STEP_S)
+        while self._steps < due:
+            self._steps += 1
+            self._step()
+
+    def begin_step(self) -> None:
+        """The robot has been set down: its steps are counted from now on."""
+        self._begun, self._steps = self._now, 0
+
+    def settle(self) -> None:
+        """What is past has happened."""
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+
+def network_inputs(simulation: Simulation) -> Callable[[Readings], list[int]]:
+    """What makes a network's inputs −10 … 10 of a body's readings, as the simulation makes them."""
+    robot, trial = simulation._robot, simulation._trial
+    inputs = np.zeros(trial.channels.shape[0], np.int64)
+    sensors = len(robot.ambient_place if trial.feed else robot.proximity_place)
+
+    def make(readings: Readings) -> list[int]:
+        fed = readings.ambient if trial.feed else readings.proximity
+        if len(fed) != sensors:
+            raise UsageError(f"readings: expected {sensors} {KINDS[trial.feed]} readings, got {len(fed)}.")
+        halves.feed_inputs(robot, trial, np.ascontiguousarray(fed, np.float64), inputs)
+        return [int(value) for value in inputs]
+
+    return make

@@ -1,0 +1,153 @@
+"""One contract for every body: simulated, the twin behind its line, and a serial one (tests/robot)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from realitygap.controller.layout import Layout
+from realitygap.controller.network import NetworkController, decode
+from realitygap.controller.operators import Variation
+from realitygap.errors import UsageError
+from realitygap.kernels.rng import substream
+from realitygap.robot.body import SerialBody
+from realitygap.robot.clock import Clock, VirtualClock
+from realitygap.robot.khepera import Khepera
+from realitygap.robot.loop import drive
+from realitygap.tasks import Start, load_task
+from realitygap.tasks.body import SimulatedBody, network_inputs
+from realitygap.tasks.simulation import Simulation
+from realitygap.twin.process import start_twin
+from realitygap.values import Command, Pose
+from realitygap.world.arena import Arena
+from realitygap.world.profile import load_profile
+from tests.robot.contract import MIDDLE, BodyContract
+
+PAPER = load_profile("paper")
+LAYOUT = Layout()
+EMPTY = Arena(name="empty", size_cm=(50, 50), walls=(), cylinders=())
+NAMES = ("avoidance", "light")
+
+
+def _room() -> Simulation:
+    """The paper's robot in an empty room."""
+    task = replace(load_task("avoidance"), arena=EMPTY, start=Start(x_cm=25, y_cm=25))
+    return Simulation(task, PAPER, "observed")
+
+
+class TestSimulatedBody(BodyContract):
+    """The body over the kernels."""
+
+    @pytest.fixture
+    def body(self) -> SimulatedBody:
+        return SimulatedBody(_room(), stream=5, kinds=("proximity", "ambient"))
+
+    @pytest.fixture
+    def clock(self, body: SimulatedBody) -> Clock:
+        return body.clock
+
+
+class TestTwinBody(BodyContract):
+    """The physics, in a process of its own, through driver and pseudo-terminal, under the virtual clock."""
+
+    @pytest.fixture
+    def body(self) -> Iterator[SerialBody]:
+        with ExitStack() as stack:
+            twin = stack.enter_context(start_twin({"size_cm": [50.0, 50.0]}, unit=1, seed=2))
+            clock = VirtualClock(twin.channel)
+            stack.callback(clock.close)
+            khepera = stack.enter_context(Khepera.connect(twin.device, clock=clock))
+            yield SerialBody(khepera, kinds=("proximity", "ambient"), carry=twin.place)
+
+    @pytest.fixture
+    def clock(self, body: SerialBody) -> Clock:
+        return body.khepera.clock
+
+
+def _genes(k: int) -> np.ndarray:
+    return Variation(layout=LAYOUT, start_neurons=0.2).random(substream(np.uint64(31), k))
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("noise", ["zero", "observed", 2.7])
+@pytest.mark.parametrize("pose", [None, Pose.from_degrees(22, 28, 140)])
+def test_the_body_lives_the_simulations_trial(name: str, noise: str | float, pose: Pose | None) -> None:
+    """Driven by the network it has the trajectory's bits: poses, readings, inputs, commands, wheels."""
+    simulation = Simulation(load_task(name), PAPER, noise)
+    inputs = network_inputs(simulation)
+    for k in range(4):
+        genes = _genes(k)
+        stream = int(substream(np.uint64(32), k))
+        wanted, _ = simulation.trajectory(decode(genes, LAYOUT), stream=stream, pose=pose)
+        body = SimulatedBody(simulation, stream=stream, kinds=("ambient", "proximity"))
+        controller = NetworkController(genes, LAYOUT)
+        body.reset(pose)
+        for step in range(len(wanted.t)):
+            at = body.pose
+            assert (at.x, at.y, at.heading) == (wanted.x[step], wanted.y[step], wanted.heading[step])
+            readings = body.sense()
+            assert np.array_equal(readings.proximity, wanted.proximity[step])
+            assert np.array_equal(readings.ambient, wanted.ambient[step])
+            fed = inputs(readings)
+            assert fed == wanted.inputs[step].tolist()
+            command = controller.decide(fed)
+            assert [command.left, command.right] == wanted.commands[step].tolist()
+            body.act(command)
+            body.clock.sleep_until(body.clock.now() + 0.1)
+            assert np.array_equal(body.wheels, wanted.wheels[step])
+        assert body.pose == wanted.end
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_control_loop_drives_it_as_the_kernels_do(name: str) -> None:
+    """`robot.loop.drive` records the trajectory's own readings, inputs and commands, none late."""
+    simulation = Simulation(load_task(name), PAPER, "observed")
+    wanted, _ = simulation.trajectory(decode(_genes(9), LAYOUT), stream=33, seconds=5)
+    body = SimulatedBody(simulation, stream=33)
+    controller, inputs = NetworkController(_genes(9), LAYOUT), network_inputs(simulation)
+    made = drive(body, controller, seconds=5, clock=body.clock, inputs=inputs)
+    fed = simulation.task.feeds
+    assert np.array_equal(getattr(made, fed), getattr(wanted, fed))
+    assert np.array_equal(made.inputs, wanted.inputs) and np.array_equal(made.commands, wanted.commands)
+    assert made.late_steps == 0 and made.ended == "finished" and not any(body.wheels)
+    turned = np.abs(made.counters[-1] - 10 * wanted.wheels[:-1].sum(axis=0))
+    assert (turned <= 0.5).all()
+
+
+def test_sensing_changes_nothing() -> None:
+    """However often it is asked within a step; another stream reads otherwise."""
+    body = SimulatedBody(_room(), stream=1)
+    body.reset(Pose.from_degrees(6, 25, 180))
+    first, again = body.sense().proximity, body.sense().proximity
+    assert np.array_equal(first, again) and first.any() and len(body.sense().ambient) == 0
+    body.stream = 2
+    body.reset(Pose.from_degrees(6, 25, 180))
+    assert not np.array_equal(body.sense().proximity, first)
+
+
+def test_a_reset_begins_the_same_trial_again() -> None:
+    """Same pose, same commands: same bits."""
+    ends = []
+    body = SimulatedBody(_room(), stream=7)
+    for _ in range(2):
+        body.reset(MIDDLE)
+        body.act(Command(left=6, right=-2))
+        body.clock.sleep_until(body.clock.now() + 2.0)
+        ends.append((body.pose, body.sense().proximity.tolist(), body.odometry))
+    assert ends[0] == ends[1] and ends[0][0] != MIDDLE
+
+
+def test_a_body_is_refused_what_it_cannot_do() -> None:
+    """A pose in a wall, sensors that there are not, readings of the wrong kind."""
+    simulation = _room()
+    body = SimulatedBody(simulation, kinds=("ambient",))
+    with pytest.raises(UsageError, match="free place"):
+        body.reset(Pose(x=1, y=25, heading=0))
+    with pytest.raises(UsageError, match="kinds"):
+        SimulatedBody(simulation, kinds=("sonar",))
+    with pytest.raises(UsageError, match="proximity readings"):
+        network_inputs(simulation)(body.sense())
