@@ -1,0 +1,84 @@
+"""The twin through its serial line, its camera and the tracker: how many times real time.
+
+    python benchmarks/twin.py
+
+Virtual time: Braitenberg's controllers drive unit 1 at 38400 baud. Real time: the loop's lateness.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+
+from realitygap.controller.handmade import braitenberg
+from realitygap.controller.layout import Layout
+from realitygap.controller.network import NetworkController
+from realitygap.robot.body import SerialBody
+from realitygap.robot.clock import Clock, RealClock, VirtualClock
+from realitygap.robot.khepera import Khepera
+from realitygap.robot.loop import drive
+from realitygap.robot.recording import Recording
+from realitygap.twin.arena import load_arena
+from realitygap.twin.camera import OverheadCamera
+from realitygap.twin.process import TwinProcess, start_twin
+from realitygap.twin.states import States
+from realitygap.values import Pose, Readings
+
+TASKS = {
+    "obstacle-avoidance": ("proximity", Pose(x=25.0, y=25.0, heading=0.5)),
+    "light-seeking": ("ambient", Pose(x=15.0, y=35.0, heading=0.5)),
+}
+ENDS = {"proximity": (0.0, 1023.0), "ambient": (484.0, 55.0)}
+
+
+def inputs(kind: str, readings: Readings) -> list[int]:
+    """Counts to −10..10, as the paper's profile does."""
+    low, high = ENDS[kind]
+    counts = getattr(readings, kind)
+    return [round(min(max((c - low) / (high - low) * 20 - 10, -10), 10)) for c in counts]
+
+
+def trial(twin: TwinProcess, clock: Clock, kinds: tuple[str, ...], pose: Pose, seconds: float) -> Recording:
+    """One trial through the line."""
+    with Khepera.connect(twin.device, clock=clock) as khepera:
+        body = SerialBody(khepera, kinds=kinds, carry=twin.place)
+        body.reset(pose)
+        layout = Layout()
+        controller = NetworkController(braitenberg(kinds[0], layout), layout)
+        return drive(body, controller, seconds=seconds, clock=clock, inputs=lambda r: inputs(kinds[0], r))
+
+
+def main() -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        for task, (kind, pose) in TASKS.items():
+            sealed = Path(folder) / f"{task}.csv"
+            with start_twin(load_arena(task), unit=1, pose=pose) as twin:
+                twin.film(sealed)
+                speeds = []
+                for seconds in (5.0, 60.0, 60.0, 60.0):
+                    start = time.perf_counter()
+                    trial(twin, VirtualClock(twin.channel), (kind,), pose, seconds)
+                    speeds.append(seconds / (time.perf_counter() - start))
+            print(f"{task}: {min(speeds[1:]):.0f} to {max(speeds[1:]):.0f} times real time")
+            states = States.from_file(sealed)
+            for view in ("drawn", "mujoco"):
+                try:
+                    with OverheadCamera(load_arena(task), unit=1, view=view) as camera:
+                        start = time.perf_counter()
+                        count = sum(1 for _, (_t, _f) in zip(range(200), camera.film(states), strict=False))
+                        print(f"  camera, {view}: {count / (time.perf_counter() - start):.0f} frames/s")
+                except Exception as error:  # no EGL or OSMesa here
+                    print(f"  camera, {view}: {error}")
+        kind, pose = TASKS["obstacle-avoidance"]
+        with start_twin(load_arena("obstacle-avoidance"), unit=1, pose=pose, clock="real") as twin:
+            recording = trial(twin, RealClock(), ("proximity", "ambient"), pose, 10.0)
+        print(
+            f"real clock, both kinds of sensors at 38400 baud: {len(recording.t)} steps, "
+            f"{recording.late_steps} late, lateness {1000 * recording.late.mean():.2f} ms on average, "
+            f"{1000 * recording.late.max():.2f} ms at worst"
+        )
+
+
+if __name__ == "__main__":
+    main()
