@@ -19,6 +19,7 @@ from realitygap.cli.robot import robot
 from realitygap.cli.show import show
 from realitygap.cli.simulate import simulate
 from realitygap.cli.track import track
+from realitygap.cli.transfer import transfer
 from realitygap.cli.twin import twin
 
 __all__ = ["main", "realitygap"]
@@ -46,7 +47,7 @@ def realitygap(ctx: click.Context) -> None:
 
 
 for _command in (
-    reproduce, evolve, simulate, probe, show, replay, report,
+    reproduce, evolve, simulate, probe, show, replay, report, transfer,
     robot, twin, track, camera, profile, arena, bench,
 ):  # fmt: skip
     realitygap.add_command(_command)

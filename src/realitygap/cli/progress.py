@@ -11,6 +11,7 @@ import click
 
 if TYPE_CHECKING:
     from realitygap.study.progress import Progress
+    from realitygap.study.transfer_work import TransferProgress
 
 __all__ = ["ProgressLine", "clock"]
 
@@ -58,6 +59,11 @@ class ProgressLine:
             says.append(f"{clock(event.seconds_left)} left")
         finished = event.runs_done == event.runs_total
         self._show(event.phase, event.done, event.total, ", ".join(says), finished)
+
+    def transfer(self, event: TransferProgress) -> None:
+        """Show how far a transfer is."""
+        left = "trials" if event.seconds_left is None else f"trials, {clock(event.seconds_left)} left"
+        self._show(event.phase, event.done, event.total, left, event.done == event.total)
 
     def report(self, done: int, total: int, name: str) -> None:
         """Show how far a report is."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -15,13 +15,25 @@ from realitygap.cli.show import describe, print_runs
 from realitygap.errors import StudyInterruptedError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from realitygap.study.config import StudyConfig
+    from realitygap.study.load import Study
+
+    Then = Callable[[Study, ProgressLine], dict[str, Any]]
 
 __all__ = ["carry_out", "interrupted_config"]
 
 
 def carry_out(
-    folder: Path, config: StudyConfig, *, words: str, workers: int | None, resume: bool, json_output: bool
+    folder: Path,
+    config: StudyConfig,
+    *,
+    words: str,
+    workers: int | None,
+    resume: bool,
+    json_output: bool,
+    then: Then | None = None,
 ) -> None:
     """Run or continue the study in `folder`, then report on it.
 
@@ -32,6 +44,7 @@ def carry_out(
         workers: processes; one a core if None.
         resume: continue what is there.
         json_output: print JSON.
+        then: what is done between the study and its report; it gives further parts of the JSON.
 
     Raises:
         StoppedError: on Ctrl-C, saying how to go on.
@@ -42,13 +55,14 @@ def carry_out(
     try:
         with ProgressLine() as progress:
             study = run_study(folder, config, workers=workers, resume=resume, on_progress=progress.study)
+            more = {} if then is None else then(study, progress)
             page = build_report(folder, on_progress=progress.report)
     except (KeyboardInterrupt, StudyInterruptedError):
         again = f"realitygap {words} --out {shlex.quote(str(folder))} --resume"
         raise StoppedError(f"stopped; what is done is kept in {folder}; resume with `{again}`") from None
     if json_output:
         runs = [describe(study, run) for run in study.runs]
-        print_json({"study": str(folder), "report": str(page), "runs": runs})
+        print_json({"study": str(folder), "report": str(page), "runs": runs, **more})
         return
     print_runs(study.runs)
     click.echo(f"\nstudy  {folder}\nreport {page}")

@@ -93,12 +93,7 @@ def serve(
 
 def plain_arena(arena: Arena) -> dict[str, Any]:
     """An arena as plain numbers in cm, all that a twin may know of it."""
-    return {
-        "size_cm": list(arena.size_cm),
-        "cylinders": [[c.x_cm, c.y_cm, c.radius_cm] for c in arena.cylinders],
-        "walls": [list(wall) for wall in arena.walls],
-        "lamps": [[lamp.x_cm, lamp.y_cm] for lamp in arena.lamps],
-    }
+    return arena.plain()
 
 
 def _arena(name: str) -> tuple[Arena, Pose | None]:

@@ -9,7 +9,7 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from types import TracebackType
@@ -17,9 +17,11 @@ from typing import Any, Self
 
 from realitygap.errors import RealityGapError, StudyError
 from realitygap.study.folder import read_materials
-from realitygap.study.jobs import Finished, Job, Message, Workshop
+from realitygap.study.jobs import Finished, Workshop
 
-__all__ = ["Pool", "cores"]
+__all__ = ["Pool", "cores", "die_with_parent", "refuse_unguarded_script"]
+
+Life = Callable[[Connection, str], None]
 
 
 def cores() -> int:
@@ -32,16 +34,26 @@ def cores() -> int:
 
 
 class Pool:
-    """A context with `size` processes; `work` gives what they send, until all jobs are done."""
+    """A context with `size` processes; `work` gives what they send, until all jobs are done.
 
-    def __init__(self, folder: Path, size: int) -> None:
+    Args:
+        folder: the study's.
+        size: of the pool.
+        life: what a process does with its connection: runs of evolution by default.
+        last: kind of the message with which a job is done.
+    """
+
+    def __init__(
+        self, folder: Path, size: int, *, life: Life | None = None, last: type[Any] = Finished
+    ) -> None:
         refuse_unguarded_script()
+        self._last = last
         context = multiprocessing.get_context("spawn")
         self._processes: dict[Connection, Any] = {}
         try:
             for _ in range(size):
                 here, there = context.Pipe()
-                process = context.Process(target=serve, args=(there, str(folder)), daemon=True)
+                process = context.Process(target=life or serve, args=(there, str(folder)), daemon=True)
                 process.start()
                 there.close()
                 self._processes[here] = process
@@ -57,7 +69,7 @@ class Pool:
     ) -> None:
         self.stop()
 
-    def work(self, jobs: Iterator[Job]) -> Iterator[Message]:
+    def work(self, jobs: Iterator[Any]) -> Iterator[Any]:
         """Messages of all jobs as they come; a process that is free takes the next job.
 
         Raises:
@@ -71,7 +83,7 @@ class Pool:
         while busy:
             for connection in [one for one in wait(list(busy)) if isinstance(one, Connection)]:
                 message = self._take(connection)
-                if isinstance(message, Finished) and not self._give(connection, next(jobs, None)):
+                if isinstance(message, self._last) and not self._give(connection, next(jobs, None)):
                     busy.discard(connection)
                 yield message
 
@@ -85,7 +97,7 @@ class Pool:
             connection.close()
         self._processes.clear()
 
-    def _give(self, connection: Connection, job: Job | None) -> bool:
+    def _give(self, connection: Connection, job: Any) -> bool:
         if job is None:
             return False
         try:
@@ -94,14 +106,14 @@ class Pool:
             self._mourn(connection)
         return True
 
-    def _take(self, connection: Connection) -> Message:
+    def _take(self, connection: Connection) -> Any:
         try:
             message = connection.recv()
         except (EOFError, OSError):
             self._mourn(connection)
         if isinstance(message, RealityGapError):
             raise message
-        return message  # type: ignore[no-any-return]
+        return message
 
     def _mourn(self, connection: Connection) -> None:
         process = self._processes[connection]
@@ -117,7 +129,7 @@ class Pool:
 def serve(connection: Connection, folder: str) -> None:
     """A worker's life: take a job, send its messages, until the parent is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
-    threading.Thread(target=_die_with_parent, daemon=True).start()
+    threading.Thread(target=die_with_parent, daemon=True).start()
     try:
         workshop = Workshop(read_materials(Path(folder)))
         while True:
@@ -139,7 +151,8 @@ def refuse_unguarded_script() -> None:
         raise StudyError('call run_study under `if __name__ == "__main__":`, or with workers=1.')
 
 
-def _die_with_parent() -> None:
+def die_with_parent() -> None:
+    """Wait for the parent's end, then end this process."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -129,6 +130,15 @@ class Arena(Value):
             lamp_centre=np.array([(lamp.x_cm, lamp.y_cm) for lamp in lamps]).reshape(-1, 2),
             sliding=self.sliding,
         )
+
+    def plain(self) -> dict[str, Any]:
+        """The arena as plain numbers in cm: all that a robot's stand-in may know of it."""
+        return {
+            "size_cm": list(self.size_cm),
+            "cylinders": [[c.x_cm, c.y_cm, c.radius_cm] for c in self.cylinders],
+            "walls": [list(wall) for wall in self.walls],
+            "lamps": [[lamp.x_cm, lamp.y_cm] for lamp in self.lamps],
+        }
 
     def _holds(self, x: float, y: float, margin: float = 0.0) -> bool:
         width, depth = self.size_cm

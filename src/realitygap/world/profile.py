@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,9 @@ __all__ = [
     "load_profile",
     "profile_names",
 ]
+
+TOP_INPUT = 10
+"""Inputs of a network are −10 … 10 (§5.3)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,6 +150,19 @@ class Profile(Value):
             bands=np.array([infrared.bands, ambient.bands]),
             noise=np.array(list(self.noise.to_dict().values())),
         )
+
+    def inputs(self, readings: Sequence[float], feeds: str, sensors: Sequence[int]) -> list[int]:
+        """A network's inputs −10 … 10, as the kernels make them of readings ("bands", §7.2).
+
+        Args:
+            readings: counts of all sensors that `feeds` names, "proximity" or "ambient".
+            feeds: whose bands.
+            sensors: which of them feeds each input.
+        """
+        low, high = (self.infrared if feeds == "proximity" else self.ambient).bands
+        shares = ((float(readings[sensor]) - low) / (high - low) for sensor in sensors)
+        scaled = (math.floor(share * (2.0 * TOP_INPUT) - TOP_INPUT + 0.5) for share in shares)
+        return [max(-TOP_INPUT, min(TOP_INPUT, value)) for value in scaled]
 
     def to_dict(self) -> dict[str, Any]:
         """Every constant the simulation uses: the file's, and under `fixed` what no file changes."""

@@ -1,0 +1,176 @@
+"""`realitygap transfer`: let evolved individuals drive a robot, as they drove in simulation."""
+
+from __future__ import annotations
+
+import math
+import shlex
+import sys
+from typing import TYPE_CHECKING, Self
+
+import click
+
+from realitygap.cli.failure import StoppedError
+from realitygap.cli.kinds import SECONDS, Finite, Whole
+from realitygap.cli.options import as_json, seed_option, workers_option
+from realitygap.cli.output import print_json, print_table
+from realitygap.cli.progress import ProgressLine
+from realitygap.errors import RobotStoppedError, StudyInterruptedError
+
+if TYPE_CHECKING:
+    from realitygap.study.transfer import Transferred
+    from realitygap.study.transfer_plan import Situation
+    from realitygap.study.transfer_work import TransferProgress
+    from realitygap.values import Pose
+
+__all__ = ["print_transfers", "transfer"]
+
+class TransferLine(ProgressLine):
+    """Progress that does not begin to show before there is some: a person may be asked things first."""
+
+    _open = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def transfer(self, event: TransferProgress) -> None:
+        """Show how far a transfer is."""
+        if not self._open:
+            self._open = True
+            super().__enter__()
+        super().transfer(event)
+
+
+SIDES = (
+    "to the right (+x)", "to the upper right", "up (+y)", "to the upper left",
+    "to the left (−x)", "to the lower left", "down (−y)", "to the lower right",
+)  # fmt: skip
+"""Headings in words, from 0° on in steps of 45°, as the arena is drawn."""
+
+
+@click.command()
+@click.argument("study", type=click.Path())
+@click.argument("runs", metavar="[RUN]...", nargs=-1)
+@click.option(
+    "--robot",
+    "robots",
+    multiple=True,
+    required=True,
+    metavar="twin[:UNIT]|serial:PORT",
+    help="A unit of the twin, or a Khepera on a serial port; may be repeated.",
+)
+@click.option(
+    "--starts", type=Whole(1, 10**6), default=1, show_default=True, metavar="N", help="Trials of each run."
+)
+@click.option(
+    "--individual",
+    type=click.Choice(["champion", "fittest"]),
+    default="champion",
+    show_default=True,
+    help="champion (retested), or fittest (as in the paper).",
+)
+@click.option("--film/--no-film", default=False, show_default=True, help="Film the twin and track the film.")
+@click.option(
+    "--twin-noise", type=Finite(0), default=1.0, show_default=True, help="Dial on the twin's whole noise."
+)
+@seed_option(None, " [default: the study's]")
+@click.option("--seconds", type=SECONDS, metavar="S", help="Length of a trial [default: the task's own].")
+@click.option(
+    "--baud",
+    type=click.Choice(["9600", "19200", "38400", "57600", "115200"]),
+    default="38400",
+    show_default=True,
+    help="Rate of the robot's line.",
+)
+@workers_option
+@as_json
+def transfer(
+    study: str,
+    runs: tuple[str, ...],
+    robots: tuple[str, ...],
+    starts: int,
+    individual: str,
+    film: bool,
+    twin_noise: float,
+    seed: int | None,
+    seconds: float | None,
+    baud: str,
+    workers: int | None,
+    json_output: bool,
+) -> None:
+    """Let individuals of STUDY drive a robot.
+
+    Each RUN (a number or a name; all finished runs without one) drives each robot from as many
+    starts as you say, and is simulated from the same poses. Recordings, paths, films and tails go
+    to STUDY/transfer; trials that are there already are kept. The twin is pseudo-reality: a
+    physics model behind the robot's own serial protocol.
+
+    \b
+    Examples: on two units of the twin, filmed; on a robot that you carry to its starts
+        realitygap transfer out/reproduce 9 24 --robot twin:1 --robot twin:2 --film
+        realitygap transfer out/reproduce 9 --robot serial:/dev/ttyUSB0 --starts 3
+    """
+    from realitygap.study.load import load_study
+    from realitygap.study.transfer import transfer as carry_over
+
+    try:
+        with TransferLine() as progress:
+            made = carry_over(
+                load_study(study),
+                runs,
+                robots=robots,
+                starts=starts,
+                individual=individual,
+                film=film,
+                twin_noise=twin_noise,
+                seed=seed,
+                seconds=seconds,
+                baud=int(baud),
+                workers=workers,
+                carry=_carry,
+                on_progress=progress.transfer,
+            )
+    except (KeyboardInterrupt, StudyInterruptedError, click.Abort) as stop:
+        raise StoppedError(_stopped(stop, study)) from None
+    if json_output:
+        print_json({"study": study, "transfers": [one.to_dict() for one in made]})
+        return
+    print_transfers(made)
+    click.echo(f"\ntransfers {made[0].folder.parents[2]}")
+
+
+def print_transfers(made: list[Transferred]) -> None:
+    """A line a trial."""
+    rows = [
+        [
+            one.robot,
+            one.name,
+            one.start,
+            f"{one.fitness_simulated:.3g}",
+            f"{one.fitness_situated:.3g}",
+            one.situated_from,
+            one.late_steps,
+        ]
+        for one in made
+    ]
+    print_table(("robot", "run", "start", "simulated", "situated", "path from", "late steps"), rows)
+
+
+def _carry(one: Situation, pose: Pose) -> None:
+    """Ask a person to put the robot at its start."""
+    side = SIDES[round(math.degrees(pose.heading) / 45.0) % len(SIDES)]
+    click.echo(
+        f"\n{one.name}, {one.individual}, start {one.start}, {one.seconds:g} s on {one.robot}\n"
+        f"Put the robot at x = {pose.x:.1f} cm, y = {pose.y:.1f} cm from the arena's lower left corner, "
+        f"looking {side}: {pose.heading_deg:.0f}°, counter-clockwise from +x.",
+        err=True,
+    )
+    click.prompt("Enter starts it", default="", show_default=False, prompt_suffix=" ", err=True)
+
+
+def _stopped(stop: BaseException, study: str) -> str:
+    """What to say after Ctrl-C."""
+    if isinstance(stop, RobotStoppedError):
+        return str(stop)
+    again = f"realitygap transfer {shlex.join(sys.argv[2:])}" if sys.argv[1:2] == ["transfer"] else ""
+    cure = f"go on with `{again}`" if again else "the same command goes on"
+    return f"stopped; finished trials are kept in {study}/transfer; {cure}"

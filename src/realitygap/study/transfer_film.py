@@ -1,0 +1,134 @@
+"""The film of a twin's trial: rendered from its sealed states, then tracked as a person's film is."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from realitygap.values import Pose
+
+if TYPE_CHECKING:
+    from realitygap.film.camera import CameraModel
+    from realitygap.film.track import Track
+    from realitygap.twin.camera import OverheadCamera
+    from realitygap.twin.states import States
+    from realitygap.world.arena import Arena
+
+__all__ = ["FPS", "calibrated", "film_and_track", "known_poses"]
+
+FPS = 25
+FILM, CAMERA, TRACK, TAILS = "film.mp4", "camera.json", "track.csv", "tails.png"
+
+LEAST_POSES, GRIDS = 16, range(4, 10)
+"""Poses that a camera is calibrated with, on the coarsest grid that has so many free places."""
+
+GOLDEN_DEG = 222.4922
+"""Turn from one known pose to the next: headings all round, no two alike."""
+
+MARGIN_CM = 0.5
+FIRST = 10**6
+"""Numbers of calibration frames begin here: their pixels' noise is not the films'."""
+
+Tell = Callable[[float], None]
+
+
+def known_poses(arena: Arena, radius_cm: float) -> list[Pose]:
+    """Places all over the floor where the robot stands free, each at a heading of its own."""
+    width, depth = arena.size_cm
+    near = radius_cm + MARGIN_CM
+    places: list[tuple[float, float]] = []
+    for n in GRIDS:
+        across, along = np.linspace(near, width - near, n), np.linspace(near, depth - near, n)
+        grid = [(float(x), float(y)) for y in along for x in across]
+        places = [place for place in grid if arena.obstacle_at(*place, near) is None]
+        if len(places) >= LEAST_POSES:
+            break
+    return [Pose.from_degrees(x, y, k * GOLDEN_DEG % 360.0) for k, (x, y) in enumerate(places)]
+
+
+def calibrated(file: Path, arena: Arena, *, unit: int, noise: float, radius_cm: float) -> CameraModel:
+    """A unit's overhead camera, calibrated as a person would; done once, and kept in `file`.
+
+    Raises:
+        FilmError: no camera explains what is seen.
+    """
+    from filelock import FileLock
+
+    from realitygap.film.calibrate import calibrate_camera
+    from realitygap.film.camera import load_camera
+    from realitygap.film.disk import load_disk
+    from realitygap.film.frames import KnownFrame
+    from realitygap.twin.camera import OverheadCamera
+    from realitygap.twin.states import States
+
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with FileLock(file.with_name(f".{file.stem}.lock")):
+        if file.is_file():
+            return load_camera(file)
+        frames = []
+        with OverheadCamera(arena.plain(), unit=unit, noise=noise) as eye:
+            for k, pose in enumerate(known_poses(arena, radius_cm)):
+                standing = States.standing([0], [pose.x], [pose.y], [pose.heading]).pose[0]
+                grey = _grey(eye.frame(standing, FIRST + k))
+                frames.append(KnownFrame(name=f"pose {k + 1}", picture=grey, pose=pose))
+        camera = calibrate_camera(frames, load_disk()).camera
+        spare = file.with_suffix(".part")
+        camera.save(spare)
+        os.replace(spare, file)
+    return camera
+
+
+def film_and_track(
+    folder: Path,
+    states: States,
+    camera: CameraModel,
+    *,
+    eye: OverheadCamera,
+    facts: Mapping[str, Any],
+    tell: Tell,
+) -> Track:
+    """Film recorded states, then track the film: film, camera, track and tails into `folder`.
+
+    Args:
+        folder: the trial's.
+        states: from the trial's beginning to its end.
+        camera: as it was calibrated.
+        eye: the camera that films.
+        facts: what else the film's metadata shall say.
+        tell: is given the share of this work that was done since the last time.
+    """
+    from realitygap.film.disk import load_disk
+    from realitygap.film.tails import draw_tails, save_tails
+    from realitygap.film.tracker import track_film
+    from realitygap.film.video import FilmWriter
+
+    disk = load_disk()
+    total = int((states.time_ms[-1] - states.time_ms[0]) * FPS / 1000) + 1
+    notes = {**eye.metadata, **facts}
+    with FilmWriter(folder / FILM, rate=FPS, made_by=notes["view"], notes=notes) as film:
+        for _, frame in eye.film(states, fps=FPS):
+            film.add(frame)
+            tell(0.5 / total)
+    last = 0
+
+    def tracked_so_far(done: int, _: int | None) -> None:
+        nonlocal last
+        tell(0.5 * (done - last) / total)
+        last = done
+
+    tracked = track_film(folder / FILM, camera, disk, tracked_so_far)
+    camera.save(folder / CAMERA)
+    tracked.track.write_csv(folder / TRACK)
+    save_tails(folder / TAILS, draw_tails(tracked.last_frame, tracked.track, camera, disk))
+    return tracked.track
+
+
+def _grey(frame: Any) -> Any:
+    """Brightness of a coloured picture, as a film's decoder gives it."""
+    import cv2
+
+    return cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY)

@@ -1,0 +1,201 @@
+"""Which trials a transfer has: who drives which robot from where, and the folder of each."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from realitygap.errors import StudyError, UsageError
+from realitygap.kernels.rng import substream
+from realitygap.study.load import Run, Study
+from realitygap.study.plan import run_stream
+from realitygap.study.run import WHO
+
+__all__ = ["FOLDER", "Robot", "Situation", "chosen_runs", "situations"]
+
+FOLDER = "transfer"
+"""In a study's folder."""
+
+TRANSFER = 6
+"""Name of the stream of a run's transfers, beside those in `plan`."""
+
+SENSORS, TOP_COMMAND = 8, 10
+"""What a Khepera has: sensors of each kind; the largest command that networks give."""
+
+LARGEST_UNIT = 2**63 - 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Robot:
+    """A unit of the twin, or a robot on a serial port."""
+
+    unit: int | None = None
+    port: str | None = None
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """From "twin", "twin:UNIT" or "serial:PORT".
+
+        Raises:
+            UsageError: anything else.
+        """
+        kind, colon, rest = text.partition(":")
+        if kind == "serial" and rest:
+            return cls(port=rest)
+        if kind == "twin" and not colon:
+            return cls(unit=1)
+        if kind == "twin" and rest.isascii() and rest.isdecimal() and int(rest) <= LARGEST_UNIT:
+            return cls(unit=int(rest))
+        if kind == "twin":
+            raise UsageError(f"robot: a twin's unit is a whole number from 0 on, got {rest!r} in {text!r}.")
+        raise UsageError(f"robot: expected twin, twin:UNIT or serial:PORT, got {text!r}.")
+
+    def __str__(self) -> str:
+        return f"twin:{self.unit}" if self.port is None else f"serial:{self.port}"
+
+    def folder(self, twin_noise: float) -> str:
+        """Name of its folder: twin-1, twin-1-noise-2 (the dial, where it is not at 1), serial-ttyUSB0."""
+        if self.port is not None:
+            return "serial-" + re.sub(r"[^A-Za-z0-9._-]", "-", Path(self.port).name)
+        return f"twin-{self.unit}" if twin_noise == 1 else f"twin-{self.unit}-noise-{twin_noise!r}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Situation:
+    """One trial to be made: an individual of a run on a robot, from start number `start` (from 1).
+
+    Attributes:
+        evaluation: the individual's number.
+        stream: the start and the simulated twin's noise follow from it, and so does the noise of a
+            twin unit.
+        folder: from the study's folder.
+    """
+
+    run: int
+    name: str
+    task: str
+    noise: float
+    individual: str
+    evaluation: int
+    robot: Robot
+    twin_noise: float
+    seed: int
+    start: int
+    seconds: float
+    baud: int
+    stream: int
+    film: bool
+    folder: str
+
+    def facts(self) -> dict[str, Any]:
+        """What the trial's result depends on, for its file."""
+        twin = self.robot.port is None
+        return {
+            "run": self.run,
+            "name": self.name,
+            "task": self.task,
+            "noise": self.noise,
+            "individual": self.individual,
+            "evaluation": self.evaluation,
+            "robot": str(self.robot),
+            "unit": self.robot.unit,
+            "port": self.robot.port,
+            "twin_noise": self.twin_noise if twin else None,
+            "seed": self.seed,
+            "start": self.start,
+            "seconds": self.seconds,
+            "baud": self.baud,
+        }
+
+
+def chosen_runs(study: Study, runs: Sequence[int | str], individual: str) -> list[Run]:
+    """The named runs, all that are finished if none is named.
+
+    Raises:
+        UsageError: no such run or individual, or one that there is not yet.
+    """
+    if individual not in WHO:
+        raise UsageError(f"individual: expected {' or '.join(WHO)}, got {individual!r}.")
+    if not runs:
+        finished = [run for run in study.runs if run.finished]
+        if not finished:
+            raise StudyError(f"{study.folder}: no run is finished yet. Finish the study with --resume.")
+        return finished
+    chosen = list({run.id: run for run in map(study.run, runs)}.values())
+    for run in chosen:
+        if _number(run, individual) is None:
+            cure = "Finish the study with --resume."
+            raise StudyError(f"{study.folder}: run {run.id} has no {individual} yet. {cure}")
+    return chosen
+
+
+def situations(
+    study: Study,
+    runs: Sequence[Run],
+    robots: Sequence[Robot],
+    *,
+    starts: int,
+    individual: str,
+    film: bool | Collection[int],
+    twin_noise: float,
+    seed: int,
+    seconds: float | None,
+    baud: int,
+) -> Iterator[Situation]:
+    """All trials, robot by robot. `film`: of all runs, of none, or of those with these ids.
+
+    Raises:
+        UsageError: a study whose robot is no Khepera.
+    """
+    for robot in dict.fromkeys(robots):
+        for run in runs:
+            task = study.task(run.task)
+            _check_body(study, run.task)
+            number = _number(run, individual)
+            assert number is not None
+            for start in range(1, starts + 1):
+                name = run.name.replace("/", "-")
+                stream = substream(run_stream(seed, run.task, run.noise, run.index), np.uint64(TRANSFER))
+                yield Situation(
+                    run=run.id,
+                    name=run.name,
+                    task=run.task,
+                    noise=run.noise,
+                    individual=individual,
+                    evaluation=number,
+                    robot=robot,
+                    twin_noise=twin_noise,
+                    seed=seed,
+                    start=start,
+                    seconds=task.seconds if seconds is None else seconds,
+                    baud=baud,
+                    stream=int(substream(np.uint64(stream), np.uint64(start))),
+                    film=film if isinstance(film, bool) else run.id in film,
+                    folder=f"{FOLDER}/{robot.folder(twin_noise)}/{name}/start-{start}",
+                )
+
+
+def _number(run: Run, individual: str) -> int | None:
+    return run.champion_number if individual == "champion" else run.fittest_number
+
+
+def _check_body(study: Study, task: str) -> None:
+    """Refuse controllers that were evolved for another kind of robot."""
+    profile = study.profile
+    counts = {"proximity": len(profile.infrared.sensors), "ambient": len(profile.ambient.sensors)}
+    feeds = study.task(task).feeds
+    if counts[feeds] != SENSORS:
+        raise UsageError(
+            f"task {task!r} was evolved for a robot with {counts[feeds]} {feeds} sensors (profile "
+            f"{profile.name!r}); a Khepera has {SENSORS}: its controllers cannot drive one."
+        )
+    if profile.wheels.top_command != TOP_COMMAND:
+        raise UsageError(
+            f"profile {profile.name!r} has wheels.top_command = {profile.wheels.top_command:g}; a robot "
+            f"takes a network's outputs as they are: only {TOP_COMMAND} can be transferred."
+        )
