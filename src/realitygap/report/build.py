@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,9 +26,11 @@ from realitygap.report.page import Card, Section
 from realitygap.report.paths import panels_figure, sheet_figure
 from realitygap.report.reading import read_table
 from realitygap.report.robots import robot_figure
+from realitygap.report.situated import SituatedPart, count_figures, make_situated
 from realitygap.report.statistics import mean_of
 from realitygap.report.style import inline_svg, save_figure, styled
 from realitygap.report.tables import NoiseClass, Row, Table, write_csv
+from realitygap.report.transfers import Pair, pairs_of
 
 __all__ = ["build_report"]
 
@@ -59,9 +61,9 @@ def build_report(study_path: str | Path, *, on_progress: Progress | None = None)
     for name in ("figures", "tables"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     parts = parts_of(study)
-    maker = _Maker(
-        folder=folder, study=study, tell=on_progress, total=1 + sum(_count(part) for part in parts)
-    )
+    pairs = pairs_of(study, parts)
+    total = 1 + sum(_count(part) + count_figures(pairs[part.task.name]) for part in parts)
+    maker = _Maker(folder=folder, study=study, pairs=pairs, tell=on_progress, total=total)
     with styled():
         robot = maker.card("robot", lambda: robot_figure(study.profile), **words.robot_words(study.profile))
         sections = [maker.section(part) for part in parts]
@@ -86,6 +88,7 @@ class _Maker:
 
     folder: Path
     study: Any
+    pairs: Mapping[str, Sequence[Pair]]
     tell: Progress | None
     total: int
     done: int = 0
@@ -118,17 +121,26 @@ class _Maker:
             label=labels[0],
             **words.arena_words(part),
         )
+        situated = self._situated(part, labels[2])
+        whole = situated is not None and situated.stands_for(part)
         return Section(
             task=task,
             arena=arena,
             table=table,
             table_label=labels[3],
-            sentences=read_table(table),
+            sentences=[*read_table(table), *(situated.sentences if situated else ())],
             curves=self._curves(part, table, labels[1]),
-            paths=self._chosen_paths(part, labels[2]),
+            paths=None if whole else self._chosen_paths(part, "" if situated else labels[2]),
+            situated=situated,
             sheet=self._sheet(part),
             networks=self._networks(part),
         )
+
+    def _situated(self, part: TaskPart, label: str) -> SituatedPart | None:
+        pairs = self.pairs[part.task.name]
+        if not pairs:
+            return None
+        return make_situated(part, pairs, self.study.profile, label, self.card, self.folder)
 
     def _curves(self, part: TaskPart, table: Table, label: str) -> Card | None:
         curves = best_so_far(self.study, part)

@@ -7,12 +7,15 @@ import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from realitygap.report.gather import PER_CONDITION, TaskPart
 from realitygap.report.statistics import mean_of
 from realitygap.report.style import noise_styles
 from realitygap.report.tables import WHO, NoiseClass, Table
+
+if TYPE_CHECKING:
+    from realitygap.report.situated import SituatedPart
 
 __all__ = ["Card", "Section", "render"]
 
@@ -37,6 +40,7 @@ class Section:
     arena: Card
     curves: Card | None
     paths: Card | None
+    situated: SituatedPart | None
     sheet: Card | None
     table: Table
     table_label: str
@@ -102,6 +106,7 @@ def render(study: Any, parts: Sequence[TaskPart], robot: Card, sections: Sequenc
         total=len(runs),
         finished=sum(bool(run.finished) for run in runs),
         paper=_is_paper(parts),
+        stand_in=_stand_in(sections),
         evaluations=sum(int(run.evaluations) for run in runs),
         settings=settings,
         versions=versions,
@@ -114,6 +119,13 @@ def _is_paper(parts: Sequence[TaskPart]) -> bool:
     return {p.task.name for p in parts} == {"obstacle-avoidance", "light-seeking"} and all(
         p.task.source is None and [c.level for c in p.conditions] == [0.0, 1.0, 2.0] for p in parts
     )
+
+
+def _stand_in(sections: Sequence[Section]) -> str:
+    """What the evolved networks were let have besides the simulation: "twin", "robot", "both" or nothing."""
+    pairs = [pair for s in sections if s.situated for group in s.situated.groups for pair in group.pairs]
+    kinds = {pair.twin for pair in pairs}
+    return "both" if len(kinds) > 1 else "" if not kinds else "twin" if True in kinds else "robot"
 
 
 def _settings(study: Any) -> tuple[str, dict[str, str]]:

@@ -18,25 +18,50 @@ from realitygap.report import style
 from realitygap.report.arenas import draw_arena
 from realitygap.report.robots import draw_robot
 from realitygap.report.style import PAGE, SIMULATED, Look, new_figure, noise_styles
-from realitygap.values import Trajectory
+from realitygap.values import Pose, Trajectory
 
-__all__ = ["PathPanel", "draw_path", "draw_trajectory", "panels_figure", "sheet_figure", "tail"]
+__all__ = [
+    "PathPanel",
+    "Route",
+    "draw_path",
+    "draw_trajectory",
+    "pairs_figure",
+    "panels_figure",
+    "sheet_figure",
+    "tail",
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Route:
+    """Where a robot went, however that is known: poses [n], cm and rad, the last one its end."""
+
+    x: np.ndarray
+    y: np.ndarray
+    heading: np.ndarray
+
+    @property
+    def end(self) -> Pose:
+        """The last pose."""
+        return Pose(x=float(self.x[-1]), y=float(self.y[-1]), heading=float(self.heading[-1]))
 
 
 @dataclass(frozen=True, kw_only=True)
 class PathPanel:
-    """One path to be drawn: its noise level, what stands above it, and the trajectory."""
+    """One path to be drawn: its noise level, what stands above it, the path, its look."""
 
     noise: float
     title: str
-    trajectory: Trajectory
+    trajectory: Trajectory | Route
+    look: Look = SIMULATED
 
 
-def tail(trajectory: Trajectory, radius: float) -> np.ndarray:
+def tail(trajectory: Trajectory | Route, radius: float) -> np.ndarray:
     """The tail as one broken line [3 n, 2]: centre, leading edge, gap; one stroke a step, cm."""
-    x = np.append(trajectory.x, trajectory.end.x)
-    y = np.append(trajectory.y, trajectory.end.y)
-    heading = np.append(trajectory.heading, trajectory.end.heading)
+    x, y, heading = trajectory.x, trajectory.y, trajectory.heading
+    if isinstance(trajectory, Trajectory):
+        end = trajectory.end
+        x, y, heading = np.append(x, end.x), np.append(y, end.y), np.append(heading, end.heading)
     strokes = np.full((len(x), 3, 2), np.nan)
     strokes[:, 0] = np.stack([x, y], axis=1)
     strokes[:, 1] = strokes[:, 0] + radius * np.stack([np.cos(heading), np.sin(heading)], axis=1)
@@ -47,7 +72,7 @@ def draw_path(
     ax: Axes,
     arena: Arena,
     robot: Robot,
-    trajectory: Trajectory,
+    trajectory: Trajectory | Route,
     *,
     colour: str = style.INK,
     look: Look = SIMULATED,
@@ -92,32 +117,61 @@ def panels_figure(task: Any, profile: Any, panels: Sequence[PathPanel]) -> Figur
     return _grid(task, profile, [list(panels)], wide=min(PAGE, 2.6 * len(panels) + 0.3), labels=True)
 
 
-def sheet_figure(task: Any, profile: Any, rows: Sequence[Sequence[PathPanel]]) -> Figure:
-    """Every run's path: a row a noise level, a column a run."""
+def pairs_figure(
+    task: Any, profile: Any, heads: Sequence[str], rows: Sequence[Sequence[PathPanel | None]]
+) -> Figure:
+    """Simulated paths above, situated ones below; a column a noise level, which `heads` name."""
+    wide = min(PAGE, 2.6 * len(heads) + 0.3)
+    return _grid(task, profile, rows, wide=wide, labels=True, heads=heads)
+
+
+def sheet_figure(task: Any, profile: Any, rows: Sequence[Sequence[PathPanel | None]]) -> Figure:
+    """Every run's path: a row a noise level (simulated, then situated), a column a run."""
     return _grid(task, profile, rows, wide=PAGE, labels=False)
 
 
 def _grid(
-    task: Any, profile: Any, rows: Sequence[Sequence[PathPanel]], *, wide: float, labels: bool
+    task: Any,
+    profile: Any,
+    rows: Sequence[Sequence[PathPanel | None]],
+    *,
+    wide: float,
+    labels: bool,
+    heads: Sequence[str] = (),
 ) -> Figure:
     """Panels in rows; every arena at the same scale, laid out by hand (cheap and deterministic)."""
     arena, robot = task.arena.to_kernel(), profile.to_kernel()
-    styles = noise_styles(panel.noise for row in rows for panel in row)
+    styles = noise_styles(panel.noise for row in rows for panel in row if panel)
     columns = max(len(row) for row in rows)
     left, bottom, gap, head = (0.46, 0.42, 0.14, 0.27) if labels else (0.06, 0.06, 0.1, 0.2)
     if labels and columns == 1:
         wide = 3.4
     cell = (wide - left - 0.06 - gap * (columns - 1)) / columns
     tall = cell * float(arena.size[1] / arena.size[0])
-    height = bottom + len(rows) * (tall + head)
+    height = bottom + len(rows) * (tall + head) + (0.19 if heads else 0.0)
     figure = new_figure(wide, height)
+    for c, text in enumerate(heads):
+        spot = (left + c * (cell + gap)) / wide
+        figure.text(spot, 1 - 0.04 / height, text, fontsize=9, fontweight="bold", color=style.INK, va="top")
     for r, row in enumerate(rows):
         for c, panel in enumerate(row):
+            if panel is None:
+                continue
             box = (left + c * (cell + gap), bottom + (len(rows) - 1 - r) * (tall + head))
             ax = figure.add_axes((box[0] / wide, box[1] / height, cell / wide, tall / height))
-            draw_path(ax, arena, robot, panel.trajectory, colour=styles[panel.noise].colour, labels=labels)
-            if labels and c:
-                ax.set_ylabel("")
-                ax.set_yticklabels([])
+            colour = styles[panel.noise].colour
+            draw_path(ax, arena, robot, panel.trajectory, colour=colour, look=panel.look, labels=labels)
+            if labels:
+                _spare_labels(ax, inner=c > 0, upper=r + 1 < len(rows) and rows[r + 1][c] is not None)
             ax.set_title(panel.title, fontsize=8.5 if labels else 7, pad=3, loc="left", color=style.INK)
     return figure
+
+
+def _spare_labels(ax: Axes, *, inner: bool, upper: bool) -> None:
+    """Panels that have a neighbour to the left or below need not say their cm again."""
+    if inner:
+        ax.set_ylabel("")
+        ax.set_yticklabels([])
+    if upper:
+        ax.set_xlabel("")
+        ax.set_xticklabels([])

@@ -1,0 +1,166 @@
+"""The situated half of a task's section: figures 3 and 5 in pairs, films' last frames, a table, words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from realitygap.report.films import Film, film_of
+from realitygap.report.gather import PER_CONDITION, TaskPart, chosen
+from realitygap.report.page import Card
+from realitygap.report.paths import PathPanel, pairs_figure, sheet_figure
+from realitygap.report.style import SITUATED
+from realitygap.report.tables import Table, number
+from realitygap.report.transfers import (
+    Group,
+    Pair,
+    groups_of,
+    kinds_of,
+    on_robot,
+    robots_of,
+    shown_pair,
+    write_transfers,
+)
+from realitygap.report.words_situated import about, pair_words, read_transfers, sheet_words
+
+__all__ = ["SituatedPart", "count_figures", "make_situated"]
+
+ROWS = 2 * PER_CONDITION
+"""Rows of the table that a page shows of each noise level."""
+
+Draw = Callable[..., Card]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SituatedPart:
+    """What a task's section shows of its transfers."""
+
+    about: str
+    shown: list[Pair]
+    figures: list[Card]
+    sheets: list[Card]
+    films: list[Film]
+    groups: list[Group]
+    sentences: list[str]
+    total: int
+
+    def stands_for(self, part: TaskPart) -> bool:
+        """Whether its figures show every run that a figure of simulated paths alone would show."""
+        runs = {pair.row.run for pair in self.shown}
+        return all(run is None or run.run in runs for run in map(chosen, part.conditions))
+
+    @property
+    def cut(self) -> bool:
+        """Whether the table leaves rows to its CSV."""
+        return any(len(group.pairs) > ROWS for group in self.groups)
+
+    def rows(self, group: Group, table: Table) -> list[dict[str, Any]]:
+        """A group's rows for the template, then their average."""
+        rows = [
+            {
+                "head": f"{p.row.index}",
+                "where": p.where,
+                "start": p.start,
+                "source": "film" if p.tracked else "counters",
+                "cells": [(text, "") for text in _cells(p, table)],
+                "average": False,
+            }
+            for p in group.pairs[:ROWS]
+        ]
+        means = [table.show(group.mean(of)) for of in ("simulated", "situated", "drop")]
+        rows.append({"head": "average", "cells": means, "average": True})
+        return rows
+
+
+def _cells(pair: Pair, table: Table) -> list[str]:
+    values = (*pair.fitness, pair.drop)
+    return ["–" if v != v else number(v / table.scale, table.places) for v in values]
+
+
+def count_figures(pairs: Sequence[Pair]) -> int:
+    """How many figures `make_situated` draws, the sheets included."""
+    return 2 * len(robots_of(pairs))
+
+
+def make_situated(
+    part: TaskPart, pairs: Sequence[Pair], profile: Any, label: str, draw: Draw, report: Path
+) -> SituatedPart:
+    """All of it, with the table's CSV written.
+
+    Args:
+        part: the task's runs.
+        pairs: its transfers, at least one.
+        profile: the robot that was simulated.
+        label: what the paper calls the figure.
+        draw: makes a card of a name, a function that draws, and the words for it.
+        report: the report's folder.
+    """
+    groups = groups_of(part, pairs)
+    write_transfers(report / "tables" / f"{part.task.name}-transfers.csv", part.table, groups, report)
+    figures: list[Card] = []
+    sheets: list[Card] = []
+    films: list[Film] = []
+    seen: list[Pair] = []
+    for robot in robots_of(pairs):
+        here = on_robot(pairs, robot)
+        shown = [pair for c in part.conditions if (pair := shown_pair(c, here)) is not None]
+        if not shown:
+            continue
+        name = f"{part.task.name}-{'pairs' if not figures else 'pairs-' + robot}"
+        figures.append(_figure(part, shown, profile, name, label, draw))
+        seen += shown
+        sheets += _sheet(part, here, profile, name, draw)
+        films += [film for pair in shown if (film := film_of(part, pair, report)) is not None]
+    return SituatedPart(
+        about=about(pairs),
+        shown=seen,
+        figures=figures,
+        sheets=sheets,
+        films=films,
+        groups=groups,
+        sentences=[read_transfers(part.table, groups, kind) for kind in kinds_of(pairs)],
+        total=len(pairs),
+    )
+
+
+def _figure(part: TaskPart, shown: Sequence[Pair], profile: Any, name: str, label: str, draw: Draw) -> Card:
+    """Figure 3 or 5: a column a noise level, simulated above, situated below."""
+    heads = [f"{part.names[pair.level]}, #{pair.row.index}" for pair in shown]
+    above = [_panel(part, pair, situated=False, title="simulated: {}") for pair in shown]
+    below = [_panel(part, pair, situated=True, title=f"{pair.where}: {{}}") for pair in shown]
+    return draw(
+        name,
+        lambda: pairs_figure(part.task, profile, heads, [above, below]),
+        label=label,
+        **pair_words(part, shown),
+    )
+
+
+def _panel(part: TaskPart, pair: Pair, *, situated: bool, title: str) -> PathPanel:
+    score = pair.fitness[situated]
+    told = "–" if score != score else number(score / part.task.fitness_scale, 2)
+    route = pair.situated if situated else pair.simulated
+    look = {"look": SITUATED} if situated else {}
+    return PathPanel(noise=pair.level, title=title.format(told), trajectory=route, **look)
+
+
+def _sheet(part: TaskPart, here: Sequence[Pair], profile: Any, name: str, draw: Draw) -> list[Card]:
+    """Every transferred run of a robot: two rows a noise level, simulated above situated."""
+    rows: list[list[PathPanel | None]] = []
+    many = 0
+    for condition in part.conditions:
+        runs = {p.row.run: p for p in reversed(here) if p.level == condition.level and len(p.situated.x)}
+        pairs = [runs[run] for run in sorted(runs)][:PER_CONDITION]
+        many += len(pairs)
+        if pairs:
+            titles = [f"{condition.name} #{p.row.index}: {{}}" for p in pairs]
+            rows.append(
+                [_panel(part, p, situated=False, title=t) for p, t in zip(pairs, titles, strict=True)]
+            )
+            rows.append([_panel(part, p, situated=True, title="situated: {}") for p in pairs])
+    if many <= len(part.conditions) and len(rows) == 2 * many:
+        return []
+    told = sheet_words(many, here[0].where)
+    return [draw(f"{name}-all", lambda: sheet_figure(part.task, profile, rows), **told)]

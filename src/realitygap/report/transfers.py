@@ -1,0 +1,204 @@
+"""What a study's transfers say: the same individual simulated and situated, from the same start."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from realitygap.report.gather import TaskPart, chosen
+from realitygap.report.paths import Route
+from realitygap.report.statistics import Mean, mean_of
+from realitygap.report.tables import NoiseClass, Row, Table
+
+__all__ = [
+    "ROBOT",
+    "TWIN",
+    "Group",
+    "Pair",
+    "groups_of",
+    "kinds_of",
+    "on_robot",
+    "pairs_of",
+    "robots_of",
+    "shown_pair",
+    "write_transfers",
+]
+
+ROBOT, TWIN = "robot", "twin"
+"""Kinds of situation; only the first is real."""
+TAIL_S = 0.1
+"""Strokes of a tail are this far apart, whatever the film's rate: as the simulation's steps are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """One transfer: an individual's trial in simulation and on a robot; fitness NaN where there is none."""
+
+    task: str
+    level: float
+    row: Row
+    robot: str
+    """Its folder's name: twin-1, serial-ttyUSB0."""
+    individual: str
+    start: int
+    simulated: Route
+    situated: Route
+    fitness: tuple[float, float]
+    """Simulated and situated, unscaled."""
+    filmed: bool
+    tracked: bool
+    """The situated path is from a film; otherwise from the wheels' counters."""
+    folder: Path
+
+    @property
+    def twin(self) -> bool:
+        """On a twin, which is no robot."""
+        return self.robot.startswith("twin")
+
+    @property
+    def kind(self) -> str:
+        """What may be averaged: all robots, all units of the twin whose noise has one size."""
+        if not self.twin:
+            return ROBOT
+        _, _, dial = self.robot.partition("-noise-")
+        return f"{TWIN} with {dial} times its noise" if dial else TWIN
+
+    @property
+    def where(self) -> str:
+        """The robot in words."""
+        if not self.twin:
+            return f"Khepera on {self.robot.removeprefix('serial-')}"
+        _, _, dial = self.robot.partition("-noise-")
+        unit = self.robot.split("-")[1]
+        return f"twin unit {unit}, {dial} × noise" if dial else f"twin unit {unit}"
+
+    @property
+    def drop(self) -> float:
+        """How much lower it scores situated."""
+        return self.fitness[0] - self.fitness[1]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Group:
+    """The transfers of one noise level on one kind of robot, for a table."""
+
+    level: float
+    name: str
+    kind: str
+    pairs: tuple[Pair, ...]
+
+    def mean(self, of: str) -> Mean | None:
+        """Mean over the runs (each the mean of its transfers) of "simulated", "situated" or "drop"."""
+        runs: dict[int, list[float]] = {}
+        for pair in self.pairs:
+            value = {"simulated": pair.fitness[0], "situated": pair.fitness[1], "drop": pair.drop}[of]
+            if math.isfinite(pair.drop):
+                runs.setdefault(pair.row.run, []).append(value)
+        return mean_of([float(np.mean(values)) for values in runs.values()])
+
+
+def pairs_of(study: Any, parts: Sequence[TaskPart]) -> dict[str, list[Pair]]:
+    """The study's transfers by task, in the order of its runs, robots and starts."""
+    from realitygap.study.transfer import load_transfers
+
+    rows = {row.run: (c.level, row) for part in parts for c in part.conditions for row in c.rows}
+    pairs = [_pair(one, *rows[one.run]) for one in load_transfers(study.folder) if one.run in rows]
+    pairs.sort(key=lambda pair: (pair.row.run, pair.twin, len(pair.robot), pair.robot, pair.start))
+    return {part.task.name: [p for p in pairs if p.task == part.task.name] for part in parts}
+
+
+def _pair(one: Any, level: float, row: Row) -> Pair:
+    return Pair(
+        task=one.task,
+        level=level,
+        row=row,
+        robot=one.robot,
+        individual=one.individual,
+        start=one.start,
+        simulated=_route(one.simulated),
+        situated=_route(one.situated),
+        fitness=(_number(one.fitness_simulated), _number(one.fitness_situated)),
+        filmed=bool(one.filmed),
+        tracked=one.situated_from == "film",
+        folder=Path(one.folder),
+    )
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)
+
+
+def _route(columns: Mapping[str, Any]) -> Route:
+    """Poses about a tenth of a second apart; where the robot was lost there are none."""
+    t, x, y, degrees = (
+        np.asarray(columns[key], np.float64) for key in ("t_s", "x_cm", "y_cm", "heading_deg")
+    )
+    known = np.flatnonzero(np.isfinite(x) & np.isfinite(y) & np.isfinite(degrees))
+    steps = np.round(t[known] / TAIL_S)
+    first = np.append(True, steps[1:] != steps[:-1]) if len(steps) else np.zeros(0, bool)
+    some = np.unique(np.append(known[first], known[-1:]))
+    return Route(x=x[some], y=y[some], heading=np.radians(degrees[some]))
+
+
+def kinds_of(pairs: Sequence[Pair]) -> list[str]:
+    """The kinds of situation there are: robots first."""
+    return sorted({pair.kind for pair in pairs}, key=lambda kind: (kind != ROBOT, len(kind), kind))
+
+
+def robots_of(pairs: Sequence[Pair]) -> list[str]:
+    """The robots a figure shows: of each kind the one with the most noise levels, films, then pairs."""
+    found = []
+    for kind in kinds_of(pairs):
+        here = [pair for pair in pairs if pair.kind == kind]
+        names = dict.fromkeys(pair.robot for pair in here)
+        found.append(max(names, key=lambda name: _worth(on_robot(here, name))))
+    return found
+
+
+def _worth(pairs: Sequence[Pair]) -> tuple[int, int, int]:
+    return len({pair.level for pair in pairs}), sum(pair.filmed for pair in pairs), len(pairs)
+
+
+def on_robot(pairs: Sequence[Pair], robot: str) -> list[Pair]:
+    """Those on one robot."""
+    return [pair for pair in pairs if pair.robot == robot]
+
+
+def shown_pair(condition: NoiseClass, pairs: Sequence[Pair]) -> Pair | None:
+    """The pair a figure shows: of the run that the report shows, where there is one; filmed ones first."""
+    run = chosen(condition)
+    here = [pair for pair in pairs if pair.level == condition.level and len(pair.situated.x)]
+    key = lambda p: (run is None or p.row.run != run.run, not p.filmed, p.row.run, p.start)  # noqa: E731
+    return min(here, key=key, default=None)
+
+
+def groups_of(part: TaskPart, pairs: Sequence[Pair]) -> list[Group]:
+    """A task's transfers by kind of robot and noise level."""
+    groups = []
+    for kind in kinds_of(pairs):
+        for one in part.conditions:
+            here = tuple(p for p in pairs if p.level == one.level and p.kind == kind)
+            if here:
+                groups.append(Group(level=one.level, name=one.name, kind=kind, pairs=here))
+    return groups
+
+
+def write_transfers(path: Path, table: Table, groups: Sequence[Group], report: Path) -> None:
+    """The transfers as CSV: a row each, fitness unscaled; folders as seen from the study's."""
+    head = "task noise run name individual robot start path_from simulated situated drop folder"
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(head.split())
+        for group in groups:
+            for p in group.pairs:
+                told = [repr(v) if math.isfinite(v) else "" for v in (*p.fitness, p.drop)]
+                source = "film" if p.tracked else "counters"
+                run = [p.row.run, p.row.name, p.individual]
+                where = p.folder.relative_to(report.parent).as_posix()
+                writer.writerow([table.task, group.name, *run, p.robot, p.start, source, *told, where])

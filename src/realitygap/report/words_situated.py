@@ -1,0 +1,99 @@
+"""What stands under the situated half's figures, and what its table says in plain words.
+
+"Real" and "reality" are kept for hardware; the twin is a stand-in, pseudo-reality.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from realitygap.report.gather import TaskPart
+from realitygap.report.tables import Table, number
+from realitygap.report.transfers import ROBOT, Group, Pair
+from realitygap.report.words import Words
+
+__all__ = ["about", "pair_words", "read_transfers", "sheet_words"]
+
+
+def about(pairs: Sequence[Pair]) -> str:
+    """What "situated" means on this page."""
+    twin, robot = any(pair.twin for pair in pairs), not all(pair.twin for pair in pairs)
+    stand_in = (
+        "a physics twin of the robot, with sensors, wheels and noise of its own: a stand-in, "
+        "called pseudo-reality, that shares no code and no constants with the simulation. It is not a robot"
+    )
+    if twin and robot:
+        return f"Situated means: on a Khepera, or on {stand_in}; each row says which."
+    return f"Situated means: on {stand_in}." if twin else "Situated means: on a Khepera."
+
+
+def pair_words(part: TaskPart, shown: Sequence[Pair]) -> Words:
+    """Of figure 3 or 5."""
+    return {"alt": f"Paths. {_seen(part, shown)}.", "caption": _caption(part, shown)}
+
+
+def sheet_words(many: int, where: str) -> Words:
+    """Of the sheet with every transferred run's paths."""
+    alt = f"Simulated and situated paths of {many} runs, each from its first start."
+    return {"alt": alt, "caption": f"{alt} Simulated above, {where} below; the number is the path’s score."}
+
+
+def _caption(part: TaskPart, shown: Sequence[Pair]) -> str:
+    """What stands under figure 3 or 5."""
+    where, unit = shown[0].where, part.task.fitness_unit
+    what = f"{where}, a physics stand-in for the robot (pseudo-reality)" if shown[0].twin else f"the {where}"
+    tracked = sorted({pair.tracked for pair in shown})
+    film, counters = "tracked in a film from above", "reckoned from the wheels’ counters"
+    source = film if tracked == [True] else f"{counters}, which do not see a wheel slip"
+    if len(tracked) > 1:
+        source = f"{film} or, without a film, {counters}"
+    who = {"champion": "retested champion", "fittest": "fittest individual"}
+    names = {who.get(pair.individual, pair.individual) for pair in shown}
+    name = names.pop() if len(names) == 1 else "individual"
+    many = any(len(c.rows) > 1 for c in part.conditions)
+    return (
+        f"Above: simulated, at the noise that each {name} evolved under (thin whole strokes, white body). "
+        f"Below: situated, on {what} (broad broken strokes, grey body); the path is {source}. "
+        + ("For each noise level the median run on fresh trials, where it was transferred. " if many else "")
+        + "Both from the same start (ring). After the colon: the path’s score"
+        + (f" in {unit}. " if unit else ". ")
+        + "Each stroke of the tail joins the robot’s centre to its leading edge, every 0.1 s; none is erased."
+    )
+
+
+def _seen(part: TaskPart, shown: Sequence[Pair]) -> str:
+    """The paths' ends, for those who cannot see them."""
+    return "; ".join(
+        f"{part.names[p.level]}: from ({p.simulated.x[0]:.0f}, {p.simulated.y[0]:.0f}) simulated to "
+        f"({p.simulated.x[-1]:.0f}, {p.simulated.y[-1]:.0f}), on {p.where} to "
+        f"({p.situated.x[-1]:.0f}, {p.situated.y[-1]:.0f}) cm"
+        for p in shown
+    )
+
+
+def read_transfers(table: Table, groups: Sequence[Group], kind: str) -> str:
+    """How simulated and situated scores compare on one kind of robot, by noise level."""
+    return " ".join(_told(table, [group for group in groups if group.kind == kind], kind))
+
+
+def _told(table: Table, groups: Sequence[Group], kind: str) -> Iterator[str]:
+    where = "On Kheperas" if kind == ROBOT else f"On the {kind} (pseudo-reality)"
+    parts, drops = [], []
+    for group in groups:
+        simulated, situated, drop = (group.mean(of) for of in ("simulated", "situated", "drop"))
+        if simulated and situated and drop:
+            parts.append(
+                f"{group.name} noise {number(simulated.value / table.scale, table.places)} simulated, "
+                f"{number(situated.value / table.scale, table.places)} situated"
+            )
+            drops.append((drop.value, group.name))
+    if not parts:
+        yield f"{where} no transfer has scores yet."
+        return
+    yield f"{where}, by the noise they evolved under: {'; '.join(parts)}."
+    if len(drops) > 1:
+        least, most = min(drops), max(drops)
+        yield (
+            f"The drop is least at {least[1]} noise ({number(least[0] / table.scale, table.places)}) "
+            f"and largest at {most[1]} noise ({number(most[0] / table.scale, table.places)})."
+        )

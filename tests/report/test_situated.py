@@ -1,0 +1,217 @@
+"""What a page shows of transfers: pairs of paths, films, a table; and what it calls the twin."""
+
+from __future__ import annotations
+
+import csv
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
+
+from realitygap.report import build_report, style
+from realitygap.report.gather import parts_of
+from realitygap.report.paths import PathPanel, Route, pairs_figure
+from realitygap.report.situated import make_situated
+from realitygap.report.transfers import groups_of, pairs_of, robots_of, shown_pair
+from realitygap.study.config import StudyConfig
+from realitygap.study.load import Study, load_study
+from realitygap.study.runner import run_study
+from realitygap.tasks import load_task
+from realitygap.world.profile import load_profile
+from tests.report.situations import STEPS, write_transfer
+
+PAPER = load_profile("paper")
+AVOID, LIGHT = "obstacle-avoidance", "light-seeking"
+
+
+@pytest.fixture(scope="module")
+def evolved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The paper's six conditions, two short runs each, without transfers."""
+    config = StudyConfig.reproduction(runs=2, evaluations=70, seed=3)
+    config = config.with_settings(["task.seconds=0.5", "retest_trials=2", "fresh_trials=3"])
+    return run_study(tmp_path_factory.mktemp("paper") / "study", config, workers=1).folder
+
+
+@pytest.fixture
+def study(evolved: Path, tmp_path: Path) -> Study:
+    """A copy to which transfers may be added."""
+    return load_study(shutil.copytree(evolved, tmp_path / "study"))
+
+
+def _built(study: Study) -> str:
+    build_report(study.folder)
+    return (study.folder / "report" / "index.html").read_text("utf-8")
+
+
+def _all(study: Study, **settings: object) -> None:
+    for run in study.runs:
+        write_transfer(study, run, fitness=(0.5 + 0.01 * run.id, 0.4), **settings)
+
+
+def test_pairs_stand_one_above_the_other() -> None:
+    """Two rows; the noise level's colour in both, but another line, width and body: never colour alone."""
+    route = Route(x=np.array([20.0, 25.0]), y=np.array([25.0, 25.0]), heading=np.zeros(2))
+    rows = [
+        [PathPanel(noise=1.0, title="simulated: 1", trajectory=route)],
+        [PathPanel(noise=1.0, title="twin unit 1: 2", trajectory=route, look=style.SITUATED)],
+    ]
+    with style.styled():
+        figure = pairs_figure(load_task("avoidance"), PAPER, ["observed noise, #1"], rows)
+    above, below = figure.axes
+    assert above.get_position().y0 > below.get_position().y1 and not above.get_xlabel()
+    assert [text.get_text() for text in figure.texts] == ["observed noise, #1"]
+
+    def tail(ax) -> Line2D:
+        return max(ax.lines, key=lambda line: len(line.get_xdata()))
+
+    assert tail(above).get_color() == tail(below).get_color()
+    assert tail(above).get_linewidth() < tail(below).get_linewidth()
+    assert tail(above).is_dashed() != tail(below).is_dashed()
+    bodies = [
+        {p.get_facecolor() for p in ax.patches if isinstance(p, Circle) and p.zorder == 5}
+        for ax in (above, below)
+    ]
+    assert bodies[0].isdisjoint(bodies[1])
+
+
+def test_a_page_without_transfers_is_as_before(study: Study) -> None:
+    """No word of situated robots, no picture, no table."""
+    text = _built(study)
+    assert "ituated" not in text and "<img" not in text and "the simulated half of" in text
+    assert not list((study.folder / "report").rglob("*transfers*"))
+
+
+def test_figures_3_and_5_hold_both_paths(study: Study) -> None:
+    """Of each task; they stand in the place of the simulated ones, and say on which robot."""
+    _all(study)
+    text = _built(study)
+    for name, label in ((AVOID, "Figure 3"), (LIGHT, "Figure 5")):
+        found = re.search(rf'<figure id="{name}-pairs".*?</figure>', text, re.DOTALL)
+        assert found and f"<b>{label}.</b>" in found[0]
+        assert "twin unit 1, a physics stand-in for the robot (pseudo-reality)" in found[0]
+        assert "wheels’ counters" in found[0] and found[0].count("twin unit 1: ") == 3
+        assert f'<figure id="{name}-paths"' not in text
+        assert (study.folder / "report" / "figures" / f"{name}-pairs.svg").is_file()
+    assert "<img" not in text
+
+
+def test_the_twin_is_never_called_real(study: Study) -> None:
+    """The page says what it is: a stand-in; "real" is said of the paper's robot only."""
+    _all(study, film=True)
+    text = re.sub(r"data:[^\"]*", "", _built(study))
+    around = [
+        text[m.start() - 40 : m.end() + 30] for m in re.finditer(r"\breal(ity)?\b", text, re.IGNORECASE)
+    ]
+    allowed = ("pseudo-reality", "reality gap", "let the real robot have them", "In the real robot’s place")
+    assert around and all(any(words.lower() in one.lower() for words in allowed) for one in around), around
+    assert "a stand-in" in text and "It is not a robot" in text
+
+
+def test_films_are_shown_and_linked(study: Study) -> None:
+    """Their last frames are made small and put into the page; the films are reached from it."""
+    _all(study)
+    part = parts_of(study)[0]
+    shown = make_situated_of(study, part.task.name).shown
+    filmed = shown[1].row.source
+    shutil.rmtree(shown[1].folder)
+    write_transfer(study, filmed, film=True)
+    text = _built(study)
+    assert text.count("<img") == 1 and "url(http" not in text
+    source = re.search(
+        r'<img src="(data:image/jpeg;base64,[^"]+)" width="720" height="540" alt="[^"]+">', text
+    )
+    assert source and len(source[1]) < 200_000
+    link = re.search(r'<a href="(\.\./transfer/[^"]+/film\.mp4)">', text)
+    assert link and (study.folder / "report" / link[1]).resolve().is_file()
+    assert "tracked in a film from above or, without a film" in text
+
+
+def make_situated_of(study: Study, task: str):
+    """A task's situated part, without drawing."""
+    parts = parts_of(study)
+    part = next(part for part in parts if part.task.name == task)
+    report = study.folder / "report"
+    (report / "tables").mkdir(parents=True, exist_ok=True)
+    return make_situated(
+        part, pairs_of(study, parts)[task], study.profile, "", lambda name, *_, **__: name, report
+    )
+
+
+def test_the_table_has_every_transfer(study: Study) -> None:
+    """Run, robot, start, both scores, and the drop, which is their difference."""
+    run = study.runs[0]
+    for robot in ("serial-ttyUSB0", "twin-1", "twin-2"):
+        for start in (1, 2):
+            write_transfer(study, run, robot=robot, start=start, fitness=(0.7, 0.1 * start))
+    text = _built(study)
+    path = study.folder / "report" / "tables" / f"{AVOID}-transfers.csv"
+    rows = list(csv.DictReader(path.read_text("utf-8").splitlines()))
+    assert [(row["robot"], row["start"]) for row in rows] == [
+        (robot, start) for robot in ("serial-ttyUSB0", "twin-1", "twin-2") for start in "12"
+    ]
+    for row in rows:
+        assert row["name"] == run.name and (study.folder / row["folder"] / "situated.csv").is_file()
+        assert float(row["drop"]) == pytest.approx(0.7 - 0.1 * int(row["start"]))
+    assert "situated on a robot<" in text and "situated on the twin<" in text
+    assert text.count("Khepera on ttyUSB0</td>") == 2 and text.count("twin unit 2</td>") == 2
+    assert not (path.parent / f"{LIGHT}-transfers.csv").exists()
+
+
+def test_a_mean_is_over_runs(study: Study) -> None:
+    """A run with many transfers counts as much as one with few; twins and robots are kept apart."""
+    one, two = (run for run in study.runs if run.task == AVOID and run.noise == 1.0)
+    write_transfer(study, one, fitness=(1.0, 0.0))
+    for start in (1, 2, 3):
+        write_transfer(study, two, start=start, fitness=(1.0, 0.6))
+    write_transfer(study, two, robot="serial-ttyUSB0", fitness=(1.0, 1.0))
+    parts = parts_of(study)
+    robot, twin = groups_of(parts[0], pairs_of(study, parts)[AVOID])
+    assert (robot.kind, twin.kind, robot.level, twin.level) == ("robot", "twin", 1.0, 1.0)
+    assert twin.mean("drop").value == pytest.approx(0.7) and twin.mean("drop").count == 2
+    assert robot.mean("situated").value == 1.0
+
+
+def test_a_figure_shows_one_robot_of_each_kind(study: Study) -> None:
+    """Of the twin's units the one with most noise levels, and another run where the median one is missing."""
+    runs = [run for run in study.runs if run.task == AVOID]
+    write_transfer(study, runs[0], robot="twin-1")
+    for run in runs:
+        write_transfer(study, run, robot="twin-7", film=run is runs[1])
+    write_transfer(study, runs[2], robot="twin-1-noise-2.0")
+    parts = parts_of(study)
+    pairs = pairs_of(study, parts)[AVOID]
+    assert robots_of(pairs) == ["twin-7", "twin-1-noise-2.0"]
+    alone = [pair for pair in pairs if pair.row.run == runs[1].id]
+    assert shown_pair(parts[0].conditions[0], alone) is alone[0]
+    text = _built(study)
+    assert f'id="{AVOID}-pairs"' in text and f'id="{AVOID}-pairs-twin-1-noise-2.0"' in text
+    assert "twin unit 1, 2.0 × noise" in text and "the twin with 2.0 times its noise" in text
+
+
+def test_some_transfers_leave_the_simulated_figure(study: Study) -> None:
+    """Where the pairs do not show every run that it shows; ids stay unique."""
+    write_transfer(study, study.runs[0])
+    text = _built(study)
+    assert f'id="{AVOID}-pairs"' in text and f'<figure id="{AVOID}-paths"' in text
+    ids = re.findall(r'\bid="([^"]+)"', text)
+    assert len(ids) == len(set(ids))
+
+
+def test_a_path_is_thinned_to_the_simulations_steps(study: Study) -> None:
+    """A stroke a tenth of a second, first and last pose included; poses that were lost are left out."""
+    folder = write_transfer(study, study.runs[0])
+    lines = (folder / "situated.csv").read_text("utf-8").splitlines()
+    fine = [lines[0]]
+    for line in lines[1:]:
+        t, rest = line.split(",", 1)
+        fine += [f"{float(t) + more:.3f},{rest}" for more in (0.0, 0.02, 0.04)]
+    fine[10:13] = [f"{line.split(',')[0]},nan,nan,nan" for line in fine[10:13]]
+    (folder / "situated.csv").write_text("\n".join(fine) + "\n", encoding="utf-8")
+    parts = parts_of(study)
+    pair = pairs_of(study, parts)[AVOID][0]
+    assert len(pair.simulated.x) == STEPS + 1 and len(pair.situated.x) in (STEPS, STEPS + 1)
+    assert pair.situated.end.x == pytest.approx(pair.situated.x[-1]) and np.isfinite(pair.situated.x).all()
