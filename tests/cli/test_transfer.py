@@ -1,0 +1,145 @@
+"""`realitygap transfer`, as a person types it, and its part in `reproduce`."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+import realitygap.study.transfer as study_transfer
+from realitygap.cli import realitygap
+from realitygap.study.config import StudyConfig
+from realitygap.study.parts import Condition
+from realitygap.study.runner import run_study
+from realitygap.twin.process import start_twin
+from realitygap.values import Pose
+
+SHORT = ("--seconds", 0.5, "--workers", 1)
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory) -> Path:
+    """A study of two runs, one of each task, with short trials."""
+    fields = {"seed": 7, "evaluations": 70, "retest_trials": 2, "fresh_trials": 3}
+    conditions = (Condition(task="avoidance", noise=1.0), Condition(task="light", noise=2.0))
+    config = StudyConfig(conditions=conditions, runs=1, **fields).with_settings(["task.seconds=2.0"])
+    return run_study(tmp_path_factory.mktemp("transfers") / "study", config, workers=1).folder
+
+
+@pytest.fixture
+def study(original, tmp_path) -> Path:
+    """The study's folder, of one's own."""
+    return shutil.copytree(original, tmp_path / "study")
+
+
+def test_two_units_as_json_and_as_text(study, json_of, call):
+    """Each run drives each robot from each start; what is there already is told again."""
+    words = ("transfer", study, "--robot", "twin:1", "--robot", "twin:2", "--starts", 2, *SHORT)
+    made = json_of(*words)["transfers"]
+    assert [(one["robot"], one["run"], one["start"]) for one in made] == [
+        (robot, run, start) for robot in ("twin-1", "twin-2") for run in (1, 2) for start in (1, 2)
+    ]
+    assert all(Path(one["folder"], "situated.csv").is_file() for one in made)
+    assert all(one["fitness_simulated"] > 0 and one["late_steps"] == 0 for one in made)
+    result = call(*words)
+    assert result.exit_code == 0
+    assert result.stdout.count("light-seeking/double/1") == 4
+    assert result.stderr == ""  # nothing was left to be done
+
+
+def test_a_run_by_name_with_its_own_length(study, json_of):
+    """RUN may be a name; a trial lasts as long as the task's."""
+    made = json_of("transfer", study, "light-seeking/double/1", "--robot", "twin", "--workers", 1)
+    assert [(one["run"], one["seconds"]) for one in made["transfers"]] == [(2, 2.0)]
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("9", "--robot", "twin"), "'9'"),
+        (("--robot", "twn"), "twn"),
+        (("--robot", "twin:one"), "'one'"),
+        (("--robot", "serial:/dev/no-such-port"), "/dev/no-such-port"),
+        (("--robot", "serial:/dev/null"), "/dev/null"),
+        (("--robot", "serial:/dev/null", "--film"), "realitygap track"),
+        (("--robot", "twin", "--starts", "0"), "--starts"),
+        (("--robot", "twin", "--seconds", "0.25"), "--seconds"),
+        (("--robot", "twin", "--twin-noise", "-1"), "--twin-noise"),
+        (("--robot", "twin", "--individual", "best"), "--individual"),
+        ((), "--robot"),
+    ],
+)
+def test_a_wrong_word_is_refused_by_name(study, refused, words, named):
+    """Runs, robots and numbers that cannot be are named in one line."""
+    assert named in refused("transfer", study, *words)
+
+
+def test_a_study_without_runs_is_refused(study, refused, tmp_path):
+    """A folder without a study, a study without a finished run, a folder in the way."""
+    import sqlite3
+
+    assert "no study" in refused("transfer", tmp_path, "--robot", "twin")
+    (study / "transfer").write_text("in the way")
+    assert "rights" in refused("transfer", study, "--robot", "twin", *SHORT)
+    with sqlite3.connect(study / "study.db") as database:
+        database.execute("UPDATE run SET finished = 0, champion = NULL")
+    database.close()
+    assert "no run is finished" in refused("transfer", study, "--robot", "twin")
+    assert "no champion" in refused("transfer", study, 1, "--robot", "twin")
+
+
+def test_a_person_is_told_where_to_put_the_robot(study):
+    """x, y and the heading in numbers and words; Enter starts; without a person nothing moves."""
+    with start_twin({"size_cm": [60, 60]}, unit=1, clock="real", pose=Pose(x=30, y=30, heading=0)) as twin:
+        robot = f"serial:{twin.device}"
+        words = ["transfer", str(study), "1", "--robot", robot, "--seconds", "0.5"]
+        nobody = CliRunner().invoke(realitygap, words, input="")
+        assert nobody.exit_code == 130
+        assert "finished trials are kept" in nobody.stderr
+        result = CliRunner().invoke(realitygap, words, input="\n")
+    assert result.exit_code == 0, result.output
+    assert "Put the robot at x = 2" in result.stderr and "counter-clockwise from +x" in result.stderr
+    assert "counters" in result.stdout
+
+
+def test_ctrl_c_says_how_to_go_on(study):
+    """Ctrl-C ends in one line with the command that goes on, and leaves no half trial that counts."""
+    words = ["transfer", str(study), "--robot", "twin", "--starts", "500", "--workers", "2"]
+    command = [sys.executable, "-m", "realitygap", *words]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as made:
+        assert made.stderr is not None
+        while made.poll() is None and not any(study.glob("transfer/*/*/start-*/transfer.toml")):
+            time.sleep(0.1)
+        made.send_signal(signal.SIGINT)
+        said = made.stderr.read().splitlines()
+    assert made.returncode == 130
+    assert said[-1].startswith("stopped; finished trials are kept")
+    assert f"`realitygap {' '.join(words)}`" in said[-1]
+    assert study_transfer.load_transfers(study)
+
+
+def test_reproduce_transfers_before_it_reports(json_of, monkeypatch, tmp_path):
+    """Every champion drives unit 1 once; one run of each condition is filmed."""
+    asked = {}
+
+    def transfer(study, runs=(), **settings):
+        asked.update(settings, runs=runs)
+        assert not (study.folder / "report" / "index.html").exists()
+        return []
+
+    monkeypatch.setattr(study_transfer, "transfer", transfer)
+    words = ("reproduce", "--runs", 1, "--evaluations", 66, "--workers", 1, "--out", tmp_path / "study")
+    assert json_of(*words)["transfers"] == []
+    assert asked["robots"] == ("twin:1",) and asked["runs"] == () and asked["film"] == [1, 2, 3, 4, 5, 6]
+    asked.clear()
+    assert "transfers" not in json_of(*words, "--resume", "--no-transfer")
+    assert not asked
+    shown = json.loads(CliRunner().invoke(realitygap, ["show", str(tmp_path / "study"), "--json"]).stdout)
+    assert len(shown["runs"]) == 6
