@@ -22,6 +22,7 @@ from typing import Any
 from realitygap.errors import RobotStoppedError, StudyError, StudyInterruptedError, UsageError
 from realitygap.study.folder import lock
 from realitygap.study.load import Study
+from realitygap.study.schema import told
 from realitygap.study.settings import whole
 from realitygap.study.transfer_paths import Table, read_path
 from realitygap.study.transfer_plan import FOLDER, Robot, Situation, chosen_runs, situations
@@ -157,6 +158,8 @@ def transfer(
             )
         )
         todo = [one for one in wished if not _is_done(study.folder, one)]
+        with told(study.folder / FOLDER):
+            (study.folder / FOLDER).mkdir(exist_ok=True)
         try:
             for robot in dict.fromkeys(one.robot for one in todo if one.robot.port is not None):
                 assert carry is not None

@@ -30,6 +30,12 @@ GOLDEN_DEG = 222.4922
 """Turn from one known pose to the next: headings all round, no two alike."""
 
 MARGIN_CM = 0.5
+TOUCH_CM = 1e-6
+"""From the walls at which a known pose may be, and what its place may be off by rounding."""
+
+QUALITY = 21
+"""H.264's rate factor: the pixels' noise is not kept to the last grain, which makes films far smaller."""
+
 FIRST = 10**6
 """Numbers of calibration frames begin here: their pixels' noise is not the films'."""
 
@@ -44,7 +50,7 @@ def known_poses(arena: Arena, radius_cm: float) -> list[Pose]:
     for n in GRIDS:
         across, along = np.linspace(near, width - near, n), np.linspace(near, depth - near, n)
         grid = [(float(x), float(y)) for y in along for x in across]
-        places = [place for place in grid if arena.obstacle_at(*place, near) is None]
+        places = [place for place in grid if arena.obstacle_at(*place, near - TOUCH_CM) is None]
         if len(places) >= LEAST_POSES:
             break
     return [Pose.from_degrees(x, y, k * GOLDEN_DEG % 360.0) for k, (x, y) in enumerate(places)]
@@ -109,7 +115,8 @@ def film_and_track(
     disk = load_disk()
     total = int((states.time_ms[-1] - states.time_ms[0]) * FPS / 1000) + 1
     notes = {**eye.metadata, **facts}
-    with FilmWriter(folder / FILM, rate=FPS, made_by=notes["view"], notes=notes) as film:
+    writer = FilmWriter(folder / FILM, rate=FPS, made_by=notes["view"], notes=notes, quality=QUALITY)
+    with writer as film:
         for _, frame in eye.film(states, fps=FPS):
             film.add(frame)
             tell(0.5 / total)

@@ -159,7 +159,7 @@ def situations(
             number = _number(run, individual)
             assert number is not None
             for start in range(1, starts + 1):
-                name = run.name.replace("/", "-")
+                name = run.name.replace("/", "-") + ("" if individual == WHO[1] else f"-{individual}")
                 stream = substream(run_stream(seed, run.task, run.noise, run.index), np.uint64(TRANSFER))
                 yield Situation(
                     run=run.id,

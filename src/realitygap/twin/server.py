@@ -204,7 +204,10 @@ def _main() -> int:
     stop: Callable[..., None] = lambda *_: sys.exit(0)  # noqa: E731
     signal.signal(signal.SIGTERM, stop)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the driver's: it must stop the robot first
-    settings = json.loads(sys.stdin.buffer.readline())
+    order = sys.stdin.buffer.readline()
+    if not order.endswith(b"\n"):
+        return 0  # whoever started it is gone already
+    settings = json.loads(order)
     try:
         with serving(settings) as server:
             print(json.dumps({"device": server.device, "channel": server.channel}), flush=True)  # noqa: T201
