@@ -15,11 +15,12 @@ from matplotlib.patches import Circle
 from realitygap.report import build_report, style
 from realitygap.report.gather import parts_of
 from realitygap.report.paths import PathPanel, Route, pairs_figure
-from realitygap.report.situated import make_situated
+from realitygap.report.situated import SituatedPart, make_situated
 from realitygap.report.transfers import groups_of, pairs_of, robots_of, shown_pair
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study, load_study
 from realitygap.study.runner import run_study
+from realitygap.study.transfer_choice import shown_runs
 from realitygap.tasks import load_task
 from realitygap.world.profile import load_profile
 from tests.report.situations import STEPS, write_transfer
@@ -85,41 +86,22 @@ def test_a_page_without_transfers_is_as_before(study: Study) -> None:
     assert not list((study.folder / "report").rglob("*transfers*"))
 
 
-def test_figures_3_and_5_hold_both_paths(study: Study) -> None:
-    """Of each task; they stand in the place of the simulated ones, and say on which robot."""
+def test_figures_3_and_5_hold_both_paths_and_films_are_shown(study: Study) -> None:
+    """Pairs stand in the place of the simulated paths and name the robot; films are reached from there."""
     _all(study)
+    shown = _situated(study, AVOID).shown
+    assert [pair.row.run for pair in shown] == [run.id for run in shown_runs(study)[:3]]
+    shutil.rmtree(shown[1].folder)
+    write_transfer(study, shown[1].row.source, film=True)
     text = _built(study)
     for name, label in ((AVOID, "Figure 3"), (LIGHT, "Figure 5")):
         found = re.search(rf'<figure id="{name}-pairs".*?</figure>', text, re.DOTALL)
         assert found and f"<b>{label}.</b>" in found[0]
         assert "twin unit 1, a physics stand-in for the robot (pseudo-reality)" in found[0]
+        assert ("or, without a film, reckoned" in found[0]) is (name == AVOID)
         assert "wheels’ counters" in found[0] and found[0].count("twin unit 1: ") == 3
         assert f'<figure id="{name}-paths"' not in text
         assert (study.folder / "report" / "figures" / f"{name}-pairs.svg").is_file()
-    assert "<img" not in text
-
-
-def test_the_twin_is_never_called_real(study: Study) -> None:
-    """The page says what it is: a stand-in; "real" is said of the paper's robot only."""
-    _all(study, film=True)
-    text = re.sub(r"data:[^\"]*", "", _built(study))
-    around = [
-        text[m.start() - 40 : m.end() + 30] for m in re.finditer(r"\breal(ity)?\b", text, re.IGNORECASE)
-    ]
-    allowed = ("pseudo-reality", "reality gap", "let the real robot have them", "In the real robot’s place")
-    assert around and all(any(words.lower() in one.lower() for words in allowed) for one in around), around
-    assert "a stand-in" in text and "It is not a robot" in text
-
-
-def test_films_are_shown_and_linked(study: Study) -> None:
-    """Their last frames are made small and put into the page; the films are reached from it."""
-    _all(study)
-    part = parts_of(study)[0]
-    shown = make_situated_of(study, part.task.name).shown
-    filmed = shown[1].row.source
-    shutil.rmtree(shown[1].folder)
-    write_transfer(study, filmed, film=True)
-    text = _built(study)
     assert text.count("<img") == 1 and "url(http" not in text
     source = re.search(
         r'<img src="(data:image/jpeg;base64,[^"]+)" width="720" height="540" alt="[^"]+">', text
@@ -127,18 +109,32 @@ def test_films_are_shown_and_linked(study: Study) -> None:
     assert source and len(source[1]) < 200_000
     link = re.search(r'<a href="(\.\./transfer/[^"]+/film\.mp4)">', text)
     assert link and (study.folder / "report" / link[1]).resolve().is_file()
-    assert "tracked in a film from above or, without a film" in text
+    _says_what_the_twin_is(text)
 
 
-def make_situated_of(study: Study, task: str):
-    """A task's situated part, without drawing."""
+def _says_what_the_twin_is(text: str) -> None:
+    """A stand-in; "real" is said of the paper's robot only."""
+    text = re.sub(r"data:[^\"]*", "", text)
+    around = [
+        text[m.start() - 40 : m.end() + 30] for m in re.finditer(r"\breal(ity)?\b", text, re.IGNORECASE)
+    ]
+    allowed = ("pseudo-reality", "reality gap", "let the real robot have them", "in the real robot’s place")
+    assert around and all(any(words in one.lower() for words in allowed) for one in around), around
+    assert "a stand-in" in text and "It is not a robot" in text
+
+
+def _situated(study: Study, task: str, names: list[str] | None = None) -> SituatedPart:
+    """A task's situated part, without drawing; `names` gets its figures'."""
     parts = parts_of(study)
     part = next(part for part in parts if part.task.name == task)
     report = study.folder / "report"
     (report / "tables").mkdir(parents=True, exist_ok=True)
-    return make_situated(
-        part, pairs_of(study, parts)[task], study.profile, "", lambda name, *_, **__: name, report
-    )
+    pairs, kept = pairs_of(study, parts)[task], [] if names is None else names
+
+    def draw(name: str, *_: object, **__: object) -> None:
+        kept.append(name)
+
+    return make_situated(part, pairs, study.profile, "", draw, report)
 
 
 def test_the_table_has_every_transfer(study: Study) -> None:
@@ -147,7 +143,7 @@ def test_the_table_has_every_transfer(study: Study) -> None:
     for robot in ("serial-ttyUSB0", "twin-1", "twin-2"):
         for start in (1, 2):
             write_transfer(study, run, robot=robot, start=start, fitness=(0.7, 0.1 * start))
-    text = _built(study)
+    made = _situated(study, AVOID)
     path = study.folder / "report" / "tables" / f"{AVOID}-transfers.csv"
     rows = list(csv.DictReader(path.read_text("utf-8").splitlines()))
     assert [(row["robot"], row["start"]) for row in rows] == [
@@ -156,9 +152,13 @@ def test_the_table_has_every_transfer(study: Study) -> None:
     for row in rows:
         assert row["name"] == run.name and (study.folder / row["folder"] / "situated.csv").is_file()
         assert float(row["drop"]) == pytest.approx(0.7 - 0.1 * int(row["start"]))
-    assert "situated on a robot<" in text and "situated on the twin<" in text
-    assert text.count("Khepera on ttyUSB0</td>") == 2 and text.count("twin unit 2</td>") == 2
-    assert not (path.parent / f"{LIGHT}-transfers.csv").exists()
+    shown = [(group.kind, made.rows(group, parts_of(study)[0].table)) for group in made.groups]
+    assert [(kind, len(rows)) for kind, rows in shown] == [("robot", 3), ("twin", 5)]
+    assert [row["where"] for row in shown[0][1][:-1]] == ["Khepera on ttyUSB0"] * 2
+    means = [float(value) for value, _ in shown[1][1][-1]["cells"]]
+    assert means == pytest.approx([0.7, 0.15, 0.55]) and not shown[1][1][0]["average"]
+    assert "on a Khepera, or on a physics twin" in made.about
+    assert len(made.sentences) == 2 and "(pseudo-reality)" in made.sentences[1]
 
 
 def test_a_mean_is_over_runs(study: Study) -> None:
@@ -187,9 +187,11 @@ def test_a_figure_shows_one_robot_of_each_kind(study: Study) -> None:
     assert robots_of(pairs) == ["twin-7", "twin-1-noise-2.0"]
     alone = [pair for pair in pairs if pair.row.run == runs[1].id]
     assert shown_pair(parts[0].conditions[0], alone) is alone[0]
-    text = _built(study)
-    assert f'id="{AVOID}-pairs"' in text and f'id="{AVOID}-pairs-twin-1-noise-2.0"' in text
-    assert "twin unit 1, 2.0 × noise" in text and "the twin with 2.0 times its noise" in text
+    names: list[str] = []
+    made = _situated(study, AVOID, names)
+    assert {f"{AVOID}-pairs", f"{AVOID}-pairs-twin-1-noise-2.0"} <= set(names)
+    assert made.shown[-1].where == "twin unit 1, 2.0 × noise"
+    assert made.groups[-1].kind == "twin with 2.0 times its noise"
 
 
 def test_some_transfers_leave_the_simulated_figure(study: Study) -> None:

@@ -148,11 +148,11 @@ def _grid(
         wide = 3.4
     cell = (wide - left - 0.06 - gap * (columns - 1)) / columns
     tall = cell * float(arena.size[1] / arena.size[0])
-    height = bottom + len(rows) * (tall + head) + (0.19 if heads else 0.0)
+    height = bottom + len(rows) * (tall + head) + (0.11 if heads else 0.0)
     figure = new_figure(wide, height)
     for c, text in enumerate(heads):
         spot = (left + c * (cell + gap)) / wide
-        figure.text(spot, 1 - 0.04 / height, text, fontsize=9, fontweight="bold", color=style.INK, va="top")
+        figure.text(spot, 1 - 0.02 / height, text, fontsize=9, fontweight="bold", color=style.INK, va="top")
     for r, row in enumerate(rows):
         for c, panel in enumerate(row):
             if panel is None:

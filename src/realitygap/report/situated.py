@@ -52,6 +52,11 @@ class SituatedPart:
         return all(run is None or run.run in runs for run in map(chosen, part.conditions))
 
     @property
+    def counted(self) -> bool:
+        """Whether some paths are from the wheels' counters."""
+        return any(not pair.tracked for group in self.groups for pair in group.pairs)
+
+    @property
     def cut(self) -> bool:
         """Whether the table leaves rows to its CSV."""
         return any(len(group.pairs) > ROWS for group in self.groups)
@@ -162,5 +167,5 @@ def _sheet(part: TaskPart, here: Sequence[Pair], profile: Any, name: str, draw: 
             rows.append([_panel(part, p, situated=True, title="situated: {}") for p in pairs])
     if many <= len(part.conditions) and len(rows) == 2 * many:
         return []
-    told = sheet_words(many, here[0].where)
+    told = sheet_words(many, here[0].where, counted=not all(p.tracked for p in here))
     return [draw(f"{name}-all", lambda: sheet_figure(part.task, profile, rows), **told)]

@@ -124,7 +124,7 @@ class Look:
 
 
 SIMULATED = Look(line="-", tail_width=0.8, tail_alpha=1.0, body=BODY)
-SITUATED = Look(line=(0, (2, 1)), tail_width=1.5, tail_alpha=0.45, body=CYLINDER)
+SITUATED = Look(line=(0, (2, 1)), tail_width=1.5, tail_alpha=0.6, body=CYLINDER)
 
 _NAMED = {
     0.0: NoiseStyle(colour="#0072b2", line="-", marker="o"),

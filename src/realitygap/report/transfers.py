@@ -93,14 +93,18 @@ class Group:
     kind: str
     pairs: tuple[Pair, ...]
 
-    def mean(self, of: str) -> Mean | None:
-        """Mean over the runs (each the mean of its transfers) of "simulated", "situated" or "drop"."""
+    def values(self, of: str) -> list[float]:
+        """Each run's "simulated", "situated" or "drop": the mean of its transfers that have scores."""
         runs: dict[int, list[float]] = {}
         for pair in self.pairs:
             value = {"simulated": pair.fitness[0], "situated": pair.fitness[1], "drop": pair.drop}[of]
             if math.isfinite(pair.drop):
                 runs.setdefault(pair.row.run, []).append(value)
-        return mean_of([float(np.mean(values)) for values in runs.values()])
+        return [float(np.mean(values)) for values in runs.values()]
+
+    def mean(self, of: str) -> Mean | None:
+        """The mean of `values` over the runs."""
+        return mean_of(self.values(of))
 
 
 def pairs_of(study: Any, parts: Sequence[TaskPart]) -> dict[str, list[Pair]]:

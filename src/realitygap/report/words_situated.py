@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from realitygap.report.gather import TaskPart
+from realitygap.report.statistics import difference
 from realitygap.report.tables import Table, number
 from realitygap.report.transfers import ROBOT, Group, Pair
 from realitygap.report.words import Words
@@ -32,10 +33,13 @@ def pair_words(part: TaskPart, shown: Sequence[Pair]) -> Words:
     return {"alt": f"Paths. {_seen(part, shown)}.", "caption": _caption(part, shown)}
 
 
-def sheet_words(many: int, where: str) -> Words:
-    """Of the sheet with every transferred run's paths."""
+def sheet_words(many: int, where: str, *, counted: bool) -> Words:
+    """Of the sheet with every transferred run's paths; `counted`: some are from the wheels' counters."""
     alt = f"Simulated and situated paths of {many} runs, each from its first start."
-    return {"alt": alt, "caption": f"{alt} Simulated above, {where} below; the number is the path’s score."}
+    caption = f"{alt} Simulated above, {where} below; the number is the path’s score."
+    if counted:
+        caption += " A path that leaves the room is reckoned from counters of wheels that slipped at a wall."
+    return {"alt": alt, "caption": caption}
 
 
 def _caption(part: TaskPart, shown: Sequence[Pair]) -> str:
@@ -52,8 +56,8 @@ def _caption(part: TaskPart, shown: Sequence[Pair]) -> str:
     name = names.pop() if len(names) == 1 else "individual"
     many = any(len(c.rows) > 1 for c in part.conditions)
     return (
-        f"Above: simulated, at the noise that each {name} evolved under (thin whole strokes, white body). "
-        f"Below: situated, on {what} (broad broken strokes, grey body); the path is {source}. "
+        f"Above: simulated (thin whole strokes, empty body), at the noise that each {name} evolved under. "
+        f"Below: situated (broad, pale, broken strokes, filled body), on {what}; the path is {source}. "
         + ("For each noise level the median run on fresh trials, where it was transferred. " if many else "")
         + "Both from the same start (ring). After the colon: the path’s score"
         + (f" in {unit}. " if unit else ". ")
@@ -86,14 +90,22 @@ def _told(table: Table, groups: Sequence[Group], kind: str) -> Iterator[str]:
                 f"{group.name} noise {number(simulated.value / table.scale, table.places)} simulated, "
                 f"{number(situated.value / table.scale, table.places)} situated"
             )
-            drops.append((drop.value, group.name))
+            drops.append((drop.value, group))
     if not parts:
         yield f"{where} no transfer has scores yet."
         return
     yield f"{where}, by the noise they evolved under: {'; '.join(parts)}."
     if len(drops) > 1:
-        least, most = min(drops), max(drops)
+        ranked = sorted(drops, key=lambda pair: pair[0])
+        (least, first), (most, last) = ranked[0], ranked[-1]
+        gap = difference(last.values("drop"), first.values("drop"))
+        told = gap is not None and gap.value - gap.half > 0
         yield (
-            f"The drop is least at {least[1]} noise ({number(least[0] / table.scale, table.places)}) "
-            f"and largest at {most[1]} noise ({number(most[0] / table.scale, table.places)})."
+            f"The drop is least at {first.name} noise ({number(least / table.scale, table.places)}) "
+            f"and largest at {last.name} noise ({number(most / table.scale, table.places)}): "
+            + (
+                "more than the spread among the runs explains, though these two were picked as the extremes."
+                if told
+                else "these runs do not tell them apart."
+            )
         )
