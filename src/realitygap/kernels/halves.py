@@ -8,7 +8,7 @@ import numpy as np
 from realitygap.kernels.batch import sense_aside
 from realitygap.kernels.jit import kernel
 from realitygap.kernels.params import Networks
-from realitygap.kernels.trial import act, begin, draw_noise, move, scale_input, sense
+from realitygap.kernels.trial import act, begin, draw_noise, move, sense
 
 
 def quiet() -> Networks:
@@ -38,16 +38,6 @@ def sense_now(robot, arena, feed, level, stream, k, both, work, aside, noise):
     sense(robot, arena, feed, level, work)
     if both:
         sense_aside(robot, arena, feed, level, noise, stream, k, work, aside)
-
-
-@kernel
-def feed_inputs(robot, task, readings, inputs):
-    """Readings of the fed sensors as the network's integer inputs."""
-    low = robot.bands[task.feed, 0]
-    high = robot.bands[task.feed, 1]
-    for i in range(task.channels.shape[0]):
-        channel = task.channels[i]
-        inputs[i] = scale_input(low, high, readings[channel]) if channel >= 0 else 0
 
 
 @kernel

@@ -185,15 +185,13 @@ class SimulatedClock:
 
 def network_inputs(simulation: Simulation) -> Callable[[Readings], list[int]]:
     """What makes a network's inputs −10 … 10 of a body's readings, as the simulation makes them."""
-    robot, trial = simulation._robot, simulation._trial
-    inputs = np.zeros(trial.channels.shape[0], np.int64)
-    sensors = len(robot.ambient_place if trial.feed else robot.proximity_place)
+    task, profile = simulation.task, simulation.profile
+    sensors = len((profile.infrared if task.feeds == "proximity" else profile.ambient).sensors)
 
     def make(readings: Readings) -> list[int]:
-        fed = readings.ambient if trial.feed else readings.proximity
+        fed = readings.proximity if task.feeds == "proximity" else readings.ambient
         if len(fed) != sensors:
-            raise UsageError(f"readings: expected {sensors} {KINDS[trial.feed]} readings, got {len(fed)}.")
-        halves.feed_inputs(robot, trial, np.ascontiguousarray(fed, np.float64), inputs)
-        return [int(value) for value in inputs]
+            raise UsageError(f"readings: expected {sensors} {task.feeds} readings, got {len(fed)}.")
+        return profile.inputs(fed.tolist(), task.feeds, task.sensors)
 
     return make
