@@ -62,7 +62,9 @@ class Robot:
         """Name of its folder: twin-1, twin-1-noise-2 (the dial, where it is not at 1), serial-ttyUSB0."""
         if self.port is not None:
             return "serial-" + re.sub(r"[^A-Za-z0-9._-]", "-", Path(self.port).name)
-        return f"twin-{self.unit}" if twin_noise == 1 else f"twin-{self.unit}-noise-{twin_noise!r}"
+        short = f"{twin_noise:g}"
+        dial = short if float(short) == twin_noise else repr(twin_noise)
+        return f"twin-{self.unit}" if twin_noise == 1 else f"twin-{self.unit}-noise-{dial}"
 
 
 @dataclass(frozen=True, kw_only=True)
