@@ -210,12 +210,19 @@ def _main() -> int:
     settings = json.loads(order)
     try:
         with serving(settings) as server:
-            print(json.dumps({"device": server.device, "channel": server.channel}), flush=True)  # noqa: T201
+            _say({"device": server.device, "channel": server.channel})
             server.serve(leash=sys.stdin.fileno())
     except UsageError as error:
-        print(json.dumps({"error": str(error)}), flush=True)  # noqa: T201
+        _say({"error": str(error)})
         return error.exit_code
+    except BrokenPipeError:
+        return 0  # gone meanwhile
     return 0
+
+
+def _say(answer: Mapping[str, Any]) -> None:
+    """A line on stdout, past its buffer: nothing is left there to fail again at the end."""
+    os.write(sys.stdout.fileno(), json.dumps(answer).encode() + b"\n")
 
 
 if __name__ == "__main__":
