@@ -115,7 +115,7 @@ class NoiseStyle:
 
 @dataclass(frozen=True, kw_only=True)
 class Look:
-    """How a robot and its tail look: `simulated` or `situated` (on a real floor)."""
+    """How a robot and its tail look: `simulated` or `situated` (on a robot, or a twin of one)."""
 
     line: Any
     tail_width: float

@@ -57,7 +57,7 @@ def _caption(part: TaskPart, shown: Sequence[Pair]) -> str:
     many = any(len(c.rows) > 1 for c in part.conditions)
     return (
         f"Above: simulated (thin whole strokes, empty body), at the noise that each {name} evolved under. "
-        f"Below: situated (broad, pale, broken strokes, filled body), on {what}; the path is {source}. "
+        f"Below: situated (broad broken strokes, filled body), on {what}; the path is {source}. "
         + ("For each noise level the median run on fresh trials, where it was transferred. " if many else "")
         + "Both from the same start (ring). After the colon: the path’s score"
         + (f" in {unit}. " if unit else ". ")
