@@ -115,7 +115,7 @@ def test_ctrl_c_says_how_to_go_on(study):
     command = [sys.executable, "-m", "realitygap", *words]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as made:
         assert made.stderr is not None
-        while made.poll() is None and not any(study.glob("transfer/*/*/start-*/transfer.toml")):
+        while made.poll() is None and not study_transfer.load_transfers(study):
             time.sleep(0.1)
         made.send_signal(signal.SIGINT)
         said = made.stderr.read().splitlines()

@@ -198,6 +198,7 @@ def test_what_cannot_be_done_is_refused(study):
         transfer(study, robots=port, carry=lambda one, pose: None, film=True)
     with pytest.raises(UsageError, match="carry"):
         transfer(study, robots=port)
+    (study.folder / "transfer").rmdir()
     (study.folder / "transfer").write_text("in the way")
     with pytest.raises(StudyError, match="rights"):
         transfer(study, [1], seconds=SECONDS, workers=1)

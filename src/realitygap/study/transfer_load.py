@@ -1,0 +1,141 @@
+"""Finished transfers, read back from a study's folder."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from realitygap.errors import StudyError
+from realitygap.study.transfer_paths import Table, read_path
+from realitygap.study.transfer_plan import FOLDER, Situation
+from realitygap.study.transfer_trial import SIMULATED, SITUATED, TRIAL
+from realitygap.values import Pose
+
+__all__ = ["Transferred", "is_done", "load_transfer", "load_transfers"]
+
+LOOSE = ("film", "view", "pose", "fitness", "situated_from", "late_steps", "versions")
+"""Keys of a trial's file that follow from the others, or are not compared."""
+
+PLAIN = ("run", "name", "task", "noise", "individual", "start", "seconds", "situated_from", "late_steps")
+"""Keys of a trial's file that are taken as they are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Transferred:
+    """One finished trial on a robot, and its simulation.
+
+    Attributes:
+        run, name, task, noise: of the run that it was evolved in; individual: champion or fittest.
+        robot: the folder's name, as twin-1 or serial-ttyUSB0; unit: of the twin, None for a robot.
+        twin_noise: the dial of the twin's noise, None for a robot.
+        start: its number, from 1; pose: where both trials began.
+        simulated, situated: the paths: t_s, x_cm, y_cm, heading_deg, a row a step, the start first.
+        situated_from: "film", or "counters" for the wheels' own.
+        filmed: whether the folder holds film.mp4, camera.json, track.csv and tails.png.
+        view: what made the film's frames, None without a film.
+        fitness_simulated, fitness_situated: the task's own score of each path.
+        late_steps: how many of the drive's steps began more than 10 ms late.
+    """
+
+    folder: Path
+    run: int
+    name: str
+    task: str
+    noise: float
+    individual: str
+    robot: str
+    unit: int | None
+    twin_noise: float | None
+    start: int
+    pose: Pose
+    seconds: float
+    filmed: bool
+    view: str | None
+    situated_from: str
+    fitness_simulated: float
+    fitness_situated: float
+    late_steps: int
+
+    @cached_property
+    def simulated(self) -> Table:
+        """The path in the simulation that it was evolved in."""
+        return read_path(self.folder / SIMULATED)
+
+    @cached_property
+    def situated(self) -> Table:
+        """The path on the robot."""
+        return read_path(self.folder / SITUATED)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything but the paths, ready for JSON."""
+        plain = {field.name: getattr(self, field.name) for field in fields(self)}
+        pose = {"x_cm": self.pose.x, "y_cm": self.pose.y, "heading_deg": self.pose.heading_deg}
+        return {**plain, "folder": str(self.folder), "pose": pose}
+
+
+def load_transfers(study_folder: str | Path) -> list[Transferred]:
+    """All finished trials on robots in a study's folder, by robot, run and start; [] without any.
+
+    Raises:
+        StudyError: a trial's file that cannot be read.
+    """
+    files = Path(study_folder, FOLDER).glob(f"*/*/start-*/{TRIAL}")
+    found = [load_transfer(file.parent) for file in files if file.parent.name[6:].isdecimal()]
+    return sorted(found, key=lambda one: (one.unit is None, one.unit or 0, one.robot, one.run, one.start))
+
+
+def is_done(folder: Path, one: Situation) -> bool:
+    """Whether the trial is there, made as it is wished now; one on the twin is made again to film it.
+
+    Raises:
+        StudyError: it was made with other settings.
+    """
+    file = folder / one.folder / TRIAL
+    if not file.is_file():
+        return False
+    table = _read(file)
+    there = {key: value for key, value in table.items() if key not in LOOSE}
+    wished = {key: value for key, value in one.facts().items() if value is not None}
+    for key in {**wished, **there}:
+        if there.get(key) != wished.get(key):
+            raise StudyError(
+                f"{file.parent}: the trial was made with {key} = {there.get(key)!r}, not "
+                f"{wished.get(key)!r}. Leave that as it was, or move the folder away."
+            )
+    return bool(table.get("film")) or not one.film
+
+
+def load_transfer(folder: Path) -> Transferred:
+    """The finished trial of a folder.
+
+    Raises:
+        StudyError: its file cannot be read.
+    """
+    file = folder / TRIAL
+    table = _read(file)
+    try:
+        return Transferred(
+            folder=folder,
+            robot=folder.parent.parent.name,
+            pose=Pose.from_degrees(*(table["pose"][key] for key in ("x_cm", "y_cm", "heading_deg"))),
+            filmed=table["film"],
+            fitness_simulated=float(table["fitness"]["simulated"]),
+            fitness_situated=float(table["fitness"]["situated"]),
+            unit=table.get("unit"),
+            twin_noise=table.get("twin_noise"),
+            view=table.get("view"),
+            **{key: table[key] for key in PLAIN},
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise StudyError(f"{file}: {error}: missing or broken. Move the folder away.") from None
+
+
+def _read(file: Path) -> Mapping[str, Any]:
+    try:
+        return tomllib.loads(file.read_text(encoding="utf-8"))
+    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise StudyError(f"{file}: cannot be read: {error}. Move its folder away.") from None
