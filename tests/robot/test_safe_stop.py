@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from realitygap.robot.recording import Recording
+from realitygap.robot.signals import undisturbed
 from tests.robot.conftest import ROOT, Bench
 from tests.robot.test_faults import stands
 
@@ -65,3 +67,18 @@ def test_a_second_ctrl_c_does_not_disturb_the_stop(bench: Bench, tmp_path: Path)
     khepera = bench.khepera(twin.device)
     assert khepera.speeds() == (0, 0)
     assert Recording.from_folder(tmp_path / "r").ended.startswith("RobotStoppedError")
+
+
+def test_a_signal_never_cuts_an_exchange_in_half():
+    """A signal within an exchange that both ends count has its effect when that is over."""
+    seen = []
+    before = signal.signal(signal.SIGTERM, lambda number, frame: seen.append("handled"))
+    try:
+        with undisturbed():  # one exchange
+            with undisturbed():  # within another
+                os.kill(os.getpid(), signal.SIGTERM)
+                seen.append("inner end")
+            seen.append("outer end")
+        assert seen == ["inner end", "outer end", "handled"]
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -16,9 +16,11 @@ import os
 import select
 import socket
 import time
+from contextlib import AbstractContextManager, nullcontext
 from typing import Protocol
 
 from realitygap.errors import LineError
+from realitygap.robot.signals import undisturbed
 
 __all__ = ["Clock", "RealClock", "VirtualClock"]
 
@@ -50,6 +52,9 @@ class Clock(Protocol):
 
     def forget(self, fd: int) -> None:
         """Drop what has come in."""
+
+    def undisturbed(self) -> AbstractContextManager[None]:
+        """Around an exchange that must not be cut in half by a signal."""
 
     def close(self) -> None:
         """Let go of the clock."""
@@ -84,6 +89,10 @@ class RealClock:
         """Read what is there."""
         while _ready(fd, 0.0):
             _read(fd, CHUNK)
+
+    def undisturbed(self) -> AbstractContextManager[None]:
+        """A robot's line may be cut anywhere: it is brought back into step."""
+        return nullcontext()
 
     def close(self) -> None:
         """Nothing to let go of."""
@@ -122,13 +131,19 @@ class VirtualClock:
         """Let the twin run on by itself, and do not wait for it."""
         until = round(time_s * 1e9)
         if until > self._now_ns:
-            self._run(until, 0)
-            self._now_ns = until
+            with undisturbed():
+                self._run(until, 0)
+                self._now_ns = until
 
     def settle(self) -> None:
         """Wait until the twin is as far as it was told."""
-        while self._owed:
-            self._take_reply()
+        with undisturbed():
+            while self._owed:
+                self._take_reply()
+
+    def undisturbed(self) -> AbstractContextManager[None]:
+        """Both ends count bytes: half an exchange would leave them out of step for good."""
+        return undisturbed()
 
     def wrote(self, count: int) -> None:
         """The twin is told with the next message."""

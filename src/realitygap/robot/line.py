@@ -87,6 +87,10 @@ class Line:
             LineError: the line is lost, or no answer was understood within a second.
             RefusedError: the robot refused a command each time.
         """
+        with self.clock.undisturbed():
+            return self._ask(requests)
+
+    def _ask(self, requests: Sequence[Request]) -> list[Answer]:
         until = self.clock.now() + GIVE_UP_S + self._wire_s(requests)
         try:
             return self._first_try(requests)

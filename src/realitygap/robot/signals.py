@@ -10,9 +10,29 @@ from types import FrameType
 
 from realitygap.errors import RobotStoppedError
 
-__all__ = ["Stopping"]
+__all__ = ["Stopping", "undisturbed"]
 
 NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Within it no signal interrupts the main thread; one that came has its effect at the end.
+
+    For exchanges that both ends count: half of one would leave them out of step.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    missed: list[tuple[int, FrameType | None]] = []
+    before = {n: signal.signal(n, lambda number, frame: missed.append((number, frame))) for n in NUMBERS}
+    try:
+        yield
+    finally:
+        for name, handler in before.items():
+            signal.signal(name, handler)
+        if missed:
+            _again(*missed[0], before[signal.Signals(missed[0][0])])
 
 
 class Stopping:
@@ -53,3 +73,11 @@ class Stopping:
 
 def _stopped(number: int) -> RobotStoppedError:
     return RobotStoppedError(f"stopped by {signal.Signals(number).name}; the robot was told to stand first")
+
+
+def _again(number: int, frame: FrameType | None, handler: object) -> None:
+    """What a signal would have done had it not been held back."""
+    if callable(handler):
+        handler(number, frame)
+    elif handler == signal.SIG_DFL:
+        signal.raise_signal(number)
