@@ -18,8 +18,8 @@ from realitygap.film.video import FilmReader
 from realitygap.robot.recording import Recording
 from realitygap.study.load import Study, load_study
 from realitygap.study.transfer import Transferred, load_transfers, transfer
+from realitygap.study.transfer_folder import half_folder
 from realitygap.study.transfer_plan import Robot
-from realitygap.study.transfer_trial import half_folder
 from realitygap.tasks.simulation import Simulation
 from realitygap.twin.process import start_twin
 from realitygap.twin.states import States
@@ -51,9 +51,10 @@ def test_a_trial_begins_where_its_simulation_does(made, finished):
     for one in made:
         assert one.situated["t_s"].tolist() == one.simulated["t_s"].tolist()
         assert len(one.simulated["t_s"]) == round(SECONDS / 0.1) + 1
-        for path in (one.simulated, one.situated):
-            at = [path[name][0] for name in ("x_cm", "y_cm", "heading_deg")]
-            assert at == pytest.approx([one.pose.x, one.pose.y, one.pose.heading_deg], abs=1e-5)
+        for path, near in ((one.simulated, 1e-5), (one.situated, 0.05)):
+            assert path["x_cm"][0] == pytest.approx(one.pose.x, abs=near)
+            assert path["y_cm"][0] == pytest.approx(one.pose.y, abs=near)
+            assert abs((path["heading_deg"][0] - one.pose.heading_deg + 180) % 360 - 180) < 10 * near
         assert finished.task(one.task).arena.obstacle_at(one.pose.x, one.pose.y, 2.9) is None
     assert len({(one.pose.x, one.pose.y, one.pose.heading) for one in made}) == 4
 
@@ -118,9 +119,10 @@ def test_units_and_noise_and_seeds_are_different_robots(study):
 def test_a_film_is_tracked_to_the_truth(study, monkeypatch):
     """Without a renderer too: mean error below 0.4 mm and 0.5°; a trial is made again to be filmed."""
     monkeypatch.setattr(render, "GL_LIBRARIES", ("glory",))
-    before = transfer(study, [2], seconds=SECONDS, workers=1)[0]
+    before = transfer(study, [2], seconds=SECONDS, workers=1, watch=False)[0]
     one = transfer(study, [2], seconds=SECONDS, workers=1, film=True)[0]
     assert before.situated_from == "counters" and one.situated_from == "film" and one.filmed
+    assert transfer(study, [2], seconds=SECONDS, workers=1)[0].situated_from == "film"  # kept
     assert one.view is not None and one.view.startswith("drawn")
     track, truth = read_track(one.folder / "track.csv"), States.from_file(one.folder / "sealed.csv")
     with FilmReader(one.folder / "film.mp4") as film:
@@ -138,6 +140,39 @@ def test_a_film_is_tracked_to_the_truth(study, monkeypatch):
         assert path == pytest.approx(np.interp(one.situated["t_s"], track.t_s, column), abs=1e-3)
         assert path == pytest.approx(before.situated[name], abs=1.0)  # the same drive, by the counters
     assert Recording.from_folder(one.folder).ended == "finished"
+
+
+def test_a_watched_trial_is_seen_ten_times_a_second(made, study):
+    """By default the camera above sees the twin: sub-millimetre, a frame a step, no film, any library."""
+    one = made[0]
+    assert one.situated_from == "camera" and not one.filmed and one.view.startswith("drawn")
+    assert not (one.folder / "film.mp4").exists() and one.lost_steps == 0
+    track, truth = read_track(one.folder / "track.csv"), States.from_file(one.folder / "sealed.csv")
+    shown = np.searchsorted(truth.time_ms - truth.time_ms[0], one.situated["t_s"] * 1000 + 1e-3, "right") - 1
+    path = one.situated
+    off = np.hypot(path["x_cm"] - truth.x_cm[shown], path["y_cm"] - truth.y_cm[shown])
+    assert len(track) == len(path["t_s"]) and off.mean() < 0.03 and off.max() < 0.1
+    counted = transfer(study, [one.run], seconds=SECONDS, workers=1, watch=False)[0]
+    assert counted.situated_from == "counters" and counted.view is None
+    assert not (counted.folder / "sealed.csv").exists()
+    assert counted.situated["x_cm"] == pytest.approx(path["x_cm"], abs=1.0)  # the same drive
+    assert (counted.folder / "steps.csv").read_bytes() == (one.folder / "steps.csv").read_bytes()
+    assert transfer(study, [one.run], seconds=SECONDS, workers=1)[0].situated_from == "camera"  # made again
+
+
+def test_a_robot_that_pushes_a_wall_is_seen_to_stand(study, monkeypatch):
+    """The counters leave the arena where wheels slip against a wall; the camera does not."""
+    from realitygap.controller.handmade import constant
+
+    task = study.task("obstacle-avoidance")
+    genes = constant(8, 8, study.layout(task.name))
+    monkeypatch.setattr(Study, "genotype", lambda self, run, number: genes)
+    width, depth = task.arena.size_cm
+    for watch in (False, True):
+        path = transfer(study, [1], seconds=8.0, workers=1, watch=watch)[0].situated
+        outside = max(path["x_cm"].max() - width, path["y_cm"].max() - depth, -path["x_cm"].min(),
+                      -path["y_cm"].min())  # fmt: skip
+        assert bool(outside < 0.0) is watch
 
 
 def test_a_line_that_dies_keeps_its_recording(study):

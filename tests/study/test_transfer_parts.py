@@ -17,7 +17,15 @@ from realitygap.kernels.trial import scale_input
 from realitygap.report.gather import chosen, parts_of
 from realitygap.study.transfer_choice import shown_runs
 from realitygap.study.transfer_film import known_poses
-from realitygap.study.transfer_paths import of_counters, of_track, of_trajectory, read_path, score, write_path
+from realitygap.study.transfer_paths import (
+    lost_steps,
+    of_counters,
+    of_track,
+    of_trajectory,
+    read_path,
+    score,
+    write_path,
+)
 from realitygap.tasks import load_task
 from realitygap.tasks.simulation import Simulation
 from realitygap.values import Pose
@@ -69,18 +77,50 @@ def test_counters_tell_straight_ways_and_circles():
     assert (table["x_cm"][-1], table["y_cm"][-1]) == pytest.approx((0, 0), abs=0.1)
 
 
-def test_a_track_is_brought_to_the_steps():
-    """25 frames/s become 10 rows/s; headings are bridged across ±180°, lost frames by their neighbours."""
-    t = np.arange(26) / 25
-    heading = (170 + 20 * t + 180) % 360 - 180
-    quality = np.where((t > 0.3) & (t < 0.5), 0.0, 1.0)
+def track_of(t, quality, heading=0.0) -> Track:
+    """Straight ahead at 10 cm/s, lost where `quality` is 0."""
     lost = np.where(quality > 0, 1.0, np.nan)
     place = {"x_cm": 10 * t * lost, "y_cm": 5 + 0 * t * lost}
-    track = Track(t_s=t, **place, heading_deg=heading * lost, quality=quality)
-    table = of_track(track, 10)
-    assert table["x_cm"] == pytest.approx(np.arange(11.0))
+    return Track(t_s=t, **place, heading_deg=(heading + 0 * t) * lost, quality=quality)
+
+
+def test_a_track_is_brought_to_the_steps():
+    """25 frames/s become 10 rows/s, headings across ±180°; beside a lost frame is a gap."""
+    t = np.arange(26) / 25
+    heading = (170 + 20 * t + 180) % 360 - 180
+    table = of_track(track_of(t, np.where((t > 0.3) & (t < 0.5), 0.0, 1.0), heading), 10)
+    lost = [4]  # 0.40 s: that frame is lost; 0.3 s lies between 0.28 and 0.32, and 0.32 is lost too
+    lost += [3, 5]
+    known = np.setdiff1d(np.arange(11), lost)
+    assert np.isnan(table["x_cm"][lost]).all() and lost_steps(table) == 3
+    assert table["x_cm"][known] == pytest.approx(known.astype(float))
     assert table["heading_deg"][-1] == pytest.approx(-170)
-    assert table["heading_deg"][5] == pytest.approx(180)
+    late = of_track(track_of(t, np.ones(26)), 5, 0.52)
+    assert late["x_cm"][:5] == pytest.approx(5.2 + np.arange(5)) and np.isnan(late["x_cm"][5])
+    assert late["t_s"][0] == 0.0
+    assert lost_steps(of_track(track_of(t, np.zeros(26)), 10)) == 11
+    sparse = of_track(track_of(np.array([0.0, 0.1, 0.9, 1.0]), np.ones(4)), 10)
+    assert np.isfinite(sparse["x_cm"]).nonzero()[0].tolist() == [0, 1, 9, 10]
+
+
+def test_gaps_are_written_as_gaps_and_scored_if_short(tmp_path):
+    """Empty fields in the file; a score goes straight across half a second, else there is none."""
+    task, t = load_task("obstacle-avoidance"), np.arange(41) / 10
+    whole = of_track(track_of(t, np.ones(41)), 40)
+    for gap, scored in ((5, True), (6, False)):
+        quality = np.ones(41)
+        quality[10 : 10 + gap] = 0
+        path = of_track(track_of(t, quality), 40)
+        value = score(path, task, PAPER)
+        assert math.isfinite(value) is scored
+        assert not scored or value == pytest.approx(score(whole, task, PAPER))
+        write_path(tmp_path / "path.csv", path)
+        assert (tmp_path / "path.csv").read_text().splitlines()[11] == "1.0,,,"
+        assert lost_steps(read_path(tmp_path / "path.csv")) == gap
+    for end in (0, 40):
+        quality = np.ones(41)
+        quality[end] = 0
+        assert math.isnan(score(of_track(track_of(t, quality), 40), task, PAPER))
 
 
 def test_a_path_reads_back(tmp_path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 import sys
+from functools import partial
 from typing import TYPE_CHECKING, Self
 
 import click
@@ -23,6 +24,10 @@ if TYPE_CHECKING:
     from realitygap.values import Pose
 
 __all__ = ["print_transfers", "transfer"]
+
+NEAR_CM, NEAR_DEG = 3.0, 20.0
+"""A robot that is seen farther than this from its start is asked about."""
+
 
 class TransferLine(ProgressLine):
     """Progress that does not begin to show before there is some: a person may be asked things first."""
@@ -68,7 +73,17 @@ SIDES = (
     show_default=True,
     help="champion (retested), or fittest (as in the paper).",
 )
-@click.option("--film/--no-film", default=False, show_default=True, help="Film the twin and track the film.")
+@click.option("--film/--no-film", default=False, show_default=True, help="Keep a film and track it.")
+@click.option(
+    "--watch/--no-watch",
+    default=True,
+    show_default=True,
+    help="Take paths from the camera above; else from the wheels' counters, which see no slip.",
+)
+@click.option("--camera", metavar="FILE", help="Over a real robot: the camera.json of --eye.")
+@click.option(
+    "--eye", metavar="DEVICE", help="Over a real robot: a camera's number, a video file or a stream."
+)
 @click.option(
     "--twin-noise", type=Finite(0), default=1.0, show_default=True, help="Dial on the twin's whole noise."
 )
@@ -90,6 +105,9 @@ def transfer(
     starts: int,
     individual: str,
     film: bool,
+    watch: bool,
+    camera: str | None,
+    eye: str | None,
     twin_noise: float,
     seed: int | None,
     seconds: float | None,
@@ -105,9 +123,9 @@ def transfer(
     physics model behind the robot's own serial protocol.
 
     \b
-    Examples: on two units of the twin, filmed; on a robot that you carry to its starts
+    Examples: on two units of the twin, filmed; on a robot that you carry to its starts, under a camera
         realitygap transfer out/reproduce 9 24 --robot twin:1 --robot twin:2 --film
-        realitygap transfer out/reproduce 9 --robot serial:/dev/ttyUSB0 --starts 3
+        realitygap transfer out/reproduce 9 --robot serial:/dev/ttyUSB0 --camera camera.json --eye 0
     """
     from realitygap.study.load import load_study
     from realitygap.study.transfer import transfer as carry_over
@@ -121,12 +139,16 @@ def transfer(
                 starts=starts,
                 individual=individual,
                 film=film,
+                watch=watch,
                 twin_noise=twin_noise,
                 seed=seed,
                 seconds=seconds,
                 baud=int(baud),
                 workers=workers,
-                carry=_carry,
+                carry=partial(_carry, seen=eye is not None),
+                camera=camera,
+                eye=eye,
+                found=_found,
                 on_progress=progress.transfer,
             )
     except (KeyboardInterrupt, StudyInterruptedError, click.Abort) as stop:
@@ -146,7 +168,7 @@ def print_transfers(made: list[Transferred]) -> None:
             one.name,
             one.start,
             f"{one.fitness_simulated:.3g}",
-            f"{one.fitness_situated:.3g}",
+            "–" if math.isnan(one.fitness_situated) else f"{one.fitness_situated:.3g}",
             one.situated_from,
             one.late_steps,
         ]
@@ -155,7 +177,7 @@ def print_transfers(made: list[Transferred]) -> None:
     print_table(("robot", "run", "start", "simulated", "situated", "path from", "late steps"), rows)
 
 
-def _carry(one: Situation, pose: Pose) -> None:
+def _carry(one: Situation, pose: Pose, *, seen: bool) -> None:
     """Ask a person to put the robot at its start."""
     side = SIDES[round(math.degrees(pose.heading) / 45.0) % len(SIDES)]
     click.echo(
@@ -164,7 +186,31 @@ def _carry(one: Situation, pose: Pose) -> None:
         f"looking {side}: {pose.heading_deg:.0f}°, counter-clockwise from +x.",
         err=True,
     )
-    click.prompt("Enter starts it", default="", show_default=False, prompt_suffix=" ", err=True)
+    enter = "Enter when it stands there and your hand is gone" if seen else "Enter starts it"
+    click.prompt(enter, default="", show_default=False, prompt_suffix=" ", err=True)
+
+
+def _found(one: Situation, wished: Pose, seen: Pose | None) -> bool:
+    """Tell a person where the camera sees the robot; ask where it is not seen, or far from its start."""
+    if seen is None:
+        click.echo("The camera does not see the robot there.", err=True)
+        return _answered("w starts it as if it stood exactly where you were told; Enter looks again")
+    off = math.hypot(seen.x - wished.x, seen.y - wished.y)
+    turned = math.degrees(math.remainder(seen.heading - wished.heading, math.tau))
+    click.echo(
+        f"Seen at x = {seen.x:.1f} cm, y = {seen.y:.1f} cm, {seen.heading_deg:.0f}°: {off:.1f} cm and "
+        f"{abs(turned):.0f}° from there. The simulated robot starts where this one is seen.",
+        err=True,
+    )
+    if off <= NEAR_CM and abs(turned) <= NEAR_DEG:
+        return True
+    return _answered("That is far off. w starts it all the same; Enter looks again")
+
+
+def _answered(question: str) -> bool:
+    """Whether the person types w."""
+    said = click.prompt(question, default="", show_default=False, prompt_suffix=" ", err=True)
+    return bool(said.strip().lower() == "w")
 
 
 def _stopped(stop: BaseException, study: str) -> str:

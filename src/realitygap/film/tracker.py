@@ -8,7 +8,7 @@ in which the disk is not seen is reported as lost, never guessed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -62,6 +62,11 @@ class Tracker:
         if seen is None:
             return None
         return Pose(x=seen.centre[0], y=seen.centre[1], heading=seen.heading), seen.quality
+
+    def follow(self, frames: Iterable[tuple[float, Picture]]) -> Track:
+        """The track of pictures with their times (s), one after the other; none is kept."""
+        rows = [(t_s, *_row(self.see(picture))) for t_s, picture in frames]
+        return Track(**dict(zip(COLUMNS, np.array(rows).T, strict=True)))
 
     def _believed(self, seen: Sighting | None, least: float) -> Sighting | None:
         self.best_quality = max(self.best_quality, 0.0 if seen is None else seen.quality)

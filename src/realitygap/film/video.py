@@ -24,6 +24,9 @@ __all__ = ["FilmReader", "FilmWriter", "Frame"]
 _BROKEN_IN_A_ROW = 50
 """So many packets that cannot be decoded, one after another, end a film."""
 
+_TICK = Fraction(1, 90_000)
+"""Unit of the times that pictures of an uneven film bear, s."""
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -183,6 +186,7 @@ class FilmWriter:
         self._container: Any = None
         self._stream: Any = None
         self._shape: tuple[int, ...] = ()
+        self._last = -1
 
     def __enter__(self) -> Self:
         return self
@@ -202,17 +206,24 @@ class FilmWriter:
         if kind is None:
             self._part.replace(self.path)
 
-    def add(self, picture: Image) -> None:
-        """Append a picture, [height, width] grey or [height, width, 3] red, green and blue, 8 bits."""
+    def add(self, picture: Image, t_s: float | None = None) -> None:
+        """Append a picture, [height, width] grey or [height, width, 3] red, green and blue, 8 bits.
+
+        `t_s` is when it was taken after the first one; without it pictures follow at the film's rate.
+        """
         if self._container is None:
-            self._begin(picture.shape)
+            self._begin(picture.shape, uneven=t_s is not None)
         if picture.shape != self._shape:
             raise FilmError(f"{self.path}: expected pictures of shape {self._shape}, got {picture.shape}.")
         form = "gray" if picture.ndim == 2 else "rgb24"
         even = np.ascontiguousarray(picture[: self._stream.height, : self._stream.width])
-        self._container.mux(self._stream.encode(av.VideoFrame.from_ndarray(even, format=form)))
+        frame = av.VideoFrame.from_ndarray(even, format=form)
+        if t_s is not None:
+            self._last = max(round(t_s / _TICK), self._last + 1)
+            frame.pts, frame.time_base = self._last, _TICK
+        self._container.mux(self._stream.encode(frame))
 
-    def _begin(self, shape: tuple[int, ...]) -> None:
+    def _begin(self, shape: tuple[int, ...], *, uneven: bool) -> None:
         self._shape = shape
         codec = "libx264" if "libx264" in av.codecs_available else "mpeg4"
         try:
@@ -224,5 +235,7 @@ class FilmWriter:
         self._stream = self._container.add_stream(codec, rate=self._rate)
         self._stream.height, self._stream.width = (n - n % 2 for n in shape[:2])
         self._stream.pix_fmt = "yuv420p"
+        if uneven:
+            self._stream.codec_context.time_base = _TICK
         if codec == "libx264":
             self._stream.options = {"crf": f"{self._quality:g}", "preset": "veryfast"}

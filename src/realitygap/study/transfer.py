@@ -13,7 +13,9 @@ In a study's folder each trial has one of its own, `transfer/ROBOT/RUN/start-K`.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from realitygap.errors import RobotStoppedError, StudyInterruptedError, UsageError
 from realitygap.study.folder import lock
@@ -21,10 +23,14 @@ from realitygap.study.load import Study
 from realitygap.study.schema import told
 from realitygap.study.settings import whole
 from realitygap.study.transfer_load import Transferred, is_done, load_transfer, load_transfers
+from realitygap.study.transfer_overhead import Found, Overhead, check_eye, open_overhead
 from realitygap.study.transfer_plan import FOLDER, Robot, chosen_runs, situations
 from realitygap.study.transfer_trial import Carry
 from realitygap.study.transfer_work import OnProgress, TransferProgress, by_hand, on_twins
 from realitygap.study.workers import cores, refuse_unguarded_script
+
+if TYPE_CHECKING:
+    from realitygap.film.camera import CameraModel
 
 __all__ = ["TransferProgress", "Transferred", "load_transfers", "transfer"]
 
@@ -37,12 +43,16 @@ def transfer(
     starts: int = 1,
     individual: str = "champion",
     film: bool | Collection[int] = False,
+    watch: bool = True,
     twin_noise: float = 1.0,
     seed: int | None = None,
     seconds: float | None = None,
     baud: int = 38400,
     workers: int | None = None,
     carry: Carry | None = None,
+    camera: CameraModel | str | Path | None = None,
+    eye: str | int | None = None,
+    found: Found | None = None,
     on_progress: OnProgress | None = None,
 ) -> list[Transferred]:
     """Let individuals of a study drive robots, each from the same poses as in simulation.
@@ -56,13 +66,18 @@ def transfer(
         robots: "twin", "twin:UNIT" or "serial:PORT".
         starts: trials of each individual on each robot.
         individual: "champion" or "fittest".
-        film: film all trials on the twin, none, or those of the runs with these ids.
+        film: film all trials, none, or those of the runs with these ids.
+        watch: take the paths of the others from the camera above too, without keeping a film; else,
+            and where no camera sees a real robot, they are reckoned from the wheels' counters.
         twin_noise: the dial on the twin's noise.
         seed: starts and noise follow from it; the study's own if None.
         seconds: length of a trial; the task's own if None.
         baud: rate of the robots' lines.
         workers: processes for trials on the twin, one a core if None.
         carry: carries a real robot to its start; needed for one.
+        camera: of the eye over a real robot, as it was calibrated, or its file.
+        eye: what looks down on a real robot: a camera's number, a video file, a stream.
+        found: says whether a real robot starts where the eye sees it; else it has only to be seen.
         on_progress: called a few times a second.
 
     Returns:
@@ -72,14 +87,16 @@ def transfer(
         UsageError: what cannot be done, or was done with other settings, by name.
         StudyInterruptedError: Ctrl-C; finished trials are kept.
         RobotError: a line that was lost; the recording is kept.
+        FilmError: a camera that does not open, or does not see the robot.
     """
     whole("starts", starts, 1, 10**6)
     size = cores() if workers is None else workers
     whole("workers", size, 1, 1024)
     refuse_unguarded_script()
     parsed = [Robot.parse(one) if isinstance(one, str) else one for one in robots]
+    check_eye(parsed, camera, eye)
     if any(robot.port is not None for robot in parsed):
-        _check_real(carry, film)
+        _check_real(carry, film, eye)
     chosen = chosen_runs(study, runs, individual)
     with lock(study.folder):
         wished = list(
@@ -90,6 +107,8 @@ def transfer(
                 starts=starts,
                 individual=individual,
                 film=film,
+                watch=watch,
+                eye=eye is not None,
                 twin_noise=twin_noise,
                 seed=study.config.seed if seed is None else seed,
                 seconds=seconds,
@@ -100,9 +119,12 @@ def transfer(
         with told(study.folder / FOLDER):
             (study.folder / FOLDER).mkdir(exist_ok=True)
         try:
-            for robot in dict.fromkeys(one.robot for one in todo if one.robot.port is not None):
+            real = [one for one in todo if one.robot.port is not None]
+            if real:
                 assert carry is not None
-                by_hand(study, [one for one in todo if one.robot == robot], carry)
+                with _overhead(camera, eye, found) as overhead:
+                    for robot in dict.fromkeys(one.robot for one in real):
+                        by_hand(study, [one for one in real if one.robot == robot], carry, overhead)
             left = [one for one in todo if one.robot.port is None]
             on_twins(study, left, done=len(wished) - len(left), workers=size, on_progress=on_progress)
         except RobotStoppedError:
@@ -114,12 +136,19 @@ def transfer(
     return [load_transfer(study.folder / one.folder) for one in wished]
 
 
-def _check_real(carry: Carry | None, film: bool | Collection[int]) -> None:
-    """Refuse what only the twin can do."""
-    if film:
+def _overhead(
+    camera: CameraModel | str | Path | None, eye: str | int | None, found: Found | None
+) -> AbstractContextManager[Overhead | None]:
+    """The camera over real robots, if there is one."""
+    return nullcontext() if camera is None or eye is None else open_overhead(camera, eye, found)
+
+
+def _check_real(carry: Carry | None, film: bool | Collection[int], eye: str | int | None) -> None:
+    """Refuse what a real robot needs and has not."""
+    if film and eye is None:
         raise UsageError(
-            "film: expected no film of a robot on a serial port: this computer has no camera over it. Film "
-            "it yourself, then `realitygap track FILM`."
+            "film: expected the eye that films a robot on a serial port, and its camera (--eye DEVICE, "
+            "--camera FILE). A film of your own: `realitygap track FILM`."
         )
     if carry is None:
         raise UsageError("carry: a real robot has to be carried to its starts: expected who does it.")

@@ -1,4 +1,8 @@
-"""The film of a twin's trial: rendered from its sealed states, then tracked as a person's film is."""
+"""The camera over a twin: it watches a trial, or films it, and the tracker sees what a person's would.
+
+Frames are rendered from the recorded states. They are tracked one after the other in memory, or put
+into a film that is tracked as a person's is.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +22,22 @@ if TYPE_CHECKING:
     from realitygap.twin.states import States
     from realitygap.world.arena import Arena
 
-__all__ = ["FPS", "calibrated", "film_and_track", "known_poses"]
+__all__ = [
+    "CAMERA",
+    "FILM",
+    "FPS",
+    "TAILS",
+    "TRACK",
+    "WATCH_FPS",
+    "calibrated",
+    "film_and_track",
+    "keep_film",
+    "known_poses",
+    "watched",
+]
 
-FPS = 25
+FPS, WATCH_FPS = 25, 10
+"""Frames a second of a film, and of a camera that only watches: one a step."""
 FILM, CAMERA, TRACK, TAILS = "film.mp4", "camera.json", "track.csv", "tails.png"
 
 LEAST_POSES, GRIDS = 16, range(4, 10)
@@ -59,6 +76,8 @@ def known_poses(arena: Arena, radius_cm: float) -> list[Pose]:
 def calibrated(file: Path, arena: Arena, *, unit: int, noise: float, radius_cm: float) -> CameraModel:
     """A unit's overhead camera, calibrated as a person would; done once, and kept in `file`.
 
+    Its known frames are drawn: the lens is the renderer's too, and no result hangs on a GL library.
+
     Raises:
         FilmError: no camera explains what is seen.
     """
@@ -76,7 +95,7 @@ def calibrated(file: Path, arena: Arena, *, unit: int, noise: float, radius_cm: 
         if file.is_file():
             return load_camera(file)
         frames = []
-        with OverheadCamera(arena.plain(), unit=unit, noise=noise) as eye:
+        with OverheadCamera(arena.plain(), unit=unit, noise=noise, view="drawn") as eye:
             for k, pose in enumerate(known_poses(arena, radius_cm)):
                 standing = States.standing([0], [pose.x], [pose.y], [pose.heading]).pose[0]
                 grey = _grey(eye.frame(standing, FIRST + k))
@@ -86,6 +105,18 @@ def calibrated(file: Path, arena: Arena, *, unit: int, noise: float, radius_cm: 
         camera.save(spare)
         os.replace(spare, file)
     return camera
+
+
+def watched(states: States, camera: CameraModel, *, eye: OverheadCamera, first: int) -> Track:
+    """The track of recorded states as the camera above sees them, ten times a second; no film is kept.
+
+    `first` is the first frame's number, which names its pixels' noise.
+    """
+    from realitygap.film.disk import load_disk
+    from realitygap.film.tracker import Tracker
+
+    frames = eye.film(states, fps=WATCH_FPS, first=first)
+    return Tracker(camera, load_disk()).follow((t_s, _grey(frame)) for t_s, frame in frames)
 
 
 def film_and_track(
@@ -107,12 +138,8 @@ def film_and_track(
         facts: what else the film's metadata shall say.
         tell: is given the share of this work that was done since the last time.
     """
-    from realitygap.film.disk import load_disk
-    from realitygap.film.tails import draw_tails, save_tails
-    from realitygap.film.tracker import track_film
     from realitygap.film.video import FilmWriter
 
-    disk = load_disk()
     total = int((states.time_ms[-1] - states.time_ms[0]) * FPS / 1000) + 1
     notes = {**eye.metadata, **facts}
     writer = FilmWriter(folder / FILM, rate=FPS, made_by=notes["view"], notes=notes, quality=QUALITY)
@@ -127,7 +154,23 @@ def film_and_track(
         tell(0.5 * (done - last) / total)
         last = done
 
-    tracked = track_film(folder / FILM, camera, disk, tracked_so_far)
+    return keep_film(folder, camera, tracked_so_far)
+
+
+def keep_film(
+    folder: Path, camera: CameraModel, tell: Callable[[int, int | None], None] | None = None
+) -> Track:
+    """Track the film in a trial's folder: camera, track and tails beside it.
+
+    Raises:
+        FilmError: no film of this camera's, or no disk is seen in it.
+    """
+    from realitygap.film.disk import load_disk
+    from realitygap.film.tails import draw_tails, save_tails
+    from realitygap.film.tracker import track_film
+
+    disk = load_disk()
+    tracked = track_film(folder / FILM, camera, disk, tell)
     camera.save(folder / CAMERA)
     tracked.track.write_csv(folder / TRACK)
     save_tails(folder / TAILS, draw_tails(tracked.last_frame, tracked.track, camera, disk))

@@ -11,13 +11,16 @@ from typing import Any
 
 from realitygap.errors import StudyError
 from realitygap.study.transfer_paths import Table, read_path
-from realitygap.study.transfer_plan import FOLDER, Situation
+from realitygap.study.transfer_plan import FOLDER, SOURCES, Situation
 from realitygap.study.transfer_trial import SIMULATED, SITUATED, TRIAL
 from realitygap.values import Pose
 
 __all__ = ["Transferred", "is_done", "load_transfer", "load_transfers"]
 
-LOOSE = ("film", "view", "pose", "fitness", "situated_from", "late_steps", "versions")
+LOOSE = (
+    "film", "view", "pose", "wished", "fitness", "situated_from", "late_steps", "lost_steps", "film_lead_s",
+    "trouble", "versions",
+)  # fmt: skip
 """Keys of a trial's file that follow from the others, or are not compared."""
 
 PLAIN = ("run", "name", "task", "noise", "individual", "start", "seconds", "situated_from", "late_steps")
@@ -33,12 +36,14 @@ class Transferred:
         robot: the folder's name, as twin-1 or serial-ttyUSB0; unit: of the twin, None for a robot.
         twin_noise: the dial of the twin's noise, None for a robot.
         start: its number, from 1; pose: where both trials began.
-        simulated, situated: the paths: t_s, x_cm, y_cm, heading_deg, a row a step, the start first.
-        situated_from: "film", or "counters" for the wheels' own.
+        simulated, situated: the paths: t_s, x_cm, y_cm, heading_deg, a row a step, the start first;
+            NaN where the camera lost the robot.
+        situated_from: "film" or "camera" (watched, no film kept), or "counters" for the wheels' own.
         filmed: whether the folder holds film.mp4, camera.json, track.csv and tails.png.
-        view: what made the film's frames, None without a film.
-        fitness_simulated, fitness_situated: the task's own score of each path.
+        view: what made the camera's frames, None where no camera saw the robot.
+        fitness_simulated, fitness_situated: the task's own score of each path, NaN if it has long gaps.
         late_steps: how many of the drive's steps began more than 10 ms late.
+        lost_steps: how many of the situated path's rows have no pose.
     """
 
     folder: Path
@@ -59,6 +64,7 @@ class Transferred:
     fitness_simulated: float
     fitness_situated: float
     late_steps: int
+    lost_steps: int
 
     @cached_property
     def simulated(self) -> Table:
@@ -89,7 +95,7 @@ def load_transfers(study_folder: str | Path) -> list[Transferred]:
 
 
 def is_done(folder: Path, one: Situation) -> bool:
-    """Whether the trial is there, made as it is wished now; one on the twin is made again to film it.
+    """Whether the trial is there, made as it is wished now, or seen better; else it is made again.
 
     Raises:
         StudyError: it was made with other settings.
@@ -106,7 +112,8 @@ def is_done(folder: Path, one: Situation) -> bool:
                 f"{file.parent}: the trial was made with {key} = {there.get(key)!r}, not "
                 f"{wished.get(key)!r}. Leave that as it was, or move the folder away."
             )
-    return bool(table.get("film")) or not one.film
+    there_from = table.get("situated_from")
+    return there_from in SOURCES and SOURCES.index(there_from) >= SOURCES.index(one.source)
 
 
 def load_transfer(folder: Path) -> Transferred:
@@ -128,6 +135,7 @@ def load_transfer(folder: Path) -> Transferred:
             unit=table.get("unit"),
             twin_noise=table.get("twin_noise"),
             view=table.get("view"),
+            lost_steps=table.get("lost_steps", 0),
             **{key: table[key] for key in PLAIN},
         )
     except (KeyError, TypeError, ValueError) as error:

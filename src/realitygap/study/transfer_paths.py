@@ -1,12 +1,13 @@
-"""Paths that can be laid side by side: of the simulation, of a film's track, of the wheels' counters.
+"""Paths that can be laid side by side: of the simulation, of a camera's track, of the wheels' counters.
 
 A path is a table of columns t_s, x_cm, y_cm, heading_deg (−180 < h ≤ 180): a row a step of 0.1 s, the
-first one the start.
+first one the start. Where the robot was not seen there is no pose: NaN, an empty field in its file.
 """
 
 from __future__ import annotations
 
 import csv
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,17 @@ if TYPE_CHECKING:
     from realitygap.tasks.task import Task
     from realitygap.world.profile import Profile
 
-__all__ = ["COLUMNS", "Table", "of_counters", "of_track", "of_trajectory", "read_path", "score", "write_path"]
+__all__ = [
+    "COLUMNS",
+    "Table",
+    "lost_steps",
+    "of_counters",
+    "of_track",
+    "of_trajectory",
+    "read_path",
+    "score",
+    "write_path",
+]
 
 Floats = NDArray[np.float64]
 Table = dict[str, Floats]
@@ -32,6 +43,13 @@ COLUMNS = ("t_s", "x_cm", "y_cm", "heading_deg")
 TOUCH_CM = 0.1
 """A body nearer than this to something touches it: as exactly as a film shows."""
 
+SAME_S = 0.001
+APART_S = 0.25
+"""Frames nearer than the one to a step show that step; farther apart than the other they show none."""
+
+BRIDGED_STEPS = 5
+"""A score goes straight across a gap of so many steps at most."""
+
 
 def of_trajectory(trajectory: Trajectory) -> Table:
     """The path of a simulated trial."""
@@ -39,14 +57,27 @@ def of_trajectory(trajectory: Trajectory) -> Table:
     return _table(np.append(one.x, end.x), np.append(one.y, end.y), np.append(one.heading, end.heading))
 
 
-def of_track(track: Track, steps: int) -> Table:
-    """A film's track at the times of the steps; frames where the robot was lost are bridged."""
-    found = track.found
-    times = np.arange(steps + 1) * STEP_S
+def of_track(track: Track, steps: int, begin_s: float = 0.0) -> Table:
+    """A camera's track at the times of the steps, from `begin_s` on: between the two frames about each.
+
+    A step beside which the robot was lost, or nothing was filmed, is a gap: nothing is guessed.
+    """
+    found, t = track.found, track.t_s
+    times = begin_s + np.arange(steps + 1) * STEP_S
+    after = np.searchsorted(t, times - SAME_S)
+    last = np.minimum(after, len(t) - 1)
+    before = np.where(np.abs(t[last] - times) <= SAME_S, last, after - 1)
+    known = (after < len(t)) & (before >= 0) & found[last] & found[before] & (t[last] - t[before] <= APART_S)
+    if not known.any():
+        return _table(*np.full((3, steps + 1), np.nan))
     heading = np.unwrap(np.radians(track.heading_deg[found]))
     columns = (track.x_cm[found], track.y_cm[found], heading)
-    x, y, heading = (np.interp(times, track.t_s[found], column) for column in columns)
-    return _table(x, y, heading)
+    return _table(*(np.where(known, np.interp(times, t[found], column), np.nan) for column in columns))
+
+
+def lost_steps(path: Table) -> int:
+    """How many of a path's rows have no pose."""
+    return int(np.isnan(path["x_cm"]).sum())
 
 
 def of_counters(counters: Floats, start: Pose, *, cm_per_pulse: float, axle_cm: float) -> Table:
@@ -71,10 +102,13 @@ def of_counters(counters: Floats, start: Pose, *, cm_per_pulse: float, axle_cm: 
 def score(path: Table, task: Task, profile: Profile) -> float:
     """The task's own score of a path: ground speeds from successive poses.
 
-    It touches where its body is nearer than a millimetre to something.
+    It touches where its body is nearer than a millimetre to something. NaN if the robot was lost for
+    more than half a second, or at the path's beginning or end.
     """
-    x, y = path["x_cm"], path["y_cm"]
-    heading = np.unwrap(np.radians(path["heading_deg"]))
+    bridged = _bridged(path)
+    if bridged is None:
+        return math.nan
+    x, y, heading = bridged
     turn = np.diff(heading)
     mean = heading[:-1] + turn / 2.0
     along = np.diff(x) * np.cos(mean) + np.diff(y) * np.sin(mean)
@@ -93,13 +127,25 @@ def score(path: Table, task: Task, profile: Profile) -> float:
     return float(task.compiled_score()(ground, task.room(profile)))
 
 
+def _bridged(path: Table) -> tuple[Floats, Floats, Floats] | None:
+    """x, y and the unwrapped heading (rad) straight across short gaps; None where one is long."""
+    known = ~np.isnan(path["x_cm"])
+    rows = np.arange(len(known))
+    there = rows[known]
+    if not (len(there) and known[0] and known[-1]) or np.diff(there).max(initial=1) > BRIDGED_STEPS + 1:
+        return None
+    heading = np.unwrap(np.radians(path["heading_deg"][known]))
+    x, y, turned = (np.interp(rows, there, c) for c in (path["x_cm"][known], path["y_cm"][known], heading))
+    return x, y, turned
+
+
 def write_path(file: Path, path: Table) -> None:
     """Write a path as CSV."""
     with file.open("w", newline="", encoding="utf-8") as stream:
         rows = csv.writer(stream, lineterminator="\n")
         rows.writerow(COLUMNS)
         for t, *pose in zip(*(path[name].tolist() for name in COLUMNS), strict=True):
-            rows.writerow((f"{t:.1f}", *(f"{value:.6f}" for value in pose)))
+            rows.writerow((f"{t:.1f}", *("" if value != value else f"{value:.6f}" for value in pose)))
 
 
 def read_path(file: Path) -> Table:
@@ -113,7 +159,8 @@ def read_path(file: Path) -> Table:
             head, *rows = csv.reader(stream)
         if tuple(head) != COLUMNS:
             raise ValueError
-        columns = np.array(rows, np.float64).reshape(len(rows), len(COLUMNS)).T
+        filled = [[field or "nan" for field in row] for row in rows]
+        columns = np.array(filled, np.float64).reshape(len(rows), len(COLUMNS)).T
     except (OSError, ValueError):
         cure = "Delete the trial's folder and make it again."
         raise StudyError(f"{file}: expected a path, columns {', '.join(COLUMNS)}. {cure}") from None

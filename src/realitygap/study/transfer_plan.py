@@ -16,7 +16,7 @@ from realitygap.study.load import Run, Study
 from realitygap.study.plan import run_stream
 from realitygap.study.run import WHO
 
-__all__ = ["FOLDER", "Robot", "Situation", "chosen_runs", "situations"]
+__all__ = ["FOLDER", "SOURCES", "Robot", "Situation", "chosen_runs", "situations"]
 
 FOLDER = "transfer"
 """In a study's folder."""
@@ -28,6 +28,9 @@ SENSORS, TOP_COMMAND = 8, 10
 """What a Khepera has: sensors of each kind; the largest command that networks give."""
 
 LARGEST_UNIT = 2**63 - 1
+
+SOURCES = ("counters", "camera", "film")
+"""What a situated path may come from, the surest last."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +78,7 @@ class Situation:
         evaluation: the individual's number.
         stream: the start and the simulated twin's noise follow from it, and so does the noise of a
             twin unit.
+        film: the camera above films it; watch: it is seen by that camera, and no film is kept.
         folder: from the study's folder.
     """
 
@@ -92,7 +96,13 @@ class Situation:
     baud: int
     stream: int
     film: bool
+    watch: bool
     folder: str
+
+    @property
+    def source(self) -> str:
+        """What the situated path comes from: "film", "camera" or "counters"."""
+        return "film" if self.film else "camera" if self.watch else "counters"
 
     def facts(self) -> dict[str, Any]:
         """What the trial's result depends on, for its file."""
@@ -144,12 +154,16 @@ def situations(
     starts: int,
     individual: str,
     film: bool | Collection[int],
+    watch: bool,
+    eye: bool,
     twin_noise: float,
     seed: int,
     seconds: float | None,
     baud: int,
 ) -> Iterator[Situation]:
     """All trials, robot by robot. `film`: of all runs, of none, or of those with these ids.
+
+    `watch`: let the camera above see those that are not filmed; `eye`: there is one over real robots.
 
     Raises:
         UsageError: a study whose robot is no Khepera.
@@ -178,6 +192,7 @@ def situations(
                     baud=baud,
                     stream=int(substream(np.uint64(stream), np.uint64(start))),
                     film=film if isinstance(film, bool) else run.id in film,
+                    watch=watch and (eye or robot.port is None),
                     folder=f"{FOLDER}/{robot.folder(twin_noise)}/{name}/start-{start}",
                 )
 

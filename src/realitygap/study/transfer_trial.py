@@ -1,22 +1,18 @@
-"""One trial of a transfer: simulated, then driven on a robot from the same pose, and written down.
+"""One trial of a transfer: simulated, driven on a robot from the same pose, seen, and written down.
 
-A trial is a function of its situation alone. It is made in a folder of its own beside the final
-one, which appears when everything is in it.
+A trial on the twin is a function of its situation alone.
 """
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.controller.network import NetworkController, decode
-from realitygap.errors import LineError, RobotError, RobotStoppedError
 from realitygap.kernels.params import STEP_S
 from realitygap.kernels.rng import substream
 from realitygap.robot.body import SerialBody
@@ -26,14 +22,27 @@ from realitygap.robot.khepera import Khepera
 from realitygap.robot.loop import drive
 from realitygap.robot.protocol import PULSES_PER_MM
 from realitygap.robot.recording import Recorder, Recording
-from realitygap.study.folder import versions
 from realitygap.study.load import Study
-from realitygap.study.transfer_paths import Table, of_counters, of_track, of_trajectory, score, write_path
-from realitygap.study.transfer_plan import FOLDER, Robot, Situation
+from realitygap.study.transfer_folder import made, place, versions_of
+from realitygap.study.transfer_paths import (
+    Table,
+    lost_steps,
+    of_counters,
+    of_track,
+    of_trajectory,
+    score,
+    write_path,
+)
+from realitygap.study.transfer_plan import FOLDER, Situation
 from realitygap.tasks.simulation import Simulation
 from realitygap.values import Pose, Readings
 
-__all__ = ["TRIAL", "Carry", "Stage", "half_folder"]
+if TYPE_CHECKING:
+    from realitygap.film.track import Track
+    from realitygap.study.transfer_overhead import Overhead
+    from realitygap.twin.camera import OverheadCamera
+
+__all__ = ["TRIAL", "Carry", "Stage"]
 
 TRIAL = "transfer.toml"
 SIMULATED, SITUATED, SEALED = "simulated.csv", "situated.csv", "sealed.csv"
@@ -60,6 +69,7 @@ class Stage:
     def __init__(self, study: Study) -> None:
         self.study = study
         self._simulations: dict[tuple[str, float], Simulation] = {}
+        self._eyes: dict[tuple[str, int, float], OverheadCamera] = {}
 
     def simulation(self, one: Situation) -> Simulation:
         """The run's own: its task, its robot, its noise."""
@@ -87,51 +97,45 @@ class Stage:
 
     def on_twin(self, one: Situation, tell: Tell) -> None:
         """A whole trial on a unit of the twin; `tell` hears the share of the film that is done."""
-        with self._written(one) as (folder, pose, facts):
+        with made(self.study.folder / one.folder, one.robot) as folder:
+            pose = self.simulation(one).start(one.stream)
+            facts = self._simulate(one, pose, folder)
             driven = self._drive_twin(one, pose, folder)
-            path = self._filmed(one, folder, facts, tell) if one.film else self._counted(driven, pose)
+            if one.source == "counters":
+                path = self._counted(driven, pose)
+            else:
+                path = of_track(self._seen(one, folder, facts, tell), round(one.seconds / STEP_S))
             self._write(one, folder, facts, path, driven)
 
-    def on_serial(self, one: Situation, khepera: Khepera, carry: Carry) -> None:
+    def on_serial(self, one: Situation, khepera: Khepera, carry: Carry, overhead: Overhead | None) -> None:
         """A whole trial on a real robot, which a person carries to its start."""
-        with self._written(one) as (folder, pose, facts):
-            task = self.study.task(one.task)
-            body = SerialBody(khepera, kinds=(task.feeds,), carry=lambda start: carry(one, start))
-            body.reset(pose)
-            driven = self._drive(one, body, folder, facts)
-            self._write(one, folder, facts, self._counted(driven, pose), driven)
+        with made(self.study.folder / one.folder, one.robot) as folder:
+            pose = wished = self.simulation(one).start(one.stream)
+            feeds = self.study.task(one.task).feeds
+            body = SerialBody(khepera, kinds=(feeds,), carry=lambda start: carry(one, start))
+            body.reset(wished)
+            if overhead is not None:
+                pose = overhead.start(one, wished)
+                body.reset()  # whoever moved it once more has turned its wheels
+            facts = self._simulate(one, pose, folder)
+            facts["wished"] = None if overhead is None else place(wished)
+            if overhead is None or one.source == "counters":
+                driven = self._drive(one, body, folder, facts)
+                path = self._counted(driven, pose)
+            else:
+                with overhead.filming(one, folder) as film:
+                    driven = self._drive(one, body, folder, facts)
+                path = film.path(facts)
+            self._write(one, folder, facts, path, driven)
 
-    @contextmanager
-    def _written(self, one: Situation) -> Iterator[tuple[Path, Pose, dict[str, Any]]]:
-        """The folder that a trial is made in, its start, its facts; the final folder at the end."""
-        final = self.study.folder / one.folder
-        half = half_folder(final)
-        _put_aside(half, one.robot)
-        half.mkdir(parents=True)
-        pose, facts = self._simulate(one, half)
-        try:
-            yield half, pose, facts
-        except RobotStoppedError as error:
-            raise RobotStoppedError(f"{error}; its recording is kept in {half}") from None
-        except LineError as error:
-            raise LineError(f"{one.robot}: {error}; its recording is kept in {half}") from None
-        except RobotError as error:
-            raise RobotError(f"{one.robot}: {error}") from None
-        if final.exists():
-            shutil.rmtree(final)
-        half.rename(final)
-
-    def _simulate(self, one: Situation, folder: Path) -> tuple[Pose, dict[str, Any]]:
-        """The paired trial in simulation, and what is known of the trial before the other."""
-        simulation = self.simulation(one)
-        pose = simulation.start(one.stream)
+    def _simulate(self, one: Situation, pose: Pose, folder: Path) -> dict[str, Any]:
+        """The paired trial in simulation; what is known of the trial before the other."""
         networks = decode(self._genes(one), self.study.layout(one.task))
-        trajectory, fitness = simulation.trajectory(
+        trajectory, fitness = self.simulation(one).trajectory(
             networks, stream=one.stream, pose=pose, seconds=one.seconds
         )
         write_path(folder / SIMULATED, of_trajectory(trajectory))
-        place = {"x_cm": pose.x, "y_cm": pose.y, "heading_deg": pose.heading_deg}
-        return pose, {**one.facts(), "pose": place, "fitness": {"simulated": fitness}}
+        return {**one.facts(), "pose": place(pose), "fitness": {"simulated": fitness}}
 
     def _genes(self, one: Situation) -> Any:
         return self.study.genotype(one.run, one.evaluation)
@@ -155,11 +159,12 @@ class Stage:
                 body = SerialBody(khepera, kinds=(task.feeds,), carry=twin.place)
                 body.reset(pose)
                 clock.settle()
-                if one.film:
+                seen = one.source != "counters"
+                if seen:
                     twin.film(folder / SEALED)
                 driven = self._drive(one, body, folder, one.facts())
                 clock.settle()
-                if one.film:
+                if seen:
                     twin.film(None)
             finally:
                 khepera.abandon()
@@ -188,9 +193,9 @@ class Stage:
         axle = self.study.profile.wheels.track_cm
         return of_counters(driven.counters, pose, cm_per_pulse=0.1 / PULSES_PER_MM, axle_cm=axle)
 
-    def _filmed(self, one: Situation, folder: Path, facts: dict[str, Any], tell: Tell) -> Table:
-        """The path by the film: rendered, then tracked."""
-        from realitygap.study.transfer_film import film_and_track
+    def _seen(self, one: Situation, folder: Path, facts: dict[str, Any], tell: Tell) -> Track:
+        """The track of a trial on the twin by the camera above it, which films it or only watches."""
+        from realitygap.study.transfer_film import TRACK, film_and_track, watched
         from realitygap.twin.camera import OverheadCamera
         from realitygap.twin.states import States
 
@@ -200,12 +205,19 @@ class Stage:
         in_time = states.time_ms <= states.time_ms[0] + round(one.seconds * 1000)
         states = States(states.time_ms[in_time], states.pose[in_time])
         arena = self.study.task(one.task).arena.plain()
-        seed = one.stream >> 1
-        with OverheadCamera(arena, unit=one.robot.unit, noise=one.twin_noise, seed=seed) as eye:
-            facts["view"] = eye.metadata["view"]
-            about = {"run": one.name, "start": one.start}
-            track = film_and_track(folder, states, camera, eye=eye, facts=about, tell=tell)
-        return of_track(track, round(one.seconds / STEP_S))
+        settings: dict[str, Any] = {"unit": one.robot.unit, "noise": one.twin_noise}
+        if one.film:
+            with OverheadCamera(arena, seed=one.stream >> 1, **settings) as eye:
+                facts["view"] = eye.metadata["view"]
+                about = {"run": one.name, "start": one.start}
+                return film_and_track(folder, states, camera, eye=eye, facts=about, tell=tell)
+        key = (one.task, one.robot.unit, one.twin_noise)
+        if key not in self._eyes:
+            self._eyes[key] = OverheadCamera(arena, view="drawn", **settings)
+        facts["view"] = self._eyes[key].metadata["view"]
+        track = watched(states, camera, eye=self._eyes[key], first=one.stream)
+        track.write_csv(folder / TRACK)
+        return track
 
     def _write(
         self, one: Situation, folder: Path, facts: dict[str, Any], path: Table, driven: Driven
@@ -213,32 +225,8 @@ class Stage:
         write_path(folder / SITUATED, path)
         facts["fitness"]["situated"] = score(path, self.study.task(one.task), self.study.profile)
         facts["film"] = one.film
-        facts["situated_from"] = "film" if one.film else "counters"
+        facts["situated_from"] = one.source
         facts["late_steps"] = driven.recording.late_steps
-        facts["versions"] = _versions(one.robot)
+        facts["lost_steps"] = lost_steps(path)
+        facts["versions"] = versions_of(one.robot)
         (folder / TRIAL).write_text(to_toml(facts), encoding="utf-8")
-
-
-def half_folder(final: Path) -> Path:
-    """Where a trial is while it is being made."""
-    return final.with_name(f"{final.name}.half")
-
-
-def _put_aside(half: Path, robot: Robot) -> None:
-    """Make room for another try; what a real robot recorded is never thrown away."""
-    if not half.exists():
-        return
-    if robot.port is None:
-        shutil.rmtree(half)
-        return
-    k = 1
-    while (aside := half.with_name(f"{half.stem}.stopped-{k}")).exists():
-        k += 1
-    half.rename(aside)
-
-
-def _versions(robot: Robot) -> dict[str, str]:
-    """What the bits depend on besides the study."""
-    from importlib.metadata import version
-
-    return versions() if robot.port is not None else {**versions(), "mujoco": version("mujoco")}

@@ -10,7 +10,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from realitygap.errors import RealityGapError
 from realitygap.study.load import Study, load_study
@@ -19,12 +19,15 @@ from realitygap.study.transfer_plan import Situation
 from realitygap.study.transfer_trial import Carry, Stage
 from realitygap.study.workers import Pool, die_with_parent
 
+if TYPE_CHECKING:
+    from realitygap.study.transfer_overhead import Overhead
+
 __all__ = ["OnProgress", "TransferProgress", "by_hand", "on_twins"]
 
 CALIBRATION_COST = 6.0
 DRIVE_COST, DRIVE_COST_S = 0.6, 0.03
-FILM_COST_S = 0.8
-"""About how long things take, s: a twin's start, a second of its time, a second of film."""
+FILM_COST_S, WATCH_COST_S = 0.8, 0.08
+"""About how long things take, s: a twin's start, a second of its time, of film, of being watched."""
 
 EVERY_S = 0.2
 
@@ -57,7 +60,8 @@ class Job(NamedTuple):
         if self.calibration:
             return CALIBRATION_COST
         one = self.situation
-        return DRIVE_COST + one.seconds * (DRIVE_COST_S + (FILM_COST_S if one.film else 0.0))
+        seen = {"film": FILM_COST_S, "camera": WATCH_COST_S}.get(one.source, 0.0)
+        return DRIVE_COST + one.seconds * (DRIVE_COST_S + seen)
 
 
 class Worked(NamedTuple):
@@ -95,8 +99,10 @@ def on_twins(
             reporter.hear(message)
 
 
-def by_hand(study: Study, todo: Sequence[Situation], carry: Carry) -> None:
-    """Make trials on the real robot that they name, one after the other.
+def by_hand(
+    study: Study, todo: Sequence[Situation], carry: Carry, overhead: Overhead | None = None
+) -> None:
+    """Make trials on the real robot that they name, one after the other; `overhead` sees it.
 
     Raises:
         UsageError: the port cannot be opened, or its rate is too slow.
@@ -112,7 +118,7 @@ def by_hand(study: Study, todo: Sequence[Situation], carry: Carry) -> None:
         khepera.stop()
         for one in todo:
             with told(study.folder / one.folder):
-                stage.on_serial(one, khepera, carry)
+                stage.on_serial(one, khepera, carry, overhead)
     except BaseException:
         khepera.abandon()  # it was told to stand first, wherever this came from
         raise
@@ -122,7 +128,7 @@ def by_hand(study: Study, todo: Sequence[Situation], carry: Carry) -> None:
 def _in_order(study: Study, todo: Sequence[Situation]) -> list[Job]:
     """Cameras first, then what takes longest, so that no worker is left alone with a film."""
     stage = Stage(study)
-    cameras = {stage.camera_file(one): one for one in todo if one.film}
+    cameras = {stage.camera_file(one): one for one in todo if one.source != "counters"}
     jobs = [Job(one, calibration=True) for file, one in cameras.items() if not file.is_file()]
     return jobs + sorted((Job(one) for one in todo), key=lambda job: -job.cost)
 

@@ -108,13 +108,14 @@ class OverheadCamera:
             picture += self._bank[start : start + size].reshape(picture.shape)
         return np.asarray(np.clip(picture + np.float32(0.5), 0, 255).astype(np.uint8))
 
-    def film(self, states: States, *, fps: float = FPS) -> Iterator[tuple[float, Frame]]:
+    def film(self, states: States, *, fps: float = FPS, first: int = 0) -> Iterator[tuple[float, Frame]]:
         """Frames of the recorded states at an even pace: (time in s from the first state, frame).
 
         Between two states the later one that is not after the frame's time is shown (10 ms at most).
+        `first` is the first frame's number, which names its noise.
         """
         start, end = int(states.time_ms[0]), int(states.time_ms[-1])
         for number in range(int((end - start) * fps / 1000.0) + 1):
             t = number / fps
             row = int(np.searchsorted(states.time_ms, start + t * 1000.0 + 1e-6, side="right")) - 1
-            yield t, self.frame(states.pose[row], number)
+            yield t, self.frame(states.pose[row], first + number)
