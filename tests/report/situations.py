@@ -23,6 +23,7 @@ def write_transfer(
     start: int = 1,
     fitness: tuple[float, float] = (0.6, 0.4),
     film: bool = False,
+    source: str = "camera",
 ) -> Path:
     """One transfer: the simulated robot drives a circle, the situated one a narrower one."""
     folder = study.folder / "transfer" / robot / run.name.replace("/", "-") / f"start-{start}"
@@ -46,7 +47,7 @@ def write_transfer(
         "pose": {"x_cm": 22.0, "y_cm": 25.0, "heading_deg": 90.0},
         "seconds": STEPS / 10,
         "film": film,
-        "situated_from": "film" if film else "counters",
+        "situated_from": "film" if film else source,
         "late_steps": 0,
         "fitness": {"simulated": fitness[0], "situated": fitness[1]},
     }

@@ -98,8 +98,9 @@ def test_figures_3_and_5_hold_both_paths_and_films_are_shown(study: Study) -> No
         found = re.search(rf'<figure id="{name}-pairs".*?</figure>', text, re.DOTALL)
         assert found and f"<b>{label}.</b>" in found[0]
         assert "twin unit 1, a physics stand-in for the robot (pseudo-reality)" in found[0]
-        assert ("or, without a film, reckoned" in found[0]) is (name == AVOID)
-        assert "wheels’ counters" in found[0] and found[0].count("twin unit 1: ") == 3
+        assert ("tracked in a film from above, or tracked by the camera" in found[0]) is (name == AVOID)
+        assert "by the camera above, ten times a second" in found[0]
+        assert found[0].count("twin unit 1: ") == 3
         assert f'<figure id="{name}-paths"' not in text
         assert (study.folder / "report" / "figures" / f"{name}-pairs.svg").is_file()
     assert text.count("<img") == 1 and "url(http" not in text
@@ -110,6 +111,31 @@ def test_figures_3_and_5_hold_both_paths_and_films_are_shown(study: Study) -> No
     link = re.search(r'<a href="(\.\./transfer/[^"]+/film\.mp4)">', text)
     assert link and (study.folder / "report" / link[1]).resolve().is_file()
     _says_what_the_twin_is(text)
+    assert "counters" not in re.sub(r"data:[^\"]*", "", text)
+
+
+def test_paths_from_counters_are_said_to_be_blind(study: Study) -> None:
+    """Only where there are some: caption, table and its note; the table says what each path is from."""
+    for k, run in enumerate(shown_runs(study)[:3]):
+        write_transfer(study, run, source="camera" if k else "counters")
+    text = _built(study)
+    assert "tracked by the camera above, ten times a second, or reckoned from the wheels’ counters" in text
+    assert "does not see a wheel slip: where a robot pushed" in text
+    assert text.count('<td class="text">counters</td>') == 1
+    assert text.count('<td class="text">camera</td>') == 2
+    table = study.folder / f"report/tables/{AVOID}-transfers.csv"
+    rows = csv.DictReader(table.read_text("utf-8").splitlines())
+    assert [row["path_from"] for row in rows] == ["counters", "camera", "camera"]
+
+
+def test_the_heading_reads_with_and_without_transfers(study: Study) -> None:
+    """The title claims neither simulation alone nor a robot; the lead says which of them it is."""
+    heading = "<h1>Jakobi, Husbands and Harvey (1995), carried out anew</h1>"
+    text = " ".join(_built(study).split())
+    assert heading in text and "This page is the simulated half of that experiment: the same" in text
+    write_transfer(study, study.runs[0])
+    text = " ".join(_built(study).split())
+    assert heading in text and "This page is that experiment: the same" in text
 
 
 def _says_what_the_twin_is(text: str) -> None:

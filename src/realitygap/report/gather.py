@@ -12,7 +12,8 @@ import numpy as np
 from realitygap.kernels.rng import substream
 from realitygap.report.paths import PathPanel
 from realitygap.report.statistics import mean_of, running_best
-from realitygap.report.tables import WHO, NoiseClass, Row, Table
+from realitygap.report.tables import NoiseClass, Row, Table
+from realitygap.study.transfer_choice import median_run
 from realitygap.world.noise import NOISE_LEVELS, noise_level, noise_name
 
 __all__ = ["PER_CONDITION", "Paths", "TaskPart", "best_so_far", "chosen", "individual", "parts_of", "path_of"]
@@ -95,18 +96,10 @@ def best_so_far(study: Any, part: TaskPart) -> dict[float, list[np.ndarray]]:
 
 
 def chosen(condition: NoiseClass) -> Row | None:
-    """The run a figure shows: the median one by its champion's fresh trials at its own noise.
-
-    Where those are missing, by stored fitness; of an even number the lower of the middle two.
-    """
-    ranked = sorted(condition.begun, key=lambda row: (_worth(row, condition.level), -row.run))
-    return ranked[(len(ranked) - 1) // 2] if ranked else None
-
-
-def _worth(row: Row, level: float) -> float:
-    """How good a run's champion is, as far as is known."""
-    fresh = row.mean(WHO[1], level)
-    return fresh.value if fresh is not None else row.stored if row.stored is not None else -math.inf
+    """The run a figure shows: the study's median one of the condition."""
+    rows = {row.run: row for row in condition.begun}
+    run = median_run(row.source for row in rows.values())
+    return None if run is None else rows[run.id]
 
 
 class Paths:

@@ -54,7 +54,7 @@ class SituatedPart:
     @property
     def counted(self) -> bool:
         """Whether some paths are from the wheels' counters."""
-        return any(not pair.tracked for group in self.groups for pair in group.pairs)
+        return any(pair.source == "counters" for group in self.groups for pair in group.pairs)
 
     @property
     def cut(self) -> bool:
@@ -68,7 +68,7 @@ class SituatedPart:
                 "head": f"{p.row.index}",
                 "where": p.where,
                 "start": p.start,
-                "source": "film" if p.tracked else "counters",
+                "source": p.source,
                 "cells": [(text, "") for text in _cells(p, table)],
                 "average": False,
             }
@@ -167,5 +167,5 @@ def _sheet(part: TaskPart, here: Sequence[Pair], profile: Any, name: str, draw: 
             rows.append([_panel(part, p, situated=True, title="situated: {}") for p in pairs])
     if many <= len(part.conditions) and len(rows) == 2 * many:
         return []
-    told = sheet_words(many, here[0].where, counted=not all(p.tracked for p in here))
+    told = sheet_words(many, here[0].where, counted=any(p.source == "counters" for p in here))
     return [draw(f"{name}-all", lambda: sheet_figure(part.task, profile, rows), **told)]

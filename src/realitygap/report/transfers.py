@@ -52,8 +52,8 @@ class Pair:
     fitness: tuple[float, float]
     """Simulated and situated, unscaled."""
     filmed: bool
-    tracked: bool
-    """The situated path is from a film; otherwise from the wheels' counters."""
+    source: str
+    """What the situated path is from: "film", "camera" (no film kept) or the wheels' "counters"."""
     folder: Path
 
     @property
@@ -129,7 +129,7 @@ def _pair(one: Any, level: float, row: Row) -> Pair:
         situated=_route(one.situated),
         fitness=(_number(one.fitness_simulated), _number(one.fitness_situated)),
         filmed=bool(one.filmed),
-        tracked=one.situated_from == "film",
+        source=one.situated_from,
         folder=Path(one.folder),
     )
 
@@ -202,7 +202,6 @@ def write_transfers(path: Path, table: Table, groups: Sequence[Group], report: P
         for group in groups:
             for p in group.pairs:
                 told = [repr(v) if math.isfinite(v) else "" for v in (*p.fitness, p.drop)]
-                source = "film" if p.tracked else "counters"
                 run = [p.row.run, p.row.name, p.individual]
                 where = p.folder.relative_to(report.parent).as_posix()
-                writer.writerow([table.task, group.name, *run, p.robot, p.start, source, *told, where])
+                writer.writerow([table.task, group.name, *run, p.robot, p.start, p.source, *told, where])

@@ -16,6 +16,14 @@ from realitygap.report.words import Words
 __all__ = ["about", "pair_words", "read_transfers", "sheet_words"]
 
 
+SOURCES = {
+    "film": "tracked in a film from above",
+    "camera": "tracked by the camera above, ten times a second",
+    "counters": "reckoned from the wheels’ counters, which do not see a wheel slip",
+}
+"""Where a situated path comes from."""
+
+
 def about(pairs: Sequence[Pair]) -> str:
     """What "situated" means on this page."""
     twin, robot = any(pair.twin for pair in pairs), not all(pair.twin for pair in pairs)
@@ -46,11 +54,8 @@ def _caption(part: TaskPart, shown: Sequence[Pair]) -> str:
     """What stands under figure 3 or 5."""
     where, unit = shown[0].where, part.task.fitness_unit
     what = f"{where}, a physics stand-in for the robot (pseudo-reality)" if shown[0].twin else f"the {where}"
-    tracked = sorted({pair.tracked for pair in shown})
-    film, counters = "tracked in a film from above", "reckoned from the wheels’ counters"
-    source = film if tracked == [True] else f"{counters}, which do not see a wheel slip"
-    if len(tracked) > 1:
-        source = f"{film} or, without a film, {counters}"
+    sources = {pair.source for pair in shown}
+    source = ", or ".join(words for name, words in SOURCES.items() if name in sources)
     who = {"champion": "retested champion", "fittest": "fittest individual"}
     names = {who.get(pair.individual, pair.individual) for pair in shown}
     name = names.pop() if len(names) == 1 else "individual"

@@ -90,7 +90,7 @@ class StudyConfig(Value):
             for task in ("obstacle-avoidance", "light-seeking")
             for noise in NOISE_LEVELS.values()
         )
-        title = "Jakobi, Husbands and Harvey (1995), in simulation"
+        title = "Jakobi, Husbands and Harvey (1995), carried out anew"
         return cls(title=title, runs=runs, evaluations=evaluations, seed=seed, conditions=conditions)
 
     @classmethod

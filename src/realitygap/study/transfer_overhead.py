@@ -35,6 +35,7 @@ class FilmOfDrive:
     situation: Situation
     folder: Path
     camera: CameraModel
+    source: str
     begun: float
     filmed: Filmed | None = None
 
@@ -55,7 +56,8 @@ class FilmOfDrive:
             track = track_film(folder / FILM, self.camera, load_disk()).track
             track.write_csv(folder / TRACK)
             (folder / FILM).unlink()
-        facts |= {"film_lead_s": round(lead, 6), "trouble": self.filmed.trouble}
+        facts |= {"view": f"camera {self.source}", "film_lead_s": round(lead, 6)}
+        facts["trouble"] = self.filmed.trouble
         return of_track(track, round(one.seconds / STEP_S), lead)
 
 
@@ -101,7 +103,8 @@ class Overhead:
     def filming(self, one: Situation, folder: Path) -> Iterator[FilmOfDrive]:
         """Film what happens in the block, which is the drive; its path is there afterwards."""
         self._eye.film(folder / FILM)
-        film = FilmOfDrive(situation=one, folder=folder, camera=self.camera, begun=time.monotonic())
+        settings: dict[str, Any] = {"situation": one, "folder": folder, "camera": self.camera}
+        film = FilmOfDrive(source=self._eye.source, begun=time.monotonic(), **settings)
         try:
             yield film
         except BaseException:
