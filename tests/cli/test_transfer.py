@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import signal
 import subprocess
@@ -10,16 +11,23 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 import realitygap.study.transfer as study_transfer
 from realitygap.cli import realitygap
+from realitygap.film.video import FilmWriter
 from realitygap.study.config import StudyConfig
 from realitygap.study.parts import Condition
 from realitygap.study.runner import run_study
+from realitygap.study.transfer_film import calibrated
+from realitygap.tasks import load_task
+from realitygap.twin.camera import OverheadCamera
 from realitygap.twin.process import start_twin
+from realitygap.twin.states import States
 from realitygap.values import Pose
+from realitygap.world.arena import Arena
 
 SHORT = ("--seconds", 0.5, "--workers", 1)
 
@@ -41,7 +49,7 @@ def study(original, tmp_path) -> Path:
 
 def test_two_units_as_json_and_as_text(study, json_of, call):
     """Each run drives each robot from each start; what is there already is told again."""
-    words = ("transfer", study, "--robot", "twin:1", "--robot", "twin:2", "--starts", 2, *SHORT)
+    words = ("transfer", study, "--robot", "twin:1", "--robot", "twin:2", "--starts", 2, "--no-watch", *SHORT)
     made = json_of(*words)["transfers"]
     assert [(one["robot"], one["run"], one["start"]) for one in made] == [
         (robot, run, start) for robot in ("twin-1", "twin-2") for run in (1, 2) for start in (1, 2)
@@ -69,6 +77,10 @@ def test_a_run_by_name_with_its_own_length(study, json_of):
         (("--robot", "serial:/dev/no-such-port"), "/dev/no-such-port"),
         (("--robot", "serial:/dev/null"), "/dev/null"),
         (("--robot", "serial:/dev/null", "--film"), "realitygap track"),
+        (("--robot", "serial:/dev/null", "--eye", "0"), "--camera FILE"),
+        (("--robot", "serial:/dev/null", "--camera", "camera.json"), "--eye DEVICE"),
+        (("--robot", "serial:/dev/null", "--camera", "no.json", "--eye", "0"), "no.json"),
+        (("--robot", "twin", "--camera", "camera.json", "--eye", "0"), "camera of its own"),
         (("--robot", "twin", "--starts", "0"), "--starts"),
         (("--robot", "twin", "--seconds", "0.25"), "--seconds"),
         (("--robot", "twin", "--twin-noise", "-1"), "--twin-noise"),
@@ -109,9 +121,44 @@ def test_a_person_is_told_where_to_put_the_robot(study):
     assert "counters" in result.stdout
 
 
+def test_a_person_is_told_where_the_camera_sees_the_robot(study, tmp_path):
+    """Not seen: asked again; seen far off: asked; seen near: started from there, and filmed."""
+    arena = load_task("avoidance").arena
+    camera = tmp_path / "camera.json"
+    calibrated(camera, arena, unit=1, noise=1.0, radius_cm=2.9)
+    with start_twin(arena.plain(), unit=1, clock="real") as twin:
+        words = ["transfer", str(study), "1", "--robot", f"serial:{twin.device}", "--seconds", "0.5"]
+        told = CliRunner().invoke(realitygap, words, input="")
+        wished = [float(one) for one in re.findall(r"[xy] = ([\d.]+) cm|: (-?\d+)°", told.stderr)
+                  for one in one if one]  # fmt: skip
+        twin.place(Pose.from_degrees(*wished))
+        places = [(-50.0, -50.0, 0.0), (wished[0] + 5.0, *wished[1:]), *[tuple(wished)] * 30]
+        video = filmed(tmp_path / "eye.mp4", arena, places)
+        words += ["--camera", str(camera), "--eye", str(video), "--film", "--json"]
+        result = CliRunner().invoke(realitygap, words, input="\n\n\n")
+    assert result.exit_code == 0, result.output
+    assert "does not see the robot" in result.stderr and "far off" in result.stderr
+    assert re.search(r"0\.[01] cm and [01]° from there", result.stderr)
+    made = json.loads(result.stdout)["transfers"][0]
+    assert made["situated_from"] == "film" and made["filmed"] and made["lost_steps"] == 0
+
+
+def filmed(file: Path, arena: Arena, places: list[tuple[float, ...]]) -> Path:
+    """A film of the twin at these places, one a frame."""
+    x, y, heading = np.array(places).T
+    states = States.standing(np.arange(len(x)) * 40, x, y, np.radians(heading))
+    with (
+        OverheadCamera(arena.plain(), unit=1, view="drawn") as eye,
+        FilmWriter(file, rate=25, made_by="the tests") as film,
+    ):
+        for k, pose in enumerate(states.pose):
+            film.add(eye.frame(pose, k))
+    return file
+
+
 def test_ctrl_c_says_how_to_go_on(study):
     """Ctrl-C ends in one line with the command that goes on, and leaves no half trial that counts."""
-    words = ["transfer", str(study), "--robot", "twin", "--starts", "500", "--workers", "2"]
+    words = ["transfer", str(study), "--robot", "twin", "--starts", "500", "--workers", "2", "--no-watch"]
     command = [sys.executable, "-m", "realitygap", *words]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as made:
         assert made.stderr is not None
