@@ -1,10 +1,33 @@
-"""The ambient light sensors (§3.3): direct light, and light reflected by what the rays meet."""
+"""The ambient light sensors (§3.3): direct light, and light reflected by what the rays meet.
+
+What goes beyond the paper (robot.ambient_form, all 0 in the paper) is asked for once a sensor or
+once a robot, never once a ray.
+"""
 
 import math
+
+import numpy as np
 
 from realitygap.kernels.geometry import GRAZE, circle_blocks, see, segment_blocks
 from realitygap.kernels.jit import step
 from realitygap.kernels.params import LAMP_POINTS, LANES, RAYS
+from realitygap.kernels.rng import log
+
+# Places in robot.ambient_form.
+LINEAR, FACING, HEIGHT2, FLAT = 0, 1, 2, 3
+
+
+@step
+def power(x, p):
+    """x^p for 0 ≤ x ≤ 1 and p ≥ 0, to about 1e-15: the same bits on every machine; 0 below e⁻⁴⁰."""
+    y = p * log(min(max(x, 1e-300), 1.0))
+    k = math.floor(y * 1.4426950408889634 + 0.5)
+    r = (y - k * 0.6931471803691238) - k * 1.9082149292705877e-10
+    t = 1.0
+    for i in range(13, 0, -1):
+        t = 1.0 + t * r / i
+    scale = np.float64(np.int64(1) << np.int64(min(-k, 62)))
+    return t / scale if y > -40.0 else 0.0
 
 
 @step
@@ -14,6 +37,7 @@ def light_on_surfaces(robot, arena, lamp, work):
     D = (offset + Σ L_i k_i) / d², d the mean distance to the lamp's points; never below 0.
     """
     x, y = work.pose[0], work.pose[1]
+    height2 = robot.ambient_form[HEIGHT2]
     for i in range(work.light.shape[0]):
         work.light[i] = arena.lamp_offset[lamp]
         work.far[i] = 0.0
@@ -24,7 +48,7 @@ def light_on_surfaces(robot, arena, lamp, work):
         for i in range(work.light.shape[0]):
             ex = lx - work.end_x[i]
             ey = ly - work.end_y[i]
-            work.far[i] += math.sqrt(ex * ex + ey * ey)
+            work.far[i] += math.sqrt(ex * ex + ey * ey + height2)
             hidden = circle_blocks(x - work.end_x[i], y - work.end_y[i], ex, ey, robot.radius)
             work.hidden[i] = hidden
         hide_behind_obstacles(arena, lx, ly, work)
@@ -80,6 +104,34 @@ def light_on_sensor(arena, lamp, px, py, fx, fy):
 
 
 @step
+def light_under_an_angle(robot, arena, lamp, px, py, fx, fy):
+    """As light_on_sensor, from a lamp at a height, times the mean cosine of its visible points^p."""
+    height2 = robot.ambient_form[HEIGHT2]
+    total = arena.lamp_offset[lamp]
+    ahead = 0.0
+    seen = 0.0
+    far = 0.0
+    for p in range(LAMP_POINTS):
+        ex = arena.lamp_points[lamp, p, 0] - px
+        ey = arena.lamp_points[lamp, p, 1] - py
+        d = max(math.sqrt(ex * ex + ey * ey + height2), 1e-3)
+        far += d
+        cosine = (ex * fx + ey * fy) / d
+        hidden = 0.0 if cosine >= 0.0 else 1.0
+        for j in range(arena.cylinders.shape[0]):
+            wx = arena.cylinders[j, 0] - px
+            wy = arena.cylinders[j, 1] - py
+            hidden = max(hidden, circle_blocks(wx, wy, ex, ey, arena.cylinders[j, 2]))
+        for j in range(arena.segments.shape[0]):
+            hidden = max(hidden, segment_blocks(arena, j, px, py, ex, ey))
+        total += arena.lamp_weights[lamp, p] * (1.0 - hidden)
+        ahead += (1.0 - hidden) * cosine
+        seen += 1.0 - hidden
+    d = far * (1.0 / LAMP_POINTS)
+    return max(total, 0.0) / (d * d) * power(ahead / max(seen, 1.0), robot.ambient_form[FACING])
+
+
+@step
 def follow_rays(robot, arena, work):
     """Where the rays of all ambient sensors end, and the weight of the light reflected there.
 
@@ -102,6 +154,9 @@ def follow_rays(robot, arena, work):
         work.end_x[i] += work.ray_x[i] * d
         work.end_y[i] += work.ray_y[i] * d
         work.terms[i] *= work.inverse[i] * work.inverse[i]
+    if robot.ambient_form[FLAT] > 0.0:
+        for i in range(work.light.shape[0]):
+            work.terms[i] /= work.inverse[i]
 
 
 @step
@@ -112,6 +167,8 @@ def direct_light(robot, arena, lamp, k, work):
     py = y + s * robot.ambient_place[k, 0] + c * robot.ambient_place[k, 1]
     fx = c * robot.ambient_facing[k, 0] - s * robot.ambient_facing[k, 1]
     fy = s * robot.ambient_facing[k, 0] + c * robot.ambient_facing[k, 1]
+    if robot.ambient_form[FACING] + robot.ambient_form[HEIGHT2] > 0.0:
+        return light_under_an_angle(robot, arena, lamp, px, py, fx, fy)
     return light_on_sensor(arena, lamp, px, py, fx, fy)
 
 
@@ -125,13 +182,8 @@ def reflected_light(a, work):
 
 
 @step
-def ambient(robot, arena, work, out):
-    """Noise-free readings of all ambient sensors into `out` ([A], counts, unrounded).
-
-    A_i = D_i + Σ_j D_ij cos² β_ij · 1.5 / d_ij²; V = 55 + 1/√A, clipped at the dark reading.
-    """
-    floor = robot.ambient_law[0]
-    dark = robot.ambient_law[1]
+def illuminate(robot, arena, work, out):
+    """Illumination of all ambient sensors into `out`: A_i = D_i + Σ_j D_ij cos² β_ij · 1.5 / d_ij²."""
     follow_rays(robot, arena, work)
     for k in range(out.shape[0]):
         out[k] = 0.0
@@ -139,8 +191,22 @@ def ambient(robot, arena, work, out):
         light_on_surfaces(robot, arena, lamp, work)
         for k in range(out.shape[0]):
             out[k] += direct_light(robot, arena, lamp, k, work) + reflected_light(k * RAYS, work)
+
+
+@step
+def ambient(robot, arena, work, out):
+    """Noise-free readings of all ambient sensors into `out` ([A], counts, unrounded).
+
+    V = 55 + 1/√A, clipped at the dark reading; or, linear in the light, V = dark − A, clipped at 55.
+    """
+    illuminate(robot, arena, work, out)
+    linear = robot.ambient_form[LINEAR] > 0.0
     for k in range(out.shape[0]):
         total = out[k] * robot.ambient_gain[k]
+        floor = robot.ambient_range[k, 0]
+        dark = robot.ambient_range[k, 1]
         out[k] = dark
-        if total > 0.0:
+        if linear:
+            out[k] = max(dark - total, floor)
+        elif total > 0.0:
             out[k] = min(floor + 1.0 / math.sqrt(total), dark)

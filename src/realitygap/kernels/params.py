@@ -67,6 +67,11 @@ class Robot(NamedTuple):
     """[A] factor on the sensor's total illumination: 1 in the paper."""
     ambient_law: F
     """[3] floor, dark and top: V = floor + 1/√A clipped at dark; counts end at top (55, 484, 1023)."""
+    ambient_range: F
+    """[A, 2] floor and dark of each sensor: the paper's are all alike."""
+    ambient_form: F
+    """[4] what goes beyond the paper, all 0 in it: 1 = V = dark − A, clipped at floor; the exponent of
+    the cosine under which direct light falls in; the lamp's height² (cm²); 1 = reflected light as 1/d."""
 
     bands: F
     """[2, 2] readings that become inputs −10 and +10: row 0 proximity (0, 1023), row 1 ambient (484, 55)."""

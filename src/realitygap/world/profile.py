@@ -143,6 +143,15 @@ class Profile(Value):
             ambient_weight=ray_weights(len(lit), ambient.exponent, ambient.reflectance),
             ambient_gain=np.array([s.gain for s in lit]),
             ambient_law=np.array([ambient.floor, ambient.dark, ambient.top]),
+            ambient_range=np.array(ambient.ranges()).reshape(-1, 2),
+            ambient_form=np.array(
+                [
+                    float(ambient.response == "linear"),
+                    ambient.facing,
+                    ambient.lamp_height_cm**2,
+                    float(ambient.falloff == 1.0),
+                ]
+            ),
             bands=np.array([infrared.bands, ambient.bands]),
             noise=np.array(list(self.noise.to_dict().values())),
         )

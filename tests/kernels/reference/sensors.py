@@ -6,6 +6,7 @@ import math
 
 from realitygap.world.arena import Arena, Cylinder
 from realitygap.world.profile import Profile
+from realitygap.world.sensors import Ambient
 from tests.kernels.reference.rays import ANGLES, Point, crossing, distance, place_and_direction
 
 DRAWN_BACK = 1e-6
@@ -47,11 +48,11 @@ def wall_hides(wall, a: Point, b: Point) -> bool:
     return 0 < t < 1 and 0 < u < 1
 
 
-def direct(lamp, place: Point, visible) -> float:
+def direct(lamp, place: Point, visible, height: float) -> float:
     """D = (offset + Σ L_i k_i) / d², d the mean distance to the five points, never below 0."""
     points = lamp.points()
     total = lamp.offset + sum(k for k, point in zip(lamp.weights, points, strict=True) if visible(point))
-    d = sum(math.dist(place, point) for point in points) / len(points)
+    d = sum(math.hypot(math.dist(place, point), height) for point in points) / len(points)
     return max(lamp.brightness * total, 0.0) / d**2
 
 
@@ -62,47 +63,66 @@ def hidden_by_obstacles(arena: Arena, place: Point, point: Point) -> bool:
     )
 
 
-def light_on_sensor(arena: Arena, lamp, place: Point, direction: float) -> float:
-    """D_i: the robot's own body hides what is more than 90° off the sensor's direction."""
+def light_on_sensor(arena: Arena, lamp, place: Point, direction: float, law: Ambient) -> float:
+    """D_i: the robot's own body hides what is more than 90° off the sensor's direction.
+
+    Beyond the paper: times the mean cosine of the angle to the lamp's visible points, to a power.
+    """
+    height = law.lamp_height_cm
 
     def visible(point: Point) -> bool:
         ahead = (point[0] - place[0]) * math.cos(direction) + (point[1] - place[1]) * math.sin(direction)
         return ahead >= 0 and not hidden_by_obstacles(arena, place, point)
 
-    return direct(lamp, place, visible)
+    light = direct(lamp, place, visible, height)
+    seen = [point for point in lamp.points() if visible(point)]
+    if not seen or law.facing == 0:
+        return light
+    along = [(x - place[0]) * math.cos(direction) + (y - place[1]) * math.sin(direction) for x, y in seen]
+    far = [math.hypot(math.dist(place, point), height) for point in seen]
+    mean = sum(a / d for a, d in zip(along, far, strict=True)) / len(seen)
+    return light * mean**law.facing
 
 
-def light_on_surface(arena: Arena, lamp, place: Point, body: Cylinder) -> float:
+def light_on_surface(arena: Arena, lamp, place: Point, body: Cylinder, height: float) -> float:
     """D_ij of the place where a ray ends: the robot's own disc throws a shadow too."""
 
     def visible(point: Point) -> bool:
         return not circle_hides(body, place, point) and not hidden_by_obstacles(arena, place, point)
 
-    return direct(lamp, place, visible)
+    return direct(lamp, place, visible, height)
 
 
 def illumination(profile: Profile, arena: Arena, pose, k: int) -> float:
-    """A_i = Σ over lamps of D_i + Σ_j D_ij · cos^m β_ij · reflectance / d_ij²."""
+    """A_i = Σ over lamps of D_i + Σ_j D_ij · cos^m β_ij · reflectance / d_ij² (or, beyond it, / d_ij)."""
+    law = profile.ambient
     sensor = profile.ambient.sensors[k]
     place, direction = place_and_direction(sensor, pose)
     body = Cylinder(x_cm=pose[0], y_cm=pose[1], radius_cm=profile.body.radius_cm)
-    total = sum(light_on_sensor(arena, lamp, place, direction) for lamp in arena.lamps)
+    total = sum(light_on_sensor(arena, lamp, place, direction, law) for lamp in arena.lamps)
     for degrees in ANGLES:
         beta = math.radians(degrees)
         ray = (math.cos(direction + beta), math.sin(direction + beta))
         d = distance(arena, place, ray)
         back = d * (1 - DRAWN_BACK)
         end = (place[0] + back * ray[0], place[1] + back * ray[1])
-        light = sum(light_on_surface(arena, lamp, end, body) for lamp in arena.lamps)
-        total += light * math.cos(beta) ** profile.ambient.exponent * profile.ambient.reflectance / d**2
+        light = sum(light_on_surface(arena, lamp, end, body, law.lamp_height_cm) for lamp in arena.lamps)
+        total += light * math.cos(beta) ** law.exponent * law.reflectance / d**law.falloff
     return total * sensor.gain
 
 
 def ambient(profile: Profile, arena: Arena, pose) -> list[float]:
-    """Readings of all ambient sensors: V = floor + 1/√A, clipped at the dark reading."""
+    """Readings of all ambient sensors: V = floor + 1/√A, clipped at the dark reading.
+
+    Beyond the paper: V = dark − A, clipped at the floor.
+    """
     law = profile.ambient
     readings = []
-    for k in range(len(law.sensors)):
+    for k, sensor in enumerate(law.sensors):
+        floor, dark = law.floor + sensor.floor_shift, law.dark + sensor.dark_shift
         total = illumination(profile, arena, pose, k)
-        readings.append(min(law.floor + 1 / math.sqrt(total), law.dark) if total > 0 else law.dark)
+        if law.response == "linear":
+            readings.append(max(dark - total, floor))
+        else:
+            readings.append(min(floor + 1 / math.sqrt(total), dark) if total > 0 else dark)
     return readings
