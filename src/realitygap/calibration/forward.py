@@ -35,12 +35,14 @@ ROOM_CM = 1000.0
 class Scene:
     """Where a recording's rows were read: each place once.
 
-    poses [m, 3] x, y (cm), heading (rad); row [n] the place of each of the recording's rows.
+    poses [m, 3] x, y (cm), heading (rad); row [n] the place of each of the recording's rows;
+    bare: nothing is near but the object itself.
     """
 
     arena: KernelArena
     poses: Array
     row: NDArray[np.int64]
+    bare: bool = False
 
     def turned(self, degrees: float) -> Array:
         """The poses, if the rig stood this much further counter-clockwise than it was thought to."""
@@ -68,7 +70,7 @@ def scene_of(recording: SensorRecording) -> Scene:
     room = Arena(name="table", size_cm=(ROOM_CM, ROOM_CM), cylinders=cylinders, lamps=lamps)
     # The object lies towards +x: heading + bearing = 0.
     poses = np.column_stack([edge - away, np.full(len(first), half), -np.radians(recording.bearing_deg[first])])
-    return Scene(arena=room.to_kernel(), poses=poses, row=row)
+    return Scene(arena=room.to_kernel(), poses=poses, row=row, bare=True)
 
 
 def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Array:
@@ -83,11 +85,12 @@ def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Array:
 
 def illumination(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Array:
     """Illumination A [n, A] of the ambient sensors, before their gains."""
-    from realitygap.kernels.sweep import sweep_light
+    from realitygap.kernels import sweep
 
     robot = profile.to_kernel()
     out = np.zeros((len(scene.poses), len(profile.ambient.sensors)))
-    sweep_light(robot, scene.arena, scene.turned(turn_deg), _work(robot), out)
+    follow = sweep.sweep_direct if scene.bare else sweep.sweep_light
+    follow(robot, scene.arena, scene.turned(turn_deg), _work(robot), out)
     return out[scene.row]
 
 

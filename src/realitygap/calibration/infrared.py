@@ -24,7 +24,8 @@ INFRARED_FORMS = ("paper", "individual", "extended")
 
 DIRECTION_PRIOR_DEG = 5.0
 """How straight sensors are soldered in: keeps a turned rig and eight turned sensors apart."""
-TURN_DEG = 10.0
+TURN_DEG, TURN_PRIOR_DEG = 10.0, 2.0
+"""How far a rig may be turned, and how far it is likely to be."""
 
 
 def infrared_frees(form: str, profile: Profile, rigs: Sequence[str]) -> list[Free]:
@@ -41,12 +42,21 @@ def infrared_frees(form: str, profile: Profile, rigs: Sequence[str]) -> list[Fre
         direction = np.array([s.direction_deg for s in sensors])
         frees += [
             Free(
-                key="direction_deg", start=direction, low=-360, high=360, prior=DIRECTION_PRIOR_DEG / 3, step=0.05
+                key="direction_deg",
+                start=direction,
+                low=-360,
+                high=360,
+                prior=DIRECTION_PRIOR_DEG,
+                tie=0.02,
+                step=0.05,
             ),
             Free(key="offset_cm", start=np.array([0.3]), low=-0.2, high=2.0, step=1e-3),
             Free(key="exponent", start=np.array([2.0]), low=0.0, high=8.0, step=5e-3),
         ]
-    turns = [Free(key=rig, start=np.zeros(1), low=-TURN_DEG, high=TURN_DEG, step=0.05) for rig in rigs]
+    turns = [
+        Free(key=rig, start=np.zeros(1), low=-TURN_DEG, high=TURN_DEG, prior=TURN_PRIOR_DEG, step=0.05)
+        for rig in rigs
+    ]
     return frees + turns
 
 

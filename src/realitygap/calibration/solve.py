@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,7 @@ class Free:
         start: [1], or [S] one a sensor.
         low, high: bounds.
         prior: deviation of a mild prior about `start`; None for none.
+        tie: deviation to which the mean over sensors is held at its start; None for free.
         step: of the finite difference.
     """
 
@@ -44,6 +46,7 @@ class Free:
     low: float
     high: float
     prior: float | None = None
+    tie: float | None = None
     step: float = 1e-4
 
 
@@ -96,10 +99,12 @@ def solve(
     theta = packed.pack({**{f.key: f.start for f in frees}, **(start or {})})
     low, high = packed.bounds()
     inside = np.clip(theta, low + 1e-9 * (1 + np.abs(low)), high - 1e-9 * (1 + np.abs(high)))
-    # Newton's step wants the Jacobian's own scale; soft L1 keeps single wild readings from deciding.
+    # Most rows move with few constants or with none (0, saturated): sparse. Soft L1 keeps single wild
+    # readings from deciding.
     found = least_squares(
-        packed.residuals, inside, jac=packed.jacobian, bounds=(low, high), x_scale="jac",
-        loss="soft_l1", f_scale=ROBUST_AT, xtol=1e-6, ftol=1e-6, gtol=1e-8, max_nfev=60,
+        packed.residuals, inside, jac=packed.sparse_jacobian, bounds=(low, high), x_scale="jac",
+        loss="soft_l1", f_scale=ROBUST_AT, xtol=1e-5, ftol=1e-6, gtol=1e-8, max_nfev=60, tr_solver="lsmr",
+        tr_options={"maxiter": 4 * len(theta), "atol": 1e-8, "btol": 1e-8},
     )  # fmt: skip
     values = packed.unpack(found.x)
     if not intervals:
@@ -165,8 +170,14 @@ class _Packed:
         return np.concatenate([off, *self._priors(theta)])
 
     def _priors(self, theta: Array) -> list[Array]:
-        values = self.unpack(theta)
-        return [(values[f.key] - f.start) / f.prior for f in self.frees if f.prior is not None]
+        values, out = self.unpack(theta), []
+        for f in self.frees:
+            off = values[f.key] - f.start
+            if f.prior is not None:
+                out.append(off / f.prior)
+            if f.tie is not None:
+                out.append(np.array([off.mean() / f.tie]))
+        return out
 
     def _columns(self, theta: Array) -> Array:
         """[n, S, constants] derivatives of the readings over the noise."""
@@ -192,32 +203,42 @@ class _Packed:
         rows = self._columns(theta)[self.use]
         return np.concatenate([rows, *self._prior_rows(len(theta))])
 
+    def sparse_jacobian(self, theta: Array) -> Any:
+        from scipy.sparse import csr_matrix
+
+        return csr_matrix(self.jacobian(theta))
+
     def _prior_rows(self, n: int) -> list[Array]:
         rows, first = [], 0
         for f in self.frees:
+            size = len(f.start)
             if f.prior is not None:
-                rows.append(np.eye(n)[first : first + len(f.start)] / f.prior)
-            first += len(f.start)
+                rows.append(np.eye(n)[first : first + size] / f.prior)
+            if f.tie is not None:
+                row = np.zeros((1, n))
+                row[0, first : first + size] = 1.0 / (size * f.tie)
+                rows.append(row)
+            first += size
         return rows
 
     def curvature(self, theta: Array) -> Array:
         """JᵀJ of the data alone."""
-        rows = self._columns(theta)[self.use]
-        return np.asarray(rows.T @ rows)
+        from scipy.sparse import csr_matrix
+
+        rows = csr_matrix(self._columns(theta)[self.use])
+        return np.asarray((rows.T @ rows).toarray())
 
     def covariance(self, theta: Array, clusters: NDArray[np.int64]) -> Array:
         """Sandwich covariance: bread from the Jacobian and the priors, filling from the clusters."""
         columns, off = self._columns(theta), (self.readings(theta) - self.counts) / self.noise
-        off = np.where(self.use, off, 0.0)
-        scores = np.einsum("ns,nsp->np", off, columns)
+        scores = np.einsum("ns,nsp->np", np.where(self.use, off, 0.0), columns)
         groups = np.unique(clusters, return_inverse=True)[1]
         sums = np.zeros((groups.max() + 1, len(theta)))
         np.add.at(sums, groups, scores)
-        rows = self.jacobian(theta)
-        bread = np.linalg.pinv(rows.T @ rows)
+        held = np.concatenate([np.zeros((1, len(theta))), *self._prior_rows(len(theta))])
+        bread = np.linalg.pinv(self.curvature(theta) + held.T @ held)
         inner = sums.T @ sums * (len(sums) / max(len(sums) - 1, 1))
-        plain = columns[self.use]
-        return np.asarray(bread @ np.maximum(inner, plain.T @ plain * np.eye(len(theta))) @ bread)
+        return np.asarray(bread @ (inner + held.T @ held) @ bread)
 
     def constants(self, theta: Array, covariance: Array) -> tuple[Constant, ...]:
         deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))

@@ -3,7 +3,7 @@
 One kernel each, so that a fit compiles no more than it needs.
 """
 
-from realitygap.kernels.ambient import illuminate
+from realitygap.kernels.ambient import direct_light, illuminate
 from realitygap.kernels.infrared import infrared
 from realitygap.kernels.jit import kernel
 from realitygap.kernels.trial import stand
@@ -24,6 +24,17 @@ def sweep_light(robot, arena, poses, work, out):
     for i in range(poses.shape[0]):
         stand(poses[i], work)
         illuminate(robot, arena, work, out[i])
+
+
+@kernel
+def sweep_direct(robot, arena, poses, work, out):
+    """As sweep_light, direct light only: where nothing is near that could throw any back."""
+    for i in range(poses.shape[0]):
+        stand(poses[i], work)
+        for k in range(out.shape[1]):
+            out[i, k] = 0.0
+            for lamp in range(arena.lamp_points.shape[0]):
+                out[i, k] += direct_light(robot, arena, lamp, k, work)
 
 
 @kernel
