@@ -36,9 +36,11 @@ class Robot(NamedTuple):
     speed_per_unit: F
     """[2] cm/s that one Khepera unit asks of the left and the right wheel."""
     gains: F
-    """[4] Kp, Ki, Kd and the divisor ("mass") of the printed law (§3.2.2)."""
+    """[5] Kp, Ki, Kd and the divisor ("mass") of the printed law (§3.2.2); the share of a command that
+    acts one step late: 0 in the paper."""
     friction: F
-    """[2] speed below which a wheel rests (cm/s); the integral term that frees it (cm/s²)."""
+    """[3] speed below which a wheel rests (cm/s); the integral term that frees it (cm/s²); what a start
+    from rest loses (cm/s): 0 in the paper."""
     top_command: float
     """Largest command of the network, Khepera units: 10."""
 
