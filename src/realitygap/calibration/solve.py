@@ -24,6 +24,7 @@ SIGMAS = 1.96
 """Intervals hold 95 %."""
 ALIKE = 0.95
 """Correlation from which on the data are said not to tell two constants apart."""
+ROUNDS = 4
 ROBUST_AT = 5.0
 """Residuals beyond this many noise deviations count less than their square (soft L1)."""
 
@@ -99,13 +100,22 @@ def solve(
     theta = packed.pack({**{f.key: f.start for f in frees}, **(start or {})})
     low, high = packed.bounds()
     inside = np.clip(theta, low + 1e-9 * (1 + np.abs(low)), high - 1e-9 * (1 + np.abs(high)))
-    # Most rows move with few constants or with none (0, saturated): sparse. Soft L1 keeps single wild
-    # readings from deciding.
-    found = least_squares(
-        packed.residuals, inside, jac=packed.sparse_jacobian, bounds=(low, high), x_scale="jac",
-        loss="soft_l1", f_scale=ROBUST_AT, xtol=1e-5, ftol=1e-6, gtol=1e-8, max_nfev=60, tr_solver="lsmr",
-        tr_options={"maxiter": 4 * len(theta), "atol": 1e-8, "btol": 1e-8},
-    )  # fmt: skip
+    # Most rows move with few constants or with none (0, saturated): what does not move is left out
+    # until it does. Soft L1 keeps single wild readings from deciding.
+    packed.use = packed.moving(inside)
+    for _ in range(ROUNDS):
+        found = least_squares(
+            packed.residuals, inside, jac=packed.sparse_jacobian, bounds=(low, high), x_scale="jac",
+            loss="soft_l1", f_scale=ROBUST_AT, xtol=1e-5 if intervals else 1e-4, ftol=1e-6, gtol=1e-8,
+            max_nfev=60 if intervals else 25, tr_solver="lsmr",
+            tr_options={"maxiter": 4 * len(theta), "atol": 1e-7, "btol": 1e-7},
+        )  # fmt: skip
+        inside, before = found.x, int(packed.use.sum())
+        active, packed.use = packed.use, use
+        packed.use = active | packed.moving(inside)
+        if packed.use.sum() <= 1.005 * before:
+            break
+    packed.use = use
     values = packed.unpack(found.x)
     if not intervals:
         return Fit(
@@ -198,6 +208,12 @@ class _Packed:
                     out[:, k, first + k] = change[:, k] / step[k]
             first += size
         return out
+
+    def moving(self, theta: Array) -> NDArray[np.bool_]:
+        """[n, S] readings in use that any constant moves here."""
+        return np.asarray(self.use & (self._columns(theta) != 0).any(axis=2)) | (
+            self.use & (np.abs(self.readings(theta) - self.counts) > ROBUST_AT * self.noise)
+        )
 
     def jacobian(self, theta: Array) -> Array:
         rows = self._columns(theta)[self.use]
