@@ -7,6 +7,7 @@ import click
 from realitygap import __version__
 from realitygap.cli.arena import arena
 from realitygap.cli.bench import bench
+from realitygap.cli.calibrate import calibrate
 from realitygap.cli.camera import camera
 from realitygap.cli.evolve import evolve
 from realitygap.cli.failure import Commands
@@ -47,7 +48,7 @@ def realitygap(ctx: click.Context) -> None:
 
 for _command in (
     reproduce, evolve, simulate, probe, show, replay, report,
-    robot, twin, track, camera, profile, arena, bench,
+    robot, twin, track, camera, calibrate, profile, arena, bench,
 ):  # fmt: skip
     realitygap.add_command(_command)
 
