@@ -33,6 +33,7 @@ __all__ = ["ChannelFit", "fit_infrared", "fit_light"]
 
 Array = NDArray[np.float64]
 
+NEUTRAL = {"offset_cm": np.zeros(1), "exponent": np.ones(1)}
 FOLDS = 4
 OVERFITTED = 1.3
 """Held-out RMSE over the fitted one, from which on a form is said to fit more than the robot."""
@@ -211,7 +212,16 @@ def _fit_all(
     rows: _Rows, problems: dict[str, _Problem], form: str, noise: float
 ) -> tuple[dict[str, Fit], dict[str, float]]:
     """Every form's fit, and the RMSE on places held out of the form that was asked for."""
-    fits = {name: _solve(rows, p, noise, intervals=name == form) for name, p in problems.items()}
+    fits: dict[str, Fit] = {}
+    for name, problem in problems.items():
+        fits[name] = _solve(rows, problem, noise, intervals=name == form)
+        simpler = list(fits.values())[:-1]
+        if simpler and _lost(rows, fits[name], simpler[-1]):
+            # A sensor fell silent on the way, where nothing leads back: begin where the simpler form ended.
+            start = {f.key: NEUTRAL.get(f.key, f.start) for f in problem.frees} | simpler[-1].values
+            again = _solve(rows, problem, noise, start=start, intervals=name == form)
+            if rows.rmse(again.model) < rows.rmse(fits[name].model):
+                fits[name] = again
     folds, off = rows.folds(), np.zeros(rows.counts.shape)
     for fold in range(FOLDS):
         out = folds == fold
@@ -220,6 +230,13 @@ def _fit_all(
         some = _solve(rows, problems[form], noise, start=fits[form].values, without=out, intervals=False)
         off[out] = some.model[out] - rows.counts[out]
     return fits, {form: float(np.sqrt((off[rows.use] ** 2).mean()))}
+
+
+def _lost(rows: _Rows, fit: Fit, simpler: Fit) -> bool:
+    """Whether any sensor is fitted much worse than by the form before."""
+    live = rows.use.any(axis=0)
+    now, before = (np.sqrt(((one.model - rows.counts) ** 2).mean(axis=0))[live] for one in (fit, simpler))
+    return bool((now > 1.3 * before).any())
 
 
 def _solve(

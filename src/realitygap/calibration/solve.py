@@ -134,9 +134,12 @@ def solve(
 
 def blind_pairs(names: Sequence[str], curvature: Array) -> tuple[tuple[str, str, float], ...]:
     """Pairs of constants whose estimates hang together by |ρ| ≥ 0.95, the closest first."""
-    inverse = np.linalg.pinv(curvature)
-    scale = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
-    rho = inverse / np.outer(scale, scale)
+    size = np.sqrt(np.diag(curvature))
+    moves = np.flatnonzero(size > 1e-9 * size.max(initial=1e-300))
+    names, size = [names[i] for i in moves], size[moves]
+    inverse = np.linalg.pinv(curvature[np.ix_(moves, moves)] / np.outer(size, size), hermitian=True)
+    scale = np.sqrt(np.maximum(np.diag(inverse), 1e-12))
+    rho = np.clip(inverse / np.outer(scale, scale), -1.0, 1.0)
     pairs = [
         (names[i], names[j], float(rho[i, j]))
         for i in range(len(names))
@@ -258,7 +261,9 @@ class _Packed:
 
     def constants(self, theta: Array, covariance: Array) -> tuple[Constant, ...]:
         deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        alone = np.sqrt(np.maximum(np.diag(np.linalg.pinv(self.curvature(theta))), 0.0))
+        curvature = self.curvature(theta)
+        size = np.sqrt(np.maximum(np.diag(curvature), 1e-12))
+        alone = np.sqrt(np.maximum(np.diag(np.linalg.pinv(curvature / np.outer(size, size))), 0.0)) / size
         low, high = self.bounds()
         limits = np.concatenate([np.full(len(f.start), f.prior or np.inf) for f in self.frees])
         span = 1e-6 * (high - low)
