@@ -34,6 +34,8 @@ __all__ = ["ChannelFit", "fit_infrared", "fit_light"]
 Array = NDArray[np.float64]
 
 NEUTRAL = {"offset_cm": np.zeros(1), "exponent": np.ones(1)}
+SCANS_DEG, SCAN = (12.0, 3.0), 17
+"""How far directions are looked for on either side, one search after another, and in how many steps."""
 FOLDS = 4
 OVERFITTED = 1.3
 """Held-out RMSE over the fitted one, from which on a form is said to fit more than the robot."""
@@ -90,6 +92,7 @@ class _Problem:
     frees: list[Free]
     model: Model
     base: Profile
+    steep: bool = False
 
 
 class _Rows:
@@ -177,7 +180,7 @@ def fit_light(recordings: Sequence[SensorRecording], base: Profile, form: str) -
     problems = {name: _light_problem(name, rows, base, room=room, falloff=2.0) for name in LIGHT_FORMS}
     if room:
         for name in ("linear", "extended"):
-            problems[name] = _better_falloff(name, rows, base, problems[name])
+            problems[name] = _best_reflection(name, rows, base, problems[name])
     fits, held_out = _fit_all(rows, problems, form, AMBIENT_COUNTS)
     values = _mend_dead(fits[form].values, problems[form].frees, rows.dead)
     profile = with_light(problems[form].base, values, form)
@@ -186,23 +189,33 @@ def fit_light(recordings: Sequence[SensorRecording], base: Profile, form: str) -
     return _channel("ambient", form, rows, fits, held_out, profile)
 
 
-def _light_problem(form: str, rows: _Rows, base: Profile, *, room: bool, falloff: float) -> _Problem:
+def _light_problem(
+    form: str, rows: _Rows, base: Profile, *, room: bool, falloff: float, narrow: float = 0.0
+) -> _Problem:
     law = base.ambient
     reflectance = law.reflectance if falloff == law.falloff else law.reflectance / 30.0
-    start = replace(base, ambient=replace(law, falloff=falloff, reflectance=reflectance))
+    changes: dict[str, float] = {"falloff": falloff, "reflectance": reflectance}
+    if form == "extended" and falloff == 1.0:
+        changes |= {"matt": 1.0, "rays": 30.0, "lamp_narrow": narrow}
+    start = replace(base, ambient=replace(law, **changes))  # type: ignore[arg-type]
     memory = LightMemory()
     return _Problem(
         frees=light_frees(form, start, rows.scenes, rows.counts, room=room),
         model=lambda values: light_model(start, values, rows.scenes, form, memory),
         base=start,
+        steep=room and form == "extended",
     )
 
 
-def _better_falloff(form: str, rows: _Rows, base: Profile, paper: _Problem) -> _Problem:
-    """Reflected light as 1/d² or as 1/d: whichever leaves less over."""
-    other = _light_problem(form, rows, base, room=True, falloff=1.0)
+def _best_reflection(form: str, rows: _Rows, base: Profile, paper: _Problem) -> _Problem:
+    """Reflected light as the paper has it or off walls of some height, and a lamp as wide as the arena
+    has it or narrow: whichever leaves least over. (What a point of a lamp is hidden by changes in
+    jumps, which no derivative sees: so its width is tried, not fitted.)"""
+    others = [_light_problem(form, rows, base, room=True, falloff=1.0)]
+    if form == "extended":
+        others.append(_light_problem(form, rows, base, room=True, falloff=1.0, narrow=1.0))
     left = {}
-    for problem in (paper, other):
+    for problem in (paper, *others):
         fit = _solve(rows, problem, AMBIENT_COUNTS, intervals=False)
         left[rows.rmse(fit.model)] = problem
     return left[min(left)]
@@ -249,10 +262,36 @@ def _solve(
     intervals: bool,
 ) -> Fit:
     use = rows.use if without is None else rows.use & ~without[:, None]
-    return solve(
-        problem.frees, problem.model, rows.counts, noise=noise, use=use, clusters=rows.block,
-        start=start, intervals=intervals,
-    )  # fmt: skip
+
+    def once(begin: Values | None, intervals: bool) -> Fit:
+        return solve(
+            problem.frees, problem.model, rows.counts, noise=noise, use=use, clusters=rows.block,
+            start=begin, intervals=intervals,
+        )  # fmt: skip
+
+    if not problem.steep or without is not None:
+        return once(start, intervals)
+    values: Values = start or {f.key: f.start for f in problem.frees}
+    for reach in SCANS_DEG:
+        values = once(_scan(problem, values, rows.counts, use, noise, reach), False).values
+    return once(values, intervals)
+
+
+def _scan(
+    problem: _Problem, values: Values, counts: Array, use: NDArray[np.bool_], noise: float, reach: float
+) -> dict[str, Array]:
+    """The values, with each sensor's direction where it leaves least over within `reach` degrees.
+
+    Where direct light is bright a sensor's reading drops within a degree, and no derivative sees it come.
+    """
+    best, chosen = np.full(counts.shape[1], np.inf), values["direction_deg"].copy()
+    for off in np.linspace(-reach, reach, SCAN):
+        turned = {**values, "direction_deg": values["direction_deg"] + off}
+        z = np.where(use, (problem.model(turned) - counts) / noise, 0.0)
+        cost = np.sqrt(1.0 + (z / 5.0) ** 2).sum(axis=0)
+        chosen = np.where(cost < best, turned["direction_deg"], chosen)
+        best = np.minimum(cost, best)
+    return {**values, "direction_deg": chosen}
 
 
 def _mend_dead(values: dict[str, Array], frees: Sequence[Free], dead: dict[int, str]) -> dict[str, Array]:

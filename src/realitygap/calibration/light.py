@@ -95,6 +95,8 @@ def _extended(profile: Profile, room: bool) -> list[Free]:
             Free(key="reflectance", start=np.array([reflectance]), low=0.0, high=100.0, step=1e-4),
             Free(key="exponent", start=np.array([law.exponent]), low=0.0, high=10.0, step=1e-3),
         ]
+        if law.falloff == 1.0:
+            frees.append(Free(key="near_cm", start=np.array([0.5]), low=0.0, high=10.0, step=1e-3))
     return frees
 
 
@@ -130,7 +132,7 @@ def with_light(profile: Profile, values: Values, form: str) -> Profile:
     )
     common = {
         key: float(values[key][0])
-        for key in ("floor", "dark", "facing", "lamp_height_cm", "reflectance", "exponent")
+        for key in ("floor", "dark", "facing", "lamp_height_cm", "reflectance", "exponent", "near_cm")
         if key in values
     }
     response = "linear" if form in ("linear", "extended") else "paper"
@@ -154,7 +156,8 @@ class LightMemory:
         law = profile.ambient
         turns = tuple(float(values[name][0]) if name in values else 0.0 for name, _ in scenes)
         directions = tuple(s.direction_deg for s in law.sensors)
-        key = (turns, directions, law.facing, law.lamp_height_cm, law.reflectance, law.exponent, law.falloff)
+        shape = (law.facing, law.lamp_height_cm, law.lamp_narrow, law.reflectance, law.exponent, law.near_cm)
+        key = (turns, directions, shape)
         if key not in self._kept:
             if len(self._kept) > 16:
                 self._kept.clear()

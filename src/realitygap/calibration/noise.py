@@ -76,6 +76,8 @@ class NoiseEstimate:
     @property
     def depends(self) -> bool:
         """Whether the noise depends on the reading."""
+        if self.channel == "proximity_dark":
+            return False  # all its readings are one: dark
         sizes = [size for _, size in self.bins if size > 0]
         return len(sizes) > 1 and max(sizes) / min(sizes) > STEADY
 

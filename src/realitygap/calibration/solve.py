@@ -22,7 +22,7 @@ Model = Callable[[Values], Array]
 
 SIGMAS = 1.96
 """Intervals hold 95 %."""
-ALIKE = 0.95
+ALIKE, BLIND = 0.95, 1e-5
 """Correlation from which on the data are said not to tell two constants apart."""
 ROUNDS = 4
 ROBUST_AT = 5.0
@@ -133,20 +133,22 @@ def solve(
 
 
 def blind_pairs(names: Sequence[str], curvature: Array) -> tuple[tuple[str, str, float], ...]:
-    """Pairs of constants whose estimates hang together by |ρ| ≥ 0.95, the closest first."""
+    """Pairs of constants whose estimates hang together by |ρ| ≥ 0.95: of two kinds the closest pair."""
     size = np.sqrt(np.diag(curvature))
     moves = np.flatnonzero(size > 1e-9 * size.max(initial=1e-300))
     names, size = [names[i] for i in moves], size[moves]
-    inverse = np.linalg.pinv(curvature[np.ix_(moves, moves)] / np.outer(size, size), hermitian=True)
+    values, vectors = np.linalg.eigh(curvature[np.ix_(moves, moves)] / np.outer(size, size))
+    inverse = (vectors / np.maximum(values, BLIND)) @ vectors.T
     scale = np.sqrt(np.maximum(np.diag(inverse), 1e-12))
     rho = np.clip(inverse / np.outer(scale, scale), -1.0, 1.0)
-    pairs = [
-        (names[i], names[j], float(rho[i, j]))
-        for i in range(len(names))
-        for j in range(i)
-        if ALIKE <= abs(rho[i, j])
-    ]
-    return tuple(sorted(pairs, key=lambda pair: -abs(pair[2])))
+    closest: dict[tuple[str, str], tuple[str, str, float]] = {}
+    for i, j in zip(*np.nonzero(np.tril(np.abs(rho) >= ALIKE, -1)), strict=True):
+        kinds = tuple(sorted(names[k].partition("[")[0] for k in (i, j)))
+        shifted = kinds[1] == f"{kinds[0]}_shift"  # a shift's mean is held at 0: no question of the data's
+        pair = (names[i], names[j], float(rho[i, j]))
+        if not shifted and abs(pair[2]) > abs(closest.get(kinds, ("", "", 0.0))[2]):  # type: ignore[call-overload]
+            closest[kinds] = pair  # type: ignore[index]
+    return tuple(sorted(closest.values(), key=lambda pair: -abs(pair[2])))
 
 
 class _Packed:

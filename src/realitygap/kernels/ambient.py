@@ -8,13 +8,13 @@ import math
 
 import numpy as np
 
-from realitygap.kernels.geometry import GRAZE, circle_blocks, see, segment_blocks
+from realitygap.kernels.geometry import GRAZE, circle_blocks, from_segment, see, segment_blocks
 from realitygap.kernels.jit import step
 from realitygap.kernels.params import LAMP_POINTS, LANES, RAYS
 from realitygap.kernels.rng import log
 
 # Places in robot.ambient_form.
-LINEAR, FACING, HEIGHT2, FLAT = 0, 1, 2, 3
+LINEAR, FACING, HEIGHT2, FLAT, NEAR, MATT, NARROW = 0, 1, 2, 3, 4, 5, 6
 
 
 @step
@@ -31,6 +31,14 @@ def power(x, p):
 
 
 @step
+def lamp_point(arena, lamp, p, narrow):
+    """Point `p` of a lamp, drawn towards the lamp's centre by the share `narrow`: 0 in the paper."""
+    x = arena.lamp_points[lamp, p, 0]
+    y = arena.lamp_points[lamp, p, 1]
+    return x + narrow * (arena.lamp_centre[lamp, 0] - x), y + narrow * (arena.lamp_centre[lamp, 1] - y)
+
+
+@step
 def light_on_surfaces(robot, arena, lamp, work):
     """Direct illumination D_ij of the points where the rays end, by one lamp, into work.light.
 
@@ -42,8 +50,7 @@ def light_on_surfaces(robot, arena, lamp, work):
         work.light[i] = arena.lamp_offset[lamp]
         work.far[i] = 0.0
     for p in range(LAMP_POINTS):
-        lx = arena.lamp_points[lamp, p, 0]
-        ly = arena.lamp_points[lamp, p, 1]
+        lx, ly = lamp_point(arena, lamp, p, robot.ambient_form[NARROW])
         weight = arena.lamp_weights[lamp, p]
         for i in range(work.light.shape[0]):
             ex = lx - work.end_x[i]
@@ -112,8 +119,9 @@ def light_under_an_angle(robot, arena, lamp, px, py, fx, fy):
     seen = 0.0
     far = 0.0
     for p in range(LAMP_POINTS):
-        ex = arena.lamp_points[lamp, p, 0] - px
-        ey = arena.lamp_points[lamp, p, 1] - py
+        lx, ly = lamp_point(arena, lamp, p, robot.ambient_form[NARROW])
+        ex = lx - px
+        ey = ly - py
         d = max(math.sqrt(ex * ex + ey * ey + height2), 1e-3)
         far += d
         cosine = (ex * fx + ey * fy) / d
@@ -139,24 +147,88 @@ def follow_rays(robot, arena, work):
     rays. Weights: 1.5 cos² β / d². Ends are drawn back by GRAZE, off their own wall.
     """
     x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
-    for k in range(robot.ambient_place.shape[0]):
+    fans = robot.ambient_ray.shape[0] // max(robot.ambient_place.shape[0], 1)
+    for fan in range(robot.ambient_ray.shape[0]):
+        k = fan // fans
         px = x + c * robot.ambient_place[k, 0] - s * robot.ambient_place[k, 1]
         py = y + s * robot.ambient_place[k, 0] + c * robot.ambient_place[k, 1]
-        a, b = k * RAYS, k * RAYS + LANES
+        a, b = fan * RAYS, fan * RAYS + LANES
         ray_x, ray_y, inverse = work.ray_x[a:b], work.ray_y[a:b], work.inverse[a:b]
-        see(arena, robot.ambient_ray, k, px, py, c, s, ray_x, ray_y, inverse)
+        see(arena, robot.ambient_ray, fan, px, py, c, s, ray_x, ray_y, inverse)
         for i in range(RAYS):
             work.end_x[a + i] = px
             work.end_y[a + i] = py
-            work.terms[a + i] = robot.ambient_weight[k, i]
+            work.terms[a + i] = robot.ambient_weight[fan, i]
     for i in range(work.light.shape[0]):
         d = (1.0 - GRAZE) / work.inverse[i]
         work.end_x[i] += work.ray_x[i] * d
         work.end_y[i] += work.ray_y[i] * d
-        work.terms[i] *= work.inverse[i] * work.inverse[i]
     if robot.ambient_form[FLAT] > 0.0:
+        near = robot.ambient_form[NEAR]
         for i in range(work.light.shape[0]):
-            work.terms[i] /= work.inverse[i]
+            work.terms[i] *= work.inverse[i] / (1.0 + near * work.inverse[i])
+    else:
+        for i in range(work.light.shape[0]):
+            work.terms[i] *= work.inverse[i] * work.inverse[i]
+
+
+@step
+def find_normals(arena, work):
+    """The surfaces' normals, towards the robot's side, where the rays end: of whatever is nearest there."""
+    for i in range(work.light.shape[0]):
+        ex = work.end_x[i]
+        ey = work.end_y[i]
+        near = ex
+        nx = 1.0
+        ny = 0.0
+        if arena.size[0] - ex < near:
+            near = arena.size[0] - ex
+            nx = -1.0
+        if ey < near:
+            near = ey
+            nx = 0.0
+            ny = 1.0
+        if arena.size[1] - ey < near:
+            near = arena.size[1] - ey
+            nx = 0.0
+            ny = -1.0
+        for j in range(arena.cylinders.shape[0]):
+            dx = ex - arena.cylinders[j, 0]
+            dy = ey - arena.cylinders[j, 1]
+            d = math.sqrt(dx * dx + dy * dy)
+            if abs(d - arena.cylinders[j, 2]) < near:
+                near = abs(d - arena.cylinders[j, 2])
+                nx = dx / max(d, 1e-12)
+                ny = dy / max(d, 1e-12)
+        for j in range(arena.segments.shape[0]):
+            dx, dy = from_segment(arena, j, ex, ey)
+            d = math.sqrt(dx * dx + dy * dy)
+            if d < near:
+                near = d
+                ax = arena.segments[j, 2] - arena.segments[j, 0]
+                ay = arena.segments[j, 3] - arena.segments[j, 1]
+                length = max(math.sqrt(ax * ax + ay * ay), 1e-12)
+                side = -1.0 if ay * work.ray_x[i] - ax * work.ray_y[i] > 0.0 else 1.0
+                nx = side * ay / length
+                ny = -side * ax / length
+        work.normal_x[i] = nx
+        work.normal_y[i] = ny
+
+
+@step
+def lean(arena, lamp, height2, narrow, work):
+    """Weaken work.light by the mean cosine under which the lamp's points light each surface."""
+    for i in range(work.light.shape[0]):
+        work.far[i] = 0.0
+    for p in range(LAMP_POINTS):
+        lx, ly = lamp_point(arena, lamp, p, narrow)
+        for i in range(work.light.shape[0]):
+            ex = lx - work.end_x[i]
+            ey = ly - work.end_y[i]
+            d = max(math.sqrt(ex * ex + ey * ey + height2), 1e-3)
+            work.far[i] += max(ex * work.normal_x[i] + ey * work.normal_y[i], 0.0) / d
+    for i in range(work.light.shape[0]):
+        work.light[i] *= work.far[i] * (1.0 / LAMP_POINTS)
 
 
 @step
@@ -167,14 +239,15 @@ def direct_light(robot, arena, lamp, k, work):
     py = y + s * robot.ambient_place[k, 0] + c * robot.ambient_place[k, 1]
     fx = c * robot.ambient_facing[k, 0] - s * robot.ambient_facing[k, 1]
     fy = s * robot.ambient_facing[k, 0] + c * robot.ambient_facing[k, 1]
-    if robot.ambient_form[FACING] + robot.ambient_form[HEIGHT2] > 0.0:
+    form = robot.ambient_form
+    if form[FACING] + form[HEIGHT2] + form[NARROW] > 0.0:
         return light_under_an_angle(robot, arena, lamp, px, py, fx, fy)
     return light_on_sensor(arena, lamp, px, py, fx, fy)
 
 
 @step
 def reflected_light(a, work):
-    """Σ_j D_ij cos² β_ij · 1.5 / d_ij² over the rays from lane `a`, outermost pairs first."""
+    """Σ_j D_ij cos² β_ij · 1.5 / d_ij² over a fan's rays from lane `a`, outermost pairs first."""
     t = work.far[a : a + RAYS]
     for i in range(RAYS):
         t[i] = work.light[a + i] * work.terms[a + i]
@@ -184,13 +257,22 @@ def reflected_light(a, work):
 @step
 def illuminate(robot, arena, work, out):
     """Illumination of all ambient sensors into `out`: A_i = D_i + Σ_j D_ij cos² β_ij · 1.5 / d_ij²."""
+    fans = robot.ambient_ray.shape[0] // max(robot.ambient_place.shape[0], 1)
+    matt = robot.ambient_form[MATT] > 0.0
     follow_rays(robot, arena, work)
+    if matt:
+        find_normals(arena, work)
     for k in range(out.shape[0]):
         out[k] = 0.0
     for lamp in range(arena.lamp_points.shape[0]):
         light_on_surfaces(robot, arena, lamp, work)
+        if matt:
+            lean(arena, lamp, robot.ambient_form[HEIGHT2], robot.ambient_form[NARROW], work)
         for k in range(out.shape[0]):
-            out[k] += direct_light(robot, arena, lamp, k, work) + reflected_light(k * RAYS, work)
+            total = reflected_light(k * fans * RAYS, work)
+            for fan in range(1, fans):
+                total += reflected_light((k * fans + fan) * RAYS, work)
+            out[k] += direct_light(robot, arena, lamp, k, work) + total
 
 
 @step

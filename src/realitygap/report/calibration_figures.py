@@ -41,7 +41,8 @@ def curves_figure(fit: ChannelFit) -> Figure:
     if grid:
         handles, labels = first.get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=SHOWN, markerscale=2.5)
-    _label(figure, "bearing of the object, degrees" if grid else "measured, counts", "counts" if grid else "model, counts")
+    _label(figure, "bearing of the object off the one that the sensor answers most to, degrees" if grid else "measured, counts",
+           "counts" if grid else "model, counts")  # fmt: skip
     return figure
 
 
@@ -164,12 +165,12 @@ def _curves_over_bearing(fit: ChannelFit, k: int, axes: Any) -> None:
     distances = np.unique(fit.distance_cm)
     lively = [d for d in distances if np.ptp(fit.counts[fit.distance_cm == d, k]) > 60] or list(distances)
     picked = [lively[i] for i in np.unique(np.linspace(0, len(lively) - 1, SHOWN).round().astype(int))]
-    middle = np.degrees(np.angle(np.exp(1j * np.radians(fit.bearing_deg)) @ np.maximum(fit.model[:, k], 0)))
-    if fit.kind == "ambient":
-        middle = (middle + 360.0) % 360.0 - 180.0
+    answer = fit.model[:, k] if fit.kind == "infrared" else fit.model[:, k].max() - fit.model[:, k]
+    middle = np.degrees(np.angle(answer @ np.exp(1j * np.radians(fit.bearing_deg))))
+    reach = 90 if fit.kind == "infrared" else 180
     for distance, colour, mark in zip(picked, COLOURS, MARKS, strict=False):
         rows = np.flatnonzero(fit.distance_cm == distance)
-        turned = (fit.bearing_deg[rows] - middle + 180.0) % 360.0 - 180.0 + middle
+        turned = (fit.bearing_deg[rows] - middle + 180.0) % 360.0 - 180.0
         order = np.argsort(turned)
         name = ("near", "", "", "far")[picked.index(distance)] if len(picked) == SHOWN else ""
         axes.plot(
@@ -177,6 +178,7 @@ def _curves_over_bearing(fit: ChannelFit, k: int, axes: Any) -> None:
             label=f"{name} {distance:.1f} cm".strip() if k == 0 else None,
         )  # fmt: skip
         axes.plot(turned[order], fit.model[rows, k][order], color=colour, lw=1.0)
+    axes.set(xlim=(-reach, reach), xticks=(-reach, -reach // 2, 0, reach // 2, reach))
     axes.grid(True, color=GRID, lw=0.5)
 
 

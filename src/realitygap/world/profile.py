@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.kernels.params import MAX_DELAY, STEP_S, UPDATES, Robot
+from realitygap.kernels.params import LANES, MAX_DELAY, STEP_S, UPDATES, Robot
 from realitygap.world.files import Value, load, require, shipped, to_toml
 from realitygap.world.provenance import Provenance
 from realitygap.world.rays import RAY_ANGLES_DEG, ray_weights, rays, unit
@@ -149,8 +149,15 @@ class Profile(Value):
             proximity_top=infrared.top,
             ambient_place=np.array([(s.x_cm, s.y_cm) for s in lit]).reshape(-1, 2),
             ambient_facing=np.array([unit(s.direction_deg) for s in lit]).reshape(-1, 2),
-            ambient_ray=rays([s.direction_deg for s in lit]),
-            ambient_weight=ray_weights(len(lit), ambient.exponent, ambient.reflectance),
+            ambient_ray=rays([s.direction_deg + shift for s in lit for shift in ambient.shifts_deg()]),
+            ambient_weight=np.concatenate(
+                [np.zeros((0, LANES))]
+                + [
+                    ray_weights(1, ambient.exponent, ambient.reflectance / len(ambient.shifts_deg()), shift)
+                    for _ in lit
+                    for shift in ambient.shifts_deg()
+                ]
+            ),
             ambient_gain=np.array([s.gain for s in lit]),
             ambient_law=np.array([ambient.floor, ambient.dark, ambient.top]),
             ambient_range=np.array(ambient.ranges()).reshape(-1, 2),
@@ -160,6 +167,9 @@ class Profile(Value):
                     ambient.facing,
                     ambient.lamp_height_cm**2,
                     float(ambient.falloff == 1.0),
+                    ambient.near_cm,
+                    ambient.matt,
+                    ambient.lamp_narrow,
                 ]
             ),
             bands=np.array([infrared.bands, ambient.bands]),

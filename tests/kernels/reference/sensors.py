@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from realitygap.world.arena import Arena, Cylinder
 from realitygap.world.profile import Profile
 from realitygap.world.sensors import Ambient
-from tests.kernels.reference.rays import ANGLES, Point, crossing, distance, place_and_direction
+from tests.kernels.reference.rays import ANGLES, Point, crossing, distance, from_wall, place_and_direction
 
 DRAWN_BACK = 1e-6
 """A ray's end lies this share of its length before the surface it meets, so that the surface
@@ -97,18 +98,54 @@ def illumination(profile: Profile, arena: Arena, pose, k: int) -> float:
     """A_i = Σ over lamps of D_i + Σ_j D_ij · cos^m β_ij · reflectance / d_ij² (or, beyond it, / d_ij)."""
     law = profile.ambient
     sensor = profile.ambient.sensors[k]
+    lamps = [replace(lamp, spacing_cm=lamp.spacing_cm * (1 - law.lamp_narrow)) for lamp in arena.lamps]
     place, direction = place_and_direction(sensor, pose)
     body = Cylinder(x_cm=pose[0], y_cm=pose[1], radius_cm=profile.body.radius_cm)
-    total = sum(light_on_sensor(arena, lamp, place, direction, law) for lamp in arena.lamps)
-    for degrees in ANGLES:
+    total = sum(light_on_sensor(arena, lamp, place, direction, law) for lamp in lamps)
+    angles = ANGLES if law.rays == 10 else [-87 + 6 * i for i in range(30)]
+    for degrees in angles:
         beta = math.radians(degrees)
         ray = (math.cos(direction + beta), math.sin(direction + beta))
         d = distance(arena, place, ray)
         back = d * (1 - DRAWN_BACK)
         end = (place[0] + back * ray[0], place[1] + back * ray[1])
-        light = sum(light_on_surface(arena, lamp, end, body, law.lamp_height_cm) for lamp in arena.lamps)
-        total += light * math.cos(beta) ** law.exponent * law.reflectance / d**law.falloff
+        light = 0.0
+        for lamp in lamps:
+            cosine = incidence(lamp, end, normal_at(arena, end, ray), law.lamp_height_cm) if law.matt else 1.0
+            light += cosine * light_on_surface(arena, lamp, end, body, law.lamp_height_cm)
+        reached = 1 / d**2 if law.falloff == 2 else 1 / (d + law.near_cm)
+        total += light * math.cos(beta) ** law.exponent * law.reflectance * reached * 10 / len(angles)
     return total * sensor.gain
+
+
+def incidence(lamp, end: Point, normal: Point, height: float) -> float:
+    """Mean cosine of the angles under which a lamp's points light a surface, hidden or not."""
+    cosines = []
+    for x, y in lamp.points():
+        ex, ey = x - end[0], y - end[1]
+        far = math.hypot(math.hypot(ex, ey), height)
+        cosines.append(max((ex * normal[0] + ey * normal[1]) / far, 0.0))
+    return sum(cosines) / len(cosines)
+
+
+def normal_at(arena: Arena, end: Point, ray: Point) -> Point:
+    """The normal, towards where the ray comes from, of the surface that the end of a ray lies on."""
+    width, depth = arena.size_cm
+    found = [
+        (end[0], (1.0, 0.0)), (width - end[0], (-1.0, 0.0)),
+        (end[1], (0.0, 1.0)), (depth - end[1], (0.0, -1.0)),
+    ]  # fmt: skip
+    for c in arena.cylinders:
+        d = math.dist(end, (c.x_cm, c.y_cm))
+        found.append((abs(d - c.radius_cm), ((end[0] - c.x_cm) / d, (end[1] - c.y_cm) / d)))
+    for x0, y0, x1, y1 in arena.walls:
+        length = math.dist((x0, y0), (x1, y1))
+        normal = ((y1 - y0) / length, -(x1 - x0) / length)
+        if normal[0] * ray[0] + normal[1] * ray[1] > 0:
+            normal = (-normal[0], -normal[1])
+        dx, dy = from_wall((x0, y0, x1, y1), *end)
+        found.append((math.hypot(dx, dy), normal))
+    return min(found, key=lambda one: one[0])[1]
 
 
 def ambient(profile: Profile, arena: Arena, pose) -> list[float]:
