@@ -169,7 +169,7 @@ def test_broken_toml_names_the_line(refused):
 
 def test_unknown_names_and_files(tmp_path):
     """An unknown name lists the names; a missing or unreadable file is named."""
-    assert profile_names() == ("paper",)
+    assert profile_names() == ("khepera", "paper")
     with pytest.raises(ConfigError, match=r"unknown profile 'papr'\. Did you mean 'paper'\? Known: paper"):
         load_profile("papr")
     with pytest.raises(ConfigError, match=r"gone\.toml: no such file"):

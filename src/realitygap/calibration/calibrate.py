@@ -178,7 +178,11 @@ def _file(recording: Recording) -> SourceFile:
     else:
         kind, seen, readings = "wheels", "", recording.commands.size
     return SourceFile(
-        file=Path(recording.source).name, sha256=recording.hash, kind=kind, object=seen, readings=float(readings)
+        file=Path(recording.source).name,
+        sha256=recording.hash,
+        kind=kind,
+        object=seen,
+        readings=float(readings),
     )
 
 

@@ -352,7 +352,9 @@ def _warnings(
             f"{which}: there the level of noise can explain nothing"
         )
     if held_out > OVERFITTED * rmse:
-        out.append(f"{kind}: RMSE {held_out:.3g} on places held out, {rmse:.3g} on those fitted: the form overfits")
+        out.append(
+            f"{kind}: RMSE {held_out:.3g} on places held out, {rmse:.3g} on those fitted: the form overfits"
+        )
     vague = [c.key for c in fit.constants if not c.told]
     if vague:
         out.append(f"{kind}: the data do not decide {', '.join(vague)}: bounds or a mild prior do")

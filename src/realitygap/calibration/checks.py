@@ -76,8 +76,14 @@ def refuse_swapped(recording: SensorRecording, profile: Profile, dead: dict[int,
     mirrored = live & (_apart(-answers, looks) <= ASIDE_DEG)
     if odd.sum() >= MOST_ODD:
         which = ", ".join(f"{k} at {answers[k]:.0f}° (looks to {looks[k]:.0f}°)" for k in np.flatnonzero(odd))
-        cure = "The bearings seem to run the other way round." if mirrored[live].all() else "Are columns swapped?"
-        raise CalibrationError(f"{recording.source}: sensors answer to another side than they look: {which}. {cure}")
+        cure = (
+            "The bearings seem to run the other way round."
+            if mirrored[live].all()
+            else "Are columns swapped?"
+        )
+        raise CalibrationError(
+            f"{recording.source}: sensors answer to another side than they look: {which}. {cure}"
+        )
     return tuple(
         f"{recording.source}: sensor {k} answers most at {answers[k]:.0f}° but looks to {looks[k]:.0f}°"
         for k in np.flatnonzero(odd)

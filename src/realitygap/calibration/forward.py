@@ -69,7 +69,9 @@ def scene_of(recording: SensorRecording) -> Scene:
         cylinders = (Cylinder(x_cm=half, y_cm=half, radius_cm=radius),)
     room = Arena(name="table", size_cm=(ROOM_CM, ROOM_CM), cylinders=cylinders, lamps=lamps)
     # The object lies towards +x: heading + bearing = 0.
-    poses = np.column_stack([edge - away, np.full(len(first), half), -np.radians(recording.bearing_deg[first])])
+    poses = np.column_stack(
+        [edge - away, np.full(len(first), half), -np.radians(recording.bearing_deg[first])]
+    )
     return Scene(arena=room.to_kernel(), poses=poses, row=row, bare=True)
 
 

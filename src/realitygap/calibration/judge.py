@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.forward import Scene, illumination, light_readings, proximity, scene_of, wheel_speeds
+from realitygap.calibration.forward import (
+    Scene,
+    illumination,
+    light_readings,
+    proximity,
+    scene_of,
+    wheel_speeds,
+)
 from realitygap.calibration.noise import NoiseEstimate, dark_noise, lit_noise, sample_noise
 from realitygap.calibration.odometry import measure_odometry
 from realitygap.calibration.recording import SensorRecording, WheelRecording
@@ -161,7 +168,11 @@ def measure_noise(recordings: Sequence[SensorRecording], models: Sequence[Array]
     samples, first = [], 0
     for recording, model in zip(recordings, models, strict=True):
         sample = sample_noise(
-            recording.counts, model, recording.place(), distance=recording.distance_cm, bearing=recording.bearing_deg
+            recording.counts,
+            model,
+            recording.place(),
+            distance=recording.distance_cm,
+            bearing=recording.bearing_deg,
         )
         samples.append((sample, first))
         first += len(recording.counts)
@@ -218,7 +229,12 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
     rmse, bias = np.sqrt(np.nanmean(off**2, axis=0)), np.nanmean(off, axis=0)
     sides = tuple(
         Misfit(
-            sensor=w, rmse=float(rmse[w]), bias=float(bias[w]), error=float(rmse[w]), ratio=np.nan, lit_ratio=np.nan
+            sensor=w,
+            rmse=float(rmse[w]),
+            bias=float(bias[w]),
+            error=float(rmse[w]),
+            ratio=np.nan,
+            lit_ratio=np.nan,
         )
         for w in range(2)
     )

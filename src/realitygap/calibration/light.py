@@ -62,7 +62,15 @@ def light_frees(form: str, profile: Profile, scenes: Scenes, counts: Array, *, r
     ]
     if linear:
         frees += [
-            Free(key=key, start=np.zeros(len(sensors)), low=-60, high=60, prior=SHIFT_PRIOR, tie=0.02, step=0.05)
+            Free(
+                key=key,
+                start=np.zeros(len(sensors)),
+                low=-60,
+                high=60,
+                prior=SHIFT_PRIOR,
+                tie=0.02,
+                step=0.05,
+            )
             for key in ("floor_shift", "dark_shift")
         ]
         frees.append(Free(key="facing", start=begun["facing"], low=0.0, high=10.0, step=1e-3))
@@ -110,7 +118,9 @@ def _first_gains(form: str, profile: Profile, scenes: Scenes, counts: Array) -> 
         some = (share > 0.1) & (share < 0.9) & (light[:, k] > 0)
         if some.any():
             lit, read = light[some, k], counts[some, k]
-            wanted = dark - read if form in ("linear", "extended") else 1.0 / np.maximum(read - floor, 1.0) ** 2
+            wanted = (
+                dark - read if form in ("linear", "extended") else 1.0 / np.maximum(read - floor, 1.0) ** 2
+            )
             out[k] = np.median(wanted / lit)
     return out
 
@@ -162,7 +172,9 @@ class LightMemory:
             if len(self._kept) > 16:
                 self._kept.clear()
             pairs = zip(scenes, turns, strict=True)
-            self._kept[key] = np.concatenate([illumination(profile, scene, turn) for (_, scene), turn in pairs])
+            self._kept[key] = np.concatenate(
+                [illumination(profile, scene, turn) for (_, scene), turn in pairs]
+            )
         return self._kept[key]
 
 

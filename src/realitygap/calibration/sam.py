@@ -132,7 +132,9 @@ def _table(path: Path, lines: list[str], header: Header) -> Array:
         block, place = divmod(number - 2, expected)
         if block == header.distances:
             if line.upper() != "END" or number != len(lines):
-                raise RecordingError(f"{path}, line {number}: expected END and nothing after it, got {line[:40]!r}.")
+                raise RecordingError(
+                    f"{path}, line {number}: expected END and nothing after it, got {line[:40]!r}."
+                )
             return out
         if place == 0:
             words = line.split()  # the number itself is miscounted in tables that are otherwise sound
@@ -151,7 +153,9 @@ def _table(path: Path, lines: list[str], header: Header) -> Array:
 def _readings(path: Path, number: int, line: str, sensors: int) -> list[int]:
     words = line.split()
     if len(words) != sensors:
-        raise RecordingError(f"{path}, line {number}: expected {sensors} readings, got {len(words)}: {line[:40]!r}.")
+        raise RecordingError(
+            f"{path}, line {number}: expected {sensors} readings, got {len(words)}: {line[:40]!r}."
+        )
     out = []
     for k, word in enumerate(words):
         try:

@@ -144,7 +144,8 @@ def blind_pairs(names: Sequence[str], curvature: Array) -> tuple[tuple[str, str,
     closest: dict[tuple[str, str], tuple[str, str, float]] = {}
     for i, j in zip(*np.nonzero(np.tril(np.abs(rho) >= ALIKE, -1)), strict=True):
         kinds = tuple(sorted(names[k].partition("[")[0] for k in (i, j)))
-        shifted = kinds[1] == f"{kinds[0]}_shift"  # a shift's mean is held at 0: no question of the data's
+        # A shift's mean is held at 0: no question of the data's.
+        shifted = kinds[1] == f"{kinds[0]}_shift" or (kinds[0] == kinds[1] and kinds[0].endswith("_shift"))
         pair = (names[i], names[j], float(rho[i, j]))
         if not shifted and abs(pair[2]) > abs(closest.get(kinds, ("", "", 0.0))[2]):  # type: ignore[call-overload]
             closest[kinds] = pair  # type: ignore[index]
@@ -162,7 +163,9 @@ class _Packed:
         self._last: tuple[Array, Array] | None = None
 
     def pack(self, values: Values) -> Array:
-        return np.concatenate([np.broadcast_to(values[f.key], f.start.shape) for f in self.frees]).astype(float)
+        return np.concatenate([np.broadcast_to(values[f.key], f.start.shape) for f in self.frees]).astype(
+            float
+        )
 
     def unpack(self, theta: Array) -> dict[str, Array]:
         parts = np.split(theta, self.ends[:-1])
@@ -173,7 +176,9 @@ class _Packed:
         return low, np.concatenate([np.full(len(f.start), f.high) for f in self.frees])
 
     def names(self) -> list[str]:
-        return [f.key if len(f.start) == 1 else f"{f.key}[{i}]" for f in self.frees for i in range(len(f.start))]
+        return [
+            f.key if len(f.start) == 1 else f"{f.key}[{i}]" for f in self.frees for i in range(len(f.start))
+        ]
 
     def readings(self, theta: Array) -> Array:
         if self._last is None or not np.array_equal(self._last[0], theta):
@@ -229,11 +234,11 @@ class _Packed:
 
         return csr_matrix(self.jacobian(theta))
 
-    def _prior_rows(self, n: int) -> list[Array]:
+    def _prior_rows(self, n: int, *, ties_only: bool = False) -> list[Array]:
         rows, first = [], 0
         for f in self.frees:
             size = len(f.start)
-            if f.prior is not None:
+            if f.prior is not None and not ties_only:
                 rows.append(np.eye(n)[first : first + size] / f.prior)
             if f.tie is not None:
                 row = np.zeros((1, n))
@@ -263,7 +268,8 @@ class _Packed:
 
     def constants(self, theta: Array, covariance: Array) -> tuple[Constant, ...]:
         deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        curvature = self.curvature(theta)
+        ties = np.concatenate([np.zeros((1, len(theta))), *self._prior_rows(len(theta), ties_only=True)])
+        curvature = self.curvature(theta) + ties.T @ ties
         size = np.sqrt(np.maximum(np.diag(curvature), 1e-12))
         alone = np.sqrt(np.maximum(np.diag(np.linalg.pinv(curvature / np.outer(size, size))), 0.0)) / size
         low, high = self.bounds()

@@ -101,7 +101,11 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str = "refitted")
         constants += odometry.constants
     if friction is not None:
         where = Constant(
-            key="friction_cm_s2", value=friction.value, low=friction.low, high=friction.high, told=friction.low > 0
+            key="friction_cm_s2",
+            value=friction.value,
+            low=friction.low,
+            high=friction.high,
+            told=friction.low > 0,
         )
         constants += (where,)
     return WheelFit(

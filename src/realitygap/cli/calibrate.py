@@ -24,8 +24,16 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended")
 
 @click.command()
 @click.argument("recordings", nargs=-1, required=True, metavar="RECORDING...", type=click.Path())
-@click.option("--form", type=click.Choice(FORMS), default="extended", show_default=True, help="Which constants are free.")
-@click.option("--light", type=click.Choice(LIGHT_FORMS), help="Another form for ambient light [default: as --form].")
+@click.option(
+    "--form",
+    type=click.Choice(FORMS),
+    default="extended",
+    show_default=True,
+    help="Which constants are free.",
+)
+@click.option(
+    "--light", type=click.Choice(LIGHT_FORMS), help="Another form for ambient light [default: as --form]."
+)
 @click.option(
     "--object", "objects", multiple=True, metavar="O",
     help="What .sam tables were recorded with: wall, cylinder:RADIUS_CM or lamp; once for all, or once for each.",
@@ -34,10 +42,14 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended")
     "--base", default="paper", show_default=True, metavar="P",
     help="Profile that keeps what the recordings do not tell.",
 )  # fmt: skip
-@click.option("--out", type=click.Path(), metavar="TOML", help="The profile to write; its report goes beside it.")
+@click.option(
+    "--out", type=click.Path(), metavar="TOML", help="The profile to write; its report goes beside it."
+)
 @click.option("--report", "page", type=click.Path(), metavar="HTML", help="Another place for the report.")
 @click.option("--no-report", is_flag=True, help="Write no report.")
-@click.option("--check", is_flag=True, help="Judge a profile, the last argument, by the recordings before it.")
+@click.option(
+    "--check", is_flag=True, help="Judge a profile, the last argument, by the recordings before it."
+)
 @as_json
 def calibrate(
     recordings: tuple[str, ...],
@@ -68,7 +80,9 @@ def calibrate(
         _check(recordings, objects, json_output)
         return
     if out is None:
-        raise click.UsageError("--out: missing: say where the profile shall be written, as in --out robot.toml.")
+        raise click.UsageError(
+            "--out: missing: say where the profile shall be written, as in --out robot.toml."
+        )
     from realitygap.calibration.calibrate import calibrate as fit
     from realitygap.world.profile import load_profile
 
@@ -169,7 +183,9 @@ def _tell(made: Calibration, target: Path, page: Path | None) -> None:
         forms = ", ".join(f"{name} {value:.3f}" for name, value in made.wheels.rmse.items())
         click.echo(f"wheels: RMSE by form, cm/s: {forms}")
         left, right = made.profile.wheels.speed_per_unit_cm_s
-        click.echo(f"  speed per unit {left:.4f} and {right:.4f} cm/s, track {made.profile.wheels.track_cm:.3f} cm")
+        click.echo(
+            f"  speed per unit {left:.4f} and {right:.4f} cm/s, track {made.profile.wheels.track_cm:.3f} cm"
+        )
     click.echo(f"profile {target}")
     if page:
         click.echo(f"report {page}")
@@ -184,7 +200,9 @@ def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) 
     profile = load_profile(words[-1])
     found = [judge(recording, profile) for recording in _load(words[:-1], objects)]
     if json_output:
-        print_json({**found[0].to_dict(), "profile": profile.name, "recordings": [one.to_dict() for one in found]})
+        print_json(
+            {**found[0].to_dict(), "profile": profile.name, "recordings": [one.to_dict() for one in found]}
+        )
         return
     for one in found:
         _tell_judgement(one)
@@ -192,11 +210,15 @@ def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) 
 
 def _tell_judgement(one: Judgement) -> None:
     unit = "cm/s" if one.kind == "wheels" else "counts"
-    click.echo(f"{one.source}: {one.kind}, RMSE {one.rmse:.3g} {unit}, bias {one.bias:+.3g} (model minus measured)")
+    click.echo(
+        f"{one.source}: {one.kind}, RMSE {one.rmse:.3g} {unit}, bias {one.bias:+.3g} (model minus measured)"
+    )
     if one.turn_deg:
         click.echo(f"  rig turned by {one.turn_deg:+.1f} degrees: fitted out")
     head = ["wheel" if one.kind == "wheels" else "sensor", "rmse", "bias", "error/noise"]
-    print_table(head, [[m.sensor, round(m.rmse, 3), round(m.bias, 3), round(m.ratio, 2)] for m in one.per_sensor])
+    print_table(
+        head, [[m.sensor, round(m.rmse, 3), round(m.bias, 3), round(m.ratio, 2)] for m in one.per_sensor]
+    )
     for channel, (measured, stated) in one.noise.items():
         click.echo(f"  noise, {channel}: measured {measured:.3g}, profile {stated:.3g}")
     if one.noise_fits is not None:

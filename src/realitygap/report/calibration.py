@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["write_calibration_page"]
 
 TITLES = {"infrared": "Infrared proximity", "ambient": "Ambient light"}
+ROOM = "the model's against what was measured, all over a room"
 GRID = "measured dots over fitted curves, four distances from the nearest to the farthest at which the sensor answers"
 
 
@@ -75,25 +76,29 @@ def _card(name: str, figure: Figure, alt: str, caption: str) -> Card:
 
 def _sensors(fit: ChannelFit) -> _Part:
     part = _Part(name=fit.kind, title=TITLES[fit.kind], sentences=_read(fit))
-    forms = [[name, f"{rmse:.1f}", "fitted" if name == fit.form else ""] for name, rmse in fit.by_form.items()]
+    forms = [
+        [name, f"{rmse:.1f}", "fitted" if name == fit.form else ""] for name, rmse in fit.by_form.items()
+    ]
     part.tables.append(_Table(title="All forms side by side", head=["form", "RMSE, counts", ""], rows=forms))
     limit = LIMITS[fit.kind]
     rows = [
         [
-            str(m.sensor), f"{m.rmse:.1f}", f"{m.bias:+.1f}", f"{m.error:.1f}", f"{m.ratio:.2f}", f"{m.lit_ratio:.2f}",
-            f"{fit.span[m.sensor, 0]:.0f} to {fit.span[m.sensor, 1]:.0f}", "above the limit" if m.ratio > limit else "",
+            str(m.sensor), f"{m.rmse:.1f}", f"{m.bias:+.1f}", f"{m.error:.1f}",
+            f"{m.ratio:.2f}" + (" ▲" if m.ratio > limit else ""), f"{m.lit_ratio:.2f}",
+            f"{fit.span[m.sensor, 0]:.0f} to {fit.span[m.sensor, 1]:.0f}",
         ]
         for m in fit.sensors
     ]  # fmt: skip
-    head = [
-        "sensor", "RMSE", "bias", "model error", "over noise", "over noise, neither dark nor saturated", "spans", "",
-    ]  # fmt: skip
-    title = f"Model error over noise deviation, counts; above {limit:g} the level of noise can explain nothing"
+    head = ["sensor", "RMSE", "bias", "model error", "over noise", "where lit", "spans"]
+    title = (
+        f"Model minus measured, counts. ▲: model error over noise deviation above {limit:g}, so that the level of noise "
+        "can explain nothing. Where lit: the same where readings are neither dark nor saturated"
+    )
     part.tables.append(_Table(title=title, head=head, rows=rows))
     what = f"Sensors of {fit.source.split('/')[-1]}"
     part.cards.append(
-        _card(f"{fit.kind}-curves", draw.curves_figure(fit), f"{what}: measured and fitted.", f"Readings: {GRID}; or, "
-              "where the robot stood all over a room, the model against what was measured.")
+        _card(f"{fit.kind}-curves", draw.curves_figure(fit), f"{what}: measured and fitted.",
+              f"Readings: {GRID if draw.is_grid(fit) else ROOM}.")
     )  # fmt: skip
     part.cards.append(
         _card(f"{fit.kind}-maps", draw.maps_figure(fit), f"{what}: what is left over.",
@@ -123,7 +128,10 @@ def _read(fit: ChannelFit) -> list[str]:
         )
     if fit.fit.alike:
         pairs = "; ".join(f"{a} and {b} (ρ = {r:+.2f})" for a, b, r in fit.fit.alike[:3])
-        out.append(f"Hard to tell apart by these data: {pairs}" + ("; and others." if len(fit.fit.alike) > 3 else "."))
+        out.append(
+            f"Hard to tell apart by these data: {pairs}"
+            + ("; and others." if len(fit.fit.alike) > 3 else ".")
+        )
     turns = [c for c in fit.fit.constants if c.key.startswith("turn_")]
     if turns:
         said = ", ".join(f"{c.value:+.1f}° ({c.low:+.1f} to {c.high:+.1f})" for c in turns)
@@ -143,8 +151,12 @@ def _wheels(fit: WheelFit, recording: WheelRecording) -> _Part:
             f"{fit.friction.high:.1f} cm/s²."
         )
     if fit.odometry is not None:
-        part.sentences.append(f"Told to drive straight, it drifts {fit.odometry.drift_deg_per_m:+.1f}° a metre.")
-        part.sentences.append(f"Slip is {fit.odometry.slip:.1%} of the way of a step, which counters cannot see.")
+        part.sentences.append(
+            f"Told to drive straight, it drifts {fit.odometry.drift_deg_per_m:+.1f}° a metre."
+        )
+        part.sentences.append(
+            f"Slip is {fit.odometry.slip:.1%} of the way of a step, which counters cannot see."
+        )
     part.cards.append(
         _card("wheels-steps", draw.steps_figure(fit, recording), "Speed steps, measured and modelled.",
               "Steps of the left wheel: mean speed of each 100 ms by its counter, and the model's.")
@@ -155,5 +167,3 @@ def _wheels(fit: WheelFit, recording: WheelRecording) -> _Part:
                   "How much further each wheel came than its counter says, between two pictures.")
         )  # fmt: skip
     return part
-
-

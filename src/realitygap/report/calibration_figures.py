@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from realitygap.calibration.recording import WheelRecording
     from realitygap.calibration.wheels import WheelFit
 
-__all__ = ["curves_figure", "maps_figure", "noise_figure", "slip_figure", "steps_figure"]
+__all__ = ["curves_figure", "is_grid", "maps_figure", "noise_figure", "slip_figure", "steps_figure"]
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 MARKS = ("o", "s", "^", "D")
@@ -27,13 +27,15 @@ SHOWN = 4
 def curves_figure(fit: ChannelFit) -> Figure:
     """Measured dots over fitted curves, a panel a sensor: over bearing, or model against measured."""
     figure, panels = _panels(len(fit.counts[0]))
-    grid = _is_grid(fit)
+    grid = is_grid(fit)
     for k, axes in enumerate(panels):
         if grid:
             _curves_over_bearing(fit, k, axes)
         else:
             axes.plot([0, 1023], [0, 1023], color=MUTED, lw=0.8)
-            axes.scatter(fit.counts[:, k], fit.model[:, k], s=3, color=COLOURS[0], lw=0, alpha=0.4, rasterized=True)
+            axes.scatter(
+                fit.counts[:, k], fit.model[:, k], s=3, color=COLOURS[0], lw=0, alpha=0.4, rasterized=True
+            )
             ends = _ends(fit)
             axes.set(xlim=ends, ylim=ends)
         axes.set_title(_title(fit, k))
@@ -53,10 +55,17 @@ def maps_figure(fit: ChannelFit) -> Figure:
     scale = max(float(np.percentile(np.abs(off), 99)), 1.0)
     drawn: Any = None
     for k, axes in enumerate(panels):
-        if _is_grid(fit):
+        if is_grid(fit):
             distance, bearing, table = _table(fit, off[:, k])
             drawn = axes.pcolormesh(
-                bearing, distance, table, cmap="PuOr", vmin=-scale, vmax=scale, shading="nearest", rasterized=True
+                bearing,
+                distance,
+                table,
+                cmap="PuOr",
+                vmin=-scale,
+                vmax=scale,
+                shading="nearest",
+                rasterized=True,
             )
         else:
             drawn = axes.scatter(
@@ -89,7 +98,8 @@ def noise_figure(fit: ChannelFit) -> Figure:
             right.axhspan(estimate.low, estimate.high, color=colour, alpha=0.15, lw=0)
     left.set(yscale="log", ylim=(1e-4, 2), xlabel="noise in its own deviations", ylabel="density")
     left.legend(loc="lower center", fontsize=6.5)
-    right.set(xlabel="reading, counts", ylabel="deviation, counts", ylim=(0, None))
+    right.set(xlabel="reading, counts", ylabel="deviation, counts")
+    right.set_ylim(0, 1.25 * max([e.high for e in _shown(fit)] + [s for e in _shown(fit) for _, s in e.bins]))
     for axes in (left, right):
         axes.grid(True, color=GRID, lw=0.5)
     return figure
@@ -154,7 +164,7 @@ def _title(fit: ChannelFit, k: int) -> str:
     return f"sensor {k}" + (" (dead)" if k in fit.dead else "")
 
 
-def _is_grid(fit: ChannelFit) -> bool:
+def is_grid(fit: ChannelFit) -> bool:
     """Whether the same bearings were recorded at each of a few distances."""
     places = len(np.unique(np.stack([fit.distance_cm, fit.bearing_deg], 1), axis=0))
     distances, bearings = len(np.unique(fit.distance_cm)), len(np.unique(fit.bearing_deg))
@@ -183,7 +193,9 @@ def _curves_over_bearing(fit: ChannelFit, k: int, axes: Any) -> None:
 
 
 def _ends(fit: ChannelFit) -> tuple[float, float]:
-    return float(min(fit.counts.min(), fit.model.min())) - 10, float(max(fit.counts.max(), fit.model.max())) + 10
+    return float(min(fit.counts.min(), fit.model.min())) - 10, float(
+        max(fit.counts.max(), fit.model.max())
+    ) + 10
 
 
 def _table(

@@ -108,7 +108,7 @@ class Profile(Value):
     infrared: Infrared
     ambient: Ambient
     noise: Noise
-    provenance: Provenance = Provenance()
+    provenance: Provenance = Provenance()  # noqa: RUF009 (a frozen value)
 
     def _check(self) -> None:
         require(bool(self.name.strip()), "name", "a name", self.name)
