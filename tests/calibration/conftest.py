@@ -83,7 +83,8 @@ def recorded(robot: Profile) -> Callable[..., SensorRecording]:
         deviation = noise if kind == "ambient" else np.where(clean > 0, noise, 0.0)
         random = np.random.default_rng(seed)
         drawn = clean + deviation * random.normal(size=clean.shape)
-        drawn = np.where(clean > 0, drawn, 4.0 * np.abs(random.normal(size=clean.shape)) if kind == "infrared" else drawn)
+        idle = 4.0 * np.abs(random.normal(size=clean.shape))
+        drawn = np.where((clean > 0) | (kind == "ambient"), drawn, idle)
         return replace(blank, counts=np.clip(np.rint(drawn), 0, 1023))
 
     return make
@@ -91,7 +92,7 @@ def recorded(robot: Profile) -> Callable[..., SensorRecording]:
 
 @pytest.fixture(scope="session")
 def driven(robot: Profile) -> Callable[..., WheelRecording]:
-    """Record the wheels of a robot with the given constants, their counters, and a camera on slipping wheels."""
+    """Record a robot's wheels: constants as given, counters, and a camera that sees them slip."""
 
     def make(*, slip: float = 0.06, camera: bool = True, seed: int = 2, **wheels: object) -> WheelRecording:
         made = replace(robot, wheels=replace(robot.wheels, **wheels))  # type: ignore[arg-type]

@@ -138,7 +138,8 @@ def _provenance(
         isinstance(r, SensorRecording) and r.kind == "ambient" and r.arena is not None for r in recordings
     ):
         notes.append(
-            "ambient: the lamp's brightness is unknown; gains are scaled as if the light which the paper's law "
+            "ambient: the lamp's brightness is unknown; gains are scaled as if the light which "
+            "the paper's law "
             "reads half-way between floor and dark were read half-way here"
         )
     pulses: tuple[float, ...] = ()
@@ -192,7 +193,8 @@ def _wheel_warnings(wheels: WheelFit | None) -> list[str]:
     out = []
     if wheels.odometry is None:
         out.append(
-            f"wheels: no camera saw the robot: {PULSES_PER_CM / 10:g} pulses per mm are assumed, track and noise "
+            f"wheels: no camera saw the robot: {PULSES_PER_CM / 10:g} pulses per mm are assumed, "
+            f"track and noise "
             "of the wheels are the base profile's"
         )
     better = wheels.rmse["printed"] / max(wheels.rmse["refitted"], 1e-9)

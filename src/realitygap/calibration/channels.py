@@ -122,7 +122,7 @@ class _Rows:
         self.block = self._blocks()
 
     def _blocks(self) -> NDArray[np.int64]:
-        """[n] patches of neighbouring distances and bearings: what errs together, and is held out together."""
+        """[n] patches of neighbouring distances and bearings: what errs, and is held out, together."""
         known = np.isfinite(self.distance) & np.isfinite(self.bearing)
         if not known.all() or self.recordings[0].pose is not None:
             return self.place
@@ -174,7 +174,8 @@ def fit_light(recordings: Sequence[SensorRecording], base: Profile, form: str) -
     rooms = {r.pose is not None and r.arena is not None for r in recordings}
     if len(rooms) > 1:
         raise CalibrationError(
-            "ambient recordings: some are in an arena, some before a lamp of unknown brightness: calibrate from one kind."
+            "ambient recordings: some are in an arena, some before a lamp of unknown "
+            "brightness: calibrate from one kind."
         )
     room = rooms.pop()
     problems = {name: _light_problem(name, rows, base, room=room, falloff=2.0) for name in LIGHT_FORMS}
@@ -329,7 +330,10 @@ def _channel(
     return ChannelFit(
         kind=kind, form=form, profile=profile, fit=fit, by_form=by_form, held_out=held_out,
         noise=tuple(noise), sensors=sensors, dead=rows.dead, source=source,
-        warnings=(*rows.warnings, *_warnings(kind, by_form[form], held_out[form], sensors, fit, noise, deviation)),
+        warnings=(
+            *rows.warnings,
+            *_warnings(kind, by_form[form], held_out[form], sensors, fit, noise, deviation),
+        ),
         distance_cm=rows.distance, bearing_deg=rows.bearing, counts=rows.counts, model=fit.model, span=span,
     )  # fmt: skip
 
@@ -348,7 +352,8 @@ def _warnings(
     if over:
         which = ", ".join(f"{m.sensor} ({m.ratio:.1f})" for m in over)
         out.append(
-            f"{kind}: model error is more than {limit:g} noise deviations ({deviation:.3g} counts) for sensors "
+            f"{kind}: model error is more than {limit:g} noise deviations ({deviation:.3g} "
+            f"counts) for sensors "
             f"{which}: there the level of noise can explain nothing"
         )
     if held_out > OVERFITTED * rmse:

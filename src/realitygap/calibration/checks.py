@@ -49,7 +49,8 @@ def dead_sensors(recording: SensorRecording) -> dict[int, str]:
     middle = int(((lit > 0.06) & (lit < 0.94)).sum())
     if middle < FEWEST_LIT:
         raise CalibrationError(
-            f"{recording.source}: only {middle} readings lie between dark and saturated, expected {FEWEST_LIT} or "
+            f"{recording.source}: only {middle} readings lie between dark and saturated, "
+            f"expected {FEWEST_LIT} or "
             "more. Are the distances right, and the object near enough?"
         )
     return dead
@@ -101,7 +102,8 @@ def refuse_nonsense(where: str, counts: Array, model: Array, dead: dict[int, str
     spread = ((counts[:, live] - counts[:, live].mean(axis=0)) ** 2).sum()
     if off > (1.0 - EXPLAINED) * spread:
         raise CalibrationError(
-            f"{where}: the fitted law explains only {max(0.0, 1 - off / spread):.0%} of how the readings change: this "
+            f"{where}: the fitted law explains only {max(0.0, 1 - off / spread):.0%} of how the "
+            f"readings change: this "
             "is no recording of such an object, or its distances and bearings are not those of its rows."
         )
 

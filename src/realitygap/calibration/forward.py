@@ -46,7 +46,7 @@ class Scene:
 
     def turned(self, degrees: float) -> Array:
         """The poses, if the rig stood this much further counter-clockwise than it was thought to."""
-        return self.poses + np.array([0.0, 0.0, math.radians(degrees)])
+        return np.asarray(self.poses + np.array([0.0, 0.0, math.radians(degrees)]))
 
 
 def scene_of(recording: SensorRecording) -> Scene:

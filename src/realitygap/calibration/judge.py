@@ -155,9 +155,13 @@ def _fitted_out(recording: SensorRecording, profile: Profile, scene: Scene) -> t
     size = 2 if lamp else 1
     starts = [np.array([0.0, s])[:size] for s in (np.linspace(-14, 14, 15) if lamp else (0.0,))]
     start = min(starts, key=lambda theta: float(((readings(theta) - recording.counts) ** 2).sum()))
+
+    def residuals(theta: Array) -> Array:
+        return np.asarray((readings(theta) - recording.counts).ravel())
+
     found = least_squares(
-        lambda theta: (readings(theta) - recording.counts).ravel(),
-        start, bounds=([-10.0, -30.0][:size], [10.0, 30.0][:size]), diff_step=1e-3, x_scale=[1.0, 0.1][:size],
+        residuals,
+        start, bounds=([-10.0, -30.0][:size], [10.0, 30.0][:size]), diff_step=[1e-3, 1e-3][:size], x_scale=[1.0, 0.1][:size],
         max_nfev=12,
     )  # fmt: skip
     return float(found.x[0]), float(np.exp(found.x[1])) if lamp else 1.0, readings(found.x)
@@ -239,7 +243,8 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
         for w in range(2)
     )
     return Judgement(
-        kind="wheels", source=recording.source, rmse=float(np.sqrt((rmse**2).mean())), bias=float(bias.mean()),
+        kind="wheels", source=recording.source, rmse=float(np.sqrt((rmse**2).mean())),
+        bias=float(bias.mean()),
         per_sensor=sides, noise={"wheel": (odometry.slip, profile.noise.wheel)} if odometry else {},
         turn_deg=0.0, brightness=1.0, counts=measured, model=model,
     )  # fmt: skip

@@ -146,7 +146,7 @@ def with_light(profile: Profile, values: Values, form: str) -> Profile:
         if key in values
     }
     response = "linear" if form in ("linear", "extended") else "paper"
-    return replace(profile, ambient=replace(law, sensors=sensors, response=response, **common))
+    return replace(profile, ambient=replace(law, sensors=sensors, response=response, **common)  # type: ignore[arg-type])
 
 
 def light_model(profile: Profile, values: Values, scenes: Scenes, form: str, memory: LightMemory) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -76,7 +77,7 @@ def measure_odometry(recording: WheelRecording, pulses_per_cm: float, track_cm: 
         squares = ways.squares * theta[:2] ** 2
         likely = slip**2 * squares + camera**2
         # A picture in which the disk was taken for something else says nothing.
-        seen = (np.abs(beyond) < WILD * np.sqrt(likely)).all(axis=1)
+        seen = np.asarray((np.abs(beyond) < WILD * np.sqrt(likely)).all(axis=1))
         if seen.sum() < FEWEST:
             return None
         theta, spread = _lengths(ways, np.where(seen[:, None], 1.0 / likely, 0.0))
@@ -111,7 +112,7 @@ def _between_pictures(recording: WheelRecording, pulses_per_cm: float, track_cm:
     found: list[tuple[Array, Array, float, float, bool]] = []
     for rows in recording.trials():
         seen = rows[np.isfinite(recording.pose[rows]).all(axis=1)]
-        for a, b in zip(seen[:-1], seen[1:], strict=True):
+        for a, b in pairwise(seen):
             steps = np.diff(recording.counters[a : b + 1], axis=0)
             pulses = steps.sum(axis=0)
             if not np.abs(pulses).max() > 0:
@@ -149,7 +150,7 @@ def _lengths(ways: _Ways, weight: Array) -> tuple[Array, Array]:
     theta = np.linalg.lstsq(rows * root[:, None], wanted * root, rcond=None)[0]
     off = (rows @ theta - wanted) * root
     inverse = np.linalg.pinv((rows * root[:, None]).T @ (rows * root[:, None]))
-    return theta, inverse * float((off**2).sum() / max(2 * m - 3, 1))
+    return np.asarray(theta), np.asarray(inverse * float((off**2).sum() / max(2 * m - 3, 1)))
 
 
 def _beyond(ways: _Ways, theta: Array) -> Array:

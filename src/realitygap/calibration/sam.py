@@ -103,7 +103,7 @@ def _header(path: Path, lines: list[str]) -> Header:
         raise RecordingError(f"{path}, line 1: expected {expected}, got {lines[0]!r}.") from None
     if len(words) != 5:
         raise RecordingError(f"{path}, line 1: expected five numbers {expected}, got {len(words)}.")
-    header = Header(*counts, *ways)  # type: ignore[call-arg]
+    header = Header(*counts, *ways)
     if header.sensors != SENSORS:
         raise RecordingError(
             f"{path}, line 1: sensors: expected {SENSORS}, as a Khepera has, got {header.sensors}."

@@ -142,13 +142,14 @@ def blind_pairs(names: Sequence[str], curvature: Array) -> tuple[tuple[str, str,
     scale = np.sqrt(np.maximum(np.diag(inverse), 1e-12))
     rho = np.clip(inverse / np.outer(scale, scale), -1.0, 1.0)
     closest: dict[tuple[str, str], tuple[str, str, float]] = {}
-    for i, j in zip(*np.nonzero(np.tril(np.abs(rho) >= ALIKE, -1)), strict=True):
-        kinds = tuple(sorted(names[k].partition("[")[0] for k in (i, j)))
+    for i, j in np.argwhere(np.tril(np.abs(rho) >= ALIKE, -1)).tolist():
+        first, second = sorted(names[k].partition("[")[0] for k in (i, j))
+        kinds = (first, second)
         # A shift's mean is held at 0: no question of the data's.
         shifted = kinds[1] == f"{kinds[0]}_shift" or (kinds[0] == kinds[1] and kinds[0].endswith("_shift"))
         pair = (names[i], names[j], float(rho[i, j]))
-        if not shifted and abs(pair[2]) > abs(closest.get(kinds, ("", "", 0.0))[2]):  # type: ignore[call-overload]
-            closest[kinds] = pair  # type: ignore[index]
+        if not shifted and abs(pair[2]) > abs(closest.get(kinds, ("", "", 0.0))[2]):
+            closest[kinds] = pair
     return tuple(sorted(closest.values(), key=lambda pair: -abs(pair[2])))
 
 

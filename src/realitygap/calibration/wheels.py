@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 PULSES_PER_CM = 120.0
 """12 pulses per mm by most sources (0.08 mm per pulse by others): what is taken where nothing measured it."""
 WHEEL_FORMS = ("printed", "refitted")
-"""The paper's gains; gains of one's own, a lag and a loss at starts. Both with the measured speed per unit."""
+"""The paper's gains; gains of one's own, a lag and a loss at starts. Both with their own speed per unit."""
 GAINS = ("kp", "ki", "kd", "lag")
 DIVISOR = 50000.0
 MOVING_SHARE = 0.1
@@ -153,9 +153,10 @@ def _fit(
         if form == "printed":
             break
     assert found is not None
+    jacobian = np.asarray(found.jac)
     freedom = max(int(use.sum()) - len(keys), 1)
     variance = float((found.fun**2).sum()) / freedom
-    deviation = np.sqrt(np.maximum(np.diag(np.linalg.pinv(found.jac.T @ found.jac)) * variance, 0.0))
+    deviation = np.sqrt(np.maximum(np.diag(np.linalg.pinv(jacobian.T @ jacobian)) * variance, 0.0))
     constants = tuple(
         Constant(key=key, value=float(v), low=float(v - SIGMAS * d), high=float(v + SIGMAS * d))
         for key, v, d in zip(keys, found.x, deviation, strict=True)

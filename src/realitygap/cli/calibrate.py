@@ -36,7 +36,7 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended")
 )
 @click.option(
     "--object", "objects", multiple=True, metavar="O",
-    help="What .sam tables were recorded with: wall, cylinder:RADIUS_CM or lamp; once for all, or once for each.",
+    help="What .sam tables show: wall, cylinder:RADIUS_CM or lamp; once for all, or once for each.",
 )  # fmt: skip
 @click.option(
     "--base", default="paper", show_default=True, metavar="P",
@@ -132,7 +132,8 @@ def _header(made: Calibration) -> str:
     files = ", ".join(f.file for f in where.files)
     return (
         f"# Calibrated {where.date} by realitygap {where.version} from {files}.\n"
-        "# Lengths cm, speeds cm/s, angles degrees, readings counts; where each comes from stands at the end.\n"
+        "# Lengths cm, speeds cm/s, angles degrees, readings counts; where each comes from "
+        "stands at the end.\n"
     )
 
 

@@ -25,7 +25,10 @@ __all__ = ["write_calibration_page"]
 
 TITLES = {"infrared": "Infrared proximity", "ambient": "Ambient light"}
 ROOM = "the model's against what was measured, all over a room"
-GRID = "measured dots over fitted curves, four distances from the nearest to the farthest at which the sensor answers"
+GRID = (
+    "measured dots over fitted curves, four distances from the nearest to the farthest at which the "
+    "sensor answers"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +94,8 @@ def _sensors(fit: ChannelFit) -> _Part:
     ]  # fmt: skip
     head = ["sensor", "RMSE", "bias", "model error", "over noise", "where lit", "spans"]
     title = (
-        f"Model minus measured, counts. ▲: model error over noise deviation above {limit:g}, so that the level of noise "
+        f"Model minus measured, counts. ▲: model error over noise deviation above {limit:g}, so "
+        f"that the level of noise "
         "can explain nothing. Where lit: the same where readings are neither dark nor saturated"
     )
     part.tables.append(_Table(title=title, head=head, rows=rows))
@@ -102,12 +106,14 @@ def _sensors(fit: ChannelFit) -> _Part:
     )  # fmt: skip
     part.cards.append(
         _card(f"{fit.kind}-maps", draw.maps_figure(fit), f"{what}: what is left over.",
-              "What the model leaves over, over distance and bearing. A pattern is the model's error, a speckle is noise.")
+              "What the model leaves over, over distance and bearing. A pattern is the model's "
+              "error, a speckle is noise.")
     )  # fmt: skip
     if fit.noise:
         part.cards.append(
             _card(f"{fit.kind}-noise", draw.noise_figure(fit), f"{what}: noise against a normal.",
-                  "Left: noise against a normal of its deviation. Right: its deviation over the reading, in quarters of "
+                  "Left: noise against a normal of its deviation. Right: its deviation over the "
+                  "reading, in quarters of "
                   "the data, and the 95 % interval of the whole.")
         )  # fmt: skip
     return part
@@ -116,7 +122,8 @@ def _sensors(fit: ChannelFit) -> _Part:
 def _read(fit: ChannelFit) -> list[str]:
     """What the numbers say, in words."""
     out = [
-        f"The form “{fit.form}” leaves {fit.rmse:.1f} counts, and {fit.held_out[fit.form]:.1f} on places held out of the fit."
+        f"The form “{fit.form}” leaves {fit.rmse:.1f} counts, and {fit.held_out[fit.form]:.1f} "
+        f"on places held out of the fit."
     ]
     for e in fit.noise:
         shape = "heavier tails than normal" if e.heavy else "tails about normal"
@@ -124,7 +131,8 @@ def _read(fit: ChannelFit) -> list[str]:
             ", and depends on the reading" if e.depends else ", about the same at every reading"
         )  # fmt: skip
         out.append(
-            f"Noise, {e.channel.replace('_', ' ')}: {e.deviation:.2f} counts ({e.low:.2f} to {e.high:.2f}), {shape}{tied}."
+            f"Noise, {e.channel.replace('_', ' ')}: {e.deviation:.2f} counts ({e.low:.2f} to "
+            f"{e.high:.2f}), {shape}{tied}."
         )
     if fit.fit.alike:
         pairs = "; ".join(f"{a} and {b} (ρ = {r:+.2f})" for a, b, r in fit.fit.alike[:3])
@@ -147,7 +155,8 @@ def _wheels(fit: WheelFit, recording: WheelRecording) -> _Part:
     part.tables.append(_Table(title="Constants", head=["constant", "value", "95 % interval"], rows=rows))
     if fit.friction is not None:
         part.sentences.append(
-            f"Of {fit.friction.starts} standing starts the threshold of friction lies between {fit.friction.low:.1f} and "
+            f"Of {fit.friction.starts} standing starts the threshold of friction lies between "
+            f"{fit.friction.low:.1f} and "
             f"{fit.friction.high:.1f} cm/s²."
         )
     if fit.odometry is not None:

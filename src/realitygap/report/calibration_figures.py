@@ -43,14 +43,16 @@ def curves_figure(fit: ChannelFit) -> Figure:
     if grid:
         handles, labels = first.get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=SHOWN, markerscale=2.5)
-    _label(figure, "bearing of the object off the one that the sensor answers most to, degrees" if grid else "measured, counts",
-           "counts" if grid else "model, counts")  # fmt: skip
+    if grid:
+        _label(figure, "bearing of the object off the one that the sensor answers most to, degrees", "counts")
+    else:
+        _label(figure, "measured, counts", "model, counts")
     return figure
 
 
 def maps_figure(fit: ChannelFit) -> Figure:
     """Model minus measured over distance and bearing, a panel a sensor."""
-    figure, panels = _panels(len(fit.counts[0]), share="all")
+    figure, panels = _panels(len(fit.counts[0]))
     off = fit.model - fit.counts
     scale = max(float(np.percentile(np.abs(off), 99)), 1.0)
     drawn: Any = None
@@ -69,8 +71,8 @@ def maps_figure(fit: ChannelFit) -> Figure:
             )
         else:
             drawn = axes.scatter(
-                fit.bearing_deg, fit.distance_cm, c=off[:, k], cmap="PuOr", vmin=-scale, vmax=scale, s=5, lw=0,
-                rasterized=True,
+                fit.bearing_deg, fit.distance_cm, c=off[:, k], cmap="PuOr", vmin=-scale, vmax=scale,
+                s=5, lw=0, rasterized=True,
             )  # fmt: skip
         axes.set_title(_title(fit, k))
         axes.set_xticks([-180, -90, 0, 90, 180])
@@ -140,11 +142,11 @@ def slip_figure(fit: WheelFit) -> Figure:
     return figure
 
 
-def _panels(count: int, share: str = "all") -> tuple[Figure, list[Any]]:
+def _panels(count: int) -> tuple[Figure, list[Any]]:
     """`count` panels, four a row."""
     rows = max(1, -(-count // 4))
     figure = new_figure(PAGE, 0.6 + 1.55 * rows, layout="constrained")
-    grid = figure.subplots(rows, 4, sharex=share, sharey=share, squeeze=False)
+    grid = figure.subplots(rows, 4, sharex="all", sharey="all", squeeze=False)
     panels = list(grid.ravel())
     for spare in panels[count:]:
         spare.set_visible(False)
