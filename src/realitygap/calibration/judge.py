@@ -161,8 +161,8 @@ def _fitted_out(recording: SensorRecording, profile: Profile, scene: Scene) -> t
 
     found = least_squares(
         residuals,
-        start, bounds=([-10.0, -30.0][:size], [10.0, 30.0][:size]), diff_step=[1e-3, 1e-3][:size], x_scale=[1.0, 0.1][:size],
-        max_nfev=12,
+        start, bounds=([-10.0, -30.0][:size], [10.0, 30.0][:size]), diff_step=[1e-3, 1e-3][:size],
+        x_scale=[1.0, 0.1][:size], max_nfev=12,
     )  # fmt: skip
     return float(found.x[0]), float(np.exp(found.x[1])) if lamp else 1.0, readings(found.x)
 

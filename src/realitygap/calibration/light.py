@@ -35,6 +35,9 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended")
 and floor with gains and an angular exponent; also directions, the lamp's height, and where the room is
 known, what walls throw back."""
 
+COMMON = (
+    "floor", "dark", "facing", "lamp_height_cm", "lamp_proud_cm", "reflectance", "exponent", "near_cm",
+)  # fmt: skip
 SHIFT_PRIOR = 10.0
 """Counts by which sensors of one robot differ in the dark and when saturated."""
 DIRECTION_PRIOR_DEG = 5.0
@@ -105,6 +108,7 @@ def _extended(profile: Profile, room: bool) -> list[Free]:
         ]
         if law.falloff == 1.0:
             frees.append(Free(key="near_cm", start=np.array([0.5]), low=0.0, high=10.0, step=1e-3))
+            frees.append(Free(key="lamp_proud_cm", start=np.array([0.3]), low=0.0, high=3.0, step=2e-2))
     return frees
 
 
@@ -142,11 +146,12 @@ def with_light(profile: Profile, values: Values, form: str) -> Profile:
     )
     common = {
         key: float(values[key][0])
-        for key in ("floor", "dark", "facing", "lamp_height_cm", "reflectance", "exponent", "near_cm")
+        for key in COMMON
         if key in values
     }
     response = "linear" if form in ("linear", "extended") else "paper"
-    return replace(profile, ambient=replace(law, sensors=sensors, response=response, **common)  # type: ignore[arg-type])
+    law = replace(law, sensors=sensors, response=response, **common)  # type: ignore[arg-type]
+    return replace(profile, ambient=law)
 
 
 def light_model(profile: Profile, values: Values, scenes: Scenes, form: str, memory: LightMemory) -> Array:
@@ -166,7 +171,8 @@ class LightMemory:
         law = profile.ambient
         turns = tuple(float(values[name][0]) if name in values else 0.0 for name, _ in scenes)
         directions = tuple(s.direction_deg for s in law.sensors)
-        shape = (law.facing, law.lamp_height_cm, law.lamp_narrow, law.reflectance, law.exponent, law.near_cm)
+        lamp = (law.lamp_height_cm, law.lamp_narrow, law.lamp_proud_cm)
+        shape = (law.facing, law.reflectance, law.exponent, law.near_cm, lamp)
         key = (turns, directions, shape)
         if key not in self._kept:
             if len(self._kept) > 16:

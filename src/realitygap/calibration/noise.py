@@ -79,7 +79,7 @@ class NoiseEstimate:
         if self.channel == "proximity_dark":
             return False  # all its readings are one: dark
         sizes = [size for _, size in self.bins if size > 0]
-        return len(sizes) > 1 and max(sizes) / min(sizes) > STEADY
+        return len(sizes) > 1 and max(sizes) > STEADY * min(sizes)
 
     @property
     def heavy(self) -> bool:
@@ -171,7 +171,7 @@ def _estimate(sample: Sample, use: NDArray[np.bool_], channel: str) -> NoiseEsti
         high=float(np.quantile(spread, 0.975)),
         per_sensor=np.where(enough, per_sensor, np.nan),
         bins=_bins(sample.level[use], sample.z[use]),
-        kurtosis=float(np.mean(unit**4) / max(np.mean(unit**2) ** 2, 1e-12) - 3.0),
+        kurtosis=float(np.mean(unit**4) / max(float(np.mean(unit**2)) ** 2, 1e-12) - 3.0),
         beyond=float((np.abs(unit) > 3.0).mean()),
         count=int(use.sum()),
         values=unit,

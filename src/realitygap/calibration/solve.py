@@ -136,7 +136,7 @@ def blind_pairs(names: Sequence[str], curvature: Array) -> tuple[tuple[str, str,
     """Pairs of constants whose estimates hang together by |ρ| ≥ 0.95: of two kinds the closest pair."""
     size = np.sqrt(np.diag(curvature))
     moves = np.flatnonzero(size > 1e-9 * size.max(initial=1e-300))
-    names, size = [names[i] for i in moves], size[moves]
+    names, size = [names[int(i)] for i in moves], size[moves]
     values, vectors = np.linalg.eigh(curvature[np.ix_(moves, moves)] / np.outer(size, size))
     inverse = (vectors / np.maximum(values, BLIND)) @ vectors.T
     scale = np.sqrt(np.maximum(np.diag(inverse), 1e-12))

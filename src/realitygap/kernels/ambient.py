@@ -14,7 +14,7 @@ from realitygap.kernels.params import LAMP_POINTS, LANES, RAYS
 from realitygap.kernels.rng import log
 
 # Places in robot.ambient_form.
-LINEAR, FACING, HEIGHT2, FLAT, NEAR, MATT, NARROW = 0, 1, 2, 3, 4, 5, 6
+LINEAR, FACING, HEIGHT2, FLAT, NEAR, MATT, NARROW, PROUD = 0, 1, 2, 3, 4, 5, 6, 7
 
 
 @step
@@ -31,11 +31,14 @@ def power(x, p):
 
 
 @step
-def lamp_point(arena, lamp, p, narrow):
-    """Point `p` of a lamp, drawn towards the lamp's centre by the share `narrow`: 0 in the paper."""
+def lamp_point(arena, lamp, p, narrow, proud):
+    """Point `p` of a lamp, drawn towards the lamp's centre by the share `narrow`, and kept `proud` cm off
+    the room's walls: both 0 in the paper."""
     x = arena.lamp_points[lamp, p, 0]
     y = arena.lamp_points[lamp, p, 1]
-    return x + narrow * (arena.lamp_centre[lamp, 0] - x), y + narrow * (arena.lamp_centre[lamp, 1] - y)
+    x = x + narrow * (arena.lamp_centre[lamp, 0] - x)
+    y = y + narrow * (arena.lamp_centre[lamp, 1] - y)
+    return min(max(x, proud), arena.size[0] - proud), min(max(y, proud), arena.size[1] - proud)
 
 
 @step
@@ -50,7 +53,7 @@ def light_on_surfaces(robot, arena, lamp, work):
         work.light[i] = arena.lamp_offset[lamp]
         work.far[i] = 0.0
     for p in range(LAMP_POINTS):
-        lx, ly = lamp_point(arena, lamp, p, robot.ambient_form[NARROW])
+        lx, ly = lamp_point(arena, lamp, p, robot.ambient_form[NARROW], robot.ambient_form[PROUD])
         weight = arena.lamp_weights[lamp, p]
         for i in range(work.light.shape[0]):
             ex = lx - work.end_x[i]
@@ -119,7 +122,7 @@ def light_under_an_angle(robot, arena, lamp, px, py, fx, fy):
     seen = 0.0
     far = 0.0
     for p in range(LAMP_POINTS):
-        lx, ly = lamp_point(arena, lamp, p, robot.ambient_form[NARROW])
+        lx, ly = lamp_point(arena, lamp, p, robot.ambient_form[NARROW], robot.ambient_form[PROUD])
         ex = lx - px
         ey = ly - py
         d = max(math.sqrt(ex * ex + ey * ey + height2), 1e-3)
@@ -216,12 +219,13 @@ def find_normals(arena, work):
 
 
 @step
-def lean(arena, lamp, height2, narrow, work):
+def lean(robot, arena, lamp, work):
     """Weaken work.light by the mean cosine under which the lamp's points light each surface."""
+    height2 = robot.ambient_form[HEIGHT2]
     for i in range(work.light.shape[0]):
         work.far[i] = 0.0
     for p in range(LAMP_POINTS):
-        lx, ly = lamp_point(arena, lamp, p, narrow)
+        lx, ly = lamp_point(arena, lamp, p, robot.ambient_form[NARROW], robot.ambient_form[PROUD])
         for i in range(work.light.shape[0]):
             ex = lx - work.end_x[i]
             ey = ly - work.end_y[i]
@@ -240,7 +244,7 @@ def direct_light(robot, arena, lamp, k, work):
     fx = c * robot.ambient_facing[k, 0] - s * robot.ambient_facing[k, 1]
     fy = s * robot.ambient_facing[k, 0] + c * robot.ambient_facing[k, 1]
     form = robot.ambient_form
-    if form[FACING] + form[HEIGHT2] + form[NARROW] > 0.0:
+    if form[FACING] + form[HEIGHT2] + form[NARROW] + form[PROUD] > 0.0:
         return light_under_an_angle(robot, arena, lamp, px, py, fx, fy)
     return light_on_sensor(arena, lamp, px, py, fx, fy)
 
@@ -267,7 +271,7 @@ def illuminate(robot, arena, work, out):
     for lamp in range(arena.lamp_points.shape[0]):
         light_on_surfaces(robot, arena, lamp, work)
         if matt:
-            lean(arena, lamp, robot.ambient_form[HEIGHT2], robot.ambient_form[NARROW], work)
+            lean(robot, arena, lamp, work)
         for k in range(out.shape[0]):
             total = reflected_light(k * fans * RAYS, work)
             for fan in range(1, fans):

@@ -170,6 +170,7 @@ class Profile(Value):
                     ambient.near_cm,
                     ambient.matt,
                     ambient.lamp_narrow,
+                    ambient.lamp_proud_cm,
                 ]
             ),
             bands=np.array([infrared.bands, ambient.bands]),

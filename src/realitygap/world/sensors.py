@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from realitygap.errors import ConfigError
+from realitygap.kernels.params import RAYS
 from realitygap.world.files import Value, require
 
 __all__ = ["RESPONSES", "Ambient", "AmbientSensor", "Infrared", "ProximitySensor"]
@@ -74,9 +75,10 @@ class Ambient(Value):
 
     Beyond the paper, all neutral by default: `response` "linear" reads V = dark − A, down to floor;
     direct light falls in by cos^facing of its angle; the lamp hangs `lamp_height_cm` above the
-    sensors, its points drawn to its centre by the share `lamp_narrow`. Reflected light falls off as
-    1/d² (falloff 2) or 1/(d + near_cm) (falloff 1); with matt 1 surfaces are lit by the cosine of the
-    angle under which light meets them (Lambert); it comes in by 10 rays or by 30.
+    sensors, its points drawn to its centre by the share `lamp_narrow`, and at least `lamp_proud_cm`
+    off the walls. Reflected light falls off as 1/d² (falloff 2) or 1/(d + near_cm) (falloff 1); with
+    matt 1 surfaces are lit by the cosine of the angle under which light meets them (Lambert); it comes
+    in by 10, 30 or 50 rays.
     """
 
     floor: float
@@ -90,6 +92,7 @@ class Ambient(Value):
     facing: float = 0.0
     lamp_height_cm: float = 0.0
     lamp_narrow: float = 0.0
+    lamp_proud_cm: float = 0.0
     falloff: float = 2.0
     near_cm: float = 0.0
     matt: float = 0.0
@@ -106,17 +109,19 @@ class Ambient(Value):
         require(0 <= self.facing <= 20, "facing", "an exponent from 0 to 20", self.facing)
         require(self.lamp_height_cm >= 0, "lamp_height_cm", "0 or more", self.lamp_height_cm)
         require(0 <= self.lamp_narrow <= 1, "lamp_narrow", "a share from 0 to 1", self.lamp_narrow)
+        require(0 <= self.lamp_proud_cm <= 5, "lamp_proud_cm", "0 to 5", self.lamp_proud_cm)
         require(self.falloff in (1.0, 2.0), "falloff", "2 (as in the paper) or 1", self.falloff)
         require(self.near_cm >= 0, "near_cm", "0 or more", self.near_cm)
         require(self.matt in (0.0, 1.0), "matt", "0 (as in the paper) or 1", self.matt)
-        require(self.rays in (10.0, 30.0), "rays", "10 (as in the paper) or 30", self.rays)
+        require(self.rays in (10.0, 30.0, 50.0), "rays", "10 (as in the paper), 30 or 50", self.rays)
         for i, (floor, dark) in enumerate(self.ranges()):
             key = f"sensors[{i}].floor_shift"
             require(0 <= floor < dark <= self.top, key, "0 ≤ floor < dark ≤ top", (floor, dark))
 
     def shifts_deg(self) -> tuple[float, ...]:
         """By how much each fan of ten rays is turned off the sensor's direction."""
-        return (0.0,) if self.rays == 10.0 else (-6.0, 0.0, 6.0)
+        fans = round(self.rays / RAYS)
+        return tuple((i - (fans - 1) / 2) * 180.0 / self.rays for i in range(fans))
 
     def ranges(self) -> tuple[tuple[float, float], ...]:
         """Floor and dark reading of each sensor, counts."""

@@ -98,11 +98,12 @@ def illumination(profile: Profile, arena: Arena, pose, k: int) -> float:
     """A_i = Σ over lamps of D_i + Σ_j D_ij · cos^m β_ij · reflectance / d_ij² (or, beyond it, / d_ij)."""
     law = profile.ambient
     sensor = profile.ambient.sensors[k]
-    lamps = [replace(lamp, spacing_cm=lamp.spacing_cm * (1 - law.lamp_narrow)) for lamp in arena.lamps]
+    lamps = [Hung(lamp, law, arena) for lamp in arena.lamps]
     place, direction = place_and_direction(sensor, pose)
     body = Cylinder(x_cm=pose[0], y_cm=pose[1], radius_cm=profile.body.radius_cm)
     total = sum(light_on_sensor(arena, lamp, place, direction, law) for lamp in lamps)
-    angles = ANGLES if law.rays == 10 else [-87 + 6 * i for i in range(30)]
+    step = 180 / law.rays
+    angles = [-90 + step * (i + 0.5) for i in range(int(law.rays))]
     for degrees in angles:
         beta = math.radians(degrees)
         ray = (math.cos(direction + beta), math.sin(direction + beta))
@@ -116,6 +117,21 @@ def illumination(profile: Profile, arena: Arena, pose, k: int) -> float:
         reached = 1 / d**2 if law.falloff == 2 else 1 / (d + law.near_cm)
         total += light * math.cos(beta) ** law.exponent * law.reflectance * reached * 10 / len(angles)
     return total * sensor.gain
+
+
+class Hung:
+    """A lamp whose points are drawn together and kept off the walls, as a profile has it."""
+
+    def __init__(self, lamp, law: Ambient, arena: Arena) -> None:
+        self.weights, self.offset, self.brightness = lamp.weights, lamp.offset, lamp.brightness
+        narrow = replace(lamp, spacing_cm=lamp.spacing_cm * (1 - law.lamp_narrow))
+        (width, depth), off = arena.size_cm, law.lamp_proud_cm
+        self._points = [
+            (min(max(x, off), width - off), min(max(y, off), depth - off)) for x, y in narrow.points()
+        ]
+
+    def points(self) -> list[Point]:
+        return self._points
 
 
 def incidence(lamp, end: Point, normal: Point, height: float) -> float:
