@@ -4,11 +4,13 @@ from __future__ import annotations
 
 __all__ = [
     "BaudError",
+    "CalibrationError",
     "ConfigError",
     "FilmError",
     "GenotypeError",
     "LineError",
     "RealityGapError",
+    "RecordingError",
     "RobotError",
     "RobotStoppedError",
     "StudyBusyError",
@@ -77,3 +79,11 @@ class BaudError(UsageError):
 
 class FilmError(UsageError):
     """A film, a camera, a disk or a table of poses that cannot be used."""
+
+
+class RecordingError(UsageError):
+    """A recording for a calibration that cannot be read, written or resumed: names file and line."""
+
+
+class CalibrationError(UsageError):
+    """Recordings that no sensible profile can be made from, or judged by."""

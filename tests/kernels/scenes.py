@@ -69,10 +69,31 @@ def random_profile(random: np.random.Generator) -> Profile:
         return {"a": random.uniform(500, 5000), "b": b, "offset_cm": random.choice([0.0, 0.36, 1.0, -0.05])}
 
     seen = tuple(ProximitySensor(**law(), **place()) for _ in range(random.integers(1, 17)))
-    lit = tuple(AmbientSensor(gain=random.uniform(0.2, 4), **place()) for _ in range(random.integers(1, 17)))
+    linear = random.random() < 0.5
+    bright = 2e4 if linear else 1.0
+    lit = tuple(
+        AmbientSensor(
+            gain=bright * random.uniform(0.2, 4),
+            floor_shift=random.uniform(-9, 9),
+            dark_shift=random.uniform(-9, 9),
+            **place(),
+        )
+        for _ in range(random.integers(1, 17))
+    )
+    beyond = {
+        "response": "linear" if linear else "paper",
+        "facing": random.choice([0.0, 1.4]),
+        "lamp_height_cm": random.choice([0.0, 4.0]),
+        "falloff": random.choice([1.0, 2.0]),
+        "near_cm": random.choice([0.0, 0.7]),
+        "lamp_narrow": random.choice([0.0, 0.6]),
+        "lamp_proud_cm": random.choice([0.0, 0.8]),
+        "matt": random.choice([0.0, 1.0]),
+        "rays": random.choice([10.0, 30.0, 50.0]),
+    }
     infrared = replace(PAPER.infrared, sensors=seen, exponent=random.choice([0.0, 1.0, 2.6]))
     ambient = replace(
-        PAPER.ambient, sensors=lit, exponent=random.uniform(0, 3), reflectance=random.uniform(0, 2)
+        PAPER.ambient, sensors=lit, exponent=random.uniform(0, 3), reflectance=random.uniform(0, 2), **beyond
     )
     return replace(PAPER, infrared=infrared, ambient=ambient)
 

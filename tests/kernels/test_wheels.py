@@ -68,6 +68,7 @@ def test_agrees_with_the_reference():
     for _ in range(300):
         law = replace(
             PAPER.wheels, kp=random.uniform(2000, 4000), ki=random.uniform(200, 900),
+            lag=random.choice([0.0, 0.4]), start_loss_cm_s=random.choice([0.0, 0.5]),
             kd=random.uniform(0, 900),
             rest_speed_cm_s=random.uniform(0, 0.5), friction_cm_s2=random.uniform(0, 30),
         )  # fmt: skip

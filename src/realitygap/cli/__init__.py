@@ -7,11 +7,13 @@ import click
 from realitygap import __version__
 from realitygap.cli.arena import arena
 from realitygap.cli.bench import bench
+from realitygap.cli.calibrate import calibrate
 from realitygap.cli.camera import camera
 from realitygap.cli.evolve import evolve
 from realitygap.cli.failure import Commands
 from realitygap.cli.probe import probe
 from realitygap.cli.profile import profile
+from realitygap.cli.record import record
 from realitygap.cli.replay import replay
 from realitygap.cli.report import report
 from realitygap.cli.reproduce import reproduce
@@ -48,7 +50,7 @@ def realitygap(ctx: click.Context) -> None:
 
 for _command in (
     reproduce, evolve, simulate, probe, show, replay, report, transfer,
-    robot, twin, track, camera, profile, arena, bench,
+    robot, twin, record, calibrate, track, camera, profile, arena, bench,
 ):  # fmt: skip
     realitygap.add_command(_command)
 

@@ -36,9 +36,11 @@ class Robot(NamedTuple):
     speed_per_unit: F
     """[2] cm/s that one Khepera unit asks of the left and the right wheel."""
     gains: F
-    """[4] Kp, Ki, Kd and the divisor ("mass") of the printed law (§3.2.2)."""
+    """[5] Kp, Ki, Kd and the divisor ("mass") of the printed law (§3.2.2); the share of a command that
+    acts one step late: 0 in the paper."""
     friction: F
-    """[2] speed below which a wheel rests (cm/s); the integral term that frees it (cm/s²)."""
+    """[3] speed below which a wheel rests (cm/s); the integral term that frees it (cm/s²); what a start
+    from rest loses (cm/s): 0 in the paper."""
     top_command: float
     """Largest command of the network, Khepera units: 10."""
 
@@ -60,13 +62,20 @@ class Robot(NamedTuple):
     ambient_facing: F
     """[A, 2] unit vector of each sensor's direction in the robot's frame."""
     ambient_ray: F
-    """[A, 2, LANES]."""
+    """[A·f, 2, LANES]: f fans of RAYS rays for each sensor, 1 in the paper."""
     ambient_weight: F
-    """[A, LANES] reflectance · cos^m β: 1.5 cos² β in the paper, 0 in the pad lanes."""
+    """[A·f, LANES] reflectance · cos^m β / f: 1.5 cos² β in the paper, 0 in the pad lanes."""
     ambient_gain: F
     """[A] factor on the sensor's total illumination: 1 in the paper."""
     ambient_law: F
     """[3] floor, dark and top: V = floor + 1/√A clipped at dark; counts end at top (55, 484, 1023)."""
+    ambient_range: F
+    """[A, 2] floor and dark of each sensor: the paper's are all alike."""
+    ambient_form: F
+    """[8] what goes beyond the paper, all 0 in it: 1 = V = dark − A, clipped at floor; the exponent of
+    the cosine under which direct light falls in; the lamp's height² (cm²); 1 = reflected light as
+    1/(d + c); that c (cm); 1 = surfaces are lit by the cosine of the angle under which light meets them;
+    the share by which a lamp's points are drawn to its centre; how far it hangs off a wall (cm)."""
 
     bands: F
     """[2, 2] readings that become inputs −10 and +10: row 0 proximity (0, 1023), row 1 ambient (484, 55)."""

@@ -7,8 +7,8 @@ from realitygap.kernels.rng import sin_cos
 MEMORY = 5
 """The integral term is the sum of the proportional terms of the last five steps."""
 
-# A row of `work.wheel`: speed U, last change δv, then the last five P, newest first.
-SPEED, CHANGE, ERRORS = 0, 1, 2
+# A row of `work.wheel`: speed U, last change δv, then the last five P, newest first, then the last target.
+SPEED, CHANGE, ERRORS, TARGET = 0, 1, 2, 7
 
 
 @step
@@ -21,7 +21,10 @@ def turn_wheel(robot, wheel, target, drag, slip):
     for i in range(MEMORY - 1, 0, -1):
         wheel[ERRORS + i] = wheel[ERRORS + i - 1]
     speed = wheel[SPEED]
-    proportional = (target - speed) / STEP_S
+    # Beyond the paper: a share of what is asked for comes a step late.
+    asked = target + robot.gains[4] * (wheel[TARGET] - target)
+    wheel[TARGET] = target
+    proportional = (asked - speed) / STEP_S
     wheel[ERRORS] = proportional
     integral = 0.0
     for i in range(MEMORY):
@@ -33,6 +36,9 @@ def turn_wheel(robot, wheel, target, drag, slip):
         return 0.0
     gains = robot.gains
     change = (gains[0] * proportional + gains[1] * integral + gains[2] * wheel[CHANGE]) / gains[3]
+    # Beyond the paper: a start from rest loses a little of its first step.
+    lost = robot.friction[2] if abs(speed) < robot.friction[0] else 0.0
+    change = change - min(max(change, -lost), lost)
     speed = speed + change
     wheel[CHANGE] = change
     wheel[SPEED] = speed + slip * speed

@@ -27,7 +27,9 @@ class Work(NamedTuple):
     hidden: F
     end_x: F
     end_y: F
-    """Rays, RAYS a sensor in one row: [A · RAYS], and LANES − RAYS more where whole vectors are
+    normal_x: F
+    normal_y: F
+    """Rays, RAYS a fan in one row: [A · f · RAYS], and LANES − RAYS more where whole vectors are
     written (ray_x, ray_y, inverse). The infrared sensors use the first LANES, one sensor at a time."""
     noise: F
     """[16·m] normal numbers of this step."""
@@ -112,13 +114,13 @@ def new_work(robot: Robot, task: Trial, nets: Networks) -> Work:
     inputs = task.channels.shape[0]
     neurons = nets.thresholds.shape[1]
     links = nets.links.shape[1]
-    rays = max(robot.ambient_place.shape[0] * RAYS, LANES)
+    rays = max(robot.ambient_ray.shape[0] * RAYS, LANES)
     wide = rays + LANES - RAYS
     seen, fan = robot.proximity_place.shape[0], spread_fan(robot)
     return Work(
         ray_x=np.zeros(wide), ray_y=np.zeros(wide), inverse=np.ones(wide),
         terms=np.zeros(rays), light=np.zeros(rays), far=np.zeros(rays), hidden=np.zeros(rays),
-        end_x=np.zeros(rays), end_y=np.zeros(rays),
+        end_x=np.zeros(rays), end_y=np.zeros(rays), normal_x=np.zeros(rays), normal_y=np.zeros(rays),
         noise=np.zeros(16 * noise_blocks(sensors)), readings=np.zeros(sensors),
         pose=np.zeros(5), start=np.zeros(3), wheel=np.zeros((2, 8)), ground=np.zeros(3),
         base=np.zeros(neurons, np.int32), outputs=np.zeros(ROWS * neurons, np.int32),

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.kernels.params import MAX_DELAY, STEP_S, UPDATES, Robot
-from realitygap.world.files import Value, load, require, shipped
+from realitygap.kernels.params import LANES, MAX_DELAY, STEP_S, UPDATES, Robot
+from realitygap.world.files import Value, load, require, shipped, to_toml
+from realitygap.world.provenance import Provenance
 from realitygap.world.rays import RAY_ANGLES_DEG, ray_weights, rays, unit
 from realitygap.world.sensors import Ambient, Infrared
 
@@ -40,7 +41,11 @@ class Body(Value):
 
 @dataclass(frozen=True, kw_only=True)
 class Wheels(Value):
-    """Two wheels under the PID law of §3.2.2: δv = (Kp·P + Ki·I + Kd·D) / divisor."""
+    """Two wheels under the PID law of §3.2.2: δv = (Kp·P + Ki·I + Kd·D) / divisor.
+
+    Beyond the paper, 0 by default: `lag` is the share of a command that acts one step late,
+    `start_loss_cm_s` what the first step from rest falls short by.
+    """
 
     track_cm: float
     speed_per_unit_cm_s: tuple[float, float]
@@ -51,6 +56,8 @@ class Wheels(Value):
     divisor: float
     rest_speed_cm_s: float
     friction_cm_s2: float
+    lag: float = 0.0
+    start_loss_cm_s: float = 0.0
 
     def _check(self) -> None:
         for key in ("track_cm", "top_command", "divisor"):
@@ -59,6 +66,8 @@ class Wheels(Value):
             require(getattr(self, key) >= 0, key, "0 or more", getattr(self, key))
         for i, speed in enumerate(self.speed_per_unit_cm_s):
             require(speed > 0, f"speed_per_unit_cm_s[{i}]", "more than 0", speed)
+        require(0 <= self.lag <= 1, "lag", "a share from 0 to 1", self.lag)
+        require(self.start_loss_cm_s >= 0, "start_loss_cm_s", "0 or more", self.start_loss_cm_s)
         pole = self.largest_pole()
         require(
             pole < 1,
@@ -103,6 +112,7 @@ class Profile(Value):
     infrared: Infrared
     ambient: Ambient
     noise: Noise
+    provenance: Provenance = Provenance()  # noqa: RUF009 (a frozen value)
 
     def _check(self) -> None:
         require(bool(self.name.strip()), "name", "a name", self.name)
@@ -132,8 +142,8 @@ class Profile(Value):
             radius=self.body.radius_cm,
             track=wheels.track_cm,
             speed_per_unit=np.array(wheels.speed_per_unit_cm_s),
-            gains=np.array([wheels.kp, wheels.ki, wheels.kd, wheels.divisor]),
-            friction=np.array([wheels.rest_speed_cm_s, wheels.friction_cm_s2]),
+            gains=np.array([wheels.kp, wheels.ki, wheels.kd, wheels.divisor, wheels.lag]),
+            friction=np.array([wheels.rest_speed_cm_s, wheels.friction_cm_s2, wheels.start_loss_cm_s]),
             top_command=wheels.top_command,
             proximity_place=np.array([(s.x_cm, s.y_cm) for s in near]).reshape(-1, 2),
             proximity_ray=rays([s.direction_deg for s in near]),
@@ -143,10 +153,30 @@ class Profile(Value):
             proximity_top=infrared.top,
             ambient_place=np.array([(s.x_cm, s.y_cm) for s in lit]).reshape(-1, 2),
             ambient_facing=np.array([unit(s.direction_deg) for s in lit]).reshape(-1, 2),
-            ambient_ray=rays([s.direction_deg for s in lit]),
-            ambient_weight=ray_weights(len(lit), ambient.exponent, ambient.reflectance),
+            ambient_ray=rays([s.direction_deg + shift for s in lit for shift in ambient.shifts_deg()]),
+            ambient_weight=np.concatenate(
+                [np.zeros((0, LANES))]
+                + [
+                    ray_weights(1, ambient.exponent, ambient.reflectance / len(ambient.shifts_deg()), shift)
+                    for _ in lit
+                    for shift in ambient.shifts_deg()
+                ]
+            ),
             ambient_gain=np.array([s.gain for s in lit]),
             ambient_law=np.array([ambient.floor, ambient.dark, ambient.top]),
+            ambient_range=np.array(ambient.ranges()).reshape(-1, 2),
+            ambient_form=np.array(
+                [
+                    float(ambient.response == "linear"),
+                    ambient.facing,
+                    ambient.lamp_height_cm**2,
+                    float(ambient.falloff == 1.0),
+                    ambient.near_cm,
+                    ambient.matt,
+                    ambient.lamp_narrow,
+                    ambient.lamp_proud_cm,
+                ]
+            ),
             bands=np.array([infrared.bands, ambient.bands]),
             noise=np.array(list(self.noise.to_dict().values())),
         )
@@ -172,7 +202,18 @@ class Profile(Value):
             "longest_delay_updates": MAX_DELAY,
             "ray_angles_deg": list(RAY_ANGLES_DEG),
         }
-        return {**super().to_dict(), "fixed": fixed}
+        return {**self._table(), "fixed": fixed}
+
+    def to_toml(self) -> str:
+        """The profile as a TOML file, which reads back to an equal value."""
+        return to_toml(self._table())
+
+    def _table(self) -> dict[str, Any]:
+        """Its keys; provenance only where there is any."""
+        table = super().to_dict()
+        if self.provenance == Provenance():
+            del table["provenance"]
+        return table
 
 
 def load_profile(name_or_path: str | Path) -> Profile:

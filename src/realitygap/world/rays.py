@@ -34,7 +34,10 @@ def rays(directions_deg: list[float]) -> NDArray[np.float64]:
     return out
 
 
-def ray_weights(sensors: int, exponent: float, factor: float = 1.0) -> NDArray[np.float64]:
-    """factor · cos^m β of each ray [sensors, LANES]; 0 in the pad lanes."""
-    row = [factor * round(math.cos(math.radians(beta)) ** exponent, 15) for beta in RAY_ANGLES_DEG]
+def ray_weights(
+    sensors: int, exponent: float, factor: float = 1.0, shift_deg: float = 0.0
+) -> NDArray[np.float64]:
+    """factor · cos^m β of each ray [sensors, LANES] of a fan turned by a shift; 0 in the pad lanes."""
+    angles = [beta + shift_deg for beta in RAY_ANGLES_DEG]
+    row = [factor * round(math.cos(math.radians(beta)) ** exponent, 15) for beta in angles]
     return np.tile(np.array(row + [0.0] * (LANES - RAYS)), (sensors, 1))

@@ -6,9 +6,13 @@ import math
 from dataclasses import dataclass
 
 from realitygap.errors import ConfigError
+from realitygap.kernels.params import RAYS
 from realitygap.world.files import Value, require
 
-__all__ = ["Ambient", "AmbientSensor", "Infrared", "ProximitySensor"]
+__all__ = ["RESPONSES", "Ambient", "AmbientSensor", "Infrared", "ProximitySensor"]
+
+RESPONSES = ("paper", "linear")
+"""Laws from illumination to counts."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,12 +52,17 @@ class Infrared(Value):
 
 @dataclass(frozen=True, kw_only=True)
 class AmbientSensor(Value):
-    """Place and direction in the robot's frame; `gain` multiplies the total illumination."""
+    """Place and direction in the robot's frame; `gain` multiplies the total illumination.
+
+    The shifts are added to the robot's floor and dark readings (counts), 0 in the paper.
+    """
 
     x_cm: float
     y_cm: float
     direction_deg: float
     gain: float = 1.0
+    floor_shift: float = 0.0
+    dark_shift: float = 0.0
 
     def _check(self) -> None:
         _check_direction(self.direction_deg)
@@ -62,7 +71,15 @@ class AmbientSensor(Value):
 
 @dataclass(frozen=True, kw_only=True)
 class Ambient(Value):
-    """Ambient light (§3.3): V = floor + 1/√A, A = D + Σ D_j · reflectance · cos^m β_j / d_j²."""
+    """Ambient light (§3.3): V = floor + 1/√A, A = D + Σ D_j · reflectance · cos^m β_j / d_j².
+
+    Beyond the paper, all neutral by default: `response` "linear" reads V = dark − A, down to floor;
+    direct light falls in by cos^facing of its angle; the lamp hangs `lamp_height_cm` above the
+    sensors, its points drawn to its centre by the share `lamp_narrow`, and at least `lamp_proud_cm`
+    off the walls. Reflected light falls off as 1/d² (falloff 2) or 1/(d + near_cm) (falloff 1); with
+    matt 1 surfaces are lit by the cosine of the angle under which light meets them (Lambert); it comes
+    in by 10, 30 or 50 rays.
+    """
 
     floor: float
     dark: float
@@ -71,6 +88,15 @@ class Ambient(Value):
     exponent: float
     bands: tuple[float, float]
     sensors: tuple[AmbientSensor, ...]
+    response: str = "paper"
+    facing: float = 0.0
+    lamp_height_cm: float = 0.0
+    lamp_narrow: float = 0.0
+    lamp_proud_cm: float = 0.0
+    falloff: float = 2.0
+    near_cm: float = 0.0
+    matt: float = 0.0
+    rays: float = 10.0
 
     def _check(self) -> None:
         require(self.floor >= 0, "floor", "0 or more", self.floor)
@@ -79,6 +105,27 @@ class Ambient(Value):
         require(self.reflectance >= 0, "reflectance", "0 or more", self.reflectance)
         require(self.exponent >= 0, "exponent", "0 or more", self.exponent)
         _check_bands(self.bands)
+        require(self.response in RESPONSES, "response", " or ".join(map(repr, RESPONSES)), self.response)
+        require(0 <= self.facing <= 20, "facing", "an exponent from 0 to 20", self.facing)
+        require(self.lamp_height_cm >= 0, "lamp_height_cm", "0 or more", self.lamp_height_cm)
+        require(0 <= self.lamp_narrow <= 1, "lamp_narrow", "a share from 0 to 1", self.lamp_narrow)
+        require(0 <= self.lamp_proud_cm <= 5, "lamp_proud_cm", "0 to 5", self.lamp_proud_cm)
+        require(self.falloff in (1.0, 2.0), "falloff", "2 (as in the paper) or 1", self.falloff)
+        require(self.near_cm >= 0, "near_cm", "0 or more", self.near_cm)
+        require(self.matt in (0.0, 1.0), "matt", "0 (as in the paper) or 1", self.matt)
+        require(self.rays in (10.0, 30.0, 50.0), "rays", "10 (as in the paper), 30 or 50", self.rays)
+        for i, (floor, dark) in enumerate(self.ranges()):
+            key = f"sensors[{i}].floor_shift"
+            require(0 <= floor < dark <= self.top, key, "0 ≤ floor < dark ≤ top", (floor, dark))
+
+    def shifts_deg(self) -> tuple[float, ...]:
+        """By how much each fan of ten rays is turned off the sensor's direction."""
+        fans = round(self.rays / RAYS)
+        return tuple((i - (fans - 1) / 2) * 180.0 / self.rays for i in range(fans))
+
+    def ranges(self) -> tuple[tuple[float, float], ...]:
+        """Floor and dark reading of each sensor, counts."""
+        return tuple((self.floor + s.floor_shift, self.dark + s.dark_shift) for s in self.sensors)
 
 
 def _check_direction(direction_deg: float) -> None:

@@ -23,12 +23,15 @@ class Wheel:
         self.law = profile.wheels
         self.speed = 0.0
         self.change = 0.0
+        self.last_target = 0.0
         self.errors: list[float] = []
 
     def turn(self, target: float, drag: float = 1.0, slip: float = 0.0) -> float:
         """One step towards `target`, cm/s; drag multiplies the friction threshold, slip is relative."""
         law = self.law
-        self.errors.append((target - self.speed) / DT)
+        asked = (1 - law.lag) * target + law.lag * self.last_target
+        self.last_target = target
+        self.errors.append((asked - self.speed) / DT)
         integral = sum(self.errors[-5:])
         resting = abs(self.speed) < law.rest_speed_cm_s
         if resting and abs(integral) <= law.friction_cm_s2 * drag:
@@ -36,6 +39,8 @@ class Wheel:
             return 0.0
         force = law.kp * self.errors[-1] + law.ki * integral + law.kd * self.change
         self.change = force / law.divisor
+        if resting:
+            self.change = math.copysign(max(abs(self.change) - law.start_loss_cm_s, 0.0), self.change)
         self.speed = (self.speed + self.change) * (1 + slip)
         return self.speed
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from realitygap.world.arena import Arena, Cylinder
 from realitygap.world.profile import Profile
-from tests.kernels.reference.rays import ANGLES, Point, crossing, distance, place_and_direction
+from realitygap.world.sensors import Ambient
+from tests.kernels.reference.rays import ANGLES, Point, crossing, distance, from_wall, place_and_direction
 
 DRAWN_BACK = 1e-6
 """A ray's end lies this share of its length before the surface it meets, so that the surface
@@ -47,11 +49,11 @@ def wall_hides(wall, a: Point, b: Point) -> bool:
     return 0 < t < 1 and 0 < u < 1
 
 
-def direct(lamp, place: Point, visible) -> float:
+def direct(lamp, place: Point, visible, height: float) -> float:
     """D = (offset + Σ L_i k_i) / d², d the mean distance to the five points, never below 0."""
     points = lamp.points()
     total = lamp.offset + sum(k for k, point in zip(lamp.weights, points, strict=True) if visible(point))
-    d = sum(math.dist(place, point) for point in points) / len(points)
+    d = sum(math.hypot(math.dist(place, point), height) for point in points) / len(points)
     return max(lamp.brightness * total, 0.0) / d**2
 
 
@@ -62,47 +64,118 @@ def hidden_by_obstacles(arena: Arena, place: Point, point: Point) -> bool:
     )
 
 
-def light_on_sensor(arena: Arena, lamp, place: Point, direction: float) -> float:
-    """D_i: the robot's own body hides what is more than 90° off the sensor's direction."""
+def light_on_sensor(arena: Arena, lamp, place: Point, direction: float, law: Ambient) -> float:
+    """D_i: the robot's own body hides what is more than 90° off the sensor's direction.
+
+    Beyond the paper: times the mean cosine of the angle to the lamp's visible points, to a power.
+    """
+    height = law.lamp_height_cm
 
     def visible(point: Point) -> bool:
         ahead = (point[0] - place[0]) * math.cos(direction) + (point[1] - place[1]) * math.sin(direction)
         return ahead >= 0 and not hidden_by_obstacles(arena, place, point)
 
-    return direct(lamp, place, visible)
+    light = direct(lamp, place, visible, height)
+    seen = [point for point in lamp.points() if visible(point)]
+    if not seen or law.facing == 0:
+        return light
+    along = [(x - place[0]) * math.cos(direction) + (y - place[1]) * math.sin(direction) for x, y in seen]
+    far = [math.hypot(math.dist(place, point), height) for point in seen]
+    mean = sum(a / d for a, d in zip(along, far, strict=True)) / len(seen)
+    return light * mean**law.facing
 
 
-def light_on_surface(arena: Arena, lamp, place: Point, body: Cylinder) -> float:
+def light_on_surface(arena: Arena, lamp, place: Point, body: Cylinder, height: float) -> float:
     """D_ij of the place where a ray ends: the robot's own disc throws a shadow too."""
 
     def visible(point: Point) -> bool:
         return not circle_hides(body, place, point) and not hidden_by_obstacles(arena, place, point)
 
-    return direct(lamp, place, visible)
+    return direct(lamp, place, visible, height)
 
 
 def illumination(profile: Profile, arena: Arena, pose, k: int) -> float:
-    """A_i = Σ over lamps of D_i + Σ_j D_ij · cos^m β_ij · reflectance / d_ij²."""
+    """A_i = Σ over lamps of D_i + Σ_j D_ij · cos^m β_ij · reflectance / d_ij² (or, beyond it, / d_ij)."""
+    law = profile.ambient
     sensor = profile.ambient.sensors[k]
+    lamps = [Hung(lamp, law, arena) for lamp in arena.lamps]
     place, direction = place_and_direction(sensor, pose)
     body = Cylinder(x_cm=pose[0], y_cm=pose[1], radius_cm=profile.body.radius_cm)
-    total = sum(light_on_sensor(arena, lamp, place, direction) for lamp in arena.lamps)
-    for degrees in ANGLES:
+    total = sum(light_on_sensor(arena, lamp, place, direction, law) for lamp in lamps)
+    step = 180 / law.rays
+    angles = [-90 + step * (i + 0.5) for i in range(int(law.rays))]
+    for degrees in angles:
         beta = math.radians(degrees)
         ray = (math.cos(direction + beta), math.sin(direction + beta))
         d = distance(arena, place, ray)
         back = d * (1 - DRAWN_BACK)
         end = (place[0] + back * ray[0], place[1] + back * ray[1])
-        light = sum(light_on_surface(arena, lamp, end, body) for lamp in arena.lamps)
-        total += light * math.cos(beta) ** profile.ambient.exponent * profile.ambient.reflectance / d**2
+        light = 0.0
+        for lamp in lamps:
+            cosine = incidence(lamp, end, normal_at(arena, end, ray), law.lamp_height_cm) if law.matt else 1.0
+            light += cosine * light_on_surface(arena, lamp, end, body, law.lamp_height_cm)
+        reached = 1 / d**2 if law.falloff == 2 else 1 / (d + law.near_cm)
+        total += light * math.cos(beta) ** law.exponent * law.reflectance * reached * 10 / len(angles)
     return total * sensor.gain
 
 
+class Hung:
+    """A lamp whose points are drawn together and kept off the walls, as a profile has it."""
+
+    def __init__(self, lamp, law: Ambient, arena: Arena) -> None:
+        self.weights, self.offset, self.brightness = lamp.weights, lamp.offset, lamp.brightness
+        narrow = replace(lamp, spacing_cm=lamp.spacing_cm * (1 - law.lamp_narrow))
+        (width, depth), off = arena.size_cm, law.lamp_proud_cm
+        self._points = [
+            (min(max(x, off), width - off), min(max(y, off), depth - off)) for x, y in narrow.points()
+        ]
+
+    def points(self) -> list[Point]:
+        return self._points
+
+
+def incidence(lamp, end: Point, normal: Point, height: float) -> float:
+    """Mean cosine of the angles under which a lamp's points light a surface, hidden or not."""
+    cosines = []
+    for x, y in lamp.points():
+        ex, ey = x - end[0], y - end[1]
+        far = math.hypot(math.hypot(ex, ey), height)
+        cosines.append(max((ex * normal[0] + ey * normal[1]) / far, 0.0))
+    return sum(cosines) / len(cosines)
+
+
+def normal_at(arena: Arena, end: Point, ray: Point) -> Point:
+    """The normal, towards where the ray comes from, of the surface that the end of a ray lies on."""
+    width, depth = arena.size_cm
+    found = [
+        (end[0], (1.0, 0.0)), (width - end[0], (-1.0, 0.0)),
+        (end[1], (0.0, 1.0)), (depth - end[1], (0.0, -1.0)),
+    ]  # fmt: skip
+    for c in arena.cylinders:
+        d = math.dist(end, (c.x_cm, c.y_cm))
+        found.append((abs(d - c.radius_cm), ((end[0] - c.x_cm) / d, (end[1] - c.y_cm) / d)))
+    for x0, y0, x1, y1 in arena.walls:
+        length = math.dist((x0, y0), (x1, y1))
+        normal = ((y1 - y0) / length, -(x1 - x0) / length)
+        if normal[0] * ray[0] + normal[1] * ray[1] > 0:
+            normal = (-normal[0], -normal[1])
+        dx, dy = from_wall((x0, y0, x1, y1), *end)
+        found.append((math.hypot(dx, dy), normal))
+    return min(found, key=lambda one: one[0])[1]
+
+
 def ambient(profile: Profile, arena: Arena, pose) -> list[float]:
-    """Readings of all ambient sensors: V = floor + 1/√A, clipped at the dark reading."""
+    """Readings of all ambient sensors: V = floor + 1/√A, clipped at the dark reading.
+
+    Beyond the paper: V = dark − A, clipped at the floor.
+    """
     law = profile.ambient
     readings = []
-    for k in range(len(law.sensors)):
+    for k, sensor in enumerate(law.sensors):
+        floor, dark = law.floor + sensor.floor_shift, law.dark + sensor.dark_shift
         total = illumination(profile, arena, pose, k)
-        readings.append(min(law.floor + 1 / math.sqrt(total), law.dark) if total > 0 else law.dark)
+        if law.response == "linear":
+            readings.append(max(dark - total, floor))
+        else:
+            readings.append(min(floor + 1 / math.sqrt(total), dark) if total > 0 else dark)
     return readings

@@ -1,0 +1,206 @@
+"""From recordings to a profile (§3.2.1): fits, noise, bands, and where it all comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from realitygap.calibration.channels import ChannelFit, fit_infrared, fit_light
+from realitygap.calibration.recording import SensorRecording, WheelRecording
+from realitygap.calibration.wheels import PULSES_PER_CM, WheelFit, fit_wheels
+from realitygap.errors import CalibrationError
+from realitygap.world.provenance import FittedChannel, FittedConstant, Provenance, SourceFile
+
+if TYPE_CHECKING:
+    from realitygap.calibration.recording import Recording
+    from realitygap.world.profile import Profile
+
+__all__ = ["FORMS", "Calibration", "calibrate"]
+
+FORMS = {
+    "paper": ("paper", "paper", "printed"),
+    "individual": ("individual", "linear", "refitted"),
+    "extended": ("extended", "extended", "refitted"),
+}
+"""What --form means for infrared, ambient light and wheels."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Calibration:
+    """A profile, the fits that it comes from, and what a person should know."""
+
+    profile: Profile
+    infrared: ChannelFit | None
+    ambient: ChannelFit | None
+    wheels: WheelFit | None
+    recordings: tuple[Recording, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def channels(self) -> tuple[ChannelFit, ...]:
+        """The sensors' fits."""
+        return tuple(fit for fit in (self.infrared, self.ambient) if fit is not None)
+
+
+def calibrate(
+    recordings: Sequence[Recording],
+    base: Profile,
+    *,
+    form: str = "extended",
+    light: str | None = None,
+    name: str = "calibrated",
+    date: str | None = None,
+) -> Calibration:
+    """Fit a profile to recordings; what none of them tells stays as the base has it.
+
+    Args:
+        recordings: of any kinds; those of one kind are fitted together.
+        base: a profile.
+        form: one of FORMS.
+        light: another form for ambient light.
+        name: of the new profile.
+        date: to be written into it (default: today's).
+
+    Raises:
+        CalibrationError: recordings that no sensible profile can be made from.
+    """
+    if not recordings:
+        raise CalibrationError("no recordings: give folders made by `realitygap record`, or .sam tables.")
+    infrared_form, light_form, wheel_form = FORMS[form]
+    seen = [r for r in recordings if isinstance(r, SensorRecording)]
+    near, lit = ([r for r in seen if r.kind == kind] for kind in ("infrared", "ambient"))
+    driven = [r for r in recordings if isinstance(r, WheelRecording)]
+    if len(driven) > 1:
+        raise CalibrationError(f"expected one recording of wheels, got {len(driven)}. Give the best one.")
+    infrared = fit_infrared(near, base, infrared_form) if near else None
+    ambient = fit_light(lit, base, light or light_form) if lit else None
+    wheels = fit_wheels(driven[0], base, wheel_form) if driven else None
+    warnings = [w for r in recordings for w in r.warnings]
+    warnings += [w for fit in (infrared, ambient) if fit for w in fit.warnings]
+    warnings += _wheel_warnings(wheels)
+    profile = _joined(base, infrared, ambient, wheels)
+    where = _provenance(base, recordings, infrared, ambient, wheels, date)
+    made = replace(profile, name=name, source="calibrated; see provenance", provenance=where)
+    return Calibration(
+        profile=made, infrared=infrared, ambient=ambient, wheels=wheels,
+        recordings=tuple(recordings), warnings=tuple(dict.fromkeys(warnings)),
+    )  # fmt: skip
+
+
+def _joined(
+    base: Profile, infrared: ChannelFit | None, ambient: ChannelFit | None, wheels: WheelFit | None
+) -> Profile:
+    """The base with everything that was fitted in place, noise and bands included."""
+    profile = base
+    deviations = {
+        e.channel: round(e.deviation, 3) for fit in (infrared, ambient) if fit is not None for e in fit.noise
+    }
+    noise = replace(profile.noise, **deviations)
+    if infrared is not None:
+        low, high = np.median(infrared.span, axis=0).round().tolist()
+        bands = (low, high) if high - low > 100 else base.infrared.bands
+        profile = replace(profile, infrared=replace(infrared.profile.infrared, bands=bands))
+    if ambient is not None:
+        law = ambient.profile.ambient
+        bands = (round(law.dark, 1), round(max(law.floor, float(np.median(ambient.span[:, 0]))), 1))
+        profile = replace(profile, ambient=replace(law, bands=bands))
+    if wheels is not None:
+        profile = replace(profile, wheels=wheels.profile.wheels)
+        if wheels.odometry is not None:
+            noise = replace(noise, wheel=round(wheels.odometry.slip, 5))
+    return replace(profile, noise=noise)
+
+
+def _provenance(
+    base: Profile,
+    recordings: Sequence[Recording],
+    infrared: ChannelFit | None,
+    ambient: ChannelFit | None,
+    wheels: WheelFit | None,
+    date: str | None,
+) -> Provenance:
+    from realitygap import __version__
+
+    fits = [_fitted(fit) for fit in (infrared, ambient) if fit is not None]
+    constants = [
+        FittedConstant(key=f"{fit.kind}.{c.key}", value=c.value, low=c.low, high=c.high, told=c.told)
+        for fit in (infrared, ambient)
+        if fit is not None
+        for c in fit.fit.constants
+    ]
+    notes = []
+    if ambient is not None and not any(
+        isinstance(r, SensorRecording) and r.kind == "ambient" and r.arena is not None for r in recordings
+    ):
+        notes.append(
+            "ambient: the lamp's brightness is unknown; gains are scaled as if the light which "
+            "the paper's law "
+            "reads half-way between floor and dark were read half-way here"
+        )
+    pulses: tuple[float, ...] = ()
+    if wheels is not None:
+        fits.append(FittedChannel(channel="wheels", form=wheels.form, rmse=wheels.rmse[wheels.form]))
+        constants += [
+            FittedConstant(key=f"wheels.{c.key}", value=c.value, low=c.low, high=c.high, told=c.told)
+            for c in wheels.constants
+        ]
+        per_pulse = wheels.odometry.cm_per_pulse if wheels.odometry else (1 / PULSES_PER_CM,) * 2
+        pulses = tuple(0.1 / length for length in per_pulse)
+    return Provenance(
+        base=base.name,
+        date=date or datetime.now(UTC).date().isoformat(),
+        version=__version__,
+        notes=tuple(notes),
+        pulses_per_mm=pulses,
+        files=tuple(_file(r) for r in recordings),
+        fits=tuple(fits),
+        constants=tuple(constants),
+    )
+
+
+def _fitted(fit: ChannelFit) -> FittedChannel:
+    main = next((e.deviation for e in fit.noise if e.channel != "proximity_dark"), 0.0)
+    errors = [m.error for m in fit.sensors]
+    error = float(np.sqrt(np.mean(np.square(errors))))
+    return FittedChannel(
+        channel=fit.kind, form=fit.form, rmse=fit.rmse, held_out_rmse=fit.held_out[fit.form],
+        model_error=error, noise=main, ratio=error / main if main else 0.0,
+    )  # fmt: skip
+
+
+def _file(recording: Recording) -> SourceFile:
+    if isinstance(recording, SensorRecording):
+        kind, seen, readings = recording.kind, recording.object, recording.counts.size
+    else:
+        kind, seen, readings = "wheels", "", recording.commands.size
+    return SourceFile(
+        file=Path(recording.source).name,
+        sha256=recording.hash,
+        kind=kind,
+        object=seen,
+        readings=float(readings),
+    )
+
+
+def _wheel_warnings(wheels: WheelFit | None) -> list[str]:
+    if wheels is None:
+        return []
+    out = []
+    if wheels.odometry is None:
+        out.append(
+            f"wheels: no camera saw the robot: {PULSES_PER_CM / 10:g} pulses per mm are assumed, "
+            f"track and noise "
+            "of the wheels are the base profile's"
+        )
+    better = wheels.rmse["printed"] / max(wheels.rmse["refitted"], 1e-9)
+    if wheels.form == "printed" and better > 1.5:
+        out.append(
+            f"wheels: the printed gains leave {wheels.rmse['printed']:.2f} cm/s, refitted ones "
+            f"{wheels.rmse['refitted']:.2f}: this misfit is no noise"
+        )
+    return out

@@ -1,0 +1,132 @@
+"""Recordings that cannot be what they say: dead sensors, swapped columns, mirrored bearings.
+
+A profile must never quietly make no sense: what one sensor does is warned of, what the table as a
+whole does is refused.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.errors import CalibrationError
+
+if TYPE_CHECKING:
+    from realitygap.calibration.recording import SensorRecording
+    from realitygap.world.profile import Profile
+
+__all__ = ["dead_sensors", "refuse_nonsense", "refuse_swapped"]
+
+Array = NDArray[np.float64]
+
+FULL = 1023.0
+STILL = 30.0
+"""A sensor whose readings span less than this, counts, shows nothing."""
+SATURATED_SHARE = 0.8
+ASIDE_DEG = 60.0
+MOST_ODD = 3
+FEWEST_LIT = 40
+EXPLAINED = 0.5
+
+
+def dead_sensors(recording: SensorRecording) -> dict[int, str]:
+    """Sensors that tell nothing, and why, in words."""
+    dead = {}
+    for k, values in enumerate(recording.counts.T):
+        low, high = np.percentile(values, [0.2, 99.8])
+        if np.ptp(values) == 0:
+            dead[k] = f"sensor {k} reads {values[0]:.4g} everywhere: it looks dead"
+        elif recording.kind == "infrared" and (values >= FULL).mean() > SATURATED_SHARE:
+            dead[k] = f"sensor {k} is saturated in {(values >= FULL).mean():.0%} of its readings"
+        elif high - low < STILL:
+            dead[k] = f"sensor {k} hardly changes ({values.min():.4g} to {values.max():.4g}): it looks dead"
+    if len(dead) > recording.sensors // 2:
+        reasons = "; ".join(dead.values())
+        raise CalibrationError(f"{recording.source}: most sensors tell nothing: {reasons}. Record again.")
+    lit = _signal(recording)[:, [k for k in range(recording.sensors) if k not in dead]]
+    middle = int(((lit > 0.06) & (lit < 0.94)).sum())
+    if middle < FEWEST_LIT:
+        raise CalibrationError(
+            f"{recording.source}: only {middle} readings lie between dark and saturated, "
+            f"expected {FEWEST_LIT} or "
+            "more. Are the distances right, and the object near enough?"
+        )
+    return dead
+
+
+def refuse_swapped(recording: SensorRecording, profile: Profile, dead: dict[int, str]) -> tuple[str, ...]:
+    """Warnings about sensors that answer to another side than they look.
+
+    Raises:
+        CalibrationError: several do: columns are swapped, or bearings run the other way round.
+    """
+    part = profile.infrared if recording.kind == "infrared" else profile.ambient
+    looks = np.array([sensor.direction_deg for sensor in part.sensors])
+    if len(looks) != recording.sensors:
+        raise CalibrationError(
+            f"{recording.source}: expected {len(looks)} sensors, as profile {profile.name!r} has, "
+            f"got {recording.sensors}."
+        )
+    if recording.pose is not None and recording.arena is not None:
+        return ()
+    answers, sure = _answers(recording)
+    live = np.array([k not in dead for k in range(len(looks))]) & sure
+    odd = live & (_apart(answers, looks) > ASIDE_DEG)
+    mirrored = live & (_apart(-answers, looks) <= ASIDE_DEG)
+    if odd.sum() >= MOST_ODD:
+        which = ", ".join(f"{k} at {answers[k]:.0f}° (looks to {looks[k]:.0f}°)" for k in np.flatnonzero(odd))
+        cure = (
+            "The bearings seem to run the other way round."
+            if mirrored[live].all()
+            else "Are columns swapped?"
+        )
+        raise CalibrationError(
+            f"{recording.source}: sensors answer to another side than they look: {which}. {cure}"
+        )
+    return tuple(
+        f"{recording.source}: sensor {k} answers most at {answers[k]:.0f}° but looks to {looks[k]:.0f}°"
+        for k in np.flatnonzero(odd)
+    )
+
+
+def refuse_nonsense(where: str, counts: Array, model: Array, dead: dict[int, str]) -> None:
+    """Refuse a fit that explains less than half of what the sensors did.
+
+    Raises:
+        CalibrationError: names the share.
+    """
+    live = [k for k in range(counts.shape[1]) if k not in dead]
+    off = ((counts - model)[:, live] ** 2).sum()
+    spread = ((counts[:, live] - counts[:, live].mean(axis=0)) ** 2).sum()
+    if off > (1.0 - EXPLAINED) * spread:
+        raise CalibrationError(
+            f"{where}: the fitted law explains only {max(0.0, 1 - off / spread):.0%} of how the "
+            f"readings change: this "
+            "is no recording of such an object, or its distances and bearings are not those of its rows."
+        )
+
+
+def _signal(recording: SensorRecording) -> Array:
+    """[n, S] 0 in the dark, 1 saturated."""
+    if recording.kind == "infrared":
+        return recording.counts / FULL
+    low, high = np.percentile(recording.counts, [0.5, 99.5])
+    return np.asarray((high - recording.counts) / max(high - low, 1.0))
+
+
+def _answers(recording: SensorRecording) -> tuple[Array, NDArray[np.bool_]]:
+    """[S] the bearing that each sensor answers to, degrees, and whether that is sure."""
+    bearing, signal = np.radians(recording.bearing_deg), np.clip(_signal(recording), 0.0, 1.0)
+    signal = np.where(signal > 0.1, signal, 0.0)
+    turned = np.unique(np.round(recording.bearing_deg % 360.0, 3))
+    if len(turned) < 4 or np.diff(np.append(turned, turned[0] + 360.0)).max() > 100.0:
+        return np.zeros(recording.sensors), np.zeros(recording.sensors, bool)
+    total = signal.T @ np.exp(1j * bearing)
+    sure = np.abs(total) > 0.2 * np.maximum(signal.sum(axis=0), 1e-9)
+    return np.degrees(np.angle(total)), np.asarray(sure)
+
+
+def _apart(a: Array, b: Array) -> Array:
+    return np.asarray(np.abs((a - b + 180.0) % 360.0 - 180.0))

@@ -1,0 +1,133 @@
+"""What the project's own model reads where a recording was made: the fits' forward model.
+
+A table's wall, cylinder or lamp becomes a room made for the purpose, the robot placed at each row's
+distance and bearing; a recording in an arena keeps its poses. The kernels do the rest.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.kernels.params import Arena as KernelArena
+from realitygap.kernels.params import Networks, Robot, Trial
+from realitygap.kernels.work import Work, new_work
+from realitygap.world.arena import Arena, Cylinder, Lamp
+
+if TYPE_CHECKING:
+    from realitygap.calibration.recording import SensorRecording, WheelRecording
+    from realitygap.world.profile import Profile
+
+__all__ = ["Scene", "illumination", "light_readings", "proximity", "scene_of", "wheel_speeds"]
+
+Array = NDArray[np.float64]
+
+ROOM_CM = 1000.0
+"""A room so large that its other walls are out of everything's reach."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scene:
+    """Where a recording's rows were read: each place once.
+
+    poses [m, 3] x, y (cm), heading (rad); row [n] the place of each of the recording's rows;
+    bare: nothing is near but the object itself.
+    """
+
+    arena: KernelArena
+    poses: Array
+    row: NDArray[np.int64]
+    bare: bool = False
+
+    def turned(self, degrees: float) -> Array:
+        """The poses, if the rig stood this much further counter-clockwise than it was thought to."""
+        return np.asarray(self.poses + np.array([0.0, 0.0, math.radians(degrees)]))
+
+
+def scene_of(recording: SensorRecording) -> Scene:
+    """The room of a recording, with the robot at each of its places."""
+    row = recording.place()
+    first = np.unique(row, return_index=True)[1]
+    if recording.pose is not None and recording.arena is not None:
+        return Scene(arena=recording.arena.to_kernel(), poses=recording.pose[first], row=row)
+    half, radius = ROOM_CM / 2, recording.radius_cm
+    away = recording.body_radius_cm + recording.distance_cm[first]
+    cylinders: tuple[Cylinder, ...] = ()
+    lamps: tuple[Lamp, ...] = ()
+    edge = ROOM_CM
+    if recording.object == "lamp":
+        edge = half
+        lamps = (Lamp(x_cm=half, y_cm=half, spacing_cm=0.0),)
+    elif radius is not None:
+        edge = half
+        away = away + radius
+        cylinders = (Cylinder(x_cm=half, y_cm=half, radius_cm=radius),)
+    room = Arena(name="table", size_cm=(ROOM_CM, ROOM_CM), cylinders=cylinders, lamps=lamps)
+    # The object lies towards +x: heading + bearing = 0.
+    poses = np.column_stack(
+        [edge - away, np.full(len(first), half), -np.radians(recording.bearing_deg[first])]
+    )
+    return Scene(arena=room.to_kernel(), poses=poses, row=row, bare=True)
+
+
+def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Array:
+    """Noise-free proximity readings [n, P] of a recording's rows, counts."""
+    from realitygap.kernels.sweep import sweep_infrared
+
+    robot = profile.to_kernel()
+    out = np.zeros((len(scene.poses), len(profile.infrared.sensors)))
+    sweep_infrared(robot, scene.arena, scene.turned(turn_deg), _work(robot), out)
+    return out[scene.row]
+
+
+def illumination(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Array:
+    """Illumination A [n, A] of the ambient sensors, before their gains."""
+    from realitygap.kernels import sweep
+
+    robot = profile.to_kernel()
+    out = np.zeros((len(scene.poses), len(profile.ambient.sensors)))
+    follow = sweep.sweep_direct if scene.bare else sweep.sweep_light
+    follow(robot, scene.arena, scene.turned(turn_deg), _work(robot), out)
+    return out[scene.row]
+
+
+def light_readings(profile: Profile, light: Array) -> Array:
+    """Noise-free ambient readings of an illumination [n, A], counts: the kernels' law for arrays."""
+    law = profile.ambient
+    floor, dark = np.array(law.ranges()).reshape(-1, 2).T
+    total = light * np.array([sensor.gain for sensor in law.sensors])
+    if law.response == "linear":
+        return np.asarray(np.maximum(dark - total, floor))
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.minimum(floor + 1.0 / np.sqrt(np.maximum(total, 0.0)), dark))
+
+
+def wheel_speeds(profile: Profile, recording: WheelRecording) -> Array:
+    """Speeds [n, 2] (cm/s) of noise-free wheels in the step that follows each row."""
+    from realitygap.kernels.sweep import sweep_wheels
+
+    robot = profile.to_kernel()
+    speeds = np.zeros(recording.commands.shape)
+    first = np.concatenate([[1], (np.diff(recording.trial) != 0).astype(np.int64)]).astype(np.int64)
+    sweep_wheels(robot, np.ascontiguousarray(recording.commands, np.float64), first, _work(robot), speeds)
+    return speeds
+
+
+def _work(robot: Robot) -> Work:
+    trial, networks = _nobody()
+    return new_work(robot, trial, networks)
+
+
+@cache
+def _nobody() -> tuple[Trial, Networks]:
+    networks = Networks(
+        neurons=np.zeros(1, np.int64), thresholds=np.zeros((1, 2), np.int16),
+        sensor_links=np.zeros((1, 1, 4), np.int16), sensor_count=np.zeros(1, np.int64),
+        links=np.zeros((1, 1, 4), np.int16), link_start=np.zeros((1, 3), np.int16),
+    )  # fmt: skip
+    return Trial(steps=0, feed=0, channels=np.zeros(0, np.int64), start=np.zeros(5)), networks

@@ -1,0 +1,83 @@
+"""The proximity sensors' fit (§3.2.1, §3.2.3): the paper's form first, and what goes beyond it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.calibration.forward import Scene, proximity
+from realitygap.calibration.solve import Free, Values
+
+if TYPE_CHECKING:
+    from realitygap.world.profile import Profile
+
+__all__ = ["INFRARED_FORMS", "infrared_frees", "infrared_model", "with_infrared"]
+
+Array = NDArray[np.float64]
+
+INFRARED_FORMS = ("paper", "individual", "extended")
+"""Common a and b; a and b for each sensor; also directions, distance offset, exponent of the cosine."""
+
+DIRECTION_PRIOR_DEG = 5.0
+"""How straight sensors are soldered in: keeps a turned rig and eight turned sensors apart."""
+TURN_DEG, TURN_PRIOR_DEG = 10.0, 2.0
+"""How far a rig may be turned, and how far it is likely to be."""
+
+
+def infrared_frees(form: str, profile: Profile, rigs: Sequence[str]) -> list[Free]:
+    """The constants that a form leaves free, starting from a profile; each rig has its own turn."""
+    sensors = profile.infrared.sensors
+    each = 1 if form == "paper" else len(sensors)
+    a = np.full(each, 1200.0 if form != "extended" else 900.0)
+    b = np.full(each, -50.0)
+    frees = [
+        Free(key="a", start=a, low=1.0, high=1e5, step=0.5),
+        Free(key="b", start=b, low=-5e3, high=-0.01, step=0.02),
+    ]
+    if form == "extended":
+        direction = np.array([s.direction_deg for s in sensors])
+        frees += [
+            Free(
+                key="direction_deg",
+                start=direction,
+                low=-360,
+                high=360,
+                prior=DIRECTION_PRIOR_DEG,
+                tie=0.02,
+                step=0.05,
+            ),
+            Free(key="offset_cm", start=np.array([0.3]), low=-0.2, high=2.0, step=1e-3),
+            Free(key="exponent", start=np.array([2.0]), low=0.0, high=8.0, step=5e-3),
+        ]
+    turns = [
+        Free(key=rig, start=np.zeros(1), low=-TURN_DEG, high=TURN_DEG, prior=TURN_PRIOR_DEG, step=0.05)
+        for rig in rigs
+    ]
+    return frees + turns
+
+
+def with_infrared(profile: Profile, values: Values) -> Profile:
+    """A profile with fitted constants in place."""
+    sensors, law = profile.infrared.sensors, profile.infrared
+    n = len(sensors)
+    columns = {
+        key: np.broadcast_to(values[key], (n,)).tolist()
+        for key in ("a", "b", "direction_deg", "offset_cm")
+        if key in values
+    }
+    fitted = tuple(
+        replace(sensor, **{key: column[k] for key, column in columns.items()})
+        for k, sensor in enumerate(sensors)
+    )
+    exponent = float(values["exponent"][0]) if "exponent" in values else law.exponent
+    return replace(profile, infrared=replace(law, sensors=fitted, exponent=exponent))
+
+
+def infrared_model(profile: Profile, values: Values, scenes: Sequence[tuple[str, Scene]]) -> Array:
+    """Noise-free readings [n, P] of several recordings, one after another, at each rig's turn."""
+    made = with_infrared(profile, values)
+    return np.concatenate([proximity(made, scene, float(values[rig][0])) for rig, scene in scenes])

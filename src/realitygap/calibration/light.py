@@ -1,0 +1,204 @@
+"""The ambient sensors' fit (§3.2.1, §3.3): the paper's chain, and forms linear in intensity.
+
+Gains are fitted as logarithms: they are scales, and a lamp's brightness is unknown by orders.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.calibration.forward import Scene, illumination, light_readings
+from realitygap.calibration.solve import Free, Values
+
+if TYPE_CHECKING:
+    from realitygap.world.profile import Profile
+
+__all__ = [
+    "LIGHT_FORMS",
+    "as_bright_as_the_paper",
+    "light_frees",
+    "light_model",
+    "spread_gains",
+    "with_light",
+]
+
+Array = NDArray[np.float64]
+Scenes = Sequence[tuple[str, Scene]]
+
+LIGHT_FORMS = ("paper", "individual", "linear", "extended")
+"""The paper's chain with the lamp's brightness free; with a gain for each sensor; linear between dark
+and floor with gains and an angular exponent; also directions, the lamp's height, and where the room is
+known, what walls throw back."""
+
+COMMON = (
+    "floor", "dark", "facing", "lamp_height_cm", "lamp_proud_cm", "reflectance", "exponent", "near_cm",
+)  # fmt: skip
+SHIFT_PRIOR = 10.0
+"""Counts by which sensors of one robot differ in the dark and when saturated."""
+DIRECTION_PRIOR_DEG = 5.0
+TURN_DEG, TURN_PRIOR_DEG = 10.0, 2.0
+"""How far a rig may be turned, and how far it is likely to be."""
+
+
+def light_frees(form: str, profile: Profile, scenes: Scenes, counts: Array, *, room: bool) -> list[Free]:
+    """The constants that a form leaves free.
+
+    Args:
+        form: one of LIGHT_FORMS.
+        profile: where they start.
+        scenes: name of each recording's rig, and where its rows were read.
+        counts: [n, S] readings.
+        room: whether the walls are known, so that reflected light can tell something.
+    """
+    sensors = profile.ambient.sensors
+    linear = form in ("linear", "extended")
+    dark, floor = (np.array([np.median(end)]) for end in (counts.max(axis=0), counts.min(axis=0)))
+    begun = {"facing": np.array([1.0])} if linear else {}
+    frees = [
+        Free(key="floor", start=floor, low=0.0, high=400.0, step=0.05),
+        Free(key="dark", start=dark, low=100.0, high=1000.0, step=0.05),
+    ]
+    if linear:
+        frees += [
+            Free(
+                key=key,
+                start=np.zeros(len(sensors)),
+                low=-60,
+                high=60,
+                prior=SHIFT_PRIOR,
+                tie=0.02,
+                step=0.05,
+            )
+            for key in ("floor_shift", "dark_shift")
+        ]
+        frees.append(Free(key="facing", start=begun["facing"], low=0.0, high=10.0, step=1e-3))
+    if form == "extended":
+        frees += _extended(profile, room)
+    start = {**{f.key: f.start for f in frees}, **{name: np.zeros(1) for name, _ in scenes}}
+    gain = _first_gains(form, with_light(profile, start, form), scenes, counts)
+    each = gain if form != "paper" else np.array([np.median(gain)])
+    frees.insert(0, Free(key="log_gain", start=np.log(each), low=-30.0, high=40.0, step=1e-3))
+    turns = [
+        Free(key=name, start=np.zeros(1), low=-TURN_DEG, high=TURN_DEG, prior=TURN_PRIOR_DEG, step=0.05)
+        for name, _ in scenes
+    ]
+    return frees + ([] if room else turns)
+
+
+def _extended(profile: Profile, room: bool) -> list[Free]:
+    sensors, law = profile.ambient.sensors, profile.ambient
+    direction = np.array([s.direction_deg for s in sensors])
+    frees = [
+        Free(
+            key="direction_deg", start=direction, low=-360, high=360, prior=DIRECTION_PRIOR_DEG,
+            tie=None if room else 0.02, step=0.05,
+        ),
+        Free(key="lamp_height_cm", start=np.array([3.0]), low=0.0, high=50.0, step=0.02),
+    ]  # fmt: skip
+    if room:
+        reflectance = law.reflectance if law.falloff == 2.0 else 0.03
+        frees += [
+            Free(key="reflectance", start=np.array([reflectance]), low=0.0, high=100.0, step=1e-4),
+            Free(key="exponent", start=np.array([law.exponent]), low=0.0, high=10.0, step=1e-3),
+        ]
+        if law.falloff == 1.0:
+            frees.append(Free(key="near_cm", start=np.array([0.5]), low=0.0, high=10.0, step=1e-3))
+            frees.append(Free(key="lamp_proud_cm", start=np.array([0.3]), low=0.0, high=3.0, step=2e-2))
+    return frees
+
+
+def _first_gains(form: str, profile: Profile, scenes: Scenes, counts: Array) -> Array:
+    """Gains [S] with which the law is right in the middle of each sensor's range."""
+    light = np.concatenate([illumination(profile, scene) for _, scene in scenes])
+    floor, dark = profile.ambient.floor, profile.ambient.dark
+    out = np.ones(counts.shape[1])
+    for k in range(len(out)):
+        share = (dark - counts[:, k]) / max(dark - floor, 1.0)
+        some = (share > 0.1) & (share < 0.9) & (light[:, k] > 0)
+        if some.any():
+            lit, read = light[some, k], counts[some, k]
+            wanted = (
+                dark - read if form in ("linear", "extended") else 1.0 / np.maximum(read - floor, 1.0) ** 2
+            )
+            out[k] = np.median(wanted / lit)
+    return out
+
+
+def with_light(profile: Profile, values: Values, form: str) -> Profile:
+    """A profile with fitted constants in place."""
+    law = profile.ambient
+    n = len(law.sensors)
+    columns = {
+        key: np.broadcast_to(values[key], (n,)).tolist()
+        for key in ("direction_deg", "floor_shift", "dark_shift")
+        if key in values
+    }
+    if "log_gain" in values:
+        columns["gain"] = np.broadcast_to(np.exp(values["log_gain"]), (n,)).tolist()
+    sensors = tuple(
+        replace(sensor, **{key: column[k] for key, column in columns.items()})
+        for k, sensor in enumerate(law.sensors)
+    )
+    common = {
+        key: float(values[key][0])
+        for key in COMMON
+        if key in values
+    }
+    response = "linear" if form in ("linear", "extended") else "paper"
+    law = replace(law, sensors=sensors, response=response, **common)  # type: ignore[arg-type]
+    return replace(profile, ambient=law)
+
+
+def light_model(profile: Profile, values: Values, scenes: Scenes, form: str, memory: LightMemory) -> Array:
+    """Noise-free readings [n, A] of several recordings, one after another, at each rig's turn."""
+    made = with_light(profile, values, form)
+    return light_readings(made, memory.light(made, values, scenes))
+
+
+class LightMemory:
+    """The last illumination: gains, floors and darks change nothing about it."""
+
+    def __init__(self) -> None:
+        self._kept: dict[tuple[object, ...], Array] = {}
+
+    def light(self, profile: Profile, values: Values, scenes: Scenes) -> Array:
+        """[n, A] illumination, taken anew only where what it depends on has changed."""
+        law = profile.ambient
+        turns = tuple(float(values[name][0]) if name in values else 0.0 for name, _ in scenes)
+        directions = tuple(s.direction_deg for s in law.sensors)
+        lamp = (law.lamp_height_cm, law.lamp_narrow, law.lamp_proud_cm)
+        shape = (law.facing, law.reflectance, law.exponent, law.near_cm, lamp)
+        key = (turns, directions, shape)
+        if key not in self._kept:
+            if len(self._kept) > 16:
+                self._kept.clear()
+            pairs = zip(scenes, turns, strict=True)
+            self._kept[key] = np.concatenate(
+                [illumination(profile, scene, turn) for (_, scene), turn in pairs]
+            )
+        return self._kept[key]
+
+
+def spread_gains(values: Values) -> Array:
+    """Gains [S or 1] of fitted values."""
+    return np.asarray(np.exp(values["log_gain"]))
+
+
+def as_bright_as_the_paper(profile: Profile) -> Profile:
+    """Gains as if the table's lamp had been the paper's, which a table of an unknown lamp cannot tell.
+
+    Sensors keep their gains against each other; together they are scaled so that the light which the
+    paper's law reads half-way between floor and dark is read half-way here.
+    """
+    law = profile.ambient
+    half = (law.dark - law.floor) / 2.0
+    wanted = half**3 if law.response == "linear" else 1.0  # half = gain·A, at A = 1/half²
+    gains = np.array([s.gain for s in law.sensors])
+    gains *= wanted / np.exp(np.log(gains).mean())
+    sensors = tuple(replace(s, gain=float(g)) for s, g in zip(law.sensors, gains, strict=True))
+    return replace(profile, ambient=replace(law, sensors=sensors))

@@ -1,0 +1,184 @@
+"""Noise of the sensors: its deviation, whether it depends on the reading, and its tails.
+
+Repeated readings at a place measure it. A table with one reading for each place shows it only where
+neighbouring bearings disagree: in fourth differences of what a model leaves over (lower ones still
+hold some of the curve).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["NoiseEstimate", "Sample", "dark_noise", "lit_noise", "sample_noise"]
+
+Array = NDArray[np.float64]
+
+FULL = 1023.0
+CLEAR = 3.0
+"""Noise is taken where readings stay this many deviations away from the converter's ends."""
+FIRST_GUESS = 21.0
+DARK_COUNTS = 15.0
+FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+STEEP = 40.0
+"""Counts from one bearing to the next, beyond which a bearing's own error shows as noise."""
+FEWEST = 30
+RESAMPLES = 200
+BINS = 4
+STEADY = 1.35
+"""Ratio of the largest to the smallest deviation over the readings' range, up to which noise is
+called independent of the reading."""
+HEAVY = 1.0
+"""Excess kurtosis from which on tails are called heavier than normal."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sample:
+    """Noise at places: `z` [m, S] deviations, scaled to the noise's own; `level` [m, S] what was read there.
+
+    `group` [m]: values of one group were made from common readings. NaN where nothing was measured.
+    """
+
+    z: Array
+    level: Array
+    model: Array
+    group: NDArray[np.int64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NoiseEstimate:
+    """Noise of one channel.
+
+    Attributes:
+        channel: "proximity", "proximity_dark" or "ambient".
+        deviation, low, high: counts, with a 95 % interval.
+        per_sensor: [S] deviations; NaN where too little was measured.
+        bins: (mean reading, deviation) over the range, in equal shares of the data.
+        kurtosis: excess over the normal's.
+        beyond: share of values beyond three deviations (normal: 0.27 %).
+        values: noise in deviations, for a picture.
+        count: how many values.
+    """
+
+    channel: str
+    deviation: float
+    low: float
+    high: float
+    per_sensor: Array
+    bins: tuple[tuple[float, float], ...]
+    kurtosis: float
+    beyond: float
+    count: int
+    values: Array = field(repr=False)
+
+    @property
+    def depends(self) -> bool:
+        """Whether the noise depends on the reading."""
+        if self.channel == "proximity_dark":
+            return False  # all its readings are one: dark
+        sizes = [size for _, size in self.bins if size > 0]
+        return len(sizes) > 1 and max(sizes) > STEADY * min(sizes)
+
+    @property
+    def heavy(self) -> bool:
+        """Whether its tails are heavier than normal."""
+        return self.kurtosis > HEAVY
+
+
+def sample_noise(
+    counts: Array, model: Array, place: NDArray[np.int64], *, distance: Array, bearing: Array
+) -> Sample:
+    """Noise [m, S] of readings [n, S] at places [n]: from repeats, or from neighbouring bearings."""
+    order = np.argsort(place, kind="stable")
+    _, first, many = np.unique(place[order], return_index=True, return_counts=True)
+    if np.median(many) >= 2:
+        sums = np.add.reduceat(counts[order], first)
+        mean = (sums / many[:, None])[np.repeat(np.arange(len(many)), many)]
+        spread = np.sqrt(many / np.maximum(many - 1, 1))[np.repeat(np.arange(len(many)), many)]
+        z = np.where(np.repeat(many, many)[:, None] > 1, (counts[order] - mean) * spread[:, None], np.nan)
+        return Sample(z=z, level=mean, model=model[order], group=place[order])
+    return _from_neighbours(counts, model, distance, bearing)
+
+
+def _from_neighbours(counts: Array, model: Array, distance: Array, bearing: Array) -> Sample:
+    """Fourth differences over bearings, of what the model leaves over, where readings are not steep."""
+    z, level, modelled = [], [], []
+    reach = len(FOURTH) // 2
+    for one in np.unique(distance[np.isfinite(distance)]):
+        rows = np.flatnonzero(distance == one)
+        rows = rows[np.argsort(bearing[rows])]
+        if len(rows) < 4 * reach:
+            continue
+        near = np.stack([np.roll(counts[rows], -k, 0) for k in range(-reach, reach + 1)])
+        off = near - np.stack([np.roll(model[rows], -k, 0) for k in range(-reach, reach + 1)])
+        steep = np.abs(near[-1] - near[0]) / (2 * reach) > STEEP
+        z.append(np.where(steep, np.nan, np.tensordot(FOURTH, off, 1) / np.linalg.norm(FOURTH)))
+        # Any of them may be clipped: let the one nearest to an end speak for all.
+        level.append(np.where(near.mean(0) < FULL / 2, near.min(0), near.max(0)))
+        modelled.append(model[rows])
+    if not z:
+        nothing = np.zeros((0, counts.shape[1]))
+        return Sample(z=nothing, level=nothing, model=nothing, group=np.zeros(0, np.int64))
+    return Sample(
+        z=np.concatenate(z), level=np.concatenate(level), model=np.concatenate(modelled),
+        group=np.arange(sum(map(len, z))) // 4,
+    )  # fmt: skip
+
+
+def lit_noise(sample: Sample, channel: str, *, top: float = FULL) -> NoiseEstimate | None:
+    """Noise where readings are neither dark nor saturated; for light, everywhere. None: too few."""
+    deviation = FIRST_GUESS
+    use = np.isfinite(sample.z)
+    if channel == "proximity":
+        for _ in range(4):
+            edge = CLEAR * deviation
+            use = np.isfinite(sample.z) & (sample.level > edge) & (sample.level < top - edge)
+            if use.sum() < FEWEST:
+                return None
+            deviation = float(np.sqrt(np.mean(sample.z[use] ** 2)))
+    return _estimate(sample, use, channel)
+
+
+def dark_noise(counts: Array, model: Array, place: NDArray[np.int64]) -> NoiseEstimate | None:
+    """Noise of proximity sensors where nothing is in reach: how their readings [n, S] spread there."""
+    use = (model <= 0) & (counts < 2 * DARK_COUNTS)
+    many = np.maximum(use.sum(axis=0), 1)
+    mean = np.where(use, counts, 0.0).sum(axis=0) / many
+    sample = Sample(z=counts - mean, level=counts, model=model, group=place)
+    return _estimate(sample, use, "proximity_dark")
+
+
+def _estimate(sample: Sample, use: NDArray[np.bool_], channel: str) -> NoiseEstimate | None:
+    if use.sum() < FEWEST:
+        return None
+    z = np.where(use, sample.z, 0.0)
+    square, many = (z**2).sum(axis=1), use.sum(axis=1)
+    groups = np.unique(sample.group, return_inverse=True)[1]
+    squares, counts = np.bincount(groups, square), np.bincount(groups, many)
+    random = np.random.default_rng(0)
+    drawn = random.integers(0, len(squares), (RESAMPLES, len(squares)))
+    spread = np.sqrt(squares[drawn].sum(1) / np.maximum(counts[drawn].sum(1), 1))
+    deviation = float(np.sqrt(square.sum() / many.sum()))
+    enough = use.sum(axis=0) >= FEWEST
+    per_sensor = np.sqrt((z**2).sum(axis=0) / np.maximum(use.sum(axis=0), 1))
+    unit = sample.z[use] / max(deviation, 1e-12)
+    return NoiseEstimate(
+        channel=channel,
+        deviation=deviation,
+        low=float(np.quantile(spread, 0.025)),
+        high=float(np.quantile(spread, 0.975)),
+        per_sensor=np.where(enough, per_sensor, np.nan),
+        bins=_bins(sample.level[use], sample.z[use]),
+        kurtosis=float(np.mean(unit**4) / max(float(np.mean(unit**2)) ** 2, 1e-12) - 3.0),
+        beyond=float((np.abs(unit) > 3.0).mean()),
+        count=int(use.sum()),
+        values=unit,
+    )
+
+
+def _bins(level: Array, z: Array) -> tuple[tuple[float, float], ...]:
+    order = np.argsort(level, kind="stable")
+    parts = [part for part in np.array_split(order, BINS) if len(part) >= FEWEST]
+    return tuple((float(level[part].mean()), float(np.sqrt(np.mean(z[part] ** 2)))) for part in parts)

@@ -1,0 +1,178 @@
+"""What only a camera tells about wheels: centimetres per pulse, the track, and slip."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.calibration.solve import SIGMAS, Constant
+
+if TYPE_CHECKING:
+    from realitygap.calibration.recording import WheelRecording
+
+__all__ = ["Odometry", "measure_odometry"]
+
+Array = NDArray[np.float64]
+
+SLIP, CAMERA_CM, WILD = 0.06, 0.1, 6.0
+"""Where the estimate of slip and of the camera's own error begins; deviations beyond which a way is wild."""
+FEWEST = 12
+"""Ways between two pictures, from which on anything is concluded."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Odometry:
+    """Lengths and slip.
+
+    Attributes:
+        cm_per_pulse: left and right.
+        track_cm: between the wheels.
+        slip: deviation of the way of one step, as a share of it.
+        camera_cm: deviation of a way that is the camera's own.
+        drift_deg_per_m: how far the heading drifts where both wheels are told the same.
+        constants: with intervals.
+        ways: [m, 2] encoder ways (cm), and what the camera saw beyond them, [m, 2].
+    """
+
+    cm_per_pulse: tuple[float, float]
+    track_cm: float
+    slip: float
+    camera_cm: float
+    drift_deg_per_m: float
+    constants: tuple[Constant, ...]
+    ways: Array = field(repr=False)
+    beyond: Array = field(repr=False)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Ways:
+    """Ways between two pictures: pulses [m, 2], Σ of the steps' squares [m, 2], camera's way and turn [m]."""
+
+    pulses: Array
+    squares: Array
+    way: Array
+    turn: Array
+    straight: NDArray[np.bool_]
+
+    def only(self, some: NDArray[np.bool_]) -> _Ways:
+        return _Ways(
+            pulses=self.pulses[some], squares=self.squares[some], way=self.way[some], turn=self.turn[some],
+            straight=self.straight[some],
+        )  # fmt: skip
+
+
+def measure_odometry(recording: WheelRecording, pulses_per_cm: float, track_cm: float) -> Odometry | None:
+    """Lengths and slip of a recording; None where no camera saw enough of it."""
+    ways = _between_pictures(recording, pulses_per_cm, track_cm)
+    if ways is None:
+        return None
+    theta, spread = np.array([1.0, 1.0, pulses_per_cm * track_cm]) / pulses_per_cm, np.zeros((3, 3))
+    beyond, slip, camera = _beyond(ways, theta), SLIP, CAMERA_CM
+    for _ in range(5):
+        squares = ways.squares * theta[:2] ** 2
+        likely = slip**2 * squares + camera**2
+        # A picture in which the disk was taken for something else says nothing.
+        seen = np.asarray((np.abs(beyond) < WILD * np.sqrt(likely)).all(axis=1))
+        if seen.sum() < FEWEST:
+            return None
+        theta, spread = _lengths(ways, np.where(seen[:, None], 1.0 / likely, 0.0))
+        beyond = _beyond(ways, theta)
+        slip, camera = _slip(beyond[seen], squares[seen])
+    ways, beyond = ways.only(seen), beyond[seen]
+    deviation = np.sqrt(np.diag(spread))
+    few = 1.0 / math.sqrt(2.0 * beyond.size)
+    names = ("cm_per_pulse_left", "cm_per_pulse_right", "track_cm")
+    constants = tuple(
+        Constant(key=k, value=float(v), low=float(v - SIGMAS * d), high=float(v + SIGMAS * d))
+        for k, v, d in zip(names, theta, deviation, strict=True)
+    )
+    share = Constant(
+        key="noise.wheel", value=slip, low=slip * (1 - SIGMAS * few), high=slip * (1 + SIGMAS * few)
+    )
+    return Odometry(
+        cm_per_pulse=(float(theta[0]), float(theta[1])),
+        track_cm=float(theta[2]),
+        slip=slip,
+        camera_cm=camera,
+        drift_deg_per_m=_drift(ways),
+        constants=(*constants, share),
+        ways=ways.pulses * theta[:2],
+        beyond=beyond,
+    )
+
+
+def _between_pictures(recording: WheelRecording, pulses_per_cm: float, track_cm: float) -> _Ways | None:
+    if recording.pose is None:
+        return None
+    found: list[tuple[Array, Array, float, float, bool]] = []
+    for rows in recording.trials():
+        seen = rows[np.isfinite(recording.pose[rows]).all(axis=1)]
+        for a, b in pairwise(seen):
+            steps = np.diff(recording.counters[a : b + 1], axis=0)
+            pulses = steps.sum(axis=0)
+            if not np.abs(pulses).max() > 0:
+                continue
+            x0, y0, h0 = recording.pose[a]
+            x1, y1, h1 = recording.pose[b]
+            guess = (pulses[1] - pulses[0]) / pulses_per_cm / track_cm
+            turn = guess + math.remainder(h1 - h0 - guess, math.tau)
+            half = turn / 2
+            mean = h0 + half
+            chord = (x1 - x0) * math.cos(mean) + (y1 - y0) * math.sin(mean)
+            way = chord * (half / math.sin(half) if abs(half) > 1e-6 else 1.0)
+            told = recording.commands[a:b]
+            found.append((pulses, (steps**2).sum(axis=0), way, turn, bool((told[:, 0] == told[:, 1]).all())))
+    if len(found) < FEWEST:
+        return None
+    pulses, squares, way, turn, straight = zip(*found, strict=True)
+    return _Ways(
+        pulses=np.array(pulses, float), squares=np.array(squares, float), way=np.array(way),
+        turn=np.array(turn), straight=np.array(straight),
+    )  # fmt: skip
+
+
+def _lengths(ways: _Ways, weight: Array) -> tuple[Array, Array]:
+    """(cm per pulse left, right, track) by weighted least squares, and their covariance.
+
+    What a wheel covered is way ∓ turn·track/2, and is its pulses' length.
+    """
+    m = len(ways.way)
+    rows = np.zeros((2 * m, 3))
+    rows[:m, 0], rows[m:, 1] = ways.pulses[:, 0], ways.pulses[:, 1]
+    rows[:m, 2], rows[m:, 2] = ways.turn / 2, -ways.turn / 2
+    wanted = np.concatenate([ways.way, ways.way])
+    root = np.sqrt(weight.T.ravel())
+    theta = np.linalg.lstsq(rows * root[:, None], wanted * root, rcond=None)[0]
+    off = (rows @ theta - wanted) * root
+    inverse = np.linalg.pinv((rows * root[:, None]).T @ (rows * root[:, None]))
+    return np.asarray(theta), np.asarray(inverse * float((off**2).sum() / max(2 * m - 3, 1)))
+
+
+def _beyond(ways: _Ways, theta: Array) -> Array:
+    """[m, 2] how much further each wheel came than its pulses say, cm."""
+    seen = np.stack([ways.way - ways.turn * theta[2] / 2, ways.way + ways.turn * theta[2] / 2], 1)
+    return np.asarray(seen - ways.pulses * theta[:2])
+
+
+def _slip(beyond: Array, squares: Array) -> tuple[float, float]:
+    """Deviation of a step's way as a share of it, and the camera's own (cm): error² = s²·Σd² + c²."""
+    x, y = squares.ravel(), beyond.ravel() ** 2
+    slip2, camera2 = 0.06**2, 0.05**2
+    for _ in range(20):
+        root = 1.0 / (slip2 * x + camera2)
+        rows = np.stack([x, np.ones_like(x)], 1) * root[:, None]
+        solved = np.linalg.lstsq(rows, y * root, rcond=None)[0]
+        slip2, camera2 = max(float(solved[0]), 1e-8), max(float(solved[1]), 1e-6)
+    return math.sqrt(slip2), math.sqrt(camera2)
+
+
+def _drift(ways: _Ways) -> float:
+    """Degrees a metre where both wheels were told the same; NaN if they never were."""
+    metres = np.abs(ways.way[ways.straight]).sum() / 100.0
+    turned = (np.sign(ways.way) * ways.turn)[ways.straight].sum()
+    return float(math.degrees(turned) / metres) if metres > 0.2 else math.nan

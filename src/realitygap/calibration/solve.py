@@ -1,0 +1,289 @@
+"""Least squares with names: free constants, some of them one a sensor, fitted to readings.
+
+The Jacobian is taken by finite differences, all sensors of a constant at once: a sensor's constant
+moves that sensor's readings only. Intervals are cluster-robust (White 1980; Liang and Zeger 1986):
+neighbouring places share the model's error, so that rows are not independent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Constant", "Fit", "Free", "Values", "blind_pairs", "solve"]
+
+Array = NDArray[np.float64]
+Values = Mapping[str, Array]
+Model = Callable[[Values], Array]
+
+SIGMAS = 1.96
+"""Intervals hold 95 %."""
+ALIKE, BLIND = 0.95, 1e-5
+"""Correlation from which on the data are said not to tell two constants apart."""
+ROUNDS = 4
+ROBUST_AT = 5.0
+"""Residuals beyond this many noise deviations count less than their square (soft L1)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Free:
+    """A constant to be fitted.
+
+    Attributes:
+        key: its name.
+        start: [1], or [S] one a sensor.
+        low, high: bounds.
+        prior: deviation of a mild prior about `start`; None for none.
+        tie: deviation to which the mean over sensors is held at its start; None for free.
+        step: of the finite difference.
+    """
+
+    key: str
+    start: Array
+    low: float
+    high: float
+    prior: float | None = None
+    tie: float | None = None
+    step: float = 1e-4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constant:
+    """A fitted number with its 95 % interval; `told` is False where bounds or the prior decide."""
+
+    key: str
+    value: float
+    low: float
+    high: float
+    told: bool = True
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fit:
+    """Fitted values by name, their intervals, and what the data cannot tell apart."""
+
+    values: dict[str, Array]
+    constants: tuple[Constant, ...]
+    alike: tuple[tuple[str, str, float], ...]
+    model: Array
+    evaluations: int
+    theta: Array = field(repr=False)
+
+
+def solve(
+    frees: Sequence[Free],
+    model: Model,
+    counts: Array,
+    *,
+    noise: float,
+    use: NDArray[np.bool_],
+    clusters: NDArray[np.int64],
+    start: Values | None = None,
+    intervals: bool = True,
+) -> Fit:
+    """Fit `frees` so that model(values) [n, S] is near counts [n, S].
+
+    Args:
+        noise: deviation that residuals are weighed by, counts.
+        use: [n, S] readings that count.
+        clusters: [n] places whose errors hang together carry the same number.
+        start: values to begin at instead of each constant's own.
+        intervals: whether intervals are asked for.
+    """
+    from scipy.optimize import least_squares
+
+    packed = _Packed(frees, model, counts, noise=noise, use=use)
+    theta = packed.pack({**{f.key: f.start for f in frees}, **(start or {})})
+    low, high = packed.bounds()
+    inside = np.clip(theta, low + 1e-9 * (1 + np.abs(low)), high - 1e-9 * (1 + np.abs(high)))
+    # Most rows move with few constants or with none (0, saturated): what does not move is left out
+    # until it does. Soft L1 keeps single wild readings from deciding.
+    packed.use = packed.moving(inside)
+    for _ in range(ROUNDS):
+        found = least_squares(
+            packed.residuals, inside, jac=packed.sparse_jacobian, bounds=(low, high), x_scale="jac",
+            loss="soft_l1", f_scale=ROBUST_AT, xtol=1e-5 if intervals else 1e-4, ftol=1e-6, gtol=1e-8,
+            max_nfev=60 if intervals else 25, tr_solver="lsmr",
+            tr_options={"maxiter": 4 * len(theta), "atol": 1e-7, "btol": 1e-7},
+        )  # fmt: skip
+        inside, before = found.x, int(packed.use.sum())
+        active, packed.use = packed.use, use
+        packed.use = active | packed.moving(inside)
+        if packed.use.sum() <= 1.005 * before:
+            break
+    packed.use = use
+    values = packed.unpack(found.x)
+    if not intervals:
+        return Fit(
+            values=values, constants=(), alike=(), model=model(values), evaluations=found.nfev, theta=found.x
+        )
+    covariance = packed.covariance(found.x, clusters)
+    return Fit(
+        values=values,
+        constants=packed.constants(found.x, covariance),
+        alike=blind_pairs(packed.names(), packed.curvature(found.x)),
+        model=model(values),
+        evaluations=found.nfev,
+        theta=found.x,
+    )
+
+
+def blind_pairs(names: Sequence[str], curvature: Array) -> tuple[tuple[str, str, float], ...]:
+    """Pairs of constants whose estimates hang together by |ρ| ≥ 0.95: of two kinds the closest pair."""
+    size = np.sqrt(np.diag(curvature))
+    moves = np.flatnonzero(size > 1e-9 * size.max(initial=1e-300))
+    names, size = [names[int(i)] for i in moves], size[moves]
+    values, vectors = np.linalg.eigh(curvature[np.ix_(moves, moves)] / np.outer(size, size))
+    inverse = (vectors / np.maximum(values, BLIND)) @ vectors.T
+    scale = np.sqrt(np.maximum(np.diag(inverse), 1e-12))
+    rho = np.clip(inverse / np.outer(scale, scale), -1.0, 1.0)
+    closest: dict[tuple[str, str], tuple[str, str, float]] = {}
+    for i, j in np.argwhere(np.tril(np.abs(rho) >= ALIKE, -1)).tolist():
+        first, second = sorted(names[k].partition("[")[0] for k in (i, j))
+        kinds = (first, second)
+        # A shift's mean is held at 0: no question of the data's.
+        shifted = kinds[1] == f"{kinds[0]}_shift" or (kinds[0] == kinds[1] and kinds[0].endswith("_shift"))
+        pair = (names[i], names[j], float(rho[i, j]))
+        if not shifted and abs(pair[2]) > abs(closest.get(kinds, ("", "", 0.0))[2]):
+            closest[kinds] = pair
+    return tuple(sorted(closest.values(), key=lambda pair: -abs(pair[2])))
+
+
+class _Packed:
+    """The constants as one vector, and the residuals' function of it."""
+
+    def __init__(
+        self, frees: Sequence[Free], model: Model, counts: Array, *, noise: float, use: NDArray[np.bool_]
+    ) -> None:
+        self.frees, self.model, self.counts, self.noise, self.use = frees, model, counts, noise, use
+        self.ends = np.cumsum([len(f.start) for f in frees])
+        self._last: tuple[Array, Array] | None = None
+
+    def pack(self, values: Values) -> Array:
+        return np.concatenate([np.broadcast_to(values[f.key], f.start.shape) for f in self.frees]).astype(
+            float
+        )
+
+    def unpack(self, theta: Array) -> dict[str, Array]:
+        parts = np.split(theta, self.ends[:-1])
+        return {f.key: part for f, part in zip(self.frees, parts, strict=True)}
+
+    def bounds(self) -> tuple[Array, Array]:
+        low = np.concatenate([np.full(len(f.start), f.low) for f in self.frees])
+        return low, np.concatenate([np.full(len(f.start), f.high) for f in self.frees])
+
+    def names(self) -> list[str]:
+        return [
+            f.key if len(f.start) == 1 else f"{f.key}[{i}]" for f in self.frees for i in range(len(f.start))
+        ]
+
+    def readings(self, theta: Array) -> Array:
+        if self._last is None or not np.array_equal(self._last[0], theta):
+            self._last = theta.copy(), self.model(self.unpack(theta))
+        return self._last[1]
+
+    def residuals(self, theta: Array) -> Array:
+        off = (self.readings(theta) - self.counts)[self.use] / self.noise
+        return np.concatenate([off, *self._priors(theta)])
+
+    def _priors(self, theta: Array) -> list[Array]:
+        values, out = self.unpack(theta), []
+        for f in self.frees:
+            off = values[f.key] - f.start
+            if f.prior is not None:
+                out.append(off / f.prior)
+            if f.tie is not None:
+                out.append(np.array([off.mean() / f.tie]))
+        return out
+
+    def _columns(self, theta: Array) -> Array:
+        """[n, S, constants] derivatives of the readings over the noise."""
+        base, (_, high) = self.readings(theta), self.bounds()
+        out = np.zeros((*base.shape, len(theta)))
+        first = 0
+        for f in self.frees:
+            size = len(f.start)
+            where = slice(first, first + size)
+            step = np.where(theta[where] + f.step > high[where], -f.step, f.step)
+            moved = theta.copy()
+            moved[where] += step
+            change = (self.model(self.unpack(moved)) - base) / self.noise
+            if size == 1:
+                out[..., first] = change / step[0]
+            else:
+                for k in range(size):
+                    out[:, k, first + k] = change[:, k] / step[k]
+            first += size
+        return out
+
+    def moving(self, theta: Array) -> NDArray[np.bool_]:
+        """[n, S] readings in use that any constant moves here."""
+        return np.asarray(self.use & (self._columns(theta) != 0).any(axis=2)) | (
+            self.use & (np.abs(self.readings(theta) - self.counts) > ROBUST_AT * self.noise)
+        )
+
+    def jacobian(self, theta: Array) -> Array:
+        rows = self._columns(theta)[self.use]
+        return np.concatenate([rows, *self._prior_rows(len(theta))])
+
+    def sparse_jacobian(self, theta: Array) -> Any:
+        from scipy.sparse import csr_matrix
+
+        return csr_matrix(self.jacobian(theta))
+
+    def _prior_rows(self, n: int, *, ties_only: bool = False) -> list[Array]:
+        rows, first = [], 0
+        for f in self.frees:
+            size = len(f.start)
+            if f.prior is not None and not ties_only:
+                rows.append(np.eye(n)[first : first + size] / f.prior)
+            if f.tie is not None:
+                row = np.zeros((1, n))
+                row[0, first : first + size] = 1.0 / (size * f.tie)
+                rows.append(row)
+            first += size
+        return rows
+
+    def curvature(self, theta: Array) -> Array:
+        """JᵀJ of the data alone."""
+        from scipy.sparse import csr_matrix
+
+        rows = csr_matrix(self._columns(theta)[self.use])
+        return np.asarray((rows.T @ rows).toarray())
+
+    def covariance(self, theta: Array, clusters: NDArray[np.int64]) -> Array:
+        """Sandwich covariance: bread from the Jacobian and the priors, filling from the clusters."""
+        columns, off = self._columns(theta), (self.readings(theta) - self.counts) / self.noise
+        scores = np.einsum("ns,nsp->np", np.where(self.use, off, 0.0), columns)
+        groups = np.unique(clusters, return_inverse=True)[1]
+        sums = np.zeros((groups.max() + 1, len(theta)))
+        np.add.at(sums, groups, scores)
+        held = np.concatenate([np.zeros((1, len(theta))), *self._prior_rows(len(theta))])
+        bread = np.linalg.pinv(self.curvature(theta) + held.T @ held)
+        inner = sums.T @ sums * (len(sums) / max(len(sums) - 1, 1))
+        return np.asarray(bread @ (inner + held.T @ held) @ bread)
+
+    def constants(self, theta: Array, covariance: Array) -> tuple[Constant, ...]:
+        deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        ties = np.concatenate([np.zeros((1, len(theta))), *self._prior_rows(len(theta), ties_only=True)])
+        curvature = self.curvature(theta) + ties.T @ ties
+        size = np.sqrt(np.maximum(np.diag(curvature), 1e-12))
+        alone = np.sqrt(np.maximum(np.diag(np.linalg.pinv(curvature / np.outer(size, size))), 0.0)) / size
+        low, high = self.bounds()
+        limits = np.concatenate([np.full(len(f.start), f.prior or np.inf) for f in self.frees])
+        span = 1e-6 * (high - low)
+        told = (theta > low + span) & (theta < high - span) & (alone < limits)
+        return tuple(
+            Constant(
+                key=name,
+                value=float(theta[i]),
+                low=float(max(low[i], theta[i] - SIGMAS * deviation[i])),
+                high=float(min(high[i], theta[i] + SIGMAS * deviation[i])),
+                told=bool(told[i]),
+            )
+            for i, name in enumerate(self.names())
+        )

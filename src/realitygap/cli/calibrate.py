@@ -1,0 +1,226 @@
+"""`realitygap calibrate`: from recordings of a robot to a profile, and a profile's judge."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from realitygap.cli.options import as_json
+from realitygap.cli.output import print_json, print_table
+
+if TYPE_CHECKING:
+    from realitygap.calibration.calibrate import Calibration
+    from realitygap.calibration.judge import Judgement
+    from realitygap.calibration.recording import Recording
+
+__all__ = ["calibrate"]
+
+FORMS = ("paper", "individual", "extended")
+LIGHT_FORMS = ("paper", "individual", "linear", "extended")
+
+
+@click.command()
+@click.argument("recordings", nargs=-1, required=True, metavar="RECORDING...", type=click.Path())
+@click.option(
+    "--form",
+    type=click.Choice(FORMS),
+    default="extended",
+    show_default=True,
+    help="Which constants are free.",
+)
+@click.option(
+    "--light", type=click.Choice(LIGHT_FORMS), help="Another form for ambient light [default: as --form]."
+)
+@click.option(
+    "--object", "objects", multiple=True, metavar="O",
+    help="What .sam tables show: wall, cylinder:RADIUS_CM or lamp; once for all, or once for each.",
+)  # fmt: skip
+@click.option(
+    "--base", default="paper", show_default=True, metavar="P",
+    help="Profile that keeps what the recordings do not tell.",
+)  # fmt: skip
+@click.option(
+    "--out", type=click.Path(), metavar="TOML", help="The profile to write; its report goes beside it."
+)
+@click.option("--report", "page", type=click.Path(), metavar="HTML", help="Another place for the report.")
+@click.option("--no-report", is_flag=True, help="Write no report.")
+@click.option(
+    "--check", is_flag=True, help="Judge a profile, the last argument, by the recordings before it."
+)
+@as_json
+def calibrate(
+    recordings: tuple[str, ...],
+    form: str,
+    light: str | None,
+    objects: tuple[str, ...],
+    base: str,
+    out: str | None,
+    page: str | None,
+    no_report: bool,
+    check: bool,
+    json_output: bool,
+) -> None:
+    """Fit a robot's constants to recordings, and write a profile for --profile.
+
+    A RECORDING is a folder made by `realitygap record` (or a folder of several), or a .sam table.
+    Forms: paper has the paper's laws with common constants and its printed gains; individual has
+    constants for each sensor, light read linearly, and refitted gains; extended also directions,
+    distance offset, exponents, and the lamp's height.
+
+    \b
+    Examples: a profile from two tables, and its judge on a third
+        realitygap calibrate wall.sam light.sam --out robot.toml
+        realitygap calibrate --check round.sam robot.toml --object cylinder:2.7
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads only wait for each other
+    if check:
+        _check(recordings, objects, json_output)
+        return
+    if out is None:
+        raise click.UsageError(
+            "--out: missing: say where the profile shall be written, as in --out robot.toml."
+        )
+    from realitygap.calibration.calibrate import calibrate as fit
+    from realitygap.world.profile import load_profile
+
+    target = _target(out)
+    start = load_profile(base)
+    made = fit(_load(recordings, objects), start, form=form, light=light, name=target.stem)
+    target.write_text(_header(made) + made.profile.to_toml(), "utf-8")
+    where = None
+    if not no_report:
+        from realitygap.report.calibration import write_calibration_page
+
+        where = write_calibration_page(made, Path(page) if page else target.with_suffix(".html"))
+    if json_output:
+        print_json({"profile": str(target), "report": str(where) if where else None, **_facts(made)})
+    else:
+        _tell(made, target, where)
+    for warning in made.warnings:
+        click.echo(f"warning: {warning}", err=True)
+
+
+def _target(out: str) -> Path:
+    from realitygap.errors import CalibrationError
+
+    target = Path(out)
+    if target.suffix != ".toml":
+        raise CalibrationError(f"--out: expected a file that ends in .toml, got {out!r}.")
+    if not target.parent.is_dir():
+        raise CalibrationError(f"--out: {target.parent}: no such folder. Make it first.")
+    return target
+
+
+def _load(paths: tuple[str, ...], objects: tuple[str, ...]) -> list[Recording]:
+    from realitygap.calibration.recording import find_recordings, load_recording
+    from realitygap.errors import CalibrationError
+
+    found = [place for path in paths for place in find_recordings(path)]
+    if len(objects) not in (0, 1, len(found)):
+        raise CalibrationError(
+            f"--object: expected one for all or one for each of {len(found)} recordings, got {len(objects)}."
+        )
+    said = [None] * len(found) if not objects else list(objects) * (len(found) if len(objects) == 1 else 1)
+    return [load_recording(place, object=name) for place, name in zip(found, said, strict=True)]
+
+
+def _header(made: Calibration) -> str:
+    where = made.profile.provenance
+    files = ", ".join(f.file for f in where.files)
+    return (
+        f"# Calibrated {where.date} by realitygap {where.version} from {files}.\n"
+        "# Lengths cm, speeds cm/s, angles degrees, readings counts; where each comes from "
+        "stands at the end.\n"
+    )
+
+
+def _facts(made: Calibration) -> dict[str, object]:
+    """What a calibration says, ready for JSON."""
+    return {
+        "channels": {
+            fit.kind: {
+                "form": fit.form,
+                "rmse": fit.rmse,
+                "rmse_by_form": fit.by_form,
+                "held_out_rmse": fit.held_out[fit.form],
+                "noise": {
+                    e.channel: {
+                        "deviation": e.deviation, "low": e.low, "high": e.high,
+                        "depends_on_reading": e.depends, "heavy_tails": e.heavy,
+                    }
+                    for e in fit.noise
+                },
+                "model_error_over_noise": {str(m.sensor): m.ratio for m in fit.sensors},
+                "cannot_tell_apart": [{"a": a, "b": b, "correlation": r} for a, b, r in fit.fit.alike],
+            }
+            for fit in made.channels
+        },
+        "wheels": {"form": made.wheels.form, "rmse": made.wheels.rmse} if made.wheels else None,
+        "constants": [c.to_dict() for c in made.profile.provenance.constants],
+        "warnings": list(made.warnings),
+    }  # fmt: skip
+
+
+def _tell(made: Calibration, target: Path, page: Path | None) -> None:
+    """What a person wants to know first."""
+    for fit in made.channels:
+        forms = ", ".join(f"{name} {value:.1f}" for name, value in fit.by_form.items())
+        click.echo(f"{fit.kind}: RMSE by form, counts: {forms}")
+        click.echo(f"  {fit.form}: {fit.held_out[fit.form]:.1f} counts on places held out")
+        for e in fit.noise:
+            tail = ", heavier tails than normal" if e.heavy else ""
+            tail += ", depends on the reading" if e.depends else ""
+            click.echo(f"  noise, {e.channel}: {e.deviation:.2f} counts ({e.low:.2f} to {e.high:.2f}){tail}")
+        ratios = ", ".join(f"{m.sensor} {m.ratio:.2f}" for m in fit.sensors)
+        click.echo(f"  model error over noise deviation, sensor by sensor: {ratios}")
+        if fit.fit.alike:
+            pairs = "; ".join(f"{a} and {b} (ρ = {r:.2f})" for a, b, r in fit.fit.alike[:4])
+            more = f"; {len(fit.fit.alike) - 4} more" if len(fit.fit.alike) > 4 else ""
+            click.echo(f"  hard to tell apart: {pairs}{more}")
+    if made.wheels:
+        forms = ", ".join(f"{name} {value:.3f}" for name, value in made.wheels.rmse.items())
+        click.echo(f"wheels: RMSE by form, cm/s: {forms}")
+        left, right = made.profile.wheels.speed_per_unit_cm_s
+        click.echo(
+            f"  speed per unit {left:.4f} and {right:.4f} cm/s, track {made.profile.wheels.track_cm:.3f} cm"
+        )
+    click.echo(f"profile {target}")
+    if page:
+        click.echo(f"report {page}")
+
+
+def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) -> None:
+    from realitygap.calibration.judge import judge
+    from realitygap.world.profile import load_profile
+
+    if len(words) < 2:
+        raise click.UsageError("--check: expected recordings and, as the last argument, a profile.")
+    profile = load_profile(words[-1])
+    found = [judge(recording, profile) for recording in _load(words[:-1], objects)]
+    if json_output:
+        print_json(
+            {**found[0].to_dict(), "profile": profile.name, "recordings": [one.to_dict() for one in found]}
+        )
+        return
+    for one in found:
+        _tell_judgement(one)
+
+
+def _tell_judgement(one: Judgement) -> None:
+    unit = "cm/s" if one.kind == "wheels" else "counts"
+    click.echo(
+        f"{one.source}: {one.kind}, RMSE {one.rmse:.3g} {unit}, bias {one.bias:+.3g} (model minus measured)"
+    )
+    if one.turn_deg:
+        click.echo(f"  rig turned by {one.turn_deg:+.1f} degrees: fitted out")
+    head = ["wheel" if one.kind == "wheels" else "sensor", "rmse", "bias", "error/noise"]
+    print_table(
+        head, [[m.sensor, round(m.rmse, 3), round(m.bias, 3), round(m.ratio, 2)] for m in one.per_sensor]
+    )
+    for channel, (measured, stated) in one.noise.items():
+        click.echo(f"  noise, {channel}: measured {measured:.3g}, profile {stated:.3g}")
+    if one.noise_fits is not None:
+        click.echo(f"  the profile's noise {'fits' if one.noise_fits else 'does not fit'}")

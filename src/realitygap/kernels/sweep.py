@@ -1,0 +1,52 @@
+"""What a calibration asks of the model: noise-free readings at many places, wheels under many commands.
+
+One kernel each, so that a fit compiles no more than it needs.
+"""
+
+from realitygap.kernels.ambient import direct_light, illuminate
+from realitygap.kernels.infrared import infrared
+from realitygap.kernels.jit import kernel
+from realitygap.kernels.trial import stand
+from realitygap.kernels.wheels import turn_wheel
+
+
+@kernel
+def sweep_infrared(robot, arena, poses, work, out):
+    """Proximity readings at poses [n, 3] into out [n, P], unrounded."""
+    for i in range(poses.shape[0]):
+        stand(poses[i], work)
+        infrared(robot, arena, work, out[i])
+
+
+@kernel
+def sweep_light(robot, arena, poses, work, out):
+    """Illumination of the ambient sensors at poses [n, 3] into out [n, A], before their gains."""
+    for i in range(poses.shape[0]):
+        stand(poses[i], work)
+        illuminate(robot, arena, work, out[i])
+
+
+@kernel
+def sweep_direct(robot, arena, poses, work, out):
+    """As sweep_light, direct light only: where nothing is near that could throw any back."""
+    for i in range(poses.shape[0]):
+        stand(poses[i], work)
+        for k in range(out.shape[1]):
+            out[i, k] = 0.0
+            for lamp in range(arena.lamp_points.shape[0]):
+                out[i, k] += direct_light(robot, arena, lamp, k, work)
+
+
+@kernel
+def sweep_wheels(robot, commands, first, work, speeds):
+    """Speeds [n, 2] (cm/s) of both wheels after each step of commands [n, 2] (Khepera units).
+
+    Wheels stand still before each row that `first` marks with 1.
+    """
+    for i in range(commands.shape[0]):
+        for w in range(2):
+            if first[i] != 0:
+                for j in range(work.wheel.shape[1]):
+                    work.wheel[w, j] = 0.0
+            target = commands[i, w] * robot.speed_per_unit[w]
+            speeds[i, w] = turn_wheel(robot, work.wheel[w], target, 1.0, 0.0)

@@ -1,0 +1,178 @@
+"""The page of a calibration: one self-contained HTML file."""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from realitygap.calibration.judge import LIMITS
+from realitygap.calibration.recording import WheelRecording
+from realitygap.report import calibration_figures as draw
+from realitygap.report.page import Card
+from realitygap.report.style import inline_svg, styled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from realitygap.calibration.calibrate import Calibration
+    from realitygap.calibration.channels import ChannelFit
+    from realitygap.calibration.wheels import WheelFit
+
+__all__ = ["write_calibration_page"]
+
+TITLES = {"infrared": "Infrared proximity", "ambient": "Ambient light"}
+ROOM = "the model's against what was measured, all over a room"
+GRID = (
+    "measured dots over fitted curves, four distances from the nearest to the farthest at which the "
+    "sensor answers"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Table:
+    title: str
+    head: list[str]
+    rows: list[list[str]]
+
+
+@dataclass(kw_only=True)
+class _Part:
+    """A section of the page."""
+
+    name: str
+    title: str
+    sentences: list[str] = field(default_factory=list)
+    tables: list[_Table] = field(default_factory=list)
+    cards: list[Card] = field(default_factory=list)
+
+
+def write_calibration_page(made: Calibration, target: Path) -> Path:
+    """Write the page of a calibration and return where it stands."""
+    from jinja2 import Environment, FileSystemLoader
+    from markupsafe import Markup
+
+    with styled():
+        parts = [_sensors(fit) for fit in made.channels]
+        driven = [r for r in made.recordings if isinstance(r, WheelRecording)]
+        if made.wheels is not None and driven:
+            parts.append(_wheels(made.wheels, driven[0]))
+    folder = Path(__file__).parent / "templates"
+    environment = Environment(
+        loader=FileSystemLoader(folder), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters["svg"] = lambda text: Markup(text)
+    html = environment.get_template("calibration.html.j2").render(
+        profile=made.profile, where=made.profile.provenance, warnings=made.warnings, parts=parts
+    )
+    target.write_text(re.sub(r"\n\s*\n+", "\n", html), encoding="utf-8")
+    return target
+
+
+def _card(name: str, figure: Figure, alt: str, caption: str) -> Card:
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", dpi=200, metadata={"Date": None, "Creator": "realitygap"})
+    return Card(name=name, svg=inline_svg(buffer.getvalue(), name, alt), caption=caption)
+
+
+def _sensors(fit: ChannelFit) -> _Part:
+    part = _Part(name=fit.kind, title=TITLES[fit.kind], sentences=_read(fit))
+    forms = [
+        [name, f"{rmse:.1f}", "fitted" if name == fit.form else ""] for name, rmse in fit.by_form.items()
+    ]
+    part.tables.append(_Table(title="All forms side by side", head=["form", "RMSE, counts", ""], rows=forms))
+    limit = LIMITS[fit.kind]
+    rows = [
+        [
+            str(m.sensor), f"{m.rmse:.1f}", f"{m.bias:+.1f}", f"{m.error:.1f}",
+            f"{m.ratio:.2f}" + (" ▲" if m.ratio > limit else ""), f"{m.lit_ratio:.2f}",
+            f"{fit.span[m.sensor, 0]:.0f} to {fit.span[m.sensor, 1]:.0f}",
+        ]
+        for m in fit.sensors
+    ]  # fmt: skip
+    head = ["sensor", "RMSE", "bias", "model error", "over noise", "where lit", "spans"]
+    title = (
+        f"Model minus measured, counts. ▲: model error over noise deviation above {limit:g}, so "
+        f"that the level of noise "
+        "can explain nothing. Where lit: the same where readings are neither dark nor saturated"
+    )
+    part.tables.append(_Table(title=title, head=head, rows=rows))
+    what = f"Sensors of {fit.source.split('/')[-1]}"
+    part.cards.append(
+        _card(f"{fit.kind}-curves", draw.curves_figure(fit), f"{what}: measured and fitted.",
+              f"Readings: {GRID if draw.is_grid(fit) else ROOM}.")
+    )  # fmt: skip
+    part.cards.append(
+        _card(f"{fit.kind}-maps", draw.maps_figure(fit), f"{what}: what is left over.",
+              "What the model leaves over, over distance and bearing. A pattern is the model's "
+              "error, a speckle is noise.")
+    )  # fmt: skip
+    if fit.noise:
+        part.cards.append(
+            _card(f"{fit.kind}-noise", draw.noise_figure(fit), f"{what}: noise against a normal.",
+                  "Left: noise against a normal of its deviation. Right: its deviation over the "
+                  "reading, in quarters of "
+                  "the data, and the 95 % interval of the whole.")
+        )  # fmt: skip
+    return part
+
+
+def _read(fit: ChannelFit) -> list[str]:
+    """What the numbers say, in words."""
+    out = [
+        f"The form “{fit.form}” leaves {fit.rmse:.1f} counts, and {fit.held_out[fit.form]:.1f} "
+        f"on places held out of the fit."
+    ]
+    for e in fit.noise:
+        shape = "heavier tails than normal" if e.heavy else "tails about normal"
+        tied = "" if e.channel == "proximity_dark" else (
+            ", and depends on the reading" if e.depends else ", about the same at every reading"
+        )  # fmt: skip
+        out.append(
+            f"Noise, {e.channel.replace('_', ' ')}: {e.deviation:.2f} counts ({e.low:.2f} to "
+            f"{e.high:.2f}), {shape}{tied}."
+        )
+    if fit.fit.alike:
+        pairs = "; ".join(f"{a} and {b} (ρ = {r:+.2f})" for a, b, r in fit.fit.alike[:3])
+        out.append(
+            f"Hard to tell apart by these data: {pairs}"
+            + ("; and others." if len(fit.fit.alike) > 3 else ".")
+        )
+    turns = [c for c in fit.fit.constants if c.key.startswith("turn_")]
+    if turns:
+        said = ", ".join(f"{c.value:+.1f}° ({c.low:+.1f} to {c.high:+.1f})" for c in turns)
+        out.append(f"The rig stood turned by {said}; that is fitted out and is no part of the profile.")
+    return out
+
+
+def _wheels(fit: WheelFit, recording: WheelRecording) -> _Part:
+    part = _Part(name="wheels", title="Wheels")
+    forms = [[name, f"{rmse:.3f}", "fitted" if name == fit.form else ""] for name, rmse in fit.rmse.items()]
+    part.tables.append(_Table(title="All forms side by side", head=["form", "RMSE, cm/s", ""], rows=forms))
+    rows = [[c.key, f"{c.value:.5g}", f"{c.low:.5g} to {c.high:.5g}"] for c in fit.constants]
+    part.tables.append(_Table(title="Constants", head=["constant", "value", "95 % interval"], rows=rows))
+    if fit.friction is not None:
+        part.sentences.append(
+            f"Of {fit.friction.starts} standing starts the threshold of friction lies between "
+            f"{fit.friction.low:.1f} and "
+            f"{fit.friction.high:.1f} cm/s²."
+        )
+    if fit.odometry is not None:
+        part.sentences.append(
+            f"Told to drive straight, it drifts {fit.odometry.drift_deg_per_m:+.1f}° a metre."
+        )
+        part.sentences.append(
+            f"Slip is {fit.odometry.slip:.1%} of the way of a step, which counters cannot see."
+        )
+    part.cards.append(
+        _card("wheels-steps", draw.steps_figure(fit, recording), "Speed steps, measured and modelled.",
+              "Steps of the left wheel: mean speed of each 100 ms by its counter, and the model's.")
+    )  # fmt: skip
+    if fit.odometry is not None:
+        part.cards.append(
+            _card("wheels-slip", draw.slip_figure(fit), "Camera minus counters.",
+                  "How much further each wheel came than its counter says, between two pictures.")
+        )  # fmt: skip
+    return part

@@ -1,0 +1,212 @@
+"""Figures of a calibration: curves, maps of what is left over, noise, and the wheels' steps."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.report.style import GRID, INK, MUTED, PAGE, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from realitygap.calibration.channels import ChannelFit
+    from realitygap.calibration.recording import WheelRecording
+    from realitygap.calibration.wheels import WheelFit
+
+__all__ = ["curves_figure", "is_grid", "maps_figure", "noise_figure", "slip_figure", "steps_figure"]
+
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
+MARKS = ("o", "s", "^", "D")
+SHOWN = 4
+"""Distances whose curves are shown."""
+
+
+def curves_figure(fit: ChannelFit) -> Figure:
+    """Measured dots over fitted curves, a panel a sensor: over bearing, or model against measured."""
+    figure, panels = _panels(len(fit.counts[0]))
+    grid = is_grid(fit)
+    for k, axes in enumerate(panels):
+        if grid:
+            _curves_over_bearing(fit, k, axes)
+        else:
+            axes.plot([0, 1023], [0, 1023], color=MUTED, lw=0.8)
+            axes.scatter(
+                fit.counts[:, k], fit.model[:, k], s=3, color=COLOURS[0], lw=0, alpha=0.4, rasterized=True
+            )
+            ends = _ends(fit)
+            axes.set(xlim=ends, ylim=ends)
+        axes.set_title(_title(fit, k))
+    first = panels[0]
+    if grid:
+        handles, labels = first.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=SHOWN, markerscale=2.5)
+    if grid:
+        _label(figure, "bearing of the object off the one that the sensor answers most to, degrees", "counts")
+    else:
+        _label(figure, "measured, counts", "model, counts")
+    return figure
+
+
+def maps_figure(fit: ChannelFit) -> Figure:
+    """Model minus measured over distance and bearing, a panel a sensor."""
+    figure, panels = _panels(len(fit.counts[0]))
+    off = fit.model - fit.counts
+    scale = max(float(np.percentile(np.abs(off), 99)), 1.0)
+    drawn: Any = None
+    for k, axes in enumerate(panels):
+        if is_grid(fit):
+            distance, bearing, table = _table(fit, off[:, k])
+            drawn = axes.pcolormesh(
+                bearing,
+                distance,
+                table,
+                cmap="PuOr",
+                vmin=-scale,
+                vmax=scale,
+                shading="nearest",
+                rasterized=True,
+            )
+        else:
+            drawn = axes.scatter(
+                fit.bearing_deg, fit.distance_cm, c=off[:, k], cmap="PuOr", vmin=-scale, vmax=scale,
+                s=5, lw=0, rasterized=True,
+            )  # fmt: skip
+        axes.set_title(_title(fit, k))
+        axes.set_xticks([-180, -90, 0, 90, 180])
+    bar = figure.colorbar(drawn, ax=panels, shrink=0.8, aspect=30, pad=0.02)
+    bar.set_label("model minus measured, counts")
+    _label(figure, "bearing of the object, degrees", "distance, cm")
+    return figure
+
+
+def noise_figure(fit: ChannelFit) -> Figure:
+    """Noise against a normal, and its deviation over the reading."""
+    figure = new_figure(PAGE, 2.5, layout="constrained")
+    left, right = figure.subplots(1, 2)
+    x = np.linspace(-5, 5, 201)
+    left.plot(x, np.exp(-(x**2) / 2) / np.sqrt(2 * np.pi), color=INK, lw=1.0, label="normal")
+    for estimate, colour, mark in zip(_shown(fit), COLOURS, MARKS, strict=False):
+        density, edges = np.histogram(estimate.values, bins=np.arange(-5.125, 5.2, 0.25), density=True)
+        middle = (edges[1:] + edges[:-1]) / 2
+        seen = density > 0
+        name = f"{estimate.channel}: {estimate.deviation:.3g} counts"
+        left.plot(middle[seen], density[seen], mark, ms=3.5, color=colour, label=name)
+        if estimate.channel != "proximity_dark":
+            levels, sizes = zip(*estimate.bins, strict=True)
+            right.plot(levels, sizes, mark + "-", ms=4, lw=0.8, color=colour)
+            right.axhspan(estimate.low, estimate.high, color=colour, alpha=0.15, lw=0)
+    left.set(yscale="log", ylim=(1e-4, 2), xlabel="noise in its own deviations", ylabel="density")
+    left.legend(loc="lower center", fontsize=6.5)
+    right.set(xlabel="reading, counts", ylabel="deviation, counts")
+    right.set_ylim(0, 1.25 * max([e.high for e in _shown(fit)] + [s for e in _shown(fit) for _, s in e.bins]))
+    for axes in (left, right):
+        axes.grid(True, color=GRID, lw=0.5)
+    return figure
+
+
+def steps_figure(fit: WheelFit, recording: WheelRecording) -> Figure:
+    """Step responses of the left wheel: measured dots over the model."""
+    trials = [rows for rows in recording.trials("step") if len(rows) > 8][:8] or recording.trials()[:8]
+    figure, panels = _panels(len(trials))
+    for rows, axes in zip(trials, panels, strict=True):
+        t = recording.t_s[rows] + 0.1
+        asked = recording.commands[rows, 0] * fit.profile.wheels.speed_per_unit_cm_s[0]
+        axes.step(recording.t_s[rows], asked, where="post", color=MUTED, lw=0.8, label="asked for")
+        axes.plot(t, fit.model[rows, 0], color=COLOURS[1], lw=1.0, label="model")
+        axes.plot(t, fit.measured[rows, 0], "o", ms=2.2, color=COLOURS[0], mew=0, label="measured")
+        axes.grid(True, color=GRID, lw=0.5)
+        axes.set_title(f"trial {int(recording.trial[rows[0]])}")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=3)
+    _label(figure, "time, s", "speed of the left wheel, cm/s")
+    return figure
+
+
+def slip_figure(fit: WheelFit) -> Figure:
+    """What the camera saw beyond the counters, over the way between two pictures."""
+    assert fit.odometry is not None
+    figure = new_figure(PAGE * 0.6, 2.4, layout="constrained")
+    axes = figure.subplots()
+    for w, name in enumerate(("left", "right")):
+        axes.plot(
+            fit.odometry.ways[:, w], 10 * fit.odometry.beyond[:, w], MARKS[w], ms=3, mew=0, color=COLOURS[w],
+            label=f"{name} wheel", alpha=0.7,
+        )  # fmt: skip
+    axes.axhline(0, color=MUTED, lw=0.8)
+    axes.grid(True, color=GRID, lw=0.5)
+    axes.set(xlabel="way by the counters, cm", ylabel="camera minus counters, mm")
+    axes.legend()
+    return figure
+
+
+def _panels(count: int) -> tuple[Figure, list[Any]]:
+    """`count` panels, four a row."""
+    rows = max(1, -(-count // 4))
+    figure = new_figure(PAGE, 0.6 + 1.55 * rows, layout="constrained")
+    grid = figure.subplots(rows, 4, sharex="all", sharey="all", squeeze=False)
+    panels = list(grid.ravel())
+    for spare in panels[count:]:
+        spare.set_visible(False)
+    return figure, panels[:count]
+
+
+def _label(figure: Figure, x: str, y: str) -> None:
+    figure.supxlabel(x, fontsize=8)
+    figure.supylabel(y, fontsize=8)
+
+
+def _shown(fit: ChannelFit) -> tuple[Any, ...]:
+    return tuple(e for e in fit.noise if e.channel != "proximity_dark")
+
+
+def _title(fit: ChannelFit, k: int) -> str:
+    return f"sensor {k}" + (" (dead)" if k in fit.dead else "")
+
+
+def is_grid(fit: ChannelFit) -> bool:
+    """Whether the same bearings were recorded at each of a few distances."""
+    places = len(np.unique(np.stack([fit.distance_cm, fit.bearing_deg], 1), axis=0))
+    distances, bearings = len(np.unique(fit.distance_cm)), len(np.unique(fit.bearing_deg))
+    return bool(distances > 1 and places >= 0.9 * distances * bearings)
+
+
+def _curves_over_bearing(fit: ChannelFit, k: int, axes: Any) -> None:
+    distances = np.unique(fit.distance_cm)
+    lively = [d for d in distances if np.ptp(fit.counts[fit.distance_cm == d, k]) > 60] or list(distances)
+    picked = [lively[i] for i in np.unique(np.linspace(0, len(lively) - 1, SHOWN).round().astype(int))]
+    answer = fit.model[:, k] if fit.kind == "infrared" else fit.model[:, k].max() - fit.model[:, k]
+    middle = np.degrees(np.angle(answer @ np.exp(1j * np.radians(fit.bearing_deg))))
+    reach = 90 if fit.kind == "infrared" else 180
+    for distance, colour, mark in zip(picked, COLOURS, MARKS, strict=False):
+        rows = np.flatnonzero(fit.distance_cm == distance)
+        turned = (fit.bearing_deg[rows] - middle + 180.0) % 360.0 - 180.0
+        order = np.argsort(turned)
+        name = ("near", "", "", "far")[picked.index(distance)] if len(picked) == SHOWN else ""
+        axes.plot(
+            turned, fit.counts[rows, k], mark, ms=1.6, mew=0, color=colour, alpha=0.7, rasterized=True,
+            label=f"{name} {distance:.1f} cm".strip() if k == 0 else None,
+        )  # fmt: skip
+        axes.plot(turned[order], fit.model[rows, k][order], color=colour, lw=1.0)
+    axes.set(xlim=(-reach, reach), xticks=(-reach, -reach // 2, 0, reach // 2, reach))
+    axes.grid(True, color=GRID, lw=0.5)
+
+
+def _ends(fit: ChannelFit) -> tuple[float, float]:
+    return float(min(fit.counts.min(), fit.model.min())) - 10, float(
+        max(fit.counts.max(), fit.model.max())
+    ) + 10
+
+
+def _table(
+    fit: ChannelFit, values: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Distances, bearings, and the mean of `values` at each pair."""
+    distance, i = np.unique(fit.distance_cm, return_inverse=True)
+    bearing, j = np.unique(fit.bearing_deg, return_inverse=True)
+    total, many = np.zeros((len(distance), len(bearing))), np.zeros((len(distance), len(bearing)))
+    np.add.at(total, (i, j), values)
+    np.add.at(many, (i, j), 1)
+    return distance, bearing, np.where(many > 0, total / np.maximum(many, 1), np.nan)

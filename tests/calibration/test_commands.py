@@ -1,0 +1,59 @@
+"""`realitygap calibrate`: a profile that loads, a page, a judge, and refusals in one line."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from realitygap.calibration.recording_files import save_recording
+from realitygap.cli import realitygap
+from realitygap.world.profile import load_profile
+
+
+def call(*words: object):
+    return CliRunner().invoke(realitygap, [str(word) for word in words])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, recorded, driven):
+    """Recordings of a robot on disk."""
+    place = tmp_path_factory.mktemp("recordings")
+    save_recording(place / "wall", recorded("wall"))
+    save_recording(place / "wheels", driven(friction_cm_s2=0.0))
+    return place
+
+
+def test_a_profile_with_its_history_and_its_page(folder, tmp_path):
+    """Fitted, written, loaded again; its page holds everything in one file."""
+    out = tmp_path / "robot.toml"
+    result = call("calibrate", folder, "--form", "individual", "--out", out, "--json")
+    assert result.exit_code == 0, result.output
+    said = json.loads(result.stdout)
+    assert said["channels"]["infrared"]["form"] == "individual"
+    profile = load_profile(out)
+    assert profile.name == "robot" and {f.kind for f in profile.provenance.files} == {"infrared", "wheels"}
+    assert all(len(f.sha256) == 64 for f in profile.provenance.files)
+    page = out.with_suffix(".html").read_text("utf-8")
+    assert page.count("<svg") >= 5 and "http://" not in page.replace("http://www.w3.org", "")
+    judged = call("calibrate", "--check", folder / "wall", out, "--json")
+    assert judged.exit_code == 0, judged.output
+    told = json.loads(judged.stdout)
+    assert set(told) >= {"rmse", "bias", "per_sensor", "noise"} and len(told["per_sensor"]) == 8
+    assert told["rmse"] == pytest.approx(said["channels"]["infrared"]["rmse"], rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("nowhere.sam", "--out", "x.toml"), "nowhere.sam"),
+        (("nowhere.sam",), "--out"),
+        (("nowhere.sam", "--out", "x.html"), ".toml"),
+        (("--check", "nowhere.sam"), "--check"),
+    ],
+)
+def test_refusals(words, expected):
+    """A mistake ends with exit code 2 and says which."""
+    result = call("calibrate", *words)
+    assert result.exit_code == 2 and expected in result.stderr

@@ -1,0 +1,136 @@
+"""Fits find what a recording was made with; noise is measured; nonsense is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from realitygap.calibration.calibrate import calibrate
+from realitygap.calibration.judge import judge
+from realitygap.calibration.recording import load_recording
+from realitygap.errors import CalibrationError
+from realitygap.world.profile import load_profile
+
+PAPER = load_profile("paper")
+
+
+def test_the_extended_form_finds_the_robot(robot, recorded):
+    """Gains, directions, offset and exponent come back, the rig's turn apart from them."""
+    made = calibrate([recorded("wall", turn=2.0), recorded("cylinder:4", turn=-1.0, seed=5)], PAPER)
+    fit = made.infrared
+    assert fit is not None and fit.rmse < 16
+    for found, true in zip(made.profile.infrared.sensors, robot.infrared.sensors, strict=True):
+        assert found.a == pytest.approx(true.a, rel=0.15)
+        assert found.direction_deg == pytest.approx(true.direction_deg, abs=1.0)
+    assert made.profile.infrared.exponent == pytest.approx(2.0, abs=0.25)
+    assert fit.fit.values["turn_0_deg"][0] == pytest.approx(2.0, abs=0.4)
+    assert fit.fit.values["turn_1_deg"][0] == pytest.approx(-1.0, abs=0.4)
+    assert max(m.ratio for m in fit.sensors) < 0.5
+    assert max(fit.by_form, key=fit.by_form.__getitem__) == "paper"
+
+
+@pytest.mark.parametrize("size", [10.5, 21.0, 42.0])
+def test_noise_is_measured_within_a_tenth(recorded, size):
+    """Repeated readings give the deviation that was put in, with an interval about it."""
+    made = calibrate([recorded("wall", noise=size, repeats=8)], PAPER, form="individual")
+    estimate = made.infrared.noise[0]
+    assert estimate.deviation == pytest.approx(size, rel=0.1)
+    assert estimate.low < size * 1.05 and estimate.high > size * 0.95
+    assert not estimate.depends and not estimate.heavy
+
+
+def test_a_light_table_tells_gains_against_each_other(robot, recorded):
+    """The lamp's brightness is unknown, the sensors' gains against each other are not."""
+    made = calibrate([recorded("lamp", noise=4.5)], PAPER, light="linear")
+    found = np.array([s.gain for s in made.profile.ambient.sensors])
+    true = np.array([s.gain for s in robot.ambient.sensors])
+    np.testing.assert_allclose(found / found.mean(), true / true.mean(), rtol=0.05)
+    assert made.profile.ambient.facing == pytest.approx(1.4, abs=0.05)
+    assert made.profile.noise.ambient == pytest.approx(4.5, rel=0.1)
+    assert "brightness is unknown" in made.profile.provenance.notes[0]
+    assert made.ambient.by_form["linear"] < made.ambient.by_form["paper"] / 2
+
+
+def test_wheels_come_back(driven):
+    """Gains, lag, speed per unit of each wheel, track, pulses per mm and slip, lengths within 1 %."""
+    truth = {
+        "speed_per_unit_cm_s": (0.84, 0.83), "track_cm": 5.2, "kp": 4500.0, "ki": 0.0, "kd": 200.0,
+        "lag": 0.3, "friction_cm_s2": 0.0,
+    }  # fmt: skip
+    made = calibrate([driven(slip=0.06, **truth)], PAPER)
+    wheels = made.profile.wheels
+    assert wheels.speed_per_unit_cm_s == pytest.approx((0.84, 0.83), rel=0.01)
+    assert wheels.track_cm == pytest.approx(5.2, rel=0.01)
+    assert made.profile.provenance.pulses_per_mm == pytest.approx((12, 12), rel=0.01)
+    assert (wheels.lag, wheels.kp) == pytest.approx((0.3, 4500), rel=0.1)
+    assert made.profile.noise.wheel == pytest.approx(0.06, rel=0.15)
+    assert made.wheels.rmse["refitted"] < 0.05 < made.wheels.rmse["printed"]
+
+
+def test_the_printed_gains_are_found_where_they_are(driven):
+    """On wheels of the printed law the paper's form leaves nothing, and a camera is not needed for that."""
+    made = calibrate([driven(camera=False, friction_cm_s2=0.0)], PAPER, form="paper")
+    assert made.wheels.rmse["printed"] < 0.05
+    assert any("no camera" in warning for warning in made.warnings)
+
+
+def test_a_dead_sensor_is_named_and_mended(recorded):
+    """A constant sensor is warned of by its number and takes the others' median."""
+    sound = recorded("wall")
+    counts = sound.counts.copy()
+    counts[:, 3] = 17.0
+    made = calibrate([replace(sound, counts=counts)], PAPER, form="individual")
+    assert any("sensor 3 reads 17 everywhere" in warning for warning in made.warnings)
+    others = [s.a for k, s in enumerate(made.profile.infrared.sensors) if k != 3]
+    assert min(others) <= made.profile.infrared.sensors[3].a <= max(others)
+
+
+def _swapped(r):
+    return replace(r, counts=r.counts[:, [5, 4, 3, 2, 1, 0, 7, 6]])
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda r: replace(r, bearing_deg=-r.bearing_deg), "other way round|swapped"),
+        (_swapped, "answer to another side"),
+        (lambda r: replace(r, counts=np.full_like(r.counts, 1023.0)), "most sensors tell nothing"),
+        (lambda r: replace(r, distance_cm=r.distance_cm * 10), "explains only|only .* readings"),
+        (lambda r: replace(r, counts=np.random.default_rng(1).permutation(r.counts)), "explains only|answer"),
+    ],
+)
+def test_nonsense_is_refused(recorded, spoil, words):
+    """No profile is made of mirrored bearings, swapped columns, dead tables, wrong units or shuffled rows."""
+    with pytest.raises(CalibrationError, match=words):
+        calibrate([spoil(recorded("wall"))], PAPER)
+
+
+def test_a_profile_is_judged_on_other_data(recorded):
+    """A fit to a wall predicts a cylinder of the same robot; the paper's constants do not."""
+    made = calibrate([recorded("wall")], PAPER)
+    other = recorded("cylinder:2.7", seed=9, turn=1.0)
+    good, bad = judge(other, made.profile), judge(other, PAPER)
+    assert good.rmse < 18 < 60 < bad.rmse
+    assert good.turn_deg == pytest.approx(1.0, abs=0.5) and good.noise_fits
+    assert set(good.to_dict()) >= {"rmse", "bias", "per_sensor", "noise"}
+
+
+@pytest.mark.parametrize(("form", "limit"), [("paper", 86), ("individual", 52), ("extended", 30)])
+def test_the_real_wall(tables, form, limit):
+    """On the real wall's table each form leaves no more than it should, on places held out little more."""
+    made = calibrate([load_recording(tables / "wall.sam", object="wall")], PAPER, form=form)
+    assert made.infrared.rmse <= limit
+    assert made.infrared.held_out[form] < 1.15 * made.infrared.rmse
+    assert 18 < made.profile.noise.proximity < 27
+
+
+def test_the_shipped_khepera_comes_from_these_tables(tables):
+    """The profile `khepera` is what the command makes of the tables, whose hashes stand in it."""
+    shipped = load_profile("khepera")
+    named = (("wall.sam", "wall"), ("light.sam", "lamp"))
+    recordings = [load_recording(tables / name, object=what) for name, what in named]
+    assert {f.sha256 for f in shipped.provenance.files} == {r.hash for r in recordings}
+    assert judge(recordings[0], shipped).rmse < 30
+    assert judge(recordings[1], shipped).rmse < 20

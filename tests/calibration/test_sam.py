@@ -1,0 +1,81 @@
+"""Tables of the Khepera community: what is read from them, and every refusal with file and line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from realitygap.calibration.recording import load_recording
+from realitygap.errors import RecordingError
+
+GOOD = "8 8 3 5 2\n" + "".join(
+    f"TURN {d}\n" + "".join(f"{b} {d} 7 0 1023 {b * 9} 3 4\n" for b in range(8)) for d in range(3)
+) + "END\n"  # fmt: skip
+
+
+@pytest.fixture
+def sam(tmp_path):
+    """A table's file with this text."""
+
+    def make(text: str):
+        path = tmp_path / "table.sam"
+        path.write_text(text, "utf-8")
+        return path
+
+    return make
+
+
+def test_bearings_turn_over_and_distances_become_centimetres(sam):
+    """Rows stand clockwise and in mm; recordings count counter-clockwise and in cm."""
+    made = load_recording(sam(GOOD), object="wall")
+    assert (made.kind, made.object, made.counts.shape) == ("infrared", "wall", (24, 8))
+    np.testing.assert_allclose(made.distance_cm[[0, 8, 16]], [0.5, 0.7, 0.9])
+    np.testing.assert_allclose(made.bearing_deg[:6], [0, -45, -90, -135, 180, 135])
+    assert made.counts[3, 5] == 27 and not made.warnings
+
+
+def test_an_object_that_is_not_said_is_guessed_aloud(sam):
+    """Without --object a table is taken for a wall's, with a warning."""
+    made = load_recording(sam(GOOD))
+    assert made.object == "wall" and "taken for a wall" in made.warnings[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda t: "", "empty"),
+        (lambda t: t.replace("8 8 3 5 2", "6 8 3 5 2", 1), "line 1: sensors: expected 8"),
+        (lambda t: t.replace("8 8 3 5 2", "8 8 3 -5 2", 1), "line 1: first_mm: expected 0 or more, got -5"),
+        (lambda t: t.replace("8 8 3 5 2", "8 8 3 0.05 0.02", 1), "Are these millimetres?"),
+        (lambda t: t.replace("8 8 3 5 2", "hello", 1), "line 1: expected `sensors"),
+        (lambda t: t.replace("8 8 3 5 2", "8 8 3 5", 1), "line 1: expected five numbers"),
+        (lambda t: t[: len(t) // 2], "cut short|expected 8 readings"),
+        (lambda t: t.replace("END\n", ""), "END is missing"),
+        (lambda t: t.replace("0 0 7 0 1023 0 3 4", "0 0 7 0 1023 0 3"), "line 3: expected 8 readings, got 7"),
+        (lambda t: t.replace("1 0 7 0 1023 9 3 4", "1 0 7 0 2000 9 3 4"), "line 4: sensor 4: .* got '2000'"),
+        (lambda t: t.replace("1 0 7 0 1023 9 3 4", "1 0 7 0 -3 9 3 4"), "line 4: sensor 4: .* got '-3'"),
+        (lambda t: t.replace("TURN 1\n", ""), "line 11: expected `TURN 1`"),
+    ],
+)
+def test_a_broken_table_is_refused_by_its_line(sam, change, words):
+    """Every fault names the file and, where there is one, the line."""
+    path = sam(change(GOOD))
+    with pytest.raises(RecordingError, match=words) as caught:
+        load_recording(path, object="wall")
+    assert str(path) in str(caught.value)
+
+
+def test_tables_of_the_other_kind_are_refused(tables):
+    """A light table is no wall's, and a wall's no lamp's."""
+    with pytest.raises(RecordingError, match="Give --object lamp"):
+        load_recording(tables / "light.sam", object="wall")
+    with pytest.raises(RecordingError, match="Give --object wall"):
+        load_recording(tables / "wall.sam", object="lamp")
+
+
+def test_the_real_tables(tables):
+    """The two tables hold what their page says."""
+    wall, light = (load_recording(tables / name) for name in ("wall.sam", "light.sam"))
+    assert (wall.object, wall.counts.shape) == ("wall", (3600, 8))
+    assert (light.object, light.counts.shape) == ("lamp", (4680, 8))
+    assert wall.distance_cm.max() == pytest.approx(4.3) and 480 < light.counts.max() < 500
