@@ -9,6 +9,7 @@ __all__ = [
     "GenotypeError",
     "LineError",
     "RealityGapError",
+    "RecordingError",
     "RobotError",
     "RobotStoppedError",
     "StudyBusyError",
@@ -77,3 +78,7 @@ class BaudError(UsageError):
 
 class FilmError(UsageError):
     """A film, a camera, a disk or a table of poses that cannot be used."""
+
+
+class RecordingError(UsageError):
+    """A recording for a calibration that cannot be read or made: names the file and the line."""

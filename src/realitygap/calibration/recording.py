@@ -1,0 +1,231 @@
+"""Recordings for a calibration: what a robot read at known places, what its wheels did.
+
+A folder with `recording.toml` (kind, object, robot, unit, date, plan, units, notes) and one table:
+
+    kind       object                      table         columns
+    infrared   wall | cylinder:RADIUS_CM   readings.csv  distance_cm, bearing_deg, repeat, s0 … s7
+    ambient    lamp                        readings.csv  the same, or x_cm, y_cm, heading_deg in the place
+                                                         of the first two, with `arena = "arena.toml"`
+    wheels                                 steps.csv     t_s, command_left, command_right, counter_left,
+                                                         counter_right, speed_left, speed_right, trial,
+                                                         kind, and with a camera x_cm, y_cm, heading_deg
+
+distance_cm: from the body's edge to a wall along its normal, to a round object's edge, to a lamp's
+centre. bearing_deg: where the object stands, counter-clockwise from the robot's front.
+A row of a place is one of its repeated readings; a row of steps is what was read at t_s and the
+command that was given then.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.errors import RecordingError
+from realitygap.world.arena import Arena
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+__all__ = [
+    "BODY_RADIUS_CM",
+    "KINDS",
+    "STEP_KINDS",
+    "Recording",
+    "SensorRecording",
+    "WheelRecording",
+    "cylinder_radius",
+    "find_recordings",
+    "load_recording",
+]
+
+Array = NDArray[np.float64]
+
+KINDS = ("infrared", "ambient", "wheels")
+STEP_KINDS = ("step", "start", "straight", "turn")
+
+BODY_RADIUS_CM = 2.75
+"""Half the diameter that the robot's maker states (55 mm); distances count from this edge."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SensorRecording:
+    """What the sensors of one kind read, a row a reading, [n].
+
+    Attributes:
+        kind: "infrared" or "ambient".
+        object: "wall", "cylinder:RADIUS_CM" or "lamp".
+        distance_cm: [n] from the body's edge (this module says to what).
+        bearing_deg: [n] of the object, counter-clockwise from the robot's front, −180 < b ≤ 180.
+        repeat: [n] which of the readings at its place, from 0.
+        counts: [n, S] raw readings.
+        pose: [n, 3] x, y (cm) and heading (rad) of the robot's centre in `arena`, if known.
+        arena: the room, if poses are given.
+        body_radius_cm: of the body whose edge distances count from.
+        source, hash: where it was read, and the SHA-256 of its files.
+        facts: the whole of recording.toml.
+        warnings: what seems odd but can be used.
+    """
+
+    kind: str
+    object: str
+    distance_cm: Array
+    bearing_deg: Array
+    repeat: NDArray[np.int64]
+    counts: Array
+    pose: Array | None = None
+    arena: Arena | None = None
+    body_radius_cm: float = BODY_RADIUS_CM
+    source: str = ""
+    hash: str = ""
+    notes: str = ""
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = len(self.repeat)
+        lengths = {len(self.distance_cm), len(self.bearing_deg), len(self.counts), n}
+        if lengths != {n} or self.counts.ndim != 2 or (self.pose is not None and self.pose.shape != (n, 3)):
+            raise RecordingError(f"{self.source or 'a recording'}: its columns differ in length: {lengths}.")
+        check_object(self.kind, self.object, self.source or "a recording")
+
+    @property
+    def sensors(self) -> int:
+        """How many sensors there are."""
+        return int(self.counts.shape[1])
+
+    @property
+    def radius_cm(self) -> float | None:
+        """Of a cylinder; None for other objects."""
+        return cylinder_radius(self.object)
+
+    def place(self) -> NDArray[np.int64]:
+        """[n] the number of each row's place, from 0 in the order of first appearance."""
+        where = np.stack([self.distance_cm, self.bearing_deg], 1) if self.pose is None else self.pose
+        numbers: dict[tuple[float, ...], int] = {}
+        return np.array([numbers.setdefault(tuple(row), len(numbers)) for row in where.tolist()], np.int64)
+
+    def deviation(self) -> Array:
+        """[places, S] deviation of the repeated readings at each place; NaN where there is one only."""
+        place = self.place()
+        out = np.full((int(place.max(initial=-1)) + 1, self.sensors), math.nan)
+        for k in range(len(out)):
+            rows = self.counts[place == k]
+            if len(rows) > 1:
+                out[k] = rows.std(axis=0, ddof=1)
+        return out
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WheelRecording:
+    """What the wheels were told and what they did, a row each 100 ms, [n].
+
+    Attributes:
+        t_s: [n] time since the trial's start.
+        commands: [n, 2] left and right, Khepera units, given at t_s after the rest was read.
+        counters: [n, 2] pulses.
+        speeds: [n, 2] as the robot measures them, Khepera units.
+        trial: [n] its number.
+        kind: [n] one of `STEP_KINDS`.
+        pose: [n, 3] x, y (cm) and heading (rad) from the camera; NaN where it took no picture.
+        source, hash, notes, facts, warnings: as in SensorRecording.
+    """
+
+    t_s: Array
+    commands: Array
+    counters: Array
+    speeds: Array
+    trial: NDArray[np.int64]
+    kind: NDArray[np.str_]
+    pose: Array | None = None
+    source: str = ""
+    hash: str = ""
+    notes: str = ""
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = len(self.t_s)
+        pairs = (self.commands, self.counters, self.speeds)
+        whole = all(pair.shape == (n, 2) for pair in pairs) and len(self.trial) == len(self.kind) == n
+        if not whole or (self.pose is not None and self.pose.shape != (n, 3)):
+            raise RecordingError(f"{self.source or 'a recording'}: its columns differ in length.")
+
+    def trials(self, *kinds: str) -> list[NDArray[np.int64]]:
+        """The rows of each trial of these kinds (default: of all), in their order."""
+        wanted = np.isin(self.kind, kinds) if kinds else np.ones(len(self.kind), bool)
+        return [np.flatnonzero((self.trial == k) & wanted) for k in np.unique(self.trial[wanted])]
+
+
+Recording = SensorRecording | WheelRecording
+
+
+def cylinder_radius(name: str) -> float | None:
+    """The radius (cm) of "cylinder:RADIUS_CM"; None for any other object."""
+    word, _, rest = name.partition(":")
+    try:
+        radius = float(rest) if word == "cylinder" else math.nan
+    except ValueError:
+        return None
+    return radius if math.isfinite(radius) and radius > 0 else None
+
+
+def check_object(kind: str, name: str, where: str) -> None:
+    """Refuse an object that sensors of this kind are not recorded with.
+
+    Raises:
+        RecordingError: names what is known.
+    """
+    if kind not in KINDS[:2]:
+        raise RecordingError(f'{where}: kind: expected "infrared" or "ambient", got {kind!r}.')
+    if kind == "ambient" and name != "lamp":
+        raise RecordingError(f'{where}: object: ambient light is recorded with a "lamp", got {name!r}.')
+    if kind == "infrared" and name != "wall" and cylinder_radius(name) is None:
+        raise RecordingError(
+            f'{where}: object: expected "wall" or "cylinder:RADIUS_CM" with a radius above 0, got {name!r}. '
+            "Say what the sensors saw."
+        )
+
+
+def load_recording(path: str | Path, *, object: str | None = None, kind: str | None = None) -> Recording:
+    """A recording's folder, or a `.sam` table.
+
+    Args:
+        path: the folder, its recording.toml, or the table.
+        object: what a table was recorded with, or another object than a recording says.
+        kind: of a table's sensors.
+
+    Raises:
+        RecordingError: what is missing or wrong, with file and line.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".sam":
+        from realitygap.calibration.sam import read_sam
+
+        made: SensorRecording = read_sam(path, object=object, kind=kind)
+        return made
+    from realitygap.calibration.recording_files import read_folder
+
+    return read_folder(path.parent if path.name == "recording.toml" else path, object=object)
+
+
+def find_recordings(path: str | Path) -> Sequence[Path]:
+    """The recordings that a path means: itself, or the recordings in a folder of several.
+
+    Raises:
+        RecordingError: there is none.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".sam" or path.name == "recording.toml" or (path / "recording.toml").is_file():
+        return (path,)
+    inside = sorted(found.parent for found in path.glob("*/recording.toml"))
+    if inside:
+        return tuple(inside)
+    what = "holds no recording" if path.is_dir() else "there is no such recording"
+    raise RecordingError(f"{path}: {what}. Make one with `realitygap record`, or give a .sam table.")

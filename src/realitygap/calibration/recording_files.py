@@ -1,0 +1,336 @@
+"""A recording's files, read with an error for whatever is wrong (file and line) and written."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import math
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.calibration.recording import (
+    BODY_RADIUS_CM,
+    KINDS,
+    STEP_KINDS,
+    Recording,
+    SensorRecording,
+    WheelRecording,
+    check_object,
+)
+from realitygap.calibration.recording_checks import check_readings, check_steps
+from realitygap.errors import RecordingError
+from realitygap.robot.facts import to_toml
+from realitygap.world.arena import Arena, load_arena
+
+__all__ = ["FACTS", "READINGS", "STEPS", "STEP_COLUMNS", "read_facts", "read_folder", "save_recording"]
+
+Array = NDArray[np.float64]
+
+FACTS, READINGS, STEPS = "recording.toml", "readings.csv", "steps.csv"
+POLAR = ("distance_cm", "bearing_deg")
+POSE = ("x_cm", "y_cm", "heading_deg")
+STEP_COLUMNS = (
+    "t_s", "command_left", "command_right", "counter_left", "counter_right",
+    "speed_left", "speed_right", "trial", "kind",
+)  # fmt: skip
+UNITS = "cm, degrees, s, counts, Khepera units, pulses"
+FULL = 1023
+
+
+class Table(NamedTuple):
+    """A CSV file: its columns, its rows as texts, and the line of each row."""
+
+    path: Path
+    columns: tuple[str, ...]
+    rows: list[list[str]]
+    lines: list[int]
+
+    def numbers(self, name: str, *, empty: bool = False) -> Array:
+        """A column as numbers.
+
+        Raises:
+            RecordingError: a value that is no number; names file and line.
+        """
+        column = self.columns.index(name)
+        out = np.full(len(self.rows), math.nan)
+        for k, row in enumerate(self.rows):
+            text = row[column].strip()
+            if empty and not text:
+                continue
+            try:
+                out[k] = float(text)
+            except ValueError:
+                out[k] = math.nan
+            if not math.isfinite(out[k]):
+                raise RecordingError(f"{self.path}, line {self.lines[k]}: {name}: expected a number, got {text!r}.")
+        return out
+
+    def texts(self, name: str) -> NDArray[np.str_]:
+        """A column as it is."""
+        column = self.columns.index(name)
+        return np.array([row[column].strip() for row in self.rows], dtype=str)
+
+    def whole(self, name: str) -> NDArray[np.int64]:
+        """A column of whole numbers from 0 on."""
+        values = self.numbers(name)
+        self.refuse((values != np.rint(values)) | (values < 0), name, "a whole number from 0 on", values)
+        return values.astype(np.int64)
+
+    def refuse(self, wrong: NDArray[np.bool_], name: str, expected: str, got: Any, cure: str = "") -> None:
+        """Raise for the first row that is wrong."""
+        if wrong.any():
+            k = int(np.flatnonzero(wrong)[0])
+            value = got[k]
+            shown = f"{value:g}" if isinstance(value, float) else repr(str(value))
+            tail = f" {cure}" if cure else ""
+            raise RecordingError(f"{self.path}, line {self.lines[k]}: {name}: expected {expected}, got {shown}.{tail}")
+
+
+def read_folder(folder: Path, *, object: str | None = None) -> Recording:
+    """The recording of a folder; `object` takes the place of what its facts say.
+
+    Raises:
+        RecordingError: what is missing or wrong, with file and line.
+    """
+    facts = read_facts(folder)
+    where = folder / FACTS
+    kind = facts.get("kind")
+    if kind not in KINDS:
+        cure = " This is a drive's recording; a calibration's says what it holds." if "kind" not in facts else ""
+        raise RecordingError(f"{where}: kind: expected {', '.join(KINDS)}, got {kind!r}.{cure}")
+    if facts.get("units", UNITS) != UNITS:
+        raise RecordingError(
+            f"{where}: units: expected {UNITS!r}, got {facts['units']!r}. Convert the table and correct this key."
+        )
+    if kind == "wheels":
+        return _wheels(folder, facts)
+    name = object or facts.get("object", "lamp" if kind == "ambient" else None)
+    check_object(kind, str(name), str(where))
+    return _readings(folder, facts, kind, str(name))
+
+
+def read_facts(folder: Path) -> dict[str, Any]:
+    """What recording.toml says.
+
+    Raises:
+        RecordingError: no such file, or no TOML.
+    """
+    path = folder / FACTS
+    try:
+        return tomllib.loads(path.read_text("utf-8"))
+    except FileNotFoundError:
+        what = f"there is no {FACTS} in it" if folder.is_dir() else "there is no such folder"
+        raise RecordingError(f"{folder}: no recording: {what}. Make one with `realitygap record`.") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise RecordingError(f"{path}: not a TOML file: {error}. Correct that line.") from None
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read ({error.strerror}). Check its rights.") from None
+
+
+def save_recording(folder: str | Path, recording: Recording) -> None:
+    """Write a recording into a folder; `load_recording` reads it back, equal.
+
+    Raises:
+        RecordingError: the folder already holds one.
+    """
+    folder = Path(folder)
+    if (folder / FACTS).exists():
+        raise RecordingError(f"{folder}: already holds a recording; choose another folder.")
+    folder.mkdir(parents=True, exist_ok=True)
+    facts: dict[str, Any] = {"units": UNITS, "notes": recording.notes, **recording.facts}
+    if isinstance(recording, SensorRecording):
+        facts |= {"kind": recording.kind, "object": recording.object, "body_radius_cm": recording.body_radius_cm}
+        if recording.pose is not None and recording.arena is not None:
+            facts["arena"] = "arena.toml"
+            (folder / "arena.toml").write_text(recording.arena.to_toml(), "utf-8")
+        columns, rows = _reading_rows(recording)
+    else:
+        facts["kind"] = "wheels"
+        columns, rows = _step_rows(recording)
+    (folder / FACTS).write_text(to_toml(facts), "utf-8")
+    name = READINGS if isinstance(recording, SensorRecording) else STEPS
+    lines = [",".join(columns), *(",".join(row) for row in rows)]
+    (folder / name).write_text("\n".join(lines) + "\n", "utf-8")
+
+
+def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> SensorRecording:
+    table = _table(folder / READINGS, facts)
+    sensors = _sensor_columns(table, facts)
+    pose, arena = None, None
+    if "arena" in facts and "x_cm" in table.columns:
+        _need(table, (*POSE, "repeat"))
+        arena = load_arena(folder / str(facts["arena"]))
+        pose = _pose(table, empty=False)
+        distance, bearing = _from_lamp(pose, arena, _body_radius(folder, facts))
+    else:
+        if "x_cm" in table.columns and "distance_cm" not in table.columns:
+            raise RecordingError(
+                f'{folder / FACTS}: arena: missing; poses need the room: add arena = "file.toml", or give distances.'
+            )
+        _need(table, (*POLAR, "repeat"))
+        distance, bearing = table.numbers("distance_cm"), table.numbers("bearing_deg")
+        table.refuse(distance < 0, "distance_cm", "0 or more", distance, "It counts from the body's edge.")
+        table.refuse(np.abs(bearing) > 360, "bearing_deg", "degrees from −360 to 360", bearing)
+    counts = np.stack([table.numbers(sensor) for sensor in sensors], 1)
+    for k, sensor in enumerate(sensors):
+        values = counts[:, k]
+        table.refuse((values < 0) | (values > FULL), sensor, f"counts from 0 to {FULL}", values)
+    warned = check_readings(
+        table.path, table.lines, kind=kind, distance_cm=distance, bearing_deg=bearing, counts=counts
+    )
+    return SensorRecording(
+        kind=kind,
+        object=name,
+        distance_cm=distance,
+        bearing_deg=180.0 - (180.0 - bearing) % 360.0,
+        repeat=table.whole("repeat"),
+        counts=counts,
+        pose=pose,
+        arena=arena,
+        body_radius_cm=_body_radius(folder, facts),
+        warnings=(*warned, *_unfinished(table, facts)),
+        **_common(folder, table, facts),
+    )
+
+
+def _wheels(folder: Path, facts: Mapping[str, Any]) -> WheelRecording:
+    table = _table(folder / STEPS, facts)
+    _need(table, STEP_COLUMNS)
+    kind = table.texts("kind")
+    table.refuse(~np.isin(kind, STEP_KINDS), "kind", f"one of {', '.join(STEP_KINDS)}", kind)
+    t, trial = table.numbers("t_s"), table.whole("trial")
+    back = np.concatenate([[False], (np.diff(t) <= 0) & (np.diff(trial) == 0)])
+    table.refuse(back, "t_s", "a time after the row's before", t, "Rows of a trial follow each other in time.")
+
+    def pair(name: str) -> Array:
+        return np.stack([table.numbers(f"{name}_{side}") for side in ("left", "right")], 1)
+
+    return WheelRecording(
+        t_s=t,
+        commands=pair("command"),
+        counters=pair("counter"),
+        speeds=pair("speed"),
+        trial=trial,
+        kind=kind,
+        pose=_pose(table, empty=True) if set(POSE) <= set(table.columns) else None,
+        warnings=(*check_steps(pair("command"), pair("counter")), *_unfinished(table, facts)),
+        **_common(folder, table, facts),
+    )
+
+
+def _common(folder: Path, table: Table, facts: Mapping[str, Any]) -> dict[str, Any]:
+    digest = hashlib.sha256((folder / FACTS).read_bytes() + table.path.read_bytes()).hexdigest()
+    return {"source": str(folder), "hash": digest, "notes": str(facts.get("notes", "")), "facts": facts}
+
+
+def _table(path: Path, facts: Mapping[str, Any]) -> Table:
+    try:
+        text = path.read_text("utf-8-sig")
+    except FileNotFoundError:
+        raise RecordingError(f"{path}: no such file; it holds the recording's table. Record it again.") from None
+    except UnicodeDecodeError:
+        raise RecordingError(f"{path}: not a text file in UTF-8, as a table must be.") from None
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read ({error.strerror}). Check its rights.") from None
+    reader = csv.reader(text.splitlines())
+    columns = tuple(name.strip() for name in next(reader, []))
+    rows, lines = [], []
+    for row in reader:
+        if not any(cell.strip() for cell in row):
+            continue
+        if len(row) != len(columns):
+            raise RecordingError(f"{path}, line {reader.line_num}: expected {len(columns)} values, got {len(row)}.")
+        rows.append(row)
+        lines.append(reader.line_num)
+    if not rows:
+        raise RecordingError(f"{path}: empty: expected a line of column names and a row for each reading.")
+    if "places" in facts and not text.endswith("\n"):
+        raise RecordingError(f"{path}, line {lines[-1]}: cut short. Go on with `realitygap record … --resume`.")
+    return Table(path, columns, rows, lines)
+
+
+def _need(table: Table, names: Sequence[str]) -> None:
+    missing = [name for name in names if name not in table.columns]
+    if missing:
+        got = ", ".join(table.columns)
+        raise RecordingError(f"{table.path}, line 1: expected a column {missing[0]!r}, got: {got}.")
+    twice = [name for name in table.columns if table.columns.count(name) > 1]
+    if twice:
+        raise RecordingError(f"{table.path}, line 1: the column {twice[0]!r} stands there twice.")
+
+
+def _sensor_columns(table: Table, facts: Mapping[str, Any]) -> list[str]:
+    """s0, s1, … without a gap, as many as the facts say (a Khepera has eight)."""
+    found = [name for name in table.columns if name[:1] == "s" and name[1:].isdigit()]
+    expected = int(facts.get("sensors", 8))
+    if sorted(found, key=lambda name: int(name[1:])) != [f"s{i}" for i in range(expected)]:
+        raise RecordingError(
+            f"{table.path}, line 1: expected the sensors' columns s0 to s{expected - 1}, got "
+            f"{', '.join(found) or 'none'}. Another number of sensors is said with `sensors` in {FACTS}."
+        )
+    return [f"s{i}" for i in range(expected)]
+
+
+def _pose(table: Table, *, empty: bool) -> Array:
+    """[n, 3] x, y (cm), heading (rad)."""
+    pose = np.stack([table.numbers(name, empty=empty) for name in POSE], 1)
+    pose[:, 2] = np.radians(pose[:, 2])
+    return pose
+
+
+def _from_lamp(pose: Array, arena: Arena, body_radius_cm: float) -> tuple[Array, Array]:
+    """How far the arena's first lamp is from the body's edge (cm), and its bearing (degrees)."""
+    if not arena.lamps:
+        return np.full(len(pose), math.nan), np.full(len(pose), math.nan)
+    dx, dy = arena.lamps[0].x_cm - pose[:, 0], arena.lamps[0].y_cm - pose[:, 1]
+    return np.hypot(dx, dy) - body_radius_cm, np.degrees(np.arctan2(dy, dx) - pose[:, 2])
+
+
+def _body_radius(folder: Path, facts: Mapping[str, Any]) -> float:
+    value = facts.get("body_radius_cm", BODY_RADIUS_CM)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e3:
+        raise RecordingError(f"{folder / FACTS}: body_radius_cm: expected cm above 0, got {value!r}.")
+    return float(value)
+
+
+def _unfinished(table: Table, facts: Mapping[str, Any]) -> tuple[str, ...]:
+    """A warning if fewer places are there than were planned."""
+    planned = facts.get("places")
+    if not isinstance(planned, int):
+        return ()
+    key = ("trial",) if "trial" in table.columns else POSE if "x_cm" in table.columns else POLAR
+    done = len(set(zip(*(table.texts(name).tolist() for name in key), strict=True)))
+    if done >= planned:
+        return ()
+    return (f"{table.path}: unfinished: {done} of {planned} places; `realitygap record … --resume` goes on",)
+
+
+def _reading_rows(recording: SensorRecording) -> tuple[list[str], list[list[str]]]:
+    names = POSE if recording.pose is not None else POLAR
+    if recording.pose is None:
+        where = np.stack([recording.distance_cm, recording.bearing_deg], 1)
+    else:
+        where = np.column_stack([recording.pose[:, :2], np.degrees(recording.pose[:, 2])])
+    rows = [
+        [*(f"{v:.10g}" for v in where[k]), str(int(recording.repeat[k])), *(f"{v:g}" for v in recording.counts[k])]
+        for k in range(len(where))
+    ]
+    return [*names, "repeat", *(f"s{i}" for i in range(recording.sensors))], rows
+
+
+def _step_rows(recording: WheelRecording) -> tuple[list[str], list[list[str]]]:
+    numbers = np.column_stack([recording.t_s, recording.commands, recording.counters, recording.speeds])
+    rows = [
+        [*(f"{v:.10g}" for v in numbers[k]), str(int(recording.trial[k])), str(recording.kind[k])]
+        for k in range(len(numbers))
+    ]
+    if recording.pose is None:
+        return list(STEP_COLUMNS), rows
+    for row, (x, y, heading) in zip(rows, recording.pose, strict=True):
+        row += ["", "", ""] if math.isnan(x) else [f"{x:.10g}", f"{y:.10g}", f"{math.degrees(heading):.10g}"]
+    return [*STEP_COLUMNS, *POSE], rows
