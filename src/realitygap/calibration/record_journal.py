@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ class Journal:
         table: the table's file name.
         columns: of the table.
         key: the columns that name a place.
-        rows: how many rows a place has; None: as many as there are (a trial is written at once).
+        rows: how many rows a finished place has, by its key.
         resume: go on with what is there; otherwise a recording there is refused.
 
     Raises:
@@ -43,7 +43,7 @@ class Journal:
         table: str,
         columns: Sequence[str],
         key: Sequence[str],
-        rows: int | None,
+        rows: Callable[[tuple[str, ...]], int],
         resume: bool,
     ) -> None:
         self.folder = Path(folder)
@@ -84,11 +84,11 @@ class Journal:
         for name in SAME:
             if there.get(name) != facts.get(name):
                 raise RecordingError(
-                    f"{path}: {name}: this recording was begun with {there.get(name)!r}, not {facts.get(name)!r}; "
-                    "resume it as it was begun, or choose another folder."
+                    f"{path}: {name}: this recording was begun with {there.get(name)!r}, not "
+                    f"{facts.get(name)!r}; resume it as it was begun, or choose another folder."
                 )
 
-    def _take_up(self, rows: int | None) -> None:
+    def _take_up(self, rows: Callable[[tuple[str, ...]], int]) -> None:
         """Keep the finished places of the table, drop what a kill left half written."""
         data = self.path.read_bytes() if self.path.is_file() else b""
         lines = data[: data.rfind(b"\n") + 1].decode("utf-8", "replace").splitlines()
@@ -99,11 +99,10 @@ class Journal:
         for number, line in enumerate(lines[1:], 2):
             row = line.split(",")
             if len(row) != len(self.columns):
-                raise RecordingError(f"{self.path}, line {number}: expected {len(self.columns)} values, got {line!r}.")
+                expected = f"expected {len(self.columns)} values"
+                raise RecordingError(f"{self.path}, line {number}: {expected}, got {line!r}.")
             places.setdefault(self.key(row), []).append(line)
-        whole = {k: kept for k, kept in places.items() if rows is None or len(kept) == rows}
-        if rows is None and len(data) > data.rfind(b"\n") + 1 and whole:
-            whole.pop(next(reversed(whole)))  # the last trial lacks its end
+        whole = {k: kept for k, kept in places.items() if len(kept) == rows(k)}
         text = "".join(f"{line}\n" for line in (head, *(line for kept in whole.values() for line in kept)))
         if text.encode() != data:
             self._replace(self.path, text)
