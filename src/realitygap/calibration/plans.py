@@ -28,9 +28,9 @@ CYLINDER = "cylinder:4"
 
 GRID_X = (8, 24, 40, 56, 72, 88, 102)
 GRID_Y = (8, 22, 35, 48, 62)
-HEADINGS = 6
-TURNED_DEG = (0, 10, 20, 30, 40, 50)
-"""Places over the arena of light seeking (cm), and six headings at each, turned from place to place."""
+HEADINGS = 5
+TURNED_DEG = (0, 12, 24, 36, 48, 60)
+"""Places over the arena of light seeking (cm), and five headings at each, turned from place to place."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +84,8 @@ def infrared_plan(name: str) -> SensorPlan:
     check_object("infrared", name, "--object")
     radius = cylinder_radius(name)
     if radius is not None and radius > ROOM_CM / 4:
-        raise RecordingError(f"--object: expected a cylinder of at most {ROOM_CM / 4:g} cm, got {radius:g} cm.")
+        most = f"a cylinder of at most {ROOM_CM / 4:g} cm"
+        raise RecordingError(f"--object: expected {most}, got {radius:g} cm.")
     # the object lies towards −x: the room's own wall at x = 0, or a cylinder in its middle
     edge = 0.0 if radius is None else ROOM_CM / 2 + radius
     room: dict[str, Any] = {"size_cm": [ROOM_CM, ROOM_CM]}

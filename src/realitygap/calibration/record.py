@@ -2,7 +2,8 @@
 
     from realitygap.calibration.record import record, twin_sites
 
-    record("all", "unit-7", open_site=twin_sites(unit=7, noise=1.0, seed=0), facts={"robot": "twin", "unit": 7})
+    sites = twin_sites(unit=7, noise=1.0, seed=0)
+    record("all", "unit-7", open_site=sites, facts={"robot": "twin", "unit": 7})
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import Any
 
 from realitygap.calibration.plans import SensorPlan, sensor_plans
 from realitygap.calibration.plans_wheels import ROOM, Trial, wheel_plan
-from realitygap.calibration.record_journal import Journal
+from realitygap.calibration.record_journal import Journal, refuse_another
 from realitygap.calibration.record_site import EnoughError, Site, TwinSite
 from realitygap.calibration.recording import BODY_RADIUS_CM
 from realitygap.calibration.recording_files import POSE, READINGS, STEP_COLUMNS, STEPS, UNITS
@@ -29,7 +30,7 @@ from realitygap.values import Command, Pose
 __all__ = ["REPEATS", "Made", "OpenSite", "record", "twin_sites"]
 
 REPEATS = 10
-APART_S = 0.4
+APART_S = 0.3
 """Time between two readings at a place: noise that comes and goes slowly shows too."""
 
 SENSORS = 8
@@ -104,9 +105,11 @@ def record(
     known = {"plan": plan, "units": UNITS, **facts, "repeats": repeats, "seed": seed}
     report = on_progress or (lambda name, done, total: None)
     made: list[Made] = []
-    for part in parts:
-        name = part.name if isinstance(part, SensorPlan) else "wheels"
-        place = Path(folder) if len(parts) == 1 else Path(folder) / name
+    names = [part.name if isinstance(part, SensorPlan) else "wheels" for part in parts]
+    places = [Path(folder)] if len(parts) == 1 else [Path(folder) / name for name in names]
+    for place in places:
+        refuse_another(place, resume=resume)
+    for part, place in zip(parts, places, strict=True):
         if isinstance(part, SensorPlan):
             made.append(_sensors(part, place, open_site, known, repeats, resume, report))
         else:
@@ -140,9 +143,10 @@ def _sensors(
     if plan.arena is not None:
         (folder / "arena.toml").write_text(plan.arena.to_toml(), "utf-8")
     left = [place for place in plan.places if _texts(place.where) not in journal.done]
+    if not left:
+        return _made(journal, plan.name, plan.kind, len(plan.places), begun)
     with _Enough(), open_site(plan.name, plan.room, len(journal.done)) as site:
-        if left:
-            site.prepare(plan.begins)
+        site.prepare(plan.begins)
         for place in left:
             if site.stand(place):
                 readings = _read(site, plan.kind, repeats)
@@ -172,9 +176,10 @@ def _wheels(
         resume=resume,
     )
     left = [trial for trial in trials if (str(trial.number),) not in journal.done]
+    if not left:
+        return _made(journal, "wheels", "wheels", len(trials), begun)
     with _Enough(), open_site("wheels", ROOM, len(journal.done)) as site:
-        if left:
-            site.prepare("Clear a level floor of 60 by 60 cm; a camera above it is welcome.")
+        site.prepare("Clear a level floor of 60 by 60 cm; a camera above it is welcome.")
         for trial in left:
             if site.begin(trial):
                 rows = drive_trial(site, trial)

@@ -54,7 +54,7 @@ class FloorCamera:
             raise
 
     def poses(self, film: Path, steps: Sequence[int]) -> dict[int, Pose]:
-        """Where the tracker sees the robot at steps (100 ms each) of a film; steps it is lost at are left out."""
+        """Where the robot is seen at steps (100 ms) of a film; those at which it is lost are left out."""
         states = States.from_file(film)
         tracker = Tracker(self._model, self._disk)
         seen: dict[int, Pose] = {}

@@ -13,7 +13,7 @@ from realitygap.calibration.recording_files import FACTS
 from realitygap.errors import RecordingError
 from realitygap.robot.facts import to_toml
 
-__all__ = ["Journal"]
+__all__ = ["Journal", "refuse_another"]
 
 SAME = ("plan", "kind", "object", "robot", "unit", "twin_noise", "seed", "repeats", "places")
 """Facts that must not change when a recording is resumed."""
@@ -52,10 +52,7 @@ class Journal:
         self._key = [self.columns.index(name) for name in key]
         self.done: set[tuple[str, ...]] = set()
         if (self.folder / FACTS).exists():
-            if not resume:
-                raise RecordingError(
-                    f"{self.folder}: already holds a recording; choose another folder, or go on with --resume."
-                )
+            refuse_another(self.folder, resume=resume)
             self._check(facts)
             self._take_up(rows)
             return
@@ -114,3 +111,14 @@ class Journal:
         fresh = path.with_name(path.name + ".new")
         fresh.write_text(text, "utf-8")
         os.replace(fresh, path)
+
+
+def refuse_another(folder: Path, *, resume: bool) -> None:
+    """Refuse a folder that holds a recording, unless it is to be resumed.
+
+    Raises:
+        RecordingError: it holds one.
+    """
+    if not resume and (folder / FACTS).exists():
+        cure = "choose another folder, or go on with --resume."
+        raise RecordingError(f"{folder}: already holds a recording; {cure}")

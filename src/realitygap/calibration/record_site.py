@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
@@ -11,7 +13,6 @@ from typing import Any, Protocol
 
 from realitygap.calibration.plans import Place
 from realitygap.calibration.plans_wheels import Trial
-from realitygap.errors import RecordingError
 from realitygap.robot.clock import VirtualClock
 from realitygap.robot.khepera import Khepera
 from realitygap.values import Pose
@@ -146,7 +147,8 @@ class PersonSite:
     def begin(self, trial: Trial) -> bool:
         """Tell how much room a trial needs, and ask where it starts."""
         self._start: Pose | None = None
-        if not self._go_on(f"Trial {trial.number} ({trial.kind}): the robot will move; it needs {trial.says}."):
+        name = f"Trial {trial.number} ({trial.kind})"
+        if not self._go_on(f"{name}: the robot will move; it needs {trial.says}."):
             return False
         if trial.filmed:
             self._start = self._measured("Where does it stand?")
@@ -170,11 +172,13 @@ class PersonSite:
     def _measured(self, says: str) -> Pose | None:
         """A pose as a person measures it or reads it off the camera's track."""
         while True:
-            answer = self._ask(f"{says} [x_cm y_cm heading_deg; Enter: not measured]").replace(",", " ").split()
-            if not answer:
+            answer = self._ask(f"{says} [x_cm y_cm heading_deg; Enter: not measured]")
+            words = answer.replace(",", " ").split()
+            if words == ["q"]:
+                raise EnoughError
+            if not words:
                 return None
-            try:
-                x, y, heading = map(float, answer)
-                return Pose.from_degrees(x, y, heading)
-            except (ValueError, RecordingError):
-                continue
+            with contextlib.suppress(ValueError):
+                x, y, heading = map(float, words)
+                if all(map(math.isfinite, (x, y, heading))):
+                    return Pose.from_degrees(x, y, heading)

@@ -41,8 +41,8 @@ def check_readings(
     if kind == "infrared" and far.any():
         k = int(np.flatnonzero(far)[0])
         raise RecordingError(
-            f"{path}, line {lines[k]}: distance_cm: {int(counts[k].max())} counts at {distance_cm[k]:g} cm, where "
-            "infrared sees nothing. Are these millimetres? Divide them by 10."
+            f"{path}, line {lines[k]}: distance_cm: {int(counts[k].max())} counts at {distance_cm[k]:g} cm, "
+            "where infrared sees nothing. Are these millimetres? Divide them by 10."
         )
     warned = []
     turned = np.unique(np.abs(bearing_deg[np.isfinite(bearing_deg)]))
@@ -71,5 +71,6 @@ def _sensors(path: str | Path, kind: str, counts: Array) -> list[str]:
         elif kind == "infrared" and (values >= FULL).mean() > SATURATED_SHARE:
             out.append(f"{path}: sensor {i} is saturated in {(values >= FULL).mean():.0%} of the readings")
         elif kind == "infrared" and np.percentile(values, 99) - np.percentile(values, 1) < 30:
-            out.append(f"{path}: sensor {i} hardly changes ({values.min():g} to {values.max():g}): it looks dead")
+            span = f"{values.min():g} to {values.max():g}"
+            out.append(f"{path}: sensor {i} hardly changes ({span}): it looks dead")
     return out

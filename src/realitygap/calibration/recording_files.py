@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import math
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +22,7 @@ from realitygap.calibration.recording import (
     check_object,
 )
 from realitygap.calibration.recording_checks import check_readings, check_steps
+from realitygap.calibration.recording_table import Table, need, read_table
 from realitygap.errors import RecordingError
 from realitygap.robot.facts import to_toml
 from realitygap.world.arena import Arena, load_arena
@@ -42,55 +42,6 @@ UNITS = "cm, degrees, s, counts, Khepera units, pulses"
 FULL = 1023
 
 
-class Table(NamedTuple):
-    """A CSV file: its columns, its rows as texts, and the line of each row."""
-
-    path: Path
-    columns: tuple[str, ...]
-    rows: list[list[str]]
-    lines: list[int]
-
-    def numbers(self, name: str, *, empty: bool = False) -> Array:
-        """A column as numbers.
-
-        Raises:
-            RecordingError: a value that is no number; names file and line.
-        """
-        column = self.columns.index(name)
-        out = np.full(len(self.rows), math.nan)
-        for k, row in enumerate(self.rows):
-            text = row[column].strip()
-            if empty and not text:
-                continue
-            try:
-                out[k] = float(text)
-            except ValueError:
-                out[k] = math.nan
-            if not math.isfinite(out[k]):
-                raise RecordingError(f"{self.path}, line {self.lines[k]}: {name}: expected a number, got {text!r}.")
-        return out
-
-    def texts(self, name: str) -> NDArray[np.str_]:
-        """A column as it is."""
-        column = self.columns.index(name)
-        return np.array([row[column].strip() for row in self.rows], dtype=str)
-
-    def whole(self, name: str) -> NDArray[np.int64]:
-        """A column of whole numbers from 0 on."""
-        values = self.numbers(name)
-        self.refuse((values != np.rint(values)) | (values < 0), name, "a whole number from 0 on", values)
-        return values.astype(np.int64)
-
-    def refuse(self, wrong: NDArray[np.bool_], name: str, expected: str, got: Any, cure: str = "") -> None:
-        """Raise for the first row that is wrong."""
-        if wrong.any():
-            k = int(np.flatnonzero(wrong)[0])
-            value = got[k]
-            shown = f"{value:g}" if isinstance(value, float) else repr(str(value))
-            tail = f" {cure}" if cure else ""
-            raise RecordingError(f"{self.path}, line {self.lines[k]}: {name}: expected {expected}, got {shown}.{tail}")
-
-
 def read_folder(folder: Path, *, object: str | None = None) -> Recording:
     """The recording of a folder; `object` takes the place of what its facts say.
 
@@ -101,11 +52,11 @@ def read_folder(folder: Path, *, object: str | None = None) -> Recording:
     where = folder / FACTS
     kind = facts.get("kind")
     if kind not in KINDS:
-        cure = " This is a drive's recording; a calibration's says what it holds." if "kind" not in facts else ""
+        cure = "" if "kind" in facts else " This is a drive's recording, no calibration's."
         raise RecordingError(f"{where}: kind: expected {', '.join(KINDS)}, got {kind!r}.{cure}")
     if facts.get("units", UNITS) != UNITS:
         raise RecordingError(
-            f"{where}: units: expected {UNITS!r}, got {facts['units']!r}. Convert the table and correct this key."
+            f"{where}: units: expected {UNITS!r}, got {facts['units']!r}. Convert the table first."
         )
     if kind == "wheels":
         return _wheels(folder, facts)
@@ -144,7 +95,8 @@ def save_recording(folder: str | Path, recording: Recording) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     facts: dict[str, Any] = {"units": UNITS, "notes": recording.notes, **recording.facts}
     if isinstance(recording, SensorRecording):
-        facts |= {"kind": recording.kind, "object": recording.object, "body_radius_cm": recording.body_radius_cm}
+        facts |= {"kind": recording.kind, "object": recording.object}
+        facts["body_radius_cm"] = recording.body_radius_cm
         if recording.pose is not None and recording.arena is not None:
             facts["arena"] = "arena.toml"
             (folder / "arena.toml").write_text(recording.arena.to_toml(), "utf-8")
@@ -159,20 +111,20 @@ def save_recording(folder: str | Path, recording: Recording) -> None:
 
 
 def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> SensorRecording:
-    table = _table(folder / READINGS, facts)
+    table = read_table(folder / READINGS, ends="places" in facts)
     sensors = _sensor_columns(table, facts)
     pose, arena = None, None
     if "arena" in facts and "x_cm" in table.columns:
-        _need(table, (*POSE, "repeat"))
+        need(table, (*POSE, "repeat"))
         arena = load_arena(folder / str(facts["arena"]))
         pose = _pose(table, empty=False)
         distance, bearing = _from_lamp(pose, arena, _body_radius(folder, facts))
     else:
         if "x_cm" in table.columns and "distance_cm" not in table.columns:
             raise RecordingError(
-                f'{folder / FACTS}: arena: missing; poses need the room: add arena = "file.toml", or give distances.'
+                f'{folder / FACTS}: arena: missing; poses need the room: add arena = "file.toml".'
             )
-        _need(table, (*POLAR, "repeat"))
+        need(table, (*POLAR, "repeat"))
         distance, bearing = table.numbers("distance_cm"), table.numbers("bearing_deg")
         table.refuse(distance < 0, "distance_cm", "0 or more", distance, "It counts from the body's edge.")
         table.refuse(np.abs(bearing) > 360, "bearing_deg", "degrees from −360 to 360", bearing)
@@ -199,13 +151,13 @@ def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> S
 
 
 def _wheels(folder: Path, facts: Mapping[str, Any]) -> WheelRecording:
-    table = _table(folder / STEPS, facts)
-    _need(table, STEP_COLUMNS)
+    table = read_table(folder / STEPS, ends="places" in facts)
+    need(table, STEP_COLUMNS)
     kind = table.texts("kind")
     table.refuse(~np.isin(kind, STEP_KINDS), "kind", f"one of {', '.join(STEP_KINDS)}", kind)
     t, trial = table.numbers("t_s"), table.whole("trial")
     back = np.concatenate([[False], (np.diff(t) <= 0) & (np.diff(trial) == 0)])
-    table.refuse(back, "t_s", "a time after the row's before", t, "Rows of a trial follow each other in time.")
+    table.refuse(back, "t_s", "a time after the row's before", t, "A trial's rows follow each other.")
 
     def pair(name: str) -> Array:
         return np.stack([table.numbers(f"{name}_{side}") for side in ("left", "right")], 1)
@@ -226,42 +178,6 @@ def _wheels(folder: Path, facts: Mapping[str, Any]) -> WheelRecording:
 def _common(folder: Path, table: Table, facts: Mapping[str, Any]) -> dict[str, Any]:
     digest = hashlib.sha256((folder / FACTS).read_bytes() + table.path.read_bytes()).hexdigest()
     return {"source": str(folder), "hash": digest, "notes": str(facts.get("notes", "")), "facts": facts}
-
-
-def _table(path: Path, facts: Mapping[str, Any]) -> Table:
-    try:
-        text = path.read_text("utf-8-sig")
-    except FileNotFoundError:
-        raise RecordingError(f"{path}: no such file; it holds the recording's table. Record it again.") from None
-    except UnicodeDecodeError:
-        raise RecordingError(f"{path}: not a text file in UTF-8, as a table must be.") from None
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read ({error.strerror}). Check its rights.") from None
-    reader = csv.reader(text.splitlines())
-    columns = tuple(name.strip() for name in next(reader, []))
-    rows, lines = [], []
-    for row in reader:
-        if not any(cell.strip() for cell in row):
-            continue
-        if len(row) != len(columns):
-            raise RecordingError(f"{path}, line {reader.line_num}: expected {len(columns)} values, got {len(row)}.")
-        rows.append(row)
-        lines.append(reader.line_num)
-    if not rows:
-        raise RecordingError(f"{path}: empty: expected a line of column names and a row for each reading.")
-    if "places" in facts and not text.endswith("\n"):
-        raise RecordingError(f"{path}, line {lines[-1]}: cut short. Go on with `realitygap record … --resume`.")
-    return Table(path, columns, rows, lines)
-
-
-def _need(table: Table, names: Sequence[str]) -> None:
-    missing = [name for name in names if name not in table.columns]
-    if missing:
-        got = ", ".join(table.columns)
-        raise RecordingError(f"{table.path}, line 1: expected a column {missing[0]!r}, got: {got}.")
-    twice = [name for name in table.columns if table.columns.count(name) > 1]
-    if twice:
-        raise RecordingError(f"{table.path}, line 1: the column {twice[0]!r} stands there twice.")
 
 
 def _sensor_columns(table: Table, facts: Mapping[str, Any]) -> list[str]:
@@ -317,8 +233,8 @@ def _reading_rows(recording: SensorRecording) -> tuple[list[str], list[list[str]
     else:
         where = np.column_stack([recording.pose[:, :2], np.degrees(recording.pose[:, 2])])
     rows = [
-        [*(f"{v:.10g}" for v in where[k]), str(int(recording.repeat[k])), *(f"{v:g}" for v in recording.counts[k])]
-        for k in range(len(where))
+        [*(f"{v:.10g}" for v in at), str(int(repeat)), *(f"{v:g}" for v in counts)]
+        for at, repeat, counts in zip(where, recording.repeat, recording.counts, strict=True)
     ]
     return [*names, "repeat", *(f"s{i}" for i in range(recording.sensors))], rows
 

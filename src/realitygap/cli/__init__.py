@@ -12,6 +12,7 @@ from realitygap.cli.evolve import evolve
 from realitygap.cli.failure import Commands
 from realitygap.cli.probe import probe
 from realitygap.cli.profile import profile
+from realitygap.cli.record import record
 from realitygap.cli.replay import replay
 from realitygap.cli.report import report
 from realitygap.cli.reproduce import reproduce
@@ -47,7 +48,7 @@ def realitygap(ctx: click.Context) -> None:
 
 for _command in (
     reproduce, evolve, simulate, probe, show, replay, report,
-    robot, twin, track, camera, profile, arena, bench,
+    robot, twin, record, track, camera, profile, arena, bench,
 ):  # fmt: skip
     realitygap.add_command(_command)
 

@@ -59,6 +59,10 @@ class ProgressLine:
         finished = event.runs_done == event.runs_total
         self._show(event.phase, event.done, event.total, ", ".join(says), finished)
 
+    def places(self, name: str, done: int, total: int) -> None:
+        """Show how far a recording is."""
+        self._show(f"recording {name}", done, total, "places", done == total)
+
     def report(self, done: int, total: int, name: str) -> None:
         """Show how far a report is."""
         self._show("making the report", done, total, "figures", done == total)
