@@ -21,7 +21,8 @@ STEPS_S = 1.0
 START_LEVELS = (1, 2, 3)
 RANDOM_TRIALS, RANDOM_PIECES, PIECE_S = 4, 10, 0.5
 STRAIGHT = (3, 4, 6, 8, 10)
-STRAIGHT_RUNS = 2
+STRAIGHT_RUNS = 4
+"""On a ground that makes a run's length uncertain by 1 %, twenty runs leave 0.2 %."""
 WAY_CM, LONGEST_S = 28.0, 4.0
 SPINS = (2, 3, 4, 6, 8, 10)
 ARCS = ((10, 6), (6, 10), (8, 3), (3, 8), (10, 2), (2, 10))
@@ -79,8 +80,9 @@ def wheel_plan(repeats: int, seed: int) -> tuple[Trial, ...]:
 
     def add(kind: str, commands: list[Command], pose: Pose, says: str, *, filmed: bool = False) -> None:
         whole = (*commands, *[(0, 0)] * _steps(STAND_S))
+        number = len(made)
         made.append(
-            Trial(number=len(made), kind=kind, commands=whole, pose=pose, filmed=filmed, says=says)
+            Trial(number=number, kind=kind, commands=whole, pose=pose, filmed=filmed, says=says)
         )
 
     def anywhere() -> Pose:
@@ -92,18 +94,17 @@ def wheel_plan(repeats: int, seed: int) -> tuple[Trial, ...]:
         add("step", _steps_of(level), anywhere(), "15 cm free all round")
     add("step", _between(), anywhere(), "15 cm free all round")
     for _ in range(RANDOM_TRIALS):
-        add("step", _random(draw), anywhere(), "25 cm free all round")
+        add("step", _random(draw), anywhere(), "25 cm free all round", filmed=True)
     for level in START_LEVELS:
         add("start", _starts(level, repeats), anywhere(), "10 cm free ahead and behind")
     for level in STRAIGHT:
         for run in range(STRAIGHT_RUNS):
             seconds = min(LONGEST_S, WAY_CM / (level * UNIT_CM_S))
-            sign = 1 - 2 * run
+            sign = 1 - 2 * (run % 2)
             pose = _run_through(draw, sign * level * UNIT_CM_S * seconds)
             ahead = "ahead" if sign > 0 else "behind"
-            add(
-                "straight", [(sign * level,) * 2] * _steps(seconds), pose, f"35 cm free {ahead}", filmed=True
-            )
+            line = [(sign * level, sign * level)] * _steps(seconds)
+            add("straight", line, pose, f"35 cm free {ahead}", filmed=True)
     for level in SPINS:
         for sign in (1, -1):
             spin = [(-sign * level, sign * level)] * _steps(TURN_S)
@@ -153,5 +154,5 @@ def _starts(level: int, repeats: int) -> list[Command]:
 def _run_through(draw: random.Random, way_cm: float) -> Pose:
     """A start from which a way of this length (cm, signed) passes near the middle of the floor."""
     heading = draw.uniform(-math.pi, math.pi)
-    x, y = (FLOOR_CM / 2 + draw.uniform(-6, 6) for _ in range(2))
+    x, y = (FLOOR_CM / 2 + draw.uniform(-10, 10) for _ in range(2))
     return Pose(x=x - way_cm / 2 * math.cos(heading), y=y - way_cm / 2 * math.sin(heading), heading=heading)
