@@ -32,11 +32,12 @@ class FloorCamera:
     """The overhead camera of a twin's unit, calibrated with frames of the robot at known places.
 
     Args:
-        room, unit, noise, seed: as the twin's.
+        room, unit, noise, seed: as the twin's. The pictures are drawn, so that they do not depend on
+            what this machine can render with.
     """
 
     def __init__(self, room: Mapping[str, Any], *, unit: int, noise: float, seed: int) -> None:
-        self._camera = OverheadCamera(room, unit=unit, noise=noise, seed=seed)
+        self._camera = OverheadCamera(room, unit=unit, noise=noise, view="drawn", seed=seed)
         self._disk = load_disk()
         self._frames = 0
         try:
