@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -135,6 +136,24 @@ def test_kill_9_loses_one_place_at_most(tmp_path):
     made = load_recording(tmp_path / "a")
     assert isinstance(made, SensorRecording) and made.warnings == ()
     assert int(made.place().max()) + 1 == len(made.repeat) == len(infrared_plan("wall").places)
+
+
+def test_ctrl_c_ends_a_recording_in_order(tmp_path):
+    """With exit code 130 and a word about going on; the finished places are whole."""
+    words = [*WORDS, "--robot", "twin:3", "--out", str(tmp_path / "a")]
+    paths = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
+    table = tmp_path / "a" / "readings.csv"
+    with subprocess.Popen(
+        [sys.executable, "-m", "realitygap", *words],
+        env={**os.environ, "PYTHONPATH": paths}, stderr=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
+        until = time.monotonic() + 60
+        while time.monotonic() < until and not (table.is_file() and table.read_text().count("\n") > 5):
+            time.sleep(0.01)
+        process.send_signal(signal.SIGINT)
+        _, error = process.communicate(timeout=60)
+    assert process.returncode == 130 and "--resume goes on" in error.splitlines()[-1]
+    assert "unfinished" in load_recording(tmp_path / "a").warnings[-1]
 
 
 def test_the_camera_sees_where_a_twin_was(tmp_path):

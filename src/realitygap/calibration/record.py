@@ -12,7 +12,7 @@ import hashlib
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -94,7 +94,7 @@ def record(
         repeats: readings at each place; standing starts of each size.
         seed: of what is random in a plan.
         resume: go on with what is there.
-        on_progress: is told how far it is.
+        on_progress: is told how far it is, after each place: whoever raises there stops the recording.
 
     Raises:
         RecordingError: a recording is there already, or another one.
@@ -145,7 +145,7 @@ def _sensors(
     left = [place for place in plan.places if _texts(place.where) not in journal.done]
     if not left:
         return _made(journal, plan.name, plan.kind, len(plan.places), begun)
-    with _Enough(), open_site(plan.name, plan.room, len(journal.done)) as site:
+    with suppress(EnoughError), open_site(plan.name, plan.room, len(journal.done)) as site:
         site.prepare(plan.begins)
         for place in left:
             if site.stand(place):
@@ -178,7 +178,7 @@ def _wheels(
     left = [trial for trial in trials if (str(trial.number),) not in journal.done]
     if not left:
         return _made(journal, "wheels", "wheels", len(trials), begun)
-    with _Enough(), open_site("wheels", ROOM, len(journal.done)) as site:
+    with suppress(EnoughError), open_site("wheels", ROOM, len(journal.done)) as site:
         site.prepare("Clear a level floor of 60 by 60 cm; a camera above it is welcome.")
         for trial in left:
             if site.begin(trial):
@@ -218,13 +218,6 @@ def drive_trial(site: Site, trial: Trial) -> list[tuple[str, ...]]:
     finally:
         body.stop()
     return rows
-
-
-class _Enough(AbstractContextManager[None]):
-    """Within it the person may stop: what is written stays, the rest is left for another day."""
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
-        return isinstance(error, EnoughError)
 
 
 def _read(site: Site, kind: str, repeats: int) -> list[tuple[int, ...]]:

@@ -131,20 +131,42 @@ def _site(
     from realitygap.calibration.record import twin_sites
     from realitygap.robot.signals import Stopping
 
-    stack.enter_context(Stopping())
     if robot.port is None:
         noise = 1.0 if twin_noise is None else twin_noise
         line = stack.enter_context(ProgressLine())
         assert robot.unit is not None
         facts = {"robot": "twin (pseudo-reality)", "unit": robot.unit, "twin_noise": noise}
-        return twin_sites(unit=robot.unit, noise=noise, seed=seed), facts, line.places
+        return twin_sites(unit=robot.unit, noise=noise, seed=seed), facts, _stoppable(stack, line.places)
     from realitygap.calibration.record_site import PersonSite
     from realitygap.robot.khepera import Khepera
 
+    stack.enter_context(Stopping())
     khepera = stack.enter_context(Khepera.connect(robot.port, baud=None if baud == "any" else int(baud)))
     facts = {"robot": "Khepera", "port": robot.port, **khepera.versions._asdict()}
     site = PersonSite(khepera, _ask)
     return (lambda name, room, done: nullcontext(site)), facts, _written
+
+
+def _stoppable(stack: ExitStack, report: Progress) -> Progress:
+    """Let Ctrl-C and SIGTERM wait for the end of a twin's place (a moment); the second does not wait."""
+    import signal
+
+    asked: list[int] = []
+
+    def arrived(number: int, frame: object) -> None:
+        if asked:
+            raise KeyboardInterrupt
+        asked.append(number)
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        stack.callback(signal.signal, number, signal.signal(number, arrived))
+
+    def places(name: str, done: int, total: int) -> None:
+        report(name, done, total)
+        if asked:
+            raise KeyboardInterrupt
+
+    return places
 
 
 def _ask(says: str) -> str:
