@@ -241,10 +241,8 @@ def _reading_rows(recording: SensorRecording) -> tuple[list[str], list[list[str]
 
 def _step_rows(recording: WheelRecording) -> tuple[list[str], list[list[str]]]:
     numbers = np.column_stack([recording.t_s, recording.commands, recording.counters, recording.speeds])
-    rows = [
-        [*(f"{v:.10g}" for v in numbers[k]), str(int(recording.trial[k])), str(recording.kind[k])]
-        for k in range(len(numbers))
-    ]
+    named = zip(numbers, recording.trial, recording.kind, strict=True)
+    rows = [[*(f"{v:.10g}" for v in row), str(int(trial)), str(kind)] for row, trial, kind in named]
     if recording.pose is None:
         return list(STEP_COLUMNS), rows
     for row, (x, y, heading) in zip(rows, recording.pose, strict=True):

@@ -65,6 +65,10 @@ class ProgressLine:
         left = "trials" if event.seconds_left is None else f"trials, {clock(event.seconds_left)} left"
         self._show(event.phase, event.done, event.total, left, event.done == event.total)
 
+    def places(self, name: str, done: int, total: int) -> None:
+        """Show how far a recording is."""
+        self._show(f"recording {name}", done, total, "places", done == total)
+
     def report(self, done: int, total: int, name: str) -> None:
         """Show how far a report is."""
         self._show("making the report", done, total, "figures", done == total)

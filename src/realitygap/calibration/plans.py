@@ -1,0 +1,173 @@
+"""Plans: where the robot or the object has to stand while its sensors are recorded."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from realitygap.calibration.recording import BODY_RADIUS_CM, check_object, cylinder_radius
+from realitygap.errors import RecordingError
+from realitygap.values import Pose
+from realitygap.world.arena import Arena, load_arena
+
+__all__ = ["PLANS", "Place", "SensorPlan", "ambient_plan", "infrared_plan", "plain_room", "sensor_plans"]
+
+PLANS = ("infrared", "ambient", "wheels", "all")
+
+DISTANCES_CM = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.5, 8.0)
+"""From nearly touching to where a Khepera sees nothing; close together where the curve is steep."""
+BEARINGS = 24
+"""All round, every 15 degrees: sensors and the gaps between them."""
+
+ROOM_CM = 100.0
+"""A room so large that only the object is in reach of the infrared."""
+CYLINDER = "cylinder:4"
+"""The paper's obstacles (§4)."""
+
+GRID_X = (8, 24, 40, 56, 72, 88, 102)
+GRID_Y = (8, 22, 35, 48, 62)
+HEADINGS = 5
+TURNED_DEG = (0, 12, 24, 36, 48, 60)
+"""Places over the arena of light seeking (cm), and five headings at each, turned from place to place."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """One place of a plan.
+
+    Attributes:
+        pose: of the robot in the plan's room.
+        where: the table's first columns: distance_cm and bearing_deg, or x_cm, y_cm and heading_deg.
+        says: what a person does to get the robot there.
+    """
+
+    pose: Pose
+    where: tuple[float, ...]
+    says: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorPlan:
+    """Places at which sensors of one kind are read.
+
+    Attributes:
+        name: its folder's name where several plans share one.
+        kind, object: as in a recording.
+        columns: names of the numbers in `Place.where`.
+        room: the room in plain numbers (cm), for a twin.
+        arena: the room that the poses belong to, None if distances say it all.
+        places: in the order in which they are visited.
+        begins: what a person prepares.
+    """
+
+    name: str
+    kind: str
+    object: str
+    columns: tuple[str, ...]
+    room: Mapping[str, Any]
+    arena: Arena | None
+    places: tuple[Place, ...]
+    begins: str
+
+
+def infrared_plan(name: str) -> SensorPlan:
+    """A wall or a cylinder at all bearings, from 0.5 to 8 cm.
+
+    Args:
+        name: "wall" or "cylinder:RADIUS_CM".
+
+    Raises:
+        RecordingError: another object.
+    """
+    check_object("infrared", name, "--object")
+    radius = cylinder_radius(name)
+    if radius is not None and radius > ROOM_CM / 4:
+        most = f"a cylinder of at most {ROOM_CM / 4:g} cm"
+        raise RecordingError(f"--object: expected {most}, got {radius:g} cm.")
+    # the object lies towards −x: the room's own wall at x = 0, or a cylinder in its middle
+    edge = 0.0 if radius is None else ROOM_CM / 2 + radius
+    room: dict[str, Any] = {"size_cm": [ROOM_CM, ROOM_CM]}
+    if radius is not None:
+        room["cylinders"] = [[ROOM_CM / 2, ROOM_CM / 2, radius]]
+    short = "wall" if radius is None else "cylinder"
+    what = "a wall, longer than 30 cm" if radius is None else f"a cylinder of radius {radius:g} cm"
+    return SensorPlan(
+        name=f"infrared-{short}",
+        kind="infrared",
+        object=name,
+        columns=("distance_cm", "bearing_deg"),
+        room=room,
+        arena=None,
+        places=tuple(
+            _before(edge, short, distance, k * 360.0 / BEARINGS)
+            for distance in DISTANCES_CM
+            for k in range(BEARINGS)
+        ),
+        begins=f"Put up {what}, with nothing else within 20 cm, and keep lamps away.",
+    )
+
+
+def ambient_plan() -> SensorPlan:
+    """Poses all over the arena of light seeking."""
+    arena = load_arena("light-seeking")
+    places = []
+    for number, (x, y) in enumerate((x, y) for x in GRID_X for y in GRID_Y):
+        for k in range(HEADINGS):
+            heading = (k * 360 / HEADINGS + TURNED_DEG[number % len(TURNED_DEG)] + 180) % 360 - 180
+            says = f"the robot's centre at x = {x:g} cm, y = {y:g} cm, looking to {heading:g}°"
+            places.append(Place(pose=Pose.from_degrees(x, y, heading), where=(x, y, heading), says=says))
+    lamp, (width, depth) = arena.lamps[0], arena.size_cm
+    return SensorPlan(
+        name="ambient",
+        kind="ambient",
+        object="lamp",
+        columns=("x_cm", "y_cm", "heading_deg"),
+        room=plain_room(arena),
+        arena=arena,
+        places=tuple(places),
+        begins=f"Build the arena of light seeking: {width:g} by {depth:g} cm, the lamp at ({lamp.x_cm:g}, "
+        f"{lamp.y_cm:g}), no other light. x and y count from the lower left corner, headings "
+        "counter-clockwise from +x.",
+    )
+
+
+def sensor_plans(plan: str, name: str | None = None) -> tuple[SensorPlan, ...]:
+    """The sensors' part of a plan of `PLANS`; `name` is the one object of the infrared's."""
+    out = []
+    if plan in ("infrared", "all"):
+        out += [infrared_plan(one) for one in ((name,) if name else ("wall", CYLINDER))]
+    if plan in ("ambient", "all"):
+        out.append(ambient_plan())
+    return tuple(out)
+
+
+def plain_room(arena: Arena) -> dict[str, Any]:
+    """An arena in plain numbers (cm), all that a twin may know of it."""
+    return {
+        "size_cm": list(arena.size_cm),
+        "cylinders": [[c.x_cm, c.y_cm, c.radius_cm] for c in arena.cylinders],
+        "walls": [list(wall) for wall in arena.walls],
+        "lamps": [[lamp.x_cm, lamp.y_cm] for lamp in arena.lamps],
+    }
+
+
+def _before(edge: float, what: str, distance: float, bearing: float) -> Place:
+    """The place before an object whose edge is at x = edge, on the middle line."""
+    bearing = 180.0 - (180.0 - bearing) % 360.0
+    pose = Pose(x=edge + distance + BODY_RADIUS_CM, y=ROOM_CM / 2, heading=math.radians(180.0 - bearing))
+    return Place(
+        pose=pose,
+        where=(distance, bearing),
+        says=f"{distance:g} cm between body and {what}, the {what} {_side(bearing)}",
+    )
+
+
+def _side(bearing: float) -> str:
+    """A bearing in words."""
+    if bearing == 0:
+        return "straight ahead"
+    if bearing == 180:
+        return "straight behind"
+    return f"{abs(bearing):g}° to the {'left' if bearing > 0 else 'right'} of its front"

@@ -1,0 +1,158 @@
+"""The wheels' plan: speed steps of many sizes, standing starts, straight lines and turns."""
+
+from __future__ import annotations
+
+import math
+import random
+from dataclasses import dataclass
+from typing import Any
+
+from realitygap.values import Pose
+
+__all__ = ["ROOM", "Trial", "camera_places", "wheel_plan"]
+
+FLOOR_CM = 60.0
+ROOM: dict[str, Any] = {"size_cm": [FLOOR_CM, FLOOR_CM]}
+"""An empty floor under a camera."""
+
+TOP = 10
+LEVELS = (1, 2, 3, 5, 7, 10)
+STEPS_S = 1.0
+START_LEVELS = (1, 2, 3)
+RANDOM_TRIALS, RANDOM_PIECES, PIECE_S = 4, 10, 0.5
+STRAIGHT = (3, 4, 6, 8, 10)
+STRAIGHT_RUNS = 4
+"""On a ground that makes a run's length uncertain by 1 %, twenty runs leave 0.2 %."""
+WAY_CM, LONGEST_S = 28.0, 4.0
+SPINS = (2, 3, 4, 6, 8, 10)
+ARCS = ((10, 6), (6, 10), (8, 3), (3, 8), (10, 2), (2, 10))
+TURN_S = 3.0
+STAND_S = 0.5
+"""At each trial's end the robot stands so long, and a camera sees where."""
+
+UNIT_CM_S = 0.8
+"""A command's speed, roughly: to keep clear of the walls."""
+STEPS_A_SECOND = 10
+SEEN_EVERY = 5
+"""A camera that is asked for pictures looks at every fifth step (0.5 s), first and last."""
+
+Command = tuple[int, int]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trial:
+    """One trial: commands for steps of 100 ms, from standing to standing.
+
+    Attributes:
+        number: from 0.
+        kind: "step", "start", "straight" or "turn".
+        commands: left and right of each step.
+        pose: where a twin starts; a person needs only the room that `says` asks for.
+        filmed: whether a camera, if there is one, sees it.
+        says: what a person prepares.
+    """
+
+    number: int
+    kind: str
+    commands: tuple[Command, ...]
+    pose: Pose
+    filmed: bool
+    says: str
+
+    def seen(self) -> tuple[int, ...]:
+        """The steps at which a camera looks."""
+        if not self.filmed:
+            return ()
+        last = len(self.commands) - 1
+        return (*range(0, last, SEEN_EVERY), last)
+
+
+def wheel_plan(repeats: int, seed: int) -> tuple[Trial, ...]:
+    """All trials.
+
+    Args:
+        repeats: how often a standing start of each size is made.
+        seed: of the random commands and the places.
+    """
+    draw = random.Random(f"wheels/{seed}")
+    middle = FLOOR_CM / 2
+    made: list[Trial] = []
+
+    def add(kind: str, commands: list[Command], pose: Pose, says: str, *, filmed: bool = False) -> None:
+        whole = (*commands, *[(0, 0)] * _steps(STAND_S))
+        number = len(made)
+        made.append(
+            Trial(number=number, kind=kind, commands=whole, pose=pose, filmed=filmed, says=says)
+        )
+
+    def anywhere() -> Pose:
+        """A place about the middle: another ground for each trial."""
+        x, y = (middle + draw.uniform(-8, 8) for _ in range(2))
+        return Pose(x=x, y=y, heading=draw.uniform(-math.pi, math.pi))
+
+    for level in LEVELS:
+        add("step", _steps_of(level), anywhere(), "15 cm free all round")
+    add("step", _between(), anywhere(), "15 cm free all round")
+    for _ in range(RANDOM_TRIALS):
+        add("step", _random(draw), anywhere(), "25 cm free all round", filmed=True)
+    for level in START_LEVELS:
+        add("start", _starts(level, repeats), anywhere(), "10 cm free ahead and behind")
+    for level in STRAIGHT:
+        for run in range(STRAIGHT_RUNS):
+            seconds = min(LONGEST_S, WAY_CM / (level * UNIT_CM_S))
+            sign = 1 - 2 * (run % 2)
+            pose = _run_through(draw, sign * level * UNIT_CM_S * seconds)
+            ahead = "ahead" if sign > 0 else "behind"
+            line = [(sign * level, sign * level)] * _steps(seconds)
+            add("straight", line, pose, f"35 cm free {ahead}", filmed=True)
+    for level in SPINS:
+        for sign in (1, -1):
+            spin = [(-sign * level, sign * level)] * _steps(TURN_S)
+            add("turn", spin, anywhere(), "10 cm free all round", filmed=True)
+    for arc in ARCS:
+        add("turn", [arc] * _steps(TURN_S), anywhere(), "25 cm free all round", filmed=True)
+    return tuple(made)
+
+
+def camera_places() -> tuple[Pose, ...]:
+    """Where the robot stands while the camera is calibrated: all over the floor, at many headings."""
+    share = (0.13, 0.37, 0.63, 0.87)
+    places = [(x * FLOOR_CM, y * FLOOR_CM) for x in share for y in (0.13, 0.5, 0.87)]
+    return tuple(Pose.from_degrees(x, y, (k * 107) % 360) for k, (x, y) in enumerate(places))
+
+
+def _steps(seconds: float) -> int:
+    return round(seconds * STEPS_A_SECOND)
+
+
+def _steps_of(level: int) -> list[Command]:
+    """From standing forth, back, and turning both ways: each wheel sees every step of this size."""
+    n, rest = _steps(STEPS_S), [(0, 0)] * _steps(STAND_S)
+    pairs = [(level, level), (-level, -level), (0, 0), (level, -level), (-level, level)]
+    return [command for pair in pairs for command in ([pair] * n if pair != (0, 0) else rest)]
+
+
+def _between() -> list[Command]:
+    """Steps from one speed to another."""
+    levels = (10, 5, 8, 2, 6, -3, -9, -4, -7, -1, -5, 4)
+    return [(level, level) for level in levels for _ in range(_steps(PIECE_S))]
+
+
+def _random(draw: random.Random) -> list[Command]:
+    """Pieces of half a second with a random command for each wheel."""
+    pieces = [(draw.randint(-TOP, TOP), draw.randint(-TOP, TOP)) for _ in range(RANDOM_PIECES)]
+    return [piece for piece in pieces for _ in range(_steps(PIECE_S))]
+
+
+def _starts(level: int, repeats: int) -> list[Command]:
+    """From rest forth, rest, and back, again and again."""
+    n = _steps(STAND_S)
+    once = [(0, 0)] * n + [(level, level)] * n + [(0, 0)] * n + [(-level, -level)] * n
+    return once * repeats
+
+
+def _run_through(draw: random.Random, way_cm: float) -> Pose:
+    """A start from which a way of this length (cm, signed) passes near the middle of the floor."""
+    heading = draw.uniform(-math.pi, math.pi)
+    x, y = (FLOOR_CM / 2 + draw.uniform(-10, 10) for _ in range(2))
+    return Pose(x=x - way_cm / 2 * math.cos(heading), y=y - way_cm / 2 * math.sin(heading), heading=heading)

@@ -1,0 +1,84 @@
+"""The camera over the wheels' floor: calibrated, then asked where the robot stood in its film.
+
+Its pictures go through the film's tracker as any film does; the twin's true poses are never used
+but to draw the pictures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.calibration.plans_wheels import camera_places
+from realitygap.film.calibrate import calibrate_camera
+from realitygap.film.disk import load_disk
+from realitygap.film.frames import KnownFrame
+from realitygap.film.tracker import Tracker
+from realitygap.twin.camera import OverheadCamera
+from realitygap.twin.states import States
+from realitygap.values import Pose
+
+__all__ = ["FloorCamera"]
+
+STEP_MS = 100
+
+
+class FloorCamera:
+    """The overhead camera of a twin's unit, calibrated with frames of the robot at known places.
+
+    Args:
+        room, unit, noise, seed: as the twin's. The pictures are drawn, so that they do not depend on
+            what this machine can render with.
+    """
+
+    def __init__(self, room: Mapping[str, Any], *, unit: int, noise: float, seed: int) -> None:
+        self._camera = OverheadCamera(room, unit=unit, noise=noise, view="drawn", seed=seed)
+        self._disk = load_disk()
+        self._frames = 0
+        try:
+            known = camera_places()
+            places = States.standing(
+                range(len(known)), [p.x for p in known], [p.y for p in known], [p.heading for p in known]
+            )
+            frames = [
+                KnownFrame(name=str(k), picture=self._picture(places.pose[k]), pose=pose)
+                for k, pose in enumerate(known)
+            ]
+            self._model = calibrate_camera(frames, self._disk).camera
+        except BaseException:
+            self._camera.close()
+            raise
+
+    def poses(self, film: Path, steps: Sequence[int]) -> dict[int, Pose]:
+        """Where the robot is seen at steps (100 ms) of a film; those at which it is lost are left out."""
+        states = States.from_file(film)
+        tracker = Tracker(self._model, self._disk)
+        seen: dict[int, Pose] = {}
+        for step in steps:
+            due = int(states.time_ms[0]) + STEP_MS * step
+            row = int(np.searchsorted(states.time_ms, due, side="right")) - 1
+            found = tracker.see(self._picture(states.pose[row]))
+            if found is not None:
+                seen[step] = found[0]
+        return seen
+
+    def __enter__(self) -> FloorCamera:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._camera.close()
+
+    def _picture(self, pose: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """The next frame in grey."""
+        import cv2
+
+        frame = self._camera.frame(pose, self._frames)
+        self._frames += 1
+        return np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)

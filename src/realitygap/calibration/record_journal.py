@@ -1,0 +1,124 @@
+"""A recording as it is written: each finished place or trial at once, so that a kill loses one at most."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from realitygap.calibration.recording_files import FACTS
+from realitygap.errors import RecordingError
+from realitygap.robot.facts import to_toml
+
+__all__ = ["Journal", "refuse_another"]
+
+SAME = ("plan", "kind", "object", "robot", "unit", "twin_noise", "seed", "repeats", "places")
+"""Facts that must not change when a recording is resumed."""
+
+
+class Journal:
+    """One recording's folder; `done` holds the keys of the places that are finished.
+
+    Args:
+        folder: the recording's.
+        facts: of recording.toml, written when the recording is begun.
+        table: the table's file name.
+        columns: of the table.
+        key: the columns that name a place.
+        rows: how many rows a finished place has, by its key.
+        resume: go on with what is there; otherwise a recording there is refused.
+
+    Raises:
+        RecordingError: a recording is there already, or another one than is to be resumed.
+    """
+
+    def __init__(
+        self,
+        folder: str | Path,
+        *,
+        facts: Mapping[str, Any],
+        table: str,
+        columns: Sequence[str],
+        key: Sequence[str],
+        rows: Callable[[tuple[str, ...]], int],
+        resume: bool,
+    ) -> None:
+        self.folder = Path(folder)
+        self.path = self.folder / table
+        self.columns = tuple(columns)
+        self._key = [self.columns.index(name) for name in key]
+        self.done: set[tuple[str, ...]] = set()
+        if (self.folder / FACTS).exists():
+            refuse_another(self.folder, resume=resume)
+            self._check(facts)
+            self._take_up(rows)
+            return
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self._replace(self.path, ",".join(self.columns) + "\n")
+        date = datetime.now().astimezone().isoformat(timespec="seconds")
+        self._replace(self.folder / FACTS, to_toml({**facts, "date": date}))
+
+    def add(self, rows: Sequence[Sequence[str]]) -> None:
+        """Write all rows of a finished place."""
+        text = "".join(",".join(row) + "\n" for row in rows)
+        with self.path.open("ab", buffering=0) as file:
+            file.write(text.encode("utf-8"))
+        self.done.add(self.key(rows[0]))
+
+    def key(self, row: Sequence[str]) -> tuple[str, ...]:
+        """What names a row's place."""
+        return tuple(row[i] for i in self._key)
+
+    def _check(self, facts: Mapping[str, Any]) -> None:
+        path = self.folder / FACTS
+        try:
+            there = tomllib.loads(path.read_text("utf-8"))
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise RecordingError(f"{path}: not a TOML file: {error}. Correct that line.") from None
+        for name in SAME:
+            if there.get(name) != facts.get(name):
+                raise RecordingError(
+                    f"{path}: {name}: this recording was begun with {there.get(name)!r}, not "
+                    f"{facts.get(name)!r}; resume it as it was begun, or choose another folder."
+                )
+
+    def _take_up(self, rows: Callable[[tuple[str, ...]], int]) -> None:
+        """Keep the finished places of the table, drop what a kill left half written."""
+        data = self.path.read_bytes() if self.path.is_file() else b""
+        lines = data[: data.rfind(b"\n") + 1].decode("utf-8", "replace").splitlines()
+        head = ",".join(self.columns)
+        if lines and lines[0] != head:
+            raise RecordingError(f"{self.path}, line 1: expected {head!r}, got {lines[0]!r}.")
+        places: dict[tuple[str, ...], list[str]] = {}
+        for number, line in enumerate(lines[1:], 2):
+            row = line.split(",")
+            if len(row) != len(self.columns):
+                expected = f"expected {len(self.columns)} values"
+                raise RecordingError(f"{self.path}, line {number}: {expected}, got {line!r}.")
+            places.setdefault(self.key(row), []).append(line)
+        whole = {k: kept for k, kept in places.items() if len(kept) == rows(k)}
+        text = "".join(f"{line}\n" for line in (head, *(line for kept in whole.values() for line in kept)))
+        if text.encode() != data:
+            self._replace(self.path, text)
+        self.done = set(whole)
+
+    @staticmethod
+    def _replace(path: Path, text: str) -> None:
+        """Write a file so that it is there as a whole or not at all."""
+        fresh = path.with_name(path.name + ".new")
+        fresh.write_text(text, "utf-8")
+        os.replace(fresh, path)
+
+
+def refuse_another(folder: Path, *, resume: bool) -> None:
+    """Refuse a folder that holds a recording, unless it is to be resumed.
+
+    Raises:
+        RecordingError: it holds one.
+    """
+    if not resume and (folder / FACTS).exists():
+        cure = "choose another folder, or go on with --resume."
+        raise RecordingError(f"{folder}: already holds a recording; {cure}")

@@ -1,0 +1,184 @@
+"""Where a recording is made: a twin that the program places, or a robot that a person places."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import tempfile
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Protocol
+
+from realitygap.calibration.plans import Place
+from realitygap.calibration.plans_wheels import Trial
+from realitygap.robot.clock import VirtualClock
+from realitygap.robot.khepera import Khepera
+from realitygap.values import Pose
+
+__all__ = ["Ask", "EnoughError", "PersonSite", "Site", "TwinSite"]
+
+Ask = Callable[[str], str]
+"""Says something to a person and returns the answer."""
+
+
+class EnoughError(Exception):
+    """The person stops for today."""
+
+
+class Site(Protocol):
+    """A robot, and somebody's hand that brings it to a place."""
+
+    @property
+    def khepera(self) -> Khepera:
+        """The robot on its serial line."""
+
+    def prepare(self, says: str) -> None:
+        """Make ready for a plan."""
+
+    def stand(self, place: Place) -> bool:
+        """Bring the robot to a place; False if that place is left out."""
+
+    def begin(self, trial: Trial) -> bool:
+        """Bring the robot to the start of a trial; False if it is left out."""
+
+    def end(self, trial: Trial) -> Mapping[int, Pose]:
+        """Where the robot was seen, by the trial's steps."""
+
+
+class TwinSite:
+    """A twin in a process of its own, in virtual time, read through its serial line alone.
+
+    Args:
+        room: in plain numbers (cm).
+        unit: which robot of the population.
+        noise: the dial on its whole noise.
+        seed: of its noise.
+        camera: whether a camera hangs over the floor.
+    """
+
+    def __init__(
+        self, room: Mapping[str, Any], *, unit: int, noise: float, seed: int, camera: bool = False
+    ) -> None:
+        from realitygap.twin.process import start_twin
+
+        self._stack = ExitStack()
+        with ExitStack() as stack:
+            self._twin = stack.enter_context(start_twin(room, unit=unit, noise=noise, seed=seed))
+            clock = VirtualClock(self._twin.channel)
+            stack.callback(clock.close)
+            self._khepera = stack.enter_context(Khepera.connect(self._twin.device, clock=clock))
+            self._camera = None
+            if camera:
+                from realitygap.calibration.record_camera import FloorCamera
+
+                self._camera = stack.enter_context(FloorCamera(room, unit=unit, noise=noise, seed=seed))
+                folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="realitygap-record-"))
+                self._film = Path(folder) / "film.csv"
+            self._stack = stack.pop_all()
+
+    @property
+    def khepera(self) -> Khepera:
+        """The driver."""
+        return self._khepera
+
+    def prepare(self, says: str) -> None:
+        """A twin's room is built already."""
+
+    def stand(self, place: Place) -> bool:
+        """Put the twin down."""
+        self._place(place.pose)
+        return True
+
+    def begin(self, trial: Trial) -> bool:
+        """Put the twin down, and film it from now on."""
+        self._place(trial.pose)
+        if self._camera is not None and trial.filmed:
+            self._twin.film(self._film)
+        return True
+
+    def end(self, trial: Trial) -> Mapping[int, Pose]:
+        """What the camera saw."""
+        if self._camera is None or not trial.filmed:
+            return {}
+        self._khepera.clock.settle()
+        self._twin.film(None)
+        return self._camera.poses(self._film, trial.seen())
+
+    def __enter__(self) -> TwinSite:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.close()
+
+    def _place(self, pose: Pose) -> None:
+        self._khepera.clock.settle()
+        self._twin.place(pose)
+
+
+class PersonSite:
+    """A robot on a serial line, and a person who is told what to do.
+
+    Args:
+        khepera: the driver; whoever opened it closes it.
+        ask: says something to the person: an empty answer goes on, "s" skips, "q" stops.
+    """
+
+    def __init__(self, khepera: Khepera, ask: Ask) -> None:
+        self._khepera = khepera
+        self._ask = ask
+
+    @property
+    def khepera(self) -> Khepera:
+        """The driver."""
+        return self._khepera
+
+    def prepare(self, says: str) -> None:
+        """Tell what a plan needs."""
+        self._go_on(says)
+
+    def stand(self, place: Place) -> bool:
+        """Tell where the robot has to stand."""
+        return self._go_on(f"Place: {place.says}.")
+
+    def begin(self, trial: Trial) -> bool:
+        """Tell how much room a trial needs, and ask where it starts."""
+        self._start: Pose | None = None
+        name = f"Trial {trial.number} ({trial.kind})"
+        if not self._go_on(f"{name}: the robot will move; it needs {trial.says}."):
+            return False
+        if trial.filmed:
+            self._start = self._measured("Where does it stand?")
+        return True
+
+    def end(self, trial: Trial) -> Mapping[int, Pose]:
+        """Ask where a trial ended."""
+        if not trial.filmed or self._start is None:
+            return {}
+        end = self._measured("Where does it stand now?")
+        return {0: self._start} if end is None else {0: self._start, len(trial.commands) - 1: end}
+
+    def _go_on(self, says: str) -> bool:
+        while True:
+            answer = self._ask(f"{says} [Enter: ready, s: leave out, q: stop here]").strip().lower()
+            if answer in ("", "s"):
+                return not answer
+            if answer == "q":
+                raise EnoughError
+
+    def _measured(self, says: str) -> Pose | None:
+        """A pose as a person measures it or reads it off the camera's track."""
+        while True:
+            answer = self._ask(f"{says} [x_cm y_cm heading_deg; Enter: not measured]")
+            words = answer.replace(",", " ").split()
+            if words == ["q"]:
+                raise EnoughError
+            if not words:
+                return None
+            with contextlib.suppress(ValueError):
+                x, y, heading = map(float, words)
+                if all(map(math.isfinite, (x, y, heading))):
+                    return Pose.from_degrees(x, y, heading)

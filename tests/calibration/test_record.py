@@ -1,0 +1,235 @@
+"""Recording: the program places the twin, a person the robot; what is broken off is gone on with."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from realitygap.calibration.plans import ambient_plan, infrared_plan, sensor_plans
+from realitygap.calibration.plans_wheels import FLOOR_CM, Trial, wheel_plan
+from realitygap.calibration.record import drive_trial
+from realitygap.calibration.record_site import EnoughError, PersonSite, TwinSite
+from realitygap.calibration.recording import BODY_RADIUS_CM, SensorRecording, load_recording
+from realitygap.cli import realitygap
+from realitygap.errors import BaudError, RecordingError
+from realitygap.values import Pose
+from tests.robot.conftest import ROOT, Bench, bench
+
+__all__ = ["bench"]
+
+WORDS = ["record", "--plan", "infrared", "--object", "wall", "--repeats", "1"]
+
+
+def run(*words: object, answers: str = "") -> tuple[int, str, str]:
+    """A command's exit code and what it said."""
+    made = CliRunner().invoke(realitygap, [str(word) for word in words], input=answers)
+    return made.exit_code, made.stdout, made.stderr
+
+
+@pytest.mark.parametrize("name", ["wall", "cylinder:2.7"])
+def test_a_plan_puts_the_robot_where_its_table_says(name):
+    """Distance from edge to edge, bearing from the robot's front; each place once."""
+    plan = infrared_plan(name)
+    for place in plan.places:
+        distance, bearing = place.where
+        if name == "wall":
+            gap, x = place.pose.x - BODY_RADIUS_CM, 0.0
+        else:
+            (x, y, radius), = plan.room["cylinders"]
+            gap = math.hypot(place.pose.x - x, place.pose.y - y) - BODY_RADIUS_CM - radius
+        assert gap == pytest.approx(distance)
+        towards = math.atan2(0.0, x - place.pose.x) - place.pose.heading
+        assert math.cos(towards - math.radians(bearing)) == pytest.approx(1.0)
+        if 0 < bearing < 180:
+            assert "left" in place.says
+    assert len({place.where for place in plan.places}) == len(plan.places)
+    assert {place.where[0] for place in plan.places} >= {0.5, 8.0}
+
+
+def test_an_unknown_object_is_refused():
+    """Before anything is recorded."""
+    for name in ("box", "cylinder:0", "cylinder:80"):
+        with pytest.raises(RecordingError, match="expected"):
+            infrared_plan(name)
+    assert [plan.name for plan in sensor_plans("all")] == ["infrared-wall", "infrared-cylinder", "ambient"]
+    assert sensor_plans("wheels") == ()
+
+
+def test_ambient_places_are_free_and_look_all_round():
+    """All over the arena, at headings that differ from place to place."""
+    plan = ambient_plan()
+    assert plan.arena is not None
+    assert all(plan.arena.obstacle_at(p.pose.x, p.pose.y, 2.9) is None for p in plan.places)
+    assert len({p.where[2] for p in plan.places}) > 20
+
+
+def test_the_wheels_plan_has_every_kind_and_stays_on_the_floor():
+    """Steps of many sizes, starts, lines, turns; each trial ends standing."""
+    trials = wheel_plan(10, 0)
+    assert {trial.kind for trial in trials} == {"step", "start", "straight", "turn"}
+    assert [trial.number for trial in trials] == list(range(len(trials)))
+    assert all(trial.commands[-1] == (0, 0) for trial in trials)
+    assert {c for trial in trials for c, _ in trial.commands} == set(range(-10, 11))
+    for trial in trials:
+        x, y, heading = trial.pose.x, trial.pose.y, trial.pose.heading
+        for left, right in trial.commands:
+            x += 0.04 * (left + right) * math.cos(heading)
+            y += 0.04 * (left + right) * math.sin(heading)
+            heading += 0.08 * (right - left) / 5.3
+            assert 4 < x < FLOOR_CM - 4 and 4 < y < FLOOR_CM - 4, trial
+    assert trials == wheel_plan(10, 0) != wheel_plan(10, 1)
+
+
+def test_a_twin_is_recorded(tmp_path):
+    """Every place of the plan, the nearer the more counts; the same command makes the same table."""
+    words = [*WORDS, "--robot", "twin:3", "--seed", 4]
+    code, said, _ = run(*words, "--out", tmp_path / "a", "--json")
+    facts = json.loads(said)
+    assert code == 0 and facts["finished"] and facts["unit"] == 3
+    made = load_recording(tmp_path / "a")
+    assert isinstance(made, SensorRecording) and made.warnings == ()
+    assert len(made.repeat) == facts["recordings"][0]["places"] == len(infrared_plan("wall").places)
+    ahead = made.counts[np.abs(made.bearing_deg) <= 15, 2:4]
+    assert ahead[:3].min() > 900 and ahead[-3:].max() < 100
+    assert made.facts["twin_noise"] == 1.0
+    assert run(*words, "--out", tmp_path / "b")[0] == 0
+    tables = [(tmp_path / name / "readings.csv").read_text() for name in "ab"]
+    assert tables[0] == tables[1]
+    code, _, error = run(*words, "--out", tmp_path / "a")
+    assert code == 2 and "already holds a recording" in error
+    code, _, error = run(*words, "--out", tmp_path / "a", "--resume", "--twin-noise", 2)
+    assert code == 2 and "twin_noise" in error
+
+
+def test_kill_9_loses_one_place_at_most(tmp_path):
+    """What was written stays as it is, a half row is dropped, and --resume comes to the same places."""
+    words = [*WORDS, "--robot", "twin:3", "--out", str(tmp_path / "a")]
+    paths = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "PYTHONPATH": paths}
+    table = tmp_path / "a" / "readings.csv"
+    with subprocess.Popen(
+        [sys.executable, "-m", "realitygap", *words], env=environment, stderr=subprocess.DEVNULL
+    ) as process:
+        until = time.monotonic() + 60
+        while time.monotonic() < until and not (table.is_file() and table.read_text().count("\n") > 20):
+            time.sleep(0.01)
+        process.kill()
+    kept = table.read_text()
+    assert 20 < kept.count("\n") < len(infrared_plan("wall").places)
+    with table.open("a") as file:
+        file.write("8,345,0,1,2")
+    with pytest.raises(RecordingError, match=r"readings\.csv, line"):
+        load_recording(tmp_path / "a")
+    assert run(*words, "--resume")[0] == 0
+    whole = table.read_text()
+    assert whole.startswith(kept)
+    made = load_recording(tmp_path / "a")
+    assert isinstance(made, SensorRecording) and made.warnings == ()
+    assert int(made.place().max()) + 1 == len(made.repeat) == len(infrared_plan("wall").places)
+
+
+def test_ctrl_c_ends_a_recording_in_order(tmp_path):
+    """With exit code 130 and a word about going on; the finished places are whole."""
+    words = [*WORDS, "--robot", "twin:3", "--out", str(tmp_path / "a")]
+    paths = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
+    table = tmp_path / "a" / "readings.csv"
+    with subprocess.Popen(
+        [sys.executable, "-m", "realitygap", *words],
+        env={**os.environ, "PYTHONPATH": paths}, stderr=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
+        until = time.monotonic() + 60
+        while time.monotonic() < until and not (table.is_file() and table.read_text().count("\n") > 5):
+            time.sleep(0.01)
+        process.send_signal(signal.SIGINT)
+        _, error = process.communicate(timeout=60)
+    assert process.returncode == 130 and "--resume goes on" in error.splitlines()[-1]
+    assert "unfinished" in load_recording(tmp_path / "a").warnings[-1]
+
+
+def test_the_camera_sees_where_a_twin_was(tmp_path):
+    """Within half a millimetre of where it was put, and turned as its counters say."""
+    commands = ((-4, 4),) * 10 + ((0, 0),) * 5
+    start = Pose(x=31.0, y=27.0, heading=0.4)
+    trial = Trial(number=0, kind="turn", commands=commands, pose=start, filmed=True, says="")
+    room = {"size_cm": [FLOOR_CM, FLOOR_CM]}
+    with TwinSite(room, unit=2, noise=1.0, seed=1, camera=True) as site:
+        assert site.begin(trial)
+        rows = drive_trial(site, trial)
+        seen = site.end(trial)
+    assert sorted(seen) == list(trial.seen()) == [0, 5, 10, 14]
+    assert math.dist((seen[0].x, seen[0].y), (31.0, 27.0)) < 0.05
+    left, right = (int(count) for count in rows[-1][3:5])
+    assert seen[14].heading - seen[0].heading == pytest.approx((right - left) / 120 / 5.3, rel=0.1)
+    assert [float(row[0]) for row in rows] == pytest.approx([k / 10 for k in range(15)])
+
+
+def test_a_person_is_guided_and_may_stop(bench: Bench, tmp_path):
+    """Each place is told, one may be left out, "q" or the end of the input stops; --resume goes on."""
+    twin = bench.twin(clock="real")
+    words = [*WORDS, "--robot", f"serial:{twin.device}", "--out", tmp_path / "a"]
+    code, said, told = run(*words, answers="\n\ns\nwhat\n\nq\n")
+    assert code == 0 and "--resume goes on" in said
+    assert "0.5 cm between body and wall, the wall straight ahead" in told
+    rows = (tmp_path / "a" / "readings.csv").read_text().splitlines()
+    assert [row.split(",")[:3] for row in rows[1:]] == [["0.5", "0", "0"], ["0.5", "30", "0"]]
+    assert "unfinished: 2 of" in load_recording(tmp_path / "a").warnings[-1]
+    code, said, told = run(*words, "--resume", answers="\n\n")
+    assert code == 0 and told.count(" 15° to the left") == 1 and "straight ahead" not in told
+    assert len((tmp_path / "a" / "readings.csv").read_text().splitlines()) == 4
+
+
+def test_a_person_measures_where_the_wheels_led(bench: Bench):
+    """Start and end of a filmed trial are asked for, nonsense again; the robot stands after it."""
+    twin = bench.twin(clock="real")
+    khepera = bench.khepera(twin.device)
+    answers = iter(["", "ten", "10 20 90", "10, 22.5, 91", "q"])
+    site = PersonSite(khepera, lambda says: next(answers))
+    pose = Pose(x=0, y=0, heading=0)
+    trial = Trial(number=7, kind="straight", commands=((5, 5), (0, 0)), pose=pose, filmed=True, says="room")
+    assert site.begin(trial)
+    rows = drive_trial(site, trial)
+    seen = site.end(trial)
+    assert [row[-2:] for row in rows] == [("7", "straight")] * 2
+    assert int(rows[1][3]) > 20 and khepera.speeds() == (0, 0)
+    assert seen[0].heading == pytest.approx(math.pi / 2) and (seen[1].x, seen[1].y) == (10, 22.5)
+    with pytest.raises(EnoughError):
+        site.begin(trial)
+
+
+def test_a_slow_line_cannot_carry_the_wheels(bench: Bench):
+    """At 9600 baud there is no room for counters and speeds in a step."""
+    _, khepera = bench.virtual(baud=9600)
+    trial = Trial(
+        number=0, kind="step", commands=((1, 1),), pose=Pose(x=1, y=1, heading=0), filmed=False, says=""
+    )
+    with pytest.raises(BaudError, match="38400"):
+        drive_trial(PersonSite(khepera, lambda says: ""), trial)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--robot", "ant", "--plan", "all"), "twin:UNIT or serial:PORT"),
+        (("--robot", "twin:", "--plan", "all"), "whole number"),
+        (("--robot", "twin", "--plan", "sonar"), "sonar"),
+        (("--robot", "twin", "--plan", "wheels", "--object", "wall"), "--object"),
+        (("--robot", "twin", "--plan", "infrared", "--object", "box"), "cylinder:RADIUS_CM"),
+        (("--robot", "serial:/dev/null/x", "--plan", "all"), "cannot be opened"),
+        (("--robot", "serial:/dev/x", "--plan", "all", "--twin-noise", "2"), "--twin-noise"),
+    ],
+)
+def test_wrong_words_are_refused(tmp_path: Path, words, says):
+    """One line, exit code 2, nothing written."""
+    code, said, error = run("record", *words, "--out", tmp_path / "a")
+    assert (code, said) == (2, "") and says in error and error.count("\n") == 1
+    assert not (tmp_path / "a").exists()

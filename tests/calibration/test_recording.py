@@ -1,0 +1,202 @@
+"""The open format: what is written is read back, and what is wrong is named with file and line."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from realitygap.calibration.recording import (
+    SensorRecording,
+    WheelRecording,
+    cylinder_radius,
+    find_recordings,
+    load_recording,
+)
+from realitygap.calibration.recording_files import save_recording
+from realitygap.errors import RecordingError
+from realitygap.world.arena import load_arena
+
+HEAD = "distance_cm,bearing_deg,repeat,s0,s1,s2,s3,s4,s5,s6,s7"
+ROW = "1.5,30,0,10,20,30,40,50,60,70,80"
+FACTS = 'kind = "infrared"\nobject = "wall"\n'
+
+
+def written(folder: Path, *rows: str, facts: str = FACTS, name: str = "readings.csv") -> Path:
+    """A recording's folder with a table of these lines."""
+    folder.mkdir(exist_ok=True)
+    (folder / "recording.toml").write_text(facts, encoding="utf-8")
+    (folder / name).write_text("".join(f"{row}\n" for row in rows), encoding="utf-8")
+    return folder
+
+
+def infrared(n: int = 40) -> SensorRecording:
+    """Some plausible readings."""
+    draw = np.random.default_rng(n)
+    return SensorRecording(
+        kind="infrared",
+        object="cylinder:2.7",
+        distance_cm=np.repeat(np.arange(n // 4) / 4, 4),
+        bearing_deg=np.repeat(np.arange(n // 4) * 20.0 % 360 - 170, 4),
+        repeat=np.tile(np.arange(4), n // 4),
+        counts=draw.integers(0, 1024, (n, 8)).astype(float),
+        notes="a bench",
+    )
+
+
+def test_readings_come_back_equal(tmp_path):
+    """A folder holds all there is to sensor readings."""
+    made = infrared()
+    save_recording(tmp_path / "r", made)
+    back = load_recording(tmp_path / "r")
+    assert isinstance(back, SensorRecording)
+    for name in ("distance_cm", "bearing_deg", "repeat", "counts"):
+        assert np.array_equal(getattr(back, name), getattr(made, name)), name
+    assert (back.kind, back.object, back.radius_cm) == ("infrared", "cylinder:2.7", 2.7)
+    assert back.notes == "a bench"
+    assert (back.source, len(back.hash), back.warnings) == (str(tmp_path / "r"), 64, ())
+    assert back.deviation().shape == (10, 8)
+
+
+def test_poses_come_with_their_arena(tmp_path):
+    """Then distance and bearing of the lamp follow from them."""
+    arena = load_arena("light-seeking")
+    pose = np.array([[60.0, 35.0, np.pi / 2], [100.0, 35.0, 0.0]])
+    nothing = np.zeros(2)
+    made = SensorRecording(
+        kind="ambient", object="lamp", distance_cm=nothing, bearing_deg=nothing,
+        repeat=np.zeros(2, np.int64), counts=np.full((2, 8), 400.0), pose=pose, arena=arena,
+    )  # fmt: skip
+    save_recording(tmp_path / "r", made)
+    back = load_recording(tmp_path / "r")
+    assert isinstance(back, SensorRecording) and back.arena == arena and back.pose is not None
+    assert np.allclose(back.pose, pose)
+    assert np.allclose(back.distance_cm, [47.25, 7.25]) and np.allclose(back.bearing_deg, [-90, 0])
+
+
+@given(st.lists(st.tuples(st.integers(-10, 10), st.integers(-9999, 9999)), min_size=1, max_size=30))
+@settings(max_examples=20, deadline=None)
+def test_steps_come_back_equal(tmp_path_factory, pairs):
+    """Whatever the wheels did; a camera's poses stay where there were pictures."""
+    n = len(pairs)
+    numbers = np.array(pairs, float)
+    pose = np.full((n, 3), np.nan)
+    pose[0] = 10.25, 20.5, -1.5
+    made = WheelRecording(
+        t_s=np.arange(n) / 10, commands=numbers[:, [0, 0]], counters=numbers[:, [1, 1]],
+        speeds=numbers[:, [0, 0]], trial=np.zeros(n, np.int64), kind=np.full(n, "turn"), pose=pose,
+    )  # fmt: skip
+    folder = tmp_path_factory.mktemp("steps") / "r"
+    save_recording(folder, made)
+    back = load_recording(folder / "recording.toml")
+    assert isinstance(back, WheelRecording)
+    for name in ("t_s", "commands", "counters", "speeds", "trial", "kind"):
+        assert np.array_equal(getattr(back, name), getattr(made, name)), name
+    assert back.pose is not None and np.allclose(back.pose, pose, equal_nan=True)
+    assert [rows.tolist() for rows in back.trials("turn")] == [list(range(n))]
+    assert back.trials("start") == []
+
+
+@pytest.mark.parametrize(
+    ("rows", "says"),
+    [
+        ((), "readings.csv: empty"),
+        ((HEAD,), "readings.csv: empty"),
+        ((HEAD, ROW, "1.5,30,1,10,20"), "line 3: expected 11 values, got 5"),
+        ((HEAD, ROW.replace("40", "x")), "line 2: s3: expected a number, got 'x'"),
+        ((HEAD, ROW.replace("40", "nan")), "line 2: s3: expected a number"),
+        ((HEAD, ROW, ROW.replace("1.5", "-1.5")), "line 3: distance_cm: expected 0 or more, got -1.5"),
+        ((HEAD, ROW.replace("80", "1024")), "line 2: s7: expected counts from 0 to 1023, got 1024"),
+        ((HEAD, ROW.replace("30,0", "400,0")), "line 2: bearing_deg"),
+        ((HEAD, ROW.replace("30,0", "30,0.5")), "line 2: repeat: expected a whole number"),
+        ((HEAD.replace(",s7", ""), ROW[:-3]), "line 1: expected the sensors' columns s0 to s7"),
+        ((HEAD.replace("_cm", "_mm"), ROW), "line 1: expected a column 'distance_cm'"),
+        ((HEAD, ROW, ROW.replace("1.5", "60").replace("80", "800")), "line 3: distance_cm: 800 counts"),
+    ],
+)
+def test_what_is_wrong_is_named_with_its_line(tmp_path, rows, says):
+    """Empty, cut short, not numbers, out of range, columns missing, millimetres."""
+    with pytest.raises(RecordingError) as refused:
+        load_recording(written(tmp_path / "r", *rows))
+    assert says in str(refused.value) and "readings.csv" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("facts", "says"),
+    [
+        ("kind = ", "not a TOML file"),
+        ('object = "wall"', "a drive's recording"),
+        ('kind = "sonar"', "expected infrared, ambient, wheels, got 'sonar'"),
+        ('kind = "infrared"', '"wall" or "cylinder:RADIUS_CM"'),
+        ('kind = "infrared"\nobject = "cylinder:-2"', "radius above 0"),
+        ('kind = "ambient"\nobject = "wall"', 'recorded with a "lamp"'),
+        (FACTS + 'units = "mm"', "units: expected"),
+        (FACTS + "body_radius_cm = -1", "body_radius_cm: expected cm above 0"),
+        (FACTS + "sensors = 9", "s0 to s8"),
+    ],
+)
+def test_wrong_facts_are_named(tmp_path, facts, says):
+    """What recording.toml says is checked like the table."""
+    with pytest.raises(RecordingError) as refused:
+        load_recording(written(tmp_path / "r", HEAD, ROW, facts=facts))
+    assert says in str(refused.value)
+
+
+def test_an_object_given_in_the_call_wins(tmp_path):
+    """A mislabelled recording can be read as what it is."""
+    made = load_recording(written(tmp_path / "r", HEAD, ROW, facts='kind = "infrared"'), object="wall")
+    assert isinstance(made, SensorRecording) and made.object == "wall"
+
+
+def test_steps_of_a_wrong_kind_or_order_are_refused(tmp_path):
+    """With the line."""
+    head = (
+        "t_s,command_left,command_right,counter_left,counter_right,speed_left,speed_right,trial,kind"
+    )
+    facts = 'kind = "wheels"'
+    good, late = "0.0,1,1,0,0,0,0,0,step", "0.0,1,1,5,5,1,1,0,step"
+    for rows, says in (
+        ((good.replace("step", "jump"),), "line 2: kind: expected one of step"),
+        ((good, late), "line 3: t_s: expected a time after"),
+    ):
+        with pytest.raises(RecordingError, match=says):
+            load_recording(written(tmp_path / "w", head, *rows, facts=facts, name="steps.csv"))
+    moved = [f"{k / 10},1,1,{k},0,1,1,0,step" for k in range(5)]
+    made = load_recording(written(tmp_path / "w", head, *moved, facts=facts, name="steps.csv"))
+    assert made.warnings == ("counter_right never changes although the wheel was driven: it looks dead",)
+
+
+def test_dead_sensors_are_pointed_out(tmp_path):
+    """One that never changes, one that is always saturated, one that hardly changes."""
+    made = infrared(80)
+    counts = made.counts.copy()
+    counts[:, 2], counts[:, 4], counts[:, 5] = 7, 1023, 3 + np.arange(80) % 5
+    counts[0, 4] = 900
+    save_recording(tmp_path / "r", replace(made, counts=counts))
+    warned = load_recording(tmp_path / "r").warnings
+    assert len(warned) == 3
+    assert "sensor 2 reads 7 everywhere" in warned[0] and "sensor 4 is saturated" in warned[1]
+    assert "sensor 5 hardly changes" in warned[2]
+
+
+def test_several_recordings_in_a_folder_are_found(tmp_path):
+    """A folder of recordings means all of them; none is an error."""
+    for name in ("b", "a"):
+        save_recording(tmp_path / name, infrared())
+    assert find_recordings(tmp_path) == (tmp_path / "a", tmp_path / "b")
+    assert find_recordings(tmp_path / "a") == (tmp_path / "a",)
+    assert find_recordings("wall.sam") == (Path("wall.sam"),)
+    with pytest.raises(RecordingError, match="there is no such recording"):
+        find_recordings(tmp_path / "c")
+    with pytest.raises(RecordingError, match="already holds"):
+        save_recording(tmp_path / "a", infrared())
+
+
+@pytest.mark.parametrize(("name", "radius"), [("wall", None), ("cylinder:4", 4), ("cylinder:x", None)])
+def test_a_cylinder_says_its_radius(name, radius):
+    """In cm, after the colon."""
+    assert cylinder_radius(name) == radius
