@@ -124,7 +124,7 @@ def _provenance(
     wheels: WheelFit | None,
     date: str | None,
 ) -> Provenance:
-    from realitygap import __version__
+    from importlib.metadata import version
 
     fits = [_fitted(fit) for fit in (infrared, ambient) if fit is not None]
     constants = [
@@ -154,7 +154,7 @@ def _provenance(
     return Provenance(
         base=base.name,
         date=date or datetime.now(UTC).date().isoformat(),
-        version=__version__,
+        version=version("realitygap"),
         notes=tuple(notes),
         pulses_per_mm=pulses,
         files=tuple(_file(r) for r in recordings),
