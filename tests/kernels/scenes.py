@@ -14,6 +14,7 @@ from realitygap.world.arena import Arena, Cylinder, Lamp, load_arena
 from realitygap.world.profile import Profile, load_profile
 from realitygap.world.sensors import AmbientSensor, ProximitySensor
 from tests.kernels.reference.rays import overlap
+from tests.kernels.reference.sensors import Hung
 
 PAPER = load_profile("paper")
 AVOIDANCE = load_arena("obstacle-avoidance")
@@ -122,12 +123,11 @@ def random_scenes(seed: int, count: int, *, robots: bool = True):
     while made < count:
         profile = random_profile(random) if robots and made % 4 else PAPER
         arena = random_arena(random)
-        inside = any(
-            math.dist(point, (c.x_cm, c.y_cm)) < c.radius_cm
-            for lamp in arena.lamps for point in lamp.points() for c in arena.cylinders
-        )  # fmt: skip
+        hung = [point for lamp in arena.lamps for point in Hung(lamp, profile.ambient, arena).points()]
+        inside = any(c.covers(*point) for point in hung for c in arena.cylinders)
         pose = random_pose(random, arena)
-        if pose is not None and not inside:
+        under = pose is not None and any(math.dist(point, pose[:2]) < RADIUS for point in hung)
+        if pose is not None and not inside and not under:
             made += 1
             yield profile, arena, pose
 

@@ -42,18 +42,17 @@ def lamp_point(arena, lamp, p, narrow, proud):
 
 
 @step
-def light_on_surfaces(robot, arena, lamp, work):
+def light_on_surfaces(robot, arena, lamp, height2, narrow, proud, work):
     """Direct illumination D_ij of the points where the rays end, by one lamp, into work.light.
 
     D = (offset + Σ L_i k_i) / d², d the mean distance to the lamp's points; never below 0.
     """
     x, y = work.pose[0], work.pose[1]
-    height2 = robot.ambient_form[HEIGHT2]
     for i in range(work.light.shape[0]):
         work.light[i] = arena.lamp_offset[lamp]
         work.far[i] = 0.0
     for p in range(LAMP_POINTS):
-        lx, ly = lamp_point(arena, lamp, p, robot.ambient_form[NARROW], robot.ambient_form[PROUD])
+        lx, ly = lamp_point(arena, lamp, p, narrow, proud)
         weight = arena.lamp_weights[lamp, p]
         for i in range(work.light.shape[0]):
             ex = lx - work.end_x[i]
@@ -143,25 +142,24 @@ def light_under_an_angle(robot, arena, lamp, px, py, fx, fy):
 
 
 @step
-def follow_rays(robot, arena, work):
+def follow_rays(robot, arena, fans, work):
     """Where the rays of all ambient sensors end, and the weight of the light reflected there.
 
     All rays lie in one row, RAYS a sensor; a sensor's pad lanes are overwritten by the next one's
     rays. Weights: 1.5 cos² β / d². Ends are drawn back by GRAZE, off their own wall.
     """
     x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
-    fans = robot.ambient_ray.shape[0] // max(robot.ambient_place.shape[0], 1)
-    for fan in range(robot.ambient_ray.shape[0]):
-        k = fan // fans
+    for k in range(robot.ambient_place.shape[0]):
         px = x + c * robot.ambient_place[k, 0] - s * robot.ambient_place[k, 1]
         py = y + s * robot.ambient_place[k, 0] + c * robot.ambient_place[k, 1]
-        a, b = fan * RAYS, fan * RAYS + LANES
-        ray_x, ray_y, inverse = work.ray_x[a:b], work.ray_y[a:b], work.inverse[a:b]
-        see(arena, robot.ambient_ray, fan, px, py, c, s, ray_x, ray_y, inverse)
-        for i in range(RAYS):
-            work.end_x[a + i] = px
-            work.end_y[a + i] = py
-            work.terms[a + i] = robot.ambient_weight[fan, i]
+        for fan in range(k * fans, (k + 1) * fans):
+            a, b = fan * RAYS, fan * RAYS + LANES
+            ray_x, ray_y, inverse = work.ray_x[a:b], work.ray_y[a:b], work.inverse[a:b]
+            see(arena, robot.ambient_ray, fan, px, py, c, s, ray_x, ray_y, inverse)
+            for i in range(RAYS):
+                work.end_x[a + i] = px
+                work.end_y[a + i] = py
+                work.terms[a + i] = robot.ambient_weight[fan, i]
     for i in range(work.light.shape[0]):
         d = (1.0 - GRAZE) / work.inverse[i]
         work.end_x[i] += work.ray_x[i] * d
@@ -236,13 +234,20 @@ def lean(robot, arena, lamp, work):
 
 
 @step
-def direct_light(robot, arena, lamp, k, work):
-    """Direct illumination D_k of ambient sensor `k` by one lamp, from its own place."""
+def look(robot, k, work):
+    """Place and direction of ambient sensor `k` in the room: (px, py, fx, fy)."""
     x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
     px = x + c * robot.ambient_place[k, 0] - s * robot.ambient_place[k, 1]
     py = y + s * robot.ambient_place[k, 0] + c * robot.ambient_place[k, 1]
     fx = c * robot.ambient_facing[k, 0] - s * robot.ambient_facing[k, 1]
     fy = s * robot.ambient_facing[k, 0] + c * robot.ambient_facing[k, 1]
+    return px, py, fx, fy
+
+
+@step
+def direct_light(robot, arena, lamp, k, work):
+    """Direct illumination D_k of ambient sensor `k` by one lamp, whatever the law."""
+    px, py, fx, fy = look(robot, k, work)
     form = robot.ambient_form
     if form[FACING] + form[HEIGHT2] + form[NARROW] + form[PROUD] > 0.0:
         return light_under_an_angle(robot, arena, lamp, px, py, fx, fy)
@@ -260,23 +265,48 @@ def reflected_light(a, work):
 
 @step
 def illuminate(robot, arena, work, out):
-    """Illumination of all ambient sensors into `out`: A_i = D_i + Σ_j D_ij cos² β_ij · 1.5 / d_ij²."""
-    fans = robot.ambient_ray.shape[0] // max(robot.ambient_place.shape[0], 1)
-    matt = robot.ambient_form[MATT] > 0.0
-    follow_rays(robot, arena, work)
-    if matt:
-        find_normals(arena, work)
+    """Illumination of all ambient sensors into `out`: A_i = D_i + Σ_j D_ij cos² β_ij · 1.5 / d_ij².
+
+    The paper's law has a path of its own, which pays nothing for what goes beyond it.
+    """
     for k in range(out.shape[0]):
         out[k] = 0.0
+    if goes_beyond(robot):
+        illuminate_beyond(robot, arena, work, out)
+        return
+    follow_rays(robot, arena, 1, work)
     for lamp in range(arena.lamp_points.shape[0]):
-        light_on_surfaces(robot, arena, lamp, work)
-        if matt:
+        light_on_surfaces(robot, arena, lamp, 0.0, 0.0, 0.0, work)
+        for k in range(out.shape[0]):
+            px, py, fx, fy = look(robot, k, work)
+            out[k] += light_on_sensor(arena, lamp, px, py, fx, fy) + reflected_light(k * RAYS, work)
+
+
+@step
+def goes_beyond(robot):
+    """Whether anything but the paper's law decides the illumination."""
+    total = 0.0
+    for i in range(FACING, PROUD + 1):
+        total += robot.ambient_form[i]
+    return total > 0.0 or robot.ambient_ray.shape[0] > robot.ambient_place.shape[0]
+
+
+@step
+def illuminate_beyond(robot, arena, work, out):
+    """As illuminate, with everything that robot.ambient_form asks for."""
+    form = robot.ambient_form
+    fans = robot.ambient_ray.shape[0] // max(robot.ambient_place.shape[0], 1)
+    follow_rays(robot, arena, fans, work)
+    find_normals(arena, work)
+    for lamp in range(arena.lamp_points.shape[0]):
+        light_on_surfaces(robot, arena, lamp, form[HEIGHT2], form[NARROW], form[PROUD], work)
+        if form[MATT] > 0.0:
             lean(robot, arena, lamp, work)
         for k in range(out.shape[0]):
-            total = reflected_light(k * fans * RAYS, work)
-            for fan in range(1, fans):
-                total += reflected_light((k * fans + fan) * RAYS, work)
-            out[k] += direct_light(robot, arena, lamp, k, work) + total
+            total = direct_light(robot, arena, lamp, k, work)
+            for fan in range(k * fans, (k + 1) * fans):
+                total += reflected_light(fan * RAYS, work)
+            out[k] += total
 
 
 @step
