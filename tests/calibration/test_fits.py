@@ -97,7 +97,8 @@ def _swapped(r):
         (lambda r: replace(r, bearing_deg=-r.bearing_deg), "other way round|swapped"),
         (_swapped, "answer to another side"),
         (lambda r: replace(r, counts=np.full_like(r.counts, 1023.0)), "most sensors tell nothing"),
-        (lambda r: replace(r, distance_cm=r.distance_cm * 10), "explains only|only .* readings"),
+        (lambda r: replace(r, distance_cm=r.distance_cm * 10), "too large. Are units mixed up"),
+        (lambda r: replace(r, distance_cm=r.distance_cm / 10), "too small. Are units mixed up"),
         (lambda r: replace(r, counts=np.random.default_rng(1).permutation(r.counts)), "explains only|answer"),
     ],
 )

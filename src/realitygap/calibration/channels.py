@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.checks import dead_sensors, refuse_nonsense, refuse_swapped
+from realitygap.calibration.checks import dead_sensors, refuse_nonsense, refuse_swapped, refuse_units
 from realitygap.calibration.forward import scene_of
 from realitygap.calibration.infrared import INFRARED_FORMS, infrared_frees, infrared_model, with_infrared
 from realitygap.calibration.judge import LIMITS, Misfit, measure_noise, misfits
@@ -105,6 +105,7 @@ class _Rows:
         self.dead: dict[int, str] = {}
         warned: list[str] = []
         for recording in recordings:
+            refuse_units(recording)
             dead = dead_sensors(recording)
             warned += [f"{recording.source}: {reason}" for reason in dead.values()]
             warned += refuse_swapped(recording, base, dead)

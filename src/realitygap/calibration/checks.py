@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from realitygap.calibration.recording import SensorRecording
     from realitygap.world.profile import Profile
 
-__all__ = ["dead_sensors", "refuse_nonsense", "refuse_swapped"]
+__all__ = ["dead_sensors", "refuse_nonsense", "refuse_swapped", "refuse_units"]
 
 Array = NDArray[np.float64]
 
@@ -27,6 +27,8 @@ STILL = 30.0
 SATURATED_SHARE = 0.8
 ASIDE_DEG = 60.0
 MOST_ODD = 3
+BLIND_CM, DAZZLED_CM, BRIGHT = 15.0, 1.0, 300.0
+"""Beyond, and nearer than, which a Khepera's infrared sees nothing, and any object as bright."""
 FEWEST_LIT = 40
 EXPLAINED = 0.5
 
@@ -89,6 +91,29 @@ def refuse_swapped(recording: SensorRecording, profile: Profile, dead: dict[int,
         f"{recording.source}: sensor {k} answers most at {answers[k]:.0f}° but looks to {looks[k]:.0f}°"
         for k in np.flatnonzero(odd)
     )
+
+
+def refuse_units(recording: SensorRecording) -> None:
+    """Refuse distances that no infrared of a Khepera can have been recorded at.
+
+    Raises:
+        CalibrationError: bright where it sees nothing, or dark where it is dazzled.
+    """
+    if recording.kind != "infrared" or recording.pose is not None:
+        return
+    distance, brightest = recording.distance_cm, recording.counts.max(axis=1)
+    last = float(distance.max())
+    if (distance > BLIND_CM).any() and np.percentile(brightest[distance > BLIND_CM], 90) > BRIGHT:
+        seen = float(np.percentile(brightest[distance > BLIND_CM], 90))
+        raise CalibrationError(
+            f"{recording.source}: {seen:.0f} counts beyond {BLIND_CM:g} cm, where infrared sees nothing: the "
+            f"distances, up to {last:g} cm, are too large. Are units mixed up?"
+        )
+    if last < DAZZLED_CM and np.percentile(brightest[distance == last], 90) < BRIGHT:
+        raise CalibrationError(
+            f"{recording.source}: hardly anything is seen at {last:g} cm, where an object dazzles: the distances "
+            "are too small. Are units mixed up?"
+        )
 
 
 def refuse_nonsense(where: str, counts: Array, model: Array, dead: dict[int, str]) -> None:
