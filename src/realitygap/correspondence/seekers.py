@@ -18,6 +18,9 @@ __all__ = ["SEEKERS"]
 DARK = 484.0
 GLARE = 425.0
 """Light (counts below dark) of a lamp that is almost touched."""
+AHEAD = {1: (1, 5), -1: (4, 0)}
+"""Who turns left (1) takes the lamp as ahead from 0° to 45° at its right, so that it comes out of a
+turn with the lamp in front; who turns right (−1), at its left."""
 
 
 def two_way_turner(draw: Draw) -> Rule:
@@ -42,12 +45,13 @@ def two_way_turner(draw: Draw) -> Rule:
 def straight_looper(draw: Draw) -> Rule:
     """Straight on while the lamp is ahead; else a loop to its one side until it is again."""
     cruise, loop = int(draw.integers(6, 11)), draw.uniform(4, 7)
-    bend, seen = loop * draw.uniform(0.25, 0.5), draw.uniform(310, 360)
+    bend, seen = loop * draw.uniform(0.3, 0.6), draw.uniform(310, 360)
     side = draw.choice([-1, 1])
+    pair = AHEAD[side]
 
     def rule(a: NDArray[np.float64]) -> Command:
         lit = DARK - a
-        if _ahead(lit, seen) and lit.max() < GLARE:
+        if _ahead(lit, seen, pair) and lit.max() < GLARE:
             return Command(left=cruise, right=cruise)
         return _turn(loop, side * bend)
 
@@ -60,12 +64,13 @@ def three_point_turner(draw: Draw) -> Rule:
     back, on = int(draw.integers(6, 12)), int(draw.integers(4, 8))
     pace, seen = draw.uniform(4, 7), draw.uniform(310, 360)
     side = draw.choice([-1, 1])
+    pair = AHEAD[side]
     k = 0
 
     def rule(a: NDArray[np.float64]) -> Command:
         nonlocal k
         lit = DARK - a
-        if _ahead(lit, seen) and lit.max() < GLARE and k % (back + on) == 0:
+        if _ahead(lit, seen, pair) and lit.max() < GLARE and k % (back + on) == 0:
             return Command(left=cruise, right=cruise)
         backing = k % (back + on) < back
         k += 1
@@ -95,9 +100,9 @@ def bobber(draw: Draw) -> Rule:
     return rule
 
 
-def _ahead(lit: NDArray[np.float64], seen: float) -> bool:
-    """Whether the lamp is within 45° of the front: both oblique sensors see it."""
-    return bool(min(lit[1], lit[4]) > seen)
+def _ahead(lit: NDArray[np.float64], seen: float, pair: tuple[int, int] = (1, 4)) -> bool:
+    """Whether both of two sensors see the lamp; the oblique ones do within 45° of the front."""
+    return bool(min(lit[pair[0]], lit[pair[1]]) > seen)
 
 
 SEEKERS: dict[str, Callable[[Draw], Rule]] = {
