@@ -25,7 +25,7 @@ SLOW_CM_S, STILL_DEG_S = 0.5, 10.0
 """Below these a robot does not seem to move; to turn."""
 TURN_DEG_S, TURN_DEG = 25.0, 20.0
 """A turn event turns faster than this, one way, and by more than this in all."""
-NEAR_CM, TOUCH_CM, FEEL_CM = 2.5, 0.3, 5.0
+NEAR_CM, TOUCH_CM, FEEL_CM = 2.5, 0.3, 6.0
 """Clearances: near a surface, touching it, where infrared feels it."""
 
 
@@ -64,7 +64,7 @@ DESCRIPTORS = (
     Descriptor("near", "share of time", 0.1, "walls"),
     Descriptor("touching", "share of time", 0.1, "walls"),
     Descriptor("along", "share of time", 0.1, "walls"),
-    Descriptor("response", "deg/s", 10.0, "walls"),
+    Descriptor("turning clearance", "cm", 0.5, "walls"),
     Descriptor("light distance", "cm", 5.0, "light"),
     Descriptor("light reached", "cm", 5.0, "light"),
     Descriptor("light bearing", "deg", 10.0, "light"),
@@ -170,13 +170,14 @@ def _surroundings(trial: Trial, turn: Floats, forward: Floats, arena: Arena) -> 
     near = here.clearance < NEAR_CM
     going = np.where(forward < 0, np.pi, 0.0)
     aside = np.abs(np.sin(here.surface))
-    feels = (here.clearance < FEEL_CM) & (np.cos(here.surface - going) > 0.3)
+    ahead = (here.clearance < FEEL_CM) & (np.cos(here.surface - going) > 0.3)
+    turning = ahead & (np.abs(_smooth(turn)) > TURN_DEG_S)
     told = {
         "clearance": float(here.clearance.mean()),
         "near": float(near.mean()),
         "touching": float((here.clearance < TOUCH_CM).mean()),
         "along": float((near & (aside > 0.8) & (np.abs(forward) > SLOW_CM_S)).mean()),
-        "response": float((np.abs(_smooth(turn)) * feels).sum() / (feels.sum() + 3.0)),
+        "turning clearance": float(np.maximum(here.clearance, 0)[turning].sum() / (turning.sum() + 1.0)),
     }
     if here.lamp is not None and here.lamp_distance is not None:
         off = np.abs(here.lamp) > np.radians(20)

@@ -11,14 +11,16 @@ from realitygap.correspondence.descriptors import describe
 from realitygap.correspondence.trials import Trial
 from realitygap.world.arena import Arena
 
-__all__ = ["PAPER_SCORES", "differences", "noisiness", "responsiveness"]
+__all__ = ["PAPER_SCORES", "differences", "looping", "noisiness", "responsiveness"]
 
 QUIET_DEG_S = 2.0
 """Jitter that nobody sees; added to both, so that a robot without noise can be compared."""
-TAME_DEG_S = 5.0
-"""A response that nobody sees; added likewise."""
-STEPS = (0.3, 0.7, 1.5)
+CLOSE_CM, ASKEW_DEG = 0.5, 10.0
+"""Distance and angle that nobody sees; added likewise."""
+NOISE_STEPS, RESPONSE_STEPS = (0.3, 0.7, 1.5), (0.1, 0.3, 0.7)
 """|log2 ratio| from which a difference is little, plain, much."""
+LOOPS = 0.15
+"""Share of time from which more or less looping is seen."""
 ALIKE = ((9.7, "observably identical"), (8.8, "very similar"))
 """Scores from which no difference is worth a word."""
 
@@ -32,6 +34,7 @@ PAPER_SCORES = {
     "qualitatively similar": 7.0,
     "less noisy": 6.25,
     "less responsive": 6.0,
+    "loops more": 6.0,
     "noisier": 4.25,
     "much noisier": 2.0,
 }
@@ -53,43 +56,52 @@ def noisiness(a: Sequence[Trial], b: Sequence[Trial]) -> float:
 
 
 def responsiveness(a: Sequence[Trial], b: Sequence[Trial], arena: Arena | None) -> float | None:
-    """log2 of how much faster b turns where something calls for it; None without an arena.
+    """log2 of how much sooner b answers to what it meets; None without an arena.
 
-    With a lamp: towards it; without: where a surface is felt ahead.
+    Without a lamp: how far from a surface ahead it turns. With one: how squarely it faces the lamp.
     """
     if arena is None:
         return None
-    name = "light response" if arena.lamps else "response"
-    return _ratio(a, b, arena, name, TAME_DEG_S)
+    if arena.lamps:
+        return -_ratio(a, b, arena, "light bearing", ASKEW_DEG)
+    return _ratio(a, b, arena, "turning clearance", CLOSE_CM)
 
 
-def differences(score: float, behaviour: float, noisy: float, responsive: float | None) -> str:
-    """What b is beside a, in the paper's words.
+def looping(a: Sequence[Trial], b: Sequence[Trial]) -> float:
+    """How much larger a share of its time b goes round in loops."""
+    ours, theirs = (float(np.mean([describe(t, None)["looping"] for t in trials])) for trials in (a, b))
+    return theirs - ours
+
+
+def differences(score: float, behaviour: float, noisy: float, responsive: float | None, loops: float) -> str:
+    """What b is beside a, in the paper's words, the largest difference first.
 
     Args:
         score, behaviour: 0 to 10.
-        noisy, responsive: signed, as above.
+        noisy, responsive, loops: signed, as above.
     """
     for least, phrase in ALIKE:
         if score >= least:
             return phrase
-    if behaviour < 0.5:
-        said = ["another behaviour"]
-    else:
-        found = [_word(noisy, _NOISE), _word(responsive, _RESPONSE)]
-        sized = sorted((f for f in found if f), key=lambda f: -f[0])
-        said = [phrase for _, phrase in sized]
+    if behaviour <= 0 and score <= 2:
+        return "another behaviour"
+    found = [_word(noisy, _NOISE, NOISE_STEPS), _word(responsive, _RESPONSE, RESPONSE_STEPS)]
+    if abs(loops) >= LOOPS:
+        found.append((abs(loops) / LOOPS, "loops more" if loops > 0 else "loops less"))
+    said = [phrase for _, phrase in sorted((f for f in found if f), key=lambda f: -f[0])]
     if said:
         return ", ".join(said)
     return "similar" if score >= 7 else "qualitatively similar" if score >= 4 else "different"
 
 
-def _word(value: float | None, phrases: dict[int, tuple[str, str, str]]) -> tuple[float, str] | None:
-    """How large a difference is, and its phrase; None where nobody would see it."""
-    if value is None or abs(value) < STEPS[0]:
+def _word(
+    value: float | None, phrases: dict[int, tuple[str, str, str]], steps: tuple[float, float, float]
+) -> tuple[float, str] | None:
+    """How large a difference is beside its first step, and its phrase; None where nobody would see it."""
+    if value is None or abs(value) < steps[0]:
         return None
-    size = sum(abs(value) >= step for step in STEPS) - 1
-    return abs(value), phrases[1 if value > 0 else -1][size]
+    size = sum(abs(value) >= step for step in steps) - 1
+    return abs(value) / steps[0], phrases[1 if value > 0 else -1][size]
 
 
 def _ratio(
