@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import json
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,19 +19,21 @@ from realitygap.correspondence.distances import Distances
 from realitygap.correspondence.exemplars import KINDS, exemplar, kinds_of
 from realitygap.correspondence.ladders import Behaviour
 from realitygap.correspondence.scale import PARTS
+from realitygap.correspondence.trials import Trial
 from realitygap.tasks.load import load_task
 from realitygap.world.arena import Arena
 
 __all__ = ["main"]
 
-EACH = 60
+EACH = 120
 """Exemplars of a kind; a third of them at each noise level."""
 FIRST_SEED = 100_000
 LEVELS = (0.0, 1.0, 2.0)
-ROBOTS, STARTS = 4, 12
+ROBOTS, STARTS = 5, 12
 """Of each kind, for the scales."""
-FLOOR, CEILING = 0.975, 0.05
-"""Quantiles: what the same robot again hardly exceeds; what hardly any other behaviour undercuts."""
+FLOOR, CEILING = 0.975, 0.01
+"""Quantiles: what the same robot again hardly exceeds; what hardly any other behaviour undercuts.
+Of layout's other behaviours the middle: many fill an arena alike."""
 
 _HERE = Path(__file__).parent
 
@@ -50,44 +53,63 @@ def exemplars() -> dict[str, np.ndarray]:
             trials = [exemplar(task, kind, FIRST_SEED + i, LEVELS[i % 3]) for i in range(EACH)]
             rows.append(table(trials, arena))
             names += [kind] * EACH
-        made[f"{task} rows"] = np.vstack(rows).astype(np.float32)
+        made[f"{task} rows"] = np.vstack(rows).astype(np.float16)
         made[f"{task} names"] = np.array(names)
         made[f"{task} descriptors"] = np.array([d.name for d in chosen(arena)])
     return made
 
 
 def scales() -> dict[str, dict[str, dict[str, float]]]:
-    """By task, and of the motion alone: floor (of one start in each set) and ceiling of each part."""
+    """By task, and of the motion alone: floors (of one start in each set) and ceiling of each part."""
     made, motion = {}, []
     for task, kinds in KINDS.items():
         robots = [Behaviour(task=task, kind=kind, seed=FIRST_SEED + i) for kind in kinds for i in range(ROBOTS)]
-        lives = {robot: [robot.trials(STARTS, again=j, starts=9) for j in (1, 2)] for robot in robots}
-        arena = load_task(task).arena
-        made[task] = _ends(*_measured(lives, arena))
+        lives = {robot: _lives(robot) for robot in robots}
+        made[task] = _ends(_measured(lives, load_task(task).arena))
         motion.append(_measured(lives, None))
-    made["motion"] = _ends([*motion[0][0], *motion[1][0]], [*motion[0][1], *motion[1][1]])
+    made["motion"] = _ends(Measured(*(one + other for one, other in zip(*motion, strict=True))))
     return made
 
 
-def _measured(lives: dict, arena: Arena | None) -> tuple[list[tuple[float, ...]], list[tuple[float, ...]]]:
-    """Distances of the same robot again, and of robots of different kinds."""
+class Measured(NamedTuple):
+    """Distances of both parts, a row a pair."""
 
-    def far(a: list, b: list) -> tuple[float, ...]:
-        between = Distances(a=a, b=b, arena=arena, matched=True)
-        return tuple(getattr(between, name)() for name in PARTS)
-
-    same = [far(*two) for two in lives.values()]
-    pairs = itertools.combinations(lives, 2)
-    other = [far(lives[r][0], lives[s][0]) for r, s in pairs if r.kind != s.kind]
-    return same, other
+    again: list[list[float]]
+    """The same robot from the same starts again."""
+    elsewhere: list[list[float]]
+    """The same robot from other starts."""
+    other: list[list[float]]
+    """Two robots of different kinds."""
 
 
-def _ends(same: list[tuple[float, ...]], other: list[tuple[float, ...]]) -> dict[str, dict[str, float]]:
+def _lives(robot: Behaviour) -> list[list[Trial]]:
+    """A robot's trials, again, and from other starts."""
+    return [robot.trials(STARTS, again=j, starts=s) for j, s in ((1, 9), (2, 9), (3, 10))]
+
+
+def _measured(lives: dict[Behaviour, list[list[Trial]]], arena: Arena | None) -> Measured:
+    def far(a: list[Trial], b: list[Trial], matched: bool = True) -> list[float]:
+        between = Distances(a=a, b=b, arena=arena, matched=matched)
+        return [getattr(between, name)() for name in PARTS]
+
+    pairs = [(r, s) for r, s in itertools.combinations(lives, 2) if r.kind != s.kind]
+    return Measured(
+        again=[far(one, two) for one, two, _ in lives.values()],
+        elsewhere=[far(one, away, False) for one, _, away in lives.values()],
+        other=[far(lives[r][0], lives[s][0]) for r, s in pairs],
+    )
+
+
+def _ends(measured: Measured) -> dict[str, dict[str, float]]:
+    """A floor shrinks with the root of the number of starts; a ceiling does not."""
     ends = {}
     for i, name in enumerate(PARTS):
-        floor = float(np.quantile([d[i] for d in same], FLOOR)) * np.sqrt(STARTS)
-        ceiling = float(np.quantile([d[i] for d in other], CEILING if name == "behaviour" else 0.5))
-        ends[name] = {"floor": round(float(floor), 4), "ceiling": round(ceiling, 4)}
+        again, elsewhere, other = (np.array(rows)[:, i] for rows in measured)
+        ends[name] = {
+            "floor": round(float(np.quantile(again, FLOOR) * np.sqrt(STARTS)), 4),
+            "floor elsewhere": round(float(np.quantile(elsewhere, FLOOR) * np.sqrt(STARTS)), 4),
+            "ceiling": round(float(np.quantile(other, CEILING if name == "behaviour" else 0.5)), 4),
+        }
     return ends
 
 

@@ -1,7 +1,8 @@
 """What kind of behaviour a trial shows: the paper's names (tables 1 and 2), or "none of these".
 
-A trial is named after the exemplars that are nearest to it, in just-noticeable amounts. A robot and
-its mirror image have one name. What is nearest to robots that take no notice of anything, or far from
+A trial is named after the exemplars that are nearest to it; a descriptor counts by its just-noticeable
+amount, or by how much it varies within a kind where that is more. A robot and its mirror image have one
+name. What is nearest to robots that take no notice of anything, or far from
 every exemplar, is "none of these".
 """
 
@@ -28,7 +29,7 @@ __all__ = ["NONE", "Name", "Namer", "common_name", "namer"]
 Floats = NDArray[np.float64]
 
 NONE = "none of these"
-NEIGHBOURS = 5
+NEIGHBOURS = 3
 SLACK = 1.5
 """A trial may be so many times farther from its kind than the kind's loneliest exemplar."""
 
@@ -58,8 +59,12 @@ class Namer:
     def __init__(self, task: str, rows: Floats, names: NDArray[np.str_]) -> None:
         self.task = task
         self._signs = mirrored(chosen(load_task(task).arena))
-        self._rows = self._folded(rows.astype(np.float64))
         self._names = np.array([name if name in KINDS[task] else NONE for name in names])
+        self._unit = np.ones(rows.shape[1])
+        plain = self._folded(rows.astype(np.float64))
+        within = np.mean([plain[self._names == name].var(axis=0) for name in KINDS[task]], axis=0)
+        self._unit = np.maximum(1.0, np.sqrt(within))
+        self._rows = plain / self._unit
 
     def name(self, trials: Sequence[Trial], setting: Setting) -> list[Name]:
         """A name for each trial."""
@@ -93,7 +98,7 @@ class Namer:
         return Name(trial.start, name, round(float(share) * min(1.0, 1.25 - away / 2), 3), trial.unit)
 
     def _folded(self, rows: Floats) -> Floats:
-        return np.where(self._signs < 0, np.abs(rows), rows)
+        return np.where(self._signs < 0, np.abs(rows), rows) / self._unit
 
 
 def namer(setting: Setting) -> Namer:
@@ -112,7 +117,7 @@ def namer(setting: Setting) -> Namer:
         rows, names = kept[f"{task} rows"], kept[f"{task} names"]
         told = [d.name for d in chosen(load_task(task).arena)]
         if kept[f"{task} descriptors"].tolist() != told:
-            raise RuntimeError("exemplars.npz is older than the descriptors: python -m realitygap.correspondence.make")
+            raise RuntimeError("exemplars.npz is older than the descriptors: run correspondence.make")
     return Namer(task, rows, names)
 
 

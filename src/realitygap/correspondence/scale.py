@@ -8,16 +8,19 @@ from dataclasses import asdict, dataclass, replace
 from importlib.resources import files
 
 import numpy as np
+from numpy.typing import NDArray
 
 from realitygap.correspondence.distances import Distances
 from realitygap.correspondence.trials import Trial
 
 __all__ = ["PARTS", "Scale", "exemplar_scale", "scale_of"]
 
+Floats = NDArray[np.float64]
+
 PARTS = {"behaviour": 0.8, "layout": 0.2}
 """What counts how much. Layout is the weaker witness: two behaviours may fill an arena alike."""
 ENOUGH_STARTS = 8
-"""From so many starts on, a set's own halves make the floor."""
+"""From so many starts on, a set's own trials make the floor."""
 SPLITS = 60
 FLOOR_QUANTILE = 0.975
 """The floor is what the same robot again hardly ever exceeds: such a pair scores 10."""
@@ -61,20 +64,21 @@ def scale_of(
         task: the paper's task whose exemplars serve; None: those of both, by their motion alone.
         ceiling: trials of another behaviour.
     """
-    scale = exemplar_scale(task, len(set(_names(distances.a))), len(set(_names(distances.b))))
+    starts = [len({t.start for t in trials}) for trials in (distances.a, distances.b)]
+    scale = exemplar_scale(task, starts[0], starts[1], matched=distances.matched)
     scale = _own_ceiling(scale, distances, ceiling) if ceiling else scale
     scale = _own_floor(scale, distances)
     top = {f"{part}_floor": getattr(scale, f"{part}_ceiling") / 2 for part in PARTS}
     return replace(scale, **{key: min(getattr(scale, key), most) for key, most in top.items()})
 
 
-def exemplar_scale(task: str | None, starts_a: int, starts_b: int) -> Scale:
-    """The scale of the project's own exemplars, for so many starts in the two sets."""
+def exemplar_scale(task: str | None, starts_a: int, starts_b: int, *, matched: bool = True) -> Scale:
+    """The scale of the project's own exemplars, for so many starts in the two sets, pairs or not."""
     text = files("realitygap.correspondence").joinpath("scales.json").read_text(encoding="utf-8")
     made = json.loads(text)[task or "motion"]
     shrink = float(np.sqrt((1 / starts_a + 1 / starts_b) / 2))
     of = f"exemplars of {task.replace('-', ' ')}" if task else "exemplars of both tasks, by motion alone"
-    floors = {f"{part}_floor": made[part]["floor"] * shrink for part in PARTS}
+    floors = {f"{part}_floor": made[part]["floor" if matched else "floor elsewhere"] * shrink for part in PARTS}
     floors = {key: min(value, made[key.split("_")[0]]["ceiling"] / 2) for key, value in floors.items()}
     return Scale(
         **floors,
@@ -86,21 +90,27 @@ def exemplar_scale(task: str | None, starts_a: int, starts_b: int) -> Scale:
 
 
 def _own_floor(scale: Scale, distances: Distances) -> Scale:
-    """Halves of a set's own starts against each other, brought to the size of the whole sets."""
-    sizes = [len(set(_names(trials))) for trials in (distances.a, distances.b)]
+    """Parts of a set against each other, brought to the size of the whole sets.
+
+    Starts in pairs: a set with several trials of each start is parted start by start, so that its
+    parts are pairs too. Else: a set with many starts is parted into halves of them.
+    """
+    sizes = [len({t.start for t in trials}) for trials in (distances.a, distances.b)]
     found: dict[str, list[float]] = {name: [] for name in PARTS}
     for side, size in zip(distances.sides, sizes, strict=True):
-        if size < ENOUGH_STARTS:
+        once = int(np.bincount(distances.starts[side > 0]).max()) < 2
+        if size < ENOUGH_STARTS or (distances.matched and once):
             continue
-        shrink = float(np.sqrt((1 / sizes[0] + 1 / sizes[1]) / (4 / size)))
-        halves = [_halves(distances, side, k) for k in range(SPLITS)]
+        pieces = size if distances.matched else size / 2
+        shrink = float(np.sqrt((1 / sizes[0] + 1 / sizes[1]) / (2 / pieces)))
+        parted = [_parted(distances, side, np.random.default_rng(k)) for k in range(SPLITS)]
         for name in PARTS:
-            measured = [getattr(distances, name)(*half) for half in halves]
+            measured = [getattr(distances, name)(*two) for two in parted]
             found[name].append(shrink * float(np.quantile(measured, FLOOR_QUANTILE)))
     if not found["behaviour"]:
         return scale
     floors = {f"{name}_floor": float(np.mean(values)) for name, values in found.items()}
-    return replace(scale, **floors, floor_from="halves of the sets' own starts")
+    return replace(scale, **floors, floor_from="the sets' own trials, parted in two")
 
 
 def _own_ceiling(scale: Scale, distances: Distances, ceiling: Sequence[Trial]) -> Scale:
@@ -114,13 +124,18 @@ def _own_ceiling(scale: Scale, distances: Distances, ceiling: Sequence[Trial]) -
     return replace(scale, **ends, ceiling_from="the other behaviour that was given")
 
 
-def _halves(distances: Distances, side: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
-    own = np.unique(distances.starts[side > 0])
-    chosen = np.random.default_rng(k).permutation(own)[: len(own) // 2]
-    half = side * np.isin(distances.starts, chosen)
+def _parted(distances: Distances, side: Floats, draw: np.random.Generator) -> tuple[Floats, Floats]:
+    """Weights of two halves of a set."""
+    own = np.flatnonzero(side)
+    starts = distances.starts[own]
+    if distances.matched:
+        chosen = np.concatenate([
+            draw.permutation(rows)[: max(1, len(rows) // 2)]
+            for rows in (own[starts == start] for start in np.unique(starts)) if len(rows) > 1
+        ])  # fmt: skip
+    else:
+        kept = draw.permutation(np.unique(starts))
+        chosen = own[np.isin(starts, kept[: len(kept) // 2])]
+    half = np.zeros_like(side)
+    half[chosen] = side[chosen]
     return half, side - half
-
-
-def _names(trials: Sequence[Trial]) -> list[str]:
-    return [t.start for t in trials]
-

@@ -154,4 +154,4 @@ def _median(times: Sequence[float | None]) -> float | None:
     if not times:
         return None
     middle = float(np.median([np.inf if t is None else t for t in times]))
-    return middle if np.isfinite(middle) else None
+    return round(middle, 2) if np.isfinite(middle) else None

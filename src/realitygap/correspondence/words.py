@@ -17,7 +17,7 @@ QUIET_DEG_S = 2.0
 """Jitter that nobody sees; added to both, so that a robot without noise can be compared."""
 CLOSE_CM, ASKEW_DEG = 0.5, 10.0
 """Distance and angle that nobody sees; added likewise."""
-NOISE_STEPS, RESPONSE_STEPS = (0.3, 0.7, 1.5), (0.1, 0.3, 0.7)
+NOISE_STEPS, RESPONSE_STEPS = (0.4, 1.0, 1.6), (0.06, 0.2, 0.5)
 """|log2 ratio| from which a difference is little, plain, much."""
 LOOPS = 0.15
 """Share of time from which more or less looping is seen."""
