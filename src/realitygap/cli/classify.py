@@ -31,7 +31,7 @@ def classify(tracks: str, task: str | None, json_output: bool) -> None:
     from realitygap.tasks.load import load_task
 
     trials = read_trials(tracks)
-    setting = setting_of(trials, task and load_task(task))
+    setting = setting_of(trials, load_task(task) if task else None)
     named = namer(setting).name(trials, setting)
     if json_output:
         entries = [name.to_dict() for name in named]

@@ -42,7 +42,8 @@ def score(a: str, b: str, task: str | None, ceiling: str | None, json_output: bo
 
     sets = [read_trials(path) for path in (a, b)]
     others = read_trials(ceiling) if ceiling is not None else None
-    setting = setting_of([t for trials in (*sets, others or []) for t in trials], task and load_task(task))
+    every = [trial for trials in (*sets, others or []) for trial in trials]
+    setting = setting_of(every, load_task(task) if task else None)
     made = compare(sets[0], sets[1], setting, ceiling=others)
     if json_output:
         print_json({"a": a, "b": b, **made.to_dict()})

@@ -8,6 +8,7 @@ not depend on any data, so that a comparison never depends on what else is compa
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -83,7 +84,8 @@ def table(trials: Iterable[Trial], arena: Arena | None) -> Floats:
     which = chosen(arena)
     scale = np.array([d.noticeable for d in which])
     rows = [describe(trial, arena) for trial in trials]
-    return np.array([[row[d.name] for d in which] for row in rows]).reshape(-1, len(which)) / scale
+    made = np.array([[row[d.name] for d in which] for row in rows], np.float64).reshape(-1, len(which))
+    return np.asarray(made / scale, np.float64)
 
 
 def describe(trial: Trial, arena: Arena | None) -> dict[str, float]:
@@ -149,7 +151,7 @@ def _turn_events(calm: Floats) -> list[float]:
     way = np.sign(calm) * (np.abs(calm) > TURN_DEG_S)
     edges = np.flatnonzero(np.diff(np.concatenate([[0.0], way, [0.0]])))
     sizes = [
-        float(calm[a:b].sum()) * STEP_S for a, b in zip(edges[:-1], edges[1:], strict=True) if way[a] != 0
+        float(calm[a:b].sum()) * STEP_S for a, b in pairwise(edges) if way[a] != 0
     ]
     return [size for size in sizes if abs(size) > TURN_DEG]
 

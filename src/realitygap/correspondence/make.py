@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import json
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from realitygap.world.arena import Arena
 
 __all__ = ["main"]
 
-EACH = 120
+EACH = 200
 """Exemplars of a kind; a third of them at each noise level."""
 FIRST_SEED = 100_000
 LEVELS = (0.0, 1.0, 2.0)
@@ -40,7 +40,8 @@ _HERE = Path(__file__).parent
 
 def main() -> None:
     """Write both files."""
-    np.savez_compressed(_HERE / "exemplars.npz", **exemplars())
+    kept: dict[str, Any] = exemplars()
+    np.savez_compressed(_HERE / "exemplars.npz", **kept)
     (_HERE / "scales.json").write_text(json.dumps(scales(), indent=1) + "\n", encoding="utf-8")
 
 
@@ -63,7 +64,8 @@ def scales() -> dict[str, dict[str, dict[str, float]]]:
     """By task, and of the motion alone: floors (of one start in each set) and ceiling of each part."""
     made, motion = {}, []
     for task, kinds in KINDS.items():
-        robots = [Behaviour(task=task, kind=kind, seed=FIRST_SEED + i) for kind in kinds for i in range(ROBOTS)]
+        seeds = range(FIRST_SEED, FIRST_SEED + ROBOTS)
+        robots = [Behaviour(task=task, kind=kind, seed=seed) for kind in kinds for seed in seeds]
         lives = {robot: _lives(robot) for robot in robots}
         made[task] = _ends(_measured(lives, load_task(task).arena))
         motion.append(_measured(lives, None))

@@ -8,7 +8,7 @@ every exemplar, is "none of these".
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Sequence
 from functools import cached_property
 from importlib.resources import files
@@ -85,11 +85,11 @@ class Namer:
     def _named(self, trial: Trial, row: Floats) -> Name:
         far = np.sqrt(((self._rows - row) ** 2).sum(axis=1))
         nearest = np.argsort(far)[:NEIGHBOURS]
-        votes: Counter[str] = Counter()
+        votes: defaultdict[str, float] = defaultdict(float)
         for i in nearest:
             votes[str(self._names[i])] += 1 / (far[i] + 0.5)
-        name, share = votes.most_common(1)[0]
-        share /= sum(votes.values())
+        name = max(votes, key=votes.__getitem__)
+        share = votes[name] / sum(votes.values())
         if name == NONE:
             return Name(trial.start, NONE, round(float(share), 3), trial.unit)
         away = float(far[self._names == name].min()) / self._reach[name]
@@ -113,7 +113,8 @@ def namer(setting: Setting) -> Namer:
             "the tracks fit neither of the paper's arenas: expected --task, the task whose arena they "
             "were made in (a name or a .py file)."
         )
-    with files("realitygap.correspondence").joinpath("exemplars.npz").open("rb") as file, np.load(file) as kept:
+    place = files("realitygap.correspondence").joinpath("exemplars.npz")
+    with place.open("rb") as file, np.load(file) as kept:
         rows, names = kept[f"{task} rows"], kept[f"{task} names"]
         told = [d.name for d in chosen(load_task(task).arena)]
         if kept[f"{task} descriptors"].tolist() != told:
@@ -123,7 +124,7 @@ def namer(setting: Setting) -> Namer:
 
 def common_name(names: Sequence[Name]) -> str:
     """The name of a robot from its trials: the one with most confidence behind it."""
-    votes: Counter[str] = Counter()
+    votes: defaultdict[str, float] = defaultdict(float)
     for name in names:
         votes[name.name] += name.confidence
-    return votes.most_common(1)[0][0] if votes else NONE
+    return max(votes, key=votes.__getitem__) if votes else NONE

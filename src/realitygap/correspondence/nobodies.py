@@ -27,7 +27,7 @@ def spinning(draw: Draw) -> Rule:
     spin = int(draw.choice([-1, 1])) * int(draw.integers(1, 11))
 
     def rule(_: NDArray[np.float64]) -> Command:
-        return _turn(draw.integers(-1, 2), spin)
+        return _turn(int(draw.integers(-1, 2)), spin)
 
     return rule
 

@@ -55,7 +55,11 @@ class Scale:
 
 
 def scale_of(
-    distances: Distances, *, task: str | None = None, ceiling: Sequence[Trial] | None = None
+    distances: Distances,
+    *,
+    task: str | None = None,
+    ceiling: Sequence[Trial] | None = None,
+    whole: bool = True,
 ) -> Scale:
     """The scale for two sets of trials: from themselves where they allow it, else from exemplars.
 
@@ -63,13 +67,17 @@ def scale_of(
         distances: of the two sets.
         task: the paper's task whose exemplars serve; None: those of both, by their motion alone.
         ceiling: trials of another behaviour.
+        whole: the trials are whole, not pieces, so that their own parts can make a floor.
     """
     starts = [len({t.start for t in trials}) for trials in (distances.a, distances.b)]
     scale = exemplar_scale(task, starts[0], starts[1], matched=distances.matched)
     scale = _own_ceiling(scale, distances, ceiling) if ceiling else scale
-    scale = _own_floor(scale, distances)
-    top = {f"{part}_floor": getattr(scale, f"{part}_ceiling") / 2 for part in PARTS}
-    return replace(scale, **{key: min(getattr(scale, key), most) for key, most in top.items()})
+    scale = _own_floor(scale, distances) if whole else scale
+    return replace(
+        scale,
+        behaviour_floor=min(scale.behaviour_floor, scale.behaviour_ceiling / 2),
+        layout_floor=min(scale.layout_floor, scale.layout_ceiling / 2),
+    )
 
 
 def exemplar_scale(task: str | None, starts_a: int, starts_b: int, *, matched: bool = True) -> Scale:
@@ -78,11 +86,12 @@ def exemplar_scale(task: str | None, starts_a: int, starts_b: int, *, matched: b
     made = json.loads(text)[task or "motion"]
     shrink = float(np.sqrt((1 / starts_a + 1 / starts_b) / 2))
     of = f"exemplars of {task.replace('-', ' ')}" if task else "exemplars of both tasks, by motion alone"
-    floors = {f"{part}_floor": made[part]["floor" if matched else "floor elsewhere"] * shrink for part in PARTS}
-    floors = {key: min(value, made[key.split("_")[0]]["ceiling"] / 2) for key, value in floors.items()}
+    which = "floor" if matched else "floor elsewhere"
+    floor = {part: min(made[part][which] * shrink, made[part]["ceiling"] / 2) for part in PARTS}
     return Scale(
-        **floors,
+        behaviour_floor=floor["behaviour"],
         behaviour_ceiling=made["behaviour"]["ceiling"],
+        layout_floor=floor["layout"],
         layout_ceiling=made["layout"]["ceiling"],
         floor_from=of,
         ceiling_from=of,
@@ -109,8 +118,13 @@ def _own_floor(scale: Scale, distances: Distances) -> Scale:
             found[name].append(shrink * float(np.quantile(measured, FLOOR_QUANTILE)))
     if not found["behaviour"]:
         return scale
-    floors = {f"{name}_floor": float(np.mean(values)) for name, values in found.items()}
-    return replace(scale, **floors, floor_from="the sets' own trials, parted in two")
+    floor = {name: float(np.mean(values)) for name, values in found.items()}
+    return replace(
+        scale,
+        behaviour_floor=floor["behaviour"],
+        layout_floor=floor["layout"],
+        floor_from="the sets' own trials, parted in two",
+    )
 
 
 def _own_ceiling(scale: Scale, distances: Distances, ceiling: Sequence[Trial]) -> Scale:
@@ -120,8 +134,13 @@ def _own_ceiling(scale: Scale, distances: Distances, ceiling: Sequence[Trial]) -
         between = Distances(a=trials, b=ceiling, arena=distances.arena)
         for name in PARTS:
             far[name].append(getattr(between, name)())
-    ends = {f"{name}_ceiling": max(float(np.mean(values)), 0.05) for name, values in far.items()}
-    return replace(scale, **ends, ceiling_from="the other behaviour that was given")
+    top = {name: max(float(np.mean(values)), 0.05) for name, values in far.items()}
+    return replace(
+        scale,
+        behaviour_ceiling=top["behaviour"],
+        layout_ceiling=top["layout"],
+        ceiling_from="the other behaviour that was given",
+    )
 
 
 def _parted(distances: Distances, side: Floats, draw: np.random.Generator) -> tuple[Floats, Floats]:

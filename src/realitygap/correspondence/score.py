@@ -16,7 +16,7 @@ from realitygap.correspondence.trials import SHORTEST_S, Trial
 from realitygap.correspondence.words import differences, looping, noisiness, responsiveness
 from realitygap.errors import TrackError
 
-__all__ = ["Comparison", "compare", "comparable"]
+__all__ = ["Comparison", "comparable", "compare"]
 
 PIECES = 4
 """A lone trial is cut into so many, to show how much it varies."""
@@ -89,7 +89,10 @@ def compare(
     cut, notes = comparable(given)
     ours, theirs = cut[0], cut[1]
     between = Distances(a=ours, b=theirs, arena=setting.arena, matched=matched_starts(ours, theirs))
-    ends = scale or scale_of(between, task=setting.exemplars, ceiling=cut[2] if others else None)
+    lone = min(map(len, given)) < 2
+    ends = scale or scale_of(
+        between, task=setting.exemplars, ceiling=cut[2] if others else None, whole=not lone
+    )
     far = {name: getattr(between, name)() for name in PARTS}
     score, behaviour = ends.score(far), ends.part("behaviour", far["behaviour"])
     noisy, loops = noisiness(ours, theirs), looping(ours, theirs)

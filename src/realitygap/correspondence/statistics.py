@@ -13,7 +13,8 @@ from realitygap.correspondence.trials import STEP_S, Trial
 from realitygap.errors import UsageError
 
 __all__ = [
-    "PART_CM", "Correlation", "correlation", "parting_s", "resampled_weights", "transferability", "two_sample_p",
+    "PART_CM", "Correlation", "correlation", "parting_s", "ranks", "resampled_weights", "transferability",
+    "two_sample_p",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
