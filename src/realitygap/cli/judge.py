@@ -100,7 +100,7 @@ def _pairs(folder: Path, task: str | None) -> tuple[list[Pair], Setting]:
     for place in sorted(p for p in folder.iterdir() if p.is_dir()):
         sides = [next((p for p in sorted(place.iterdir()) if p.stem == side), None) for side in "ab"]
         if sides[0] is None or sides[1] is None:
-            raise TrackError(f"{place}: expected tracks a and b in this folder: a.csv or a folder a, and so b.")
+            raise TrackError(f"{place}: expected tracks a and b in this folder (a.csv or a folder a).")
         read.append((place.name, read_trials(sides[0]), read_trials(sides[1])))
     if not read:
         raise TrackError(f"{folder}: expected a folder for each pair in it, got none.")

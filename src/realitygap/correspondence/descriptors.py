@@ -55,7 +55,7 @@ DESCRIPTORS = (
     Descriptor("straight", "share of time", 0.1),
     Descriptor("turns", "in 10 s", 1.0),
     Descriptor("turn size", "deg", 20.0),
-    Descriptor("side of turns", "share of turning", 0.25, handed=True),
+    Descriptor("side of turns", "share of turning", 0.5, handed=True),
     Descriptor("one-sidedness", "share of turning", 0.2),
     Descriptor("looping", "share of time", 0.15),
     Descriptor("jitter", "deg/s", 4.0),

@@ -79,7 +79,11 @@ class Distances:
         return ours, 1.0 - ours
 
     def behaviour(self, wa: Floats | None = None, wb: Floats | None = None) -> float:
-        """√ of the energy distance of the descriptors, in just-noticeable amounts; 0 or more.
+        """√ of the energy distance of the descriptors, in just-noticeable amounts; 0 or more."""
+        return _root(self.energy(wa, wb))
+
+    def energy(self, wa: Floats | None = None, wb: Floats | None = None) -> float:
+        """The energy distance of the descriptors: 2 E|X − Y| − E|X − X'| − E|Y − Y'|; may be below 0.
 
         Args:
             wa, wb: weights [n] of the trials on the one side and on the other; by default a and b.
@@ -91,7 +95,7 @@ class Distances:
             total = one @ counts @ other
             return float(one @ far @ other / total) if total > 0 else np.nan
 
-        return _root(2 * mean(wa, wb) - mean(wa, wa) - mean(wb, wb))
+        return 2 * mean(wa, wb) - mean(wa, wa) - mean(wb, wb)
 
     def layout(self, wa: Floats | None = None, wb: Floats | None = None) -> float:
         """Jensen and Shannon's distance (√, base 2) of the maps of where the robot was; 0 to 1."""

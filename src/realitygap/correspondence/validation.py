@@ -51,16 +51,17 @@ class Ladder:
     @property
     def spearman(self) -> float:
         """Of the steps away from 1 with the scores, downwards: 1 is monotone; NaN: flat."""
-        return correlation(-np.arange(len(self.steps)), self.scores, resamples=1).rho
+        return correlation([-float(i) for i in range(len(self.steps))], self.scores, resamples=1).rho
 
 
 def climb(behaviour: Behaviour, what: str, *, starts: int = STARTS) -> Ladder:
     """A ladder of `what`, "gain" or "noise"."""
     steps = GAINS if what == "gain" else NOISES
     ours = behaviour.trials(starts)
-    rungs = [
-        against(behaviour, ours, behaviour.trials(starts, again=5, **{what: step})) for step in steps
-    ]
+    rungs = []
+    for step in steps:
+        gain, noise = (step, 1.0) if what == "gain" else (1.0, step)
+        rungs.append(against(behaviour, ours, behaviour.trials(starts, again=5, gain=gain, noise=noise)))
     return Ladder(behaviour=behaviour, what=what, steps=steps, rungs=tuple(rungs))
 
 
