@@ -19,7 +19,8 @@ def write(path: Path, trials, *, hz: float = 10.0, lose=(), columns=()) -> Path:
             own = np.arange(len(trial)) / 10
             for i, t in enumerate(np.arange(0, trial.seconds + 1e-9, 1 / hz)):
                 x, y, h = (np.interp(t, own, v) for v in (trial.x, trial.y, trial.heading))
-                place = ("", "", "") if i in lose else (f"{x:.4f}", f"{y:.4f}", f"{math.degrees(h) % 360:.3f}")
+                seen = (f"{x:.4f}", f"{y:.4f}", f"{math.degrees(h) % 360:.3f}")
+                place = ("", "", "") if i in lose else seen
                 rows.writerow([trial.start, f"{t:.4f}", *place, *("" for _ in columns)])
     return path
 

@@ -23,7 +23,7 @@ Draw = np.random.Generator
 def one_way_turner(draw: Draw) -> Rule:
     """Straight on; whatever it meets, it turns away to its one side."""
     cruise, spin = int(draw.integers(6, 11)), int(draw.integers(3, 8))
-    feels, holds = draw.uniform(150, 450), int(draw.integers(2, 7))
+    feels, holds = draw.uniform(150, 450), int(draw.integers(2, 6))
     side, back = draw.choice([-1, 1]), int(draw.integers(0, 3))
     left = 0
 
@@ -82,7 +82,7 @@ def wall_follower(draw: Draw) -> Rule:
 def one_way_looper(draw: Draw) -> Rule:
     """Goes round and round to its one side, and more sharply where it meets something."""
     cruise, spin = draw.uniform(5, 8), int(draw.integers(3, 7))
-    bend = cruise * draw.uniform(0.14, 0.45)
+    bend = cruise * draw.uniform(0.24, 0.5)
     feels, holds = draw.uniform(200, 500), int(draw.integers(1, 4))
     side = draw.choice([-1, 1])
     left = 0

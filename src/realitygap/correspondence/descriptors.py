@@ -55,8 +55,8 @@ DESCRIPTORS = (
     Descriptor("straight", "share of time", 0.1),
     Descriptor("turns", "in 10 s", 1.0),
     Descriptor("turn size", "deg", 20.0),
-    Descriptor("side of turns", "share of turning", 0.5, handed=True),
-    Descriptor("one-sidedness", "share of turning", 0.2),
+    Descriptor("side of turns", "share of turning", 0.4, handed=True),
+    Descriptor("one-sidedness", "share of turning", 0.15),
     Descriptor("looping", "share of time", 0.15),
     Descriptor("jitter", "deg/s", 4.0),
     Descriptor("spread", "cm", 3.0),
@@ -126,8 +126,9 @@ def _movement(forward: Floats, turn: Floats) -> dict[str, float]:
 def _turning(forward: Floats, turn: Floats) -> dict[str, float]:
     calm = _smooth(turn)
     sizes = np.array(_turn_events(calm))
-    turned = np.abs(sizes).sum()
-    side = float(sizes.sum() / turned) if turned > 0 else 0.0
+    counted = np.clip(sizes, -180, 180)
+    square = float((counted**2).sum())  # large turns tell the side, what noise does is small
+    side = float((counted * np.abs(counted)).sum()) / square if square > 0 else 0.0
     moving = np.abs(_smooth(forward)) > SLOW_CM_S
     window = round(5.0 / STEP_S)
     sums = np.cumsum(np.append(0.0, turn)) * STEP_S

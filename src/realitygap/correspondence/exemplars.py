@@ -83,8 +83,14 @@ def live(
 
 
 def another_unit(profile: Profile, draw: Draw) -> Profile:
-    """Another robot of the same make: each sensor's gain and each wheel a little its own."""
-    gains = draw.uniform(0.75, 1.25) * draw.uniform(0.9, 1.1, 32)
+    """Another robot of the same make: each sensor's gain and each wheel a little its own.
+
+    Infrared gains differ most, by cover and surface: a Khepera may feel a wall at a third of the
+    distance at which another does.
+    """
+    gains = draw.uniform(0.9, 1.1, 32)
+    gains[:16] *= np.exp(draw.uniform(np.log(0.15), np.log(1.4)))
+    gains[16:] *= draw.uniform(0.75, 1.25)
     infrared, ambient, wheels = profile.infrared, profile.ambient, profile.wheels
     near = [replace(s, a=s.a * g, b=s.b * g) for s, g in zip(infrared.sensors, gains, strict=False)]
     lit = [replace(s, gain=s.gain * g**2) for s, g in zip(ambient.sensors, gains[16:], strict=False)]
