@@ -68,7 +68,7 @@ def draw(ladders: list[Ladder]) -> None:
         for ladder in ladders:
             kinds = list(KINDS[ladder.behaviour.task])
             k = kinds.index(ladder.behaviour.kind)
-            axes = panels[list(KINDS).index(ladder.behaviour.task)][ladder.what == "noise"]
+            axes = panels[list(KINDS).index(ladder.behaviour.task)][int(ladder.what == "noise")]
             second = ladder.behaviour.seed > 0
             axes.plot(
                 ladder.steps, ladder.scores, color=COLOURS[k], marker=MARKERS[k], markersize=3,
