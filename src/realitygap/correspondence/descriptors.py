@@ -1,8 +1,9 @@
 """What a trial looks like in numbers, each in units of its own just-noticeable amount.
 
 The amounts are physical and fixed: what a person who watches two films side by side can just tell
-apart. They were written down from the size and speed of a Khepera (5.8 cm, up to 8 cm/s) and do
-not depend on any data, so that a comparison never depends on what else is compared.
+apart. They were written down from the size and speed of a Khepera (5.8 cm, up to 8 cm/s); what was
+changed after a look at exemplars is told in docs/correspondence.md. They never depend on the sets
+that are compared.
 """
 
 from __future__ import annotations
