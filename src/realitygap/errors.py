@@ -15,6 +15,7 @@ __all__ = [
     "StudyError",
     "StudyInterruptedError",
     "TaskError",
+    "TrackError",
     "UsageError",
 ]
 
@@ -77,3 +78,7 @@ class BaudError(UsageError):
 
 class FilmError(UsageError):
     """A film, a camera, a disk or a table of poses that cannot be used."""
+
+
+class TrackError(UsageError):
+    """A track that cannot be compared or named: names the file and the start."""
