@@ -17,6 +17,7 @@ __all__ = [
     "StudyError",
     "StudyInterruptedError",
     "TaskError",
+    "TrackError",
     "UsageError",
 ]
 
@@ -87,3 +88,7 @@ class RecordingError(UsageError):
 
 class CalibrationError(UsageError):
     """Recordings that no sensible profile can be made from, or judged by."""
+
+
+class TrackError(UsageError):
+    """A track that cannot be compared or named: names the file and the start."""

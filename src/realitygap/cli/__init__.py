@@ -9,8 +9,10 @@ from realitygap.cli.arena import arena
 from realitygap.cli.bench import bench
 from realitygap.cli.calibrate import calibrate
 from realitygap.cli.camera import camera
+from realitygap.cli.classify import classify
 from realitygap.cli.evolve import evolve
 from realitygap.cli.failure import Commands
+from realitygap.cli.judge import judge
 from realitygap.cli.probe import probe
 from realitygap.cli.profile import profile
 from realitygap.cli.record import record
@@ -18,6 +20,7 @@ from realitygap.cli.replay import replay
 from realitygap.cli.report import report
 from realitygap.cli.reproduce import reproduce
 from realitygap.cli.robot import robot
+from realitygap.cli.score import score
 from realitygap.cli.show import show
 from realitygap.cli.simulate import simulate
 from realitygap.cli.track import track
@@ -49,7 +52,7 @@ def realitygap(ctx: click.Context) -> None:
 
 
 for _command in (
-    reproduce, evolve, simulate, probe, show, replay, report, transfer,
+    reproduce, evolve, simulate, probe, show, replay, report, transfer, score, classify, judge,
     robot, twin, record, calibrate, track, camera, profile, arena, bench,
 ):  # fmt: skip
     realitygap.add_command(_command)

@@ -1,0 +1,41 @@
+"""`realitygap classify`: what kind of behaviour tracks show."""
+
+from __future__ import annotations
+
+import click
+
+from realitygap.cli.options import as_json
+from realitygap.cli.output import print_json, print_table
+
+__all__ = ["classify"]
+
+
+@click.command()
+@click.argument("tracks", type=click.Path())
+@click.option("--task", metavar="TASK", help="Whose arena they were made in [default: guessed].")
+@as_json
+def classify(tracks: str, task: str | None, json_output: bool) -> None:
+    """Name the behaviour in TRACKS.
+
+    One name a trial: the paper's kinds (one way turner, two way turner, wall follower, one way looper;
+    three point turner, straight looper, two way turner, bobber) or none of these. TRACKS is a file
+    or a folder, as for `realitygap score`.
+
+    \b
+    Example:
+        realitygap classify track.csv --task light
+    """
+    from realitygap.correspondence.names import common_name, namer
+    from realitygap.correspondence.reading import read_trials
+    from realitygap.correspondence.setting import setting_of
+    from realitygap.tasks.load import load_task
+
+    trials = read_trials(tracks)
+    setting = setting_of(trials, load_task(task) if task else None)
+    named = namer(setting).name(trials, setting)
+    if json_output:
+        entries = [name.to_dict() for name in named]
+        print_json({"task": setting.name, "name": common_name(named), "tracks": entries})
+        return
+    print_table(("start", "name", "confidence"), [(n.start, n.name, f"{n.confidence:.2f}") for n in named])
+    click.echo(f"\n{common_name(named)} (task: {setting.name})")

@@ -1,0 +1,128 @@
+"""`realitygap judge`: pairs of tracks for human judges, and what their marks say of the score."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from realitygap.cli.kinds import SEED, FileToWrite
+from realitygap.cli.options import as_json
+from realitygap.cli.output import print_json
+from realitygap.errors import TrackError
+
+if TYPE_CHECKING:
+    from realitygap.correspondence.judging import Agreement, Pair
+    from realitygap.correspondence.setting import Setting
+
+__all__ = ["judge"]
+
+
+@click.group()
+def judge() -> None:
+    """Let people mark pairs of tracks, blind.
+
+    \b
+    Example:
+        realitygap judge page pairs/ --task avoidance --out judge.html --key key.json
+        realitygap judge marks marks-anna.csv marks-ben.csv --key key.json
+    """
+
+
+@judge.command()
+@click.argument("pairs", type=click.Path(exists=True, file_okay=False))
+@click.option("--task", metavar="TASK", help="Whose arena they were made in [default: guessed].")
+@click.option("--out", type=FileToWrite(".html"), required=True, metavar="FILE", help="Write the page there.")
+@click.option(
+    "--key", type=FileToWrite(".json"), required=True, metavar="FILE", help="Write there which pair is which."
+)
+@click.option("--seed", type=SEED, default=0, show_default=True, metavar="S", help="Of order and sides.")
+def page(pairs: str, task: str | None, out: Path, key: Path, seed: int) -> None:
+    """Make a page of the pairs in a folder PAIRS.
+
+    Each folder in PAIRS is a pair: what is in it called a (a.csv, or a folder a) and what is called b.
+    The page shows them side by side without their names, sides drawn by chance; a judge marks each
+    0 to 10 and saves the marks as a file. Keep the key from the judges: it holds names and scores.
+
+    \b
+    Example:
+        realitygap judge page pairs/ --out judge.html --key key.json
+    """
+    from realitygap.correspondence.judging import blind_pairs
+    from realitygap.correspondence.judging import page as page_of
+
+    found, setting = _pairs(Path(pairs), task)
+    data, rows = blind_pairs(found, setting, seed=seed)
+    out.write_text(page_of({**data, "id": f"{seed}-{len(found)}-{out.stem}"}), encoding="utf-8")
+    key.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    click.echo(f"{len(found)} pairs: open {out} in a browser; keep {key} from the judges")
+
+
+@judge.command()
+@click.argument("files", nargs=-1, required=True, type=click.Path(exists=True))
+@click.option(
+    "--key", required=True, type=click.Path(exists=True, dir_okay=False), metavar="FILE", help="Of the page."
+)
+@as_json
+def marks(files: tuple[str, ...], key: str, json_output: bool) -> None:
+    """Hold judges' marks against the score.
+
+    FILES are what the page saved, CSV with columns pair, judge, mark; or folders of them.
+
+    \b
+    Example:
+        realitygap judge marks marks/ --key key.json
+    """
+    from realitygap.correspondence.judging import agreement, read_marks
+
+    given: dict[int, dict[str, float]] = {}
+    for file in files:
+        for pair, of in read_marks(file).items():
+            given.setdefault(pair, {}).update(of)
+    made = agreement(given, _scores(Path(key)))
+    if json_output:
+        print_json(made.to_dict())
+        return
+    _print(made)
+
+
+def _pairs(folder: Path, task: str | None) -> tuple[list[Pair], Setting]:
+    """The pairs in a folder, scored."""
+    from realitygap.correspondence.judging import Pair
+    from realitygap.correspondence.reading import read_trials
+    from realitygap.correspondence.score import compare
+    from realitygap.correspondence.setting import setting_of
+    from realitygap.tasks.load import load_task
+
+    read = []
+    for place in sorted(p for p in folder.iterdir() if p.is_dir()):
+        sides = [next((p for p in sorted(place.iterdir()) if p.stem == side), None) for side in "ab"]
+        if sides[0] is None or sides[1] is None:
+            raise TrackError(f"{place}: expected tracks a and b in this folder (a.csv or a folder a).")
+        read.append((place.name, read_trials(sides[0]), read_trials(sides[1])))
+    if not read:
+        raise TrackError(f"{folder}: expected a folder for each pair in it, got none.")
+    setting = setting_of([t for _, a, b in read for t in (*a, *b)], load_task(task) if task else None)
+    made = [Pair(name=n, a=a, b=b, score=compare(a, b, setting, resamples=2).score) for n, a, b in read]
+    return made, setting
+
+
+def _scores(path: Path) -> dict[int, float]:
+    """The computed scores by pair, of a key."""
+    try:
+        rows: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
+        return {int(row["pair"]): float(row["score"]) for row in rows}
+    except (ValueError, TypeError, KeyError):
+        raise TrackError(f"{path}: expected the key that `realitygap judge page` wrote.") from None
+
+
+def _print(made: Agreement) -> None:
+    found = made.correlation
+    low, high = found.interval
+    click.echo(f"{made.judges} judges, {made.pairs} pairs")
+    click.echo(f"score and mean mark: r {found.r:.2f} (95 %: {low:.2f} to {high:.2f}), rho {found.rho:.2f}")
+    click.echo(f"marks are {made.difference:+.1f} beside the score on average")
+    if made.between_judges is not None:
+        click.echo(f"a judge and the others' mean: r {made.between_judges:.2f}")

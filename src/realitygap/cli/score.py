@@ -1,0 +1,69 @@
+"""`realitygap score`: how alike the behaviour in two sets of tracks is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from realitygap.cli.options import as_json
+from realitygap.cli.output import print_json
+
+if TYPE_CHECKING:
+    from realitygap.correspondence.score import Comparison
+
+__all__ = ["score"]
+
+
+@click.command()
+@click.argument("a", type=click.Path())
+@click.argument("b", type=click.Path())
+@click.option("--task", metavar="TASK", help="Whose arena they were made in [default: guessed].")
+@click.option(
+    "--ceiling", type=click.Path(), metavar="PATH", help="Tracks of another behaviour: what scores 0."
+)
+@as_json
+def score(a: str, b: str, task: str | None, ceiling: str | None, json_output: bool) -> None:
+    """Score how alike two sets of tracks are.
+
+    A (say, simulated) and B (situated) are CSV files with columns t_s, x_cm, y_cm, heading_deg, where
+    a column start separates several trials and a column unit several robots; what `realitygap track`
+    or `realitygap simulate --json` wrote; or folders of such files. 10 is the same robot again, 0 is
+    another behaviour; the output says what these ends were measured on.
+
+    \b
+    Example:
+        realitygap score simulated.csv filmed/ --task avoidance
+    """
+    from realitygap.correspondence.reading import read_trials
+    from realitygap.correspondence.score import compare
+    from realitygap.correspondence.setting import setting_of
+    from realitygap.tasks.load import load_task
+
+    sets = [read_trials(path) for path in (a, b)]
+    others = read_trials(ceiling) if ceiling is not None else None
+    every = [trial for trials in (*sets, others or []) for trial in trials]
+    setting = setting_of(every, load_task(task) if task else None)
+    made = compare(sets[0], sets[1], setting, ceiling=others)
+    if json_output:
+        print_json({"a": a, "b": b, **made.to_dict()})
+        return
+    _print(made)
+
+
+def _print(made: Comparison) -> None:
+    """The figures, and what they stand on, in plain words."""
+    shown = "" if made.interval is None else f"   (95 %: {made.interval[0]:.1f} to {made.interval[1]:.1f})"
+    click.echo(f"correspondence score {made.score:.1f} of 10{shown}")
+    click.echo(f"  behaviour {made.behaviour:.1f}, layout {made.layout:.1f}")
+    click.echo(f"differences: {made.differences}")
+    response = "" if made.responsiveness is None else f", responsiveness {made.responsiveness:+.2f}"
+    click.echo(f"  noisiness {made.noisiness:+.2f}{response} (log2 of B to A), looping {made.looping:+.2f}")
+    if made.matched:
+        when = "half of them never" if made.parting_s is None else f"half of them by {made.parting_s:.1f} s"
+        click.echo(f"starts are pairs; they part: {when}; transferability {made.transferability:.2f}")
+    click.echo(f"can a neighbour tell them apart? p = {made.p:.3f} (a yes or no, not a scale)")
+    click.echo(f"{made.trials[0]} and {made.trials[1]} trials; task: {made.setting}")
+    click.echo(f"10 is: {made.scale.floor_from}; 0 is: {made.scale.ceiling_from}")
+    for note in made.notes:
+        click.echo(f"note: {note}")

@@ -1,0 +1,149 @@
+"""Two distances between two sets of trials: of behaviour, and of layout (where the robot was).
+
+Both are made once for all pairs of trials, so that a bootstrap only changes weights; both are
+unbiased: two sets of one robot's trials are at 0 on average, however many trials there are.
+Two trials of one start are never compared, in either set or across: a start in common would make
+any two robots look alike.
+
+Sources: Székely and Rizzo, "Energy statistics" (J. Stat. Plan. Inference 143, 2013);
+Lin, "Divergence measures based on the Shannon entropy" (IEEE Trans. Inf. Theory 37, 1991).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.correspondence.descriptors import table
+from realitygap.correspondence.trials import Trial
+from realitygap.world.arena import Arena
+
+__all__ = ["Distances", "matched_starts"]
+
+Floats = NDArray[np.float64]
+
+BLUR_CM = 4.0
+"""Width of the blur of an occupancy map (standard deviation): a little more than a body's radius."""
+ANYWHERE_PER_CM2 = 1e-6
+"""Occupancy that every place has: keeps what no robot visits from weighing much."""
+EVERY = 5
+"""Every fifth row, two a second, stands for a trial in its map."""
+SAME_CM, SAME_RAD = 1.5, np.radians(15)
+"""Two robots set down by hand within these have the same start."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Distances:
+    """All that two sets of trials, `a` and `b`, need to be compared under any weights.
+
+    Attributes:
+        a, b: the trials, two at least in each.
+        arena: where they were; None: only what the tracks alone tell.
+        matched: whether a start of one set is the start of that name in the other.
+    """
+
+    a: Sequence[Trial]
+    b: Sequence[Trial]
+    arena: Arena | None = None
+    matched: bool = False
+
+    @cached_property
+    def rows(self) -> Floats:
+        """Descriptors of both sets' trials, [n, d]: a's, then b's."""
+        return np.vstack([table(self.a, self.arena), table(self.b, self.arena)])
+
+    @cached_property
+    def starts(self) -> NDArray[np.int64]:
+        """Which start each trial has, [n]: one number for one start."""
+        names = [("" if self.matched else "a", t.start) for t in self.a]
+        names += [("" if self.matched else "b", t.start) for t in self.b]
+        number = {name: i for i, name in enumerate(dict.fromkeys(names))}
+        return np.array([number[name] for name in names])
+
+    @cached_property
+    def counts(self) -> NDArray[np.bool_]:
+        """Which pairs of trials are compared, [n, n]: those of different starts."""
+        starts, n = self.starts, len(self.a)
+        few = len(set(starts[:n])) < 2 or len(set(starts[n:])) < 2
+        names = np.arange(len(starts)) if few else starts
+        return np.asarray(names[:, None] != names[None, :])
+
+    @cached_property
+    def sides(self) -> tuple[Floats, Floats]:
+        """Weights [n] that count each trial of `a` once, and each of `b`."""
+        ours = (np.arange(len(self.a) + len(self.b)) < len(self.a)).astype(np.float64)
+        return ours, 1.0 - ours
+
+    def behaviour(self, wa: Floats | None = None, wb: Floats | None = None) -> float:
+        """√ of the energy distance of the descriptors, in just-noticeable amounts; 0 or more."""
+        return _root(self.energy(wa, wb))
+
+    def energy(self, wa: Floats | None = None, wb: Floats | None = None) -> float:
+        """The energy distance of the descriptors: 2 E|X − Y| − E|X − X'| − E|Y − Y'|; may be below 0.
+
+        Args:
+            wa, wb: weights [n] of the trials on the one side and on the other; by default a and b.
+        """
+        wa, wb = self._weights(wa, wb)
+        counts, far = self.counts, self._between * self.counts
+
+        def mean(one: Floats, other: Floats) -> float:
+            total = one @ counts @ other
+            return float(one @ far @ other / total) if total > 0 else np.nan
+
+        return 2 * mean(wa, wb) - mean(wa, wa) - mean(wb, wb)
+
+    def layout(self, wa: Floats | None = None, wb: Floats | None = None) -> float:
+        """Jensen and Shannon's distance (√, base 2) of the maps of where the robot was; 0 to 1."""
+        wa, wb = self._weights(wa, wb)
+        density = []
+        for weights in (wa, wb):
+            makers = weights[:, None] * self.counts  # which trials make the map that another is held to
+            made = np.einsum("ij,ijp->jp", makers, self._occupancy)
+            density.append(made / np.maximum(makers.sum(axis=0), 1e-12)[:, None] + ANYWHERE_PER_CM2)
+        both = density[0] + density[1]
+        gain = [np.log2(2 * own / both).mean(axis=1) for own in density]
+        return min(1.0, _root(float(wa @ gain[0] / wa.sum() + wb @ gain[1] / wb.sum()) / 2))
+
+    def _weights(self, wa: Floats | None, wb: Floats | None) -> tuple[Floats, Floats]:
+        return self.sides[0] if wa is None else wa, self.sides[1] if wb is None else wb
+
+    @cached_property
+    def _between(self) -> Floats:
+        rows = self.rows
+        return np.asarray(np.sqrt(((rows[:, None] - rows[None, :]) ** 2).sum(axis=2)))
+
+    @cached_property
+    def _occupancy(self) -> Floats:
+        """[i, j, p]: how much trial i was at the p-th place of trial j, a share per cm²."""
+        trials = [*self.a, *self.b]
+        count = min(len(t) for t in trials) // EVERY
+        places = np.array([np.column_stack([t.x, t.y])[: count * EVERY : EVERY] for t in trials])
+        flat = places.reshape(-1, 2)
+        made = np.empty((len(trials), len(flat)))
+        for i, own in enumerate(places):
+            square = ((own[:, None] - flat[None]) ** 2).sum(axis=2)
+            made[i] = np.exp(square / (-2 * BLUR_CM**2)).mean(axis=0)
+        return made.reshape(len(trials), len(trials), -1) / (2 * np.pi * BLUR_CM**2)
+
+
+def matched_starts(a: Sequence[Trial], b: Sequence[Trial]) -> bool:
+    """Whether the starts of two sets that have one name have one pose too, and all have a partner."""
+    first = {t.start: t for t in a}
+    if not first or {t.start for t in b} != set(first):
+        return False
+    return all(_near(first[t.start], t) for t in [*a, *b])
+
+
+def _near(one: Trial, other: Trial) -> bool:
+    away = np.hypot(one.x[0] - other.x[0], one.y[0] - other.y[0])
+    turned = (one.heading[0] - other.heading[0] + np.pi) % (2 * np.pi) - np.pi
+    return bool(away < SAME_CM and abs(turned) < SAME_RAD)
+
+
+def _root(square: float) -> float:
+    return float(np.sqrt(max(0.0, square)))

@@ -1,0 +1,186 @@
+"""Human judges: blind pairs of trials, their marks, and how far the score agrees with them."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from realitygap.correspondence.setting import Setting
+from realitygap.correspondence.statistics import Correlation, correlation
+from realitygap.correspondence.trials import Trial
+from realitygap.errors import TrackError
+
+__all__ = ["Agreement", "Pair", "agreement", "blind_pairs", "page", "read_marks"]
+
+Row = dict[str, Any]
+MARKS = ("pair", "judge", "mark")
+FRAMES_HZ = 10
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """Two sets of trials of one controller, for the page and for the key.
+
+    Attributes:
+        name: what the pair is; the judges never see it.
+        a, b: trials of the two; those of one start are shown together.
+        score: the computed one, 0 to 10.
+    """
+
+    name: str
+    a: Sequence[Trial]
+    b: Sequence[Trial]
+    score: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Agreement:
+    """How far marks and score agree, over pairs.
+
+    Attributes:
+        judges: how many.
+        pairs: how many were marked.
+        correlation: of the mean mark with the score.
+        difference: mean mark minus score.
+        between_judges: mean Pearson r of a judge with the mean of the others; None for one judge.
+    """
+
+    judges: int
+    pairs: int
+    correlation: Correlation
+    difference: float
+    between_judges: float | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Ready for JSON."""
+        found = self.correlation
+        return {
+            "judges": self.judges, "pairs": self.pairs, "r": found.r, "rho": found.rho,
+            "interval": found.interval, "difference": self.difference, "between_judges": self.between_judges,
+        }  # fmt: skip
+
+
+def blind_pairs(
+    pairs: Sequence[Pair], setting: Setting, *, seed: int = 0
+) -> tuple[dict[str, Any], list[Row]]:
+    """What the page shows, and the key: order and sides are drawn, names are numbers.
+
+    Returns:
+        the page's data, in which nothing tells the sides or the names; and rows of the key.
+    """
+    draw = np.random.default_rng(seed)
+    shown, key = [], []
+    for number, i in enumerate(draw.permutation(len(pairs)), start=1):
+        pair = pairs[int(i)]
+        swapped = bool(draw.random() < 0.5)
+        left, right = (pair.b, pair.a) if swapped else (pair.a, pair.b)
+        shown.append({"pair": number, "left": _films(left), "right": _films(right)})
+        key.append({"pair": number, "name": pair.name, "left": "b" if swapped else "a", "score": pair.score})
+    return {"arena": _room(setting), "rate": FRAMES_HZ, "pairs": shown}, key
+
+
+def page(data: dict[str, Any]) -> str:
+    """The page, self-contained: pairs side by side, marks 0 to 10, saved in the browser and as a file."""
+    here = Path(__file__).with_name("judge.html").read_text(encoding="utf-8")
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
+    return here.replace("/*DATA*/null", text)
+
+
+def read_marks(path: str | Path) -> dict[int, dict[str, float]]:
+    """Marks by pair and judge, of a CSV file with columns pair, judge, mark, or a folder of them.
+
+    Raises:
+        TrackError: names file and line.
+    """
+    place = Path(path)
+    files = sorted(place.glob("*.csv")) if place.is_dir() else [place]
+    marks: dict[int, dict[str, float]] = defaultdict(dict)
+    for file in files:
+        for line, row in _rows(file):
+            try:
+                pair, mark = int(row["pair"]), float(row["mark"])
+            except ValueError:
+                pair, mark = 0, -1.0
+            if pair < 1 or not 0 <= mark <= 10:
+                raise TrackError(
+                    f"{file}, line {line}: expected a pair's number and a mark from 0 to 10, got "
+                    f"{row['pair']!r} and {row['mark']!r}."
+                )
+            marks[pair][row["judge"] or "judge"] = mark
+    if not marks:
+        raise TrackError(f"{path}: expected marks, columns {', '.join(MARKS)}; got none.")
+    return dict(marks)
+
+
+def agreement(marks: dict[int, dict[str, float]], scores: dict[int, float]) -> Agreement:
+    """How far marks agree with scores, both by the pair's number.
+
+    Raises:
+        TrackError: a mark of a pair that is not in the key, or fewer than three pairs.
+    """
+    strange = sorted(set(marks) - set(scores))
+    if strange:
+        raise TrackError(f"marks: pair {strange[0]} is not in the key. Give the key of these marks' page.")
+    if len(marks) < 3:
+        raise TrackError(f"marks: expected three pairs or more, got {len(marks)}.")
+    numbers = sorted(marks)
+    means = np.array([np.mean(list(marks[n].values())) for n in numbers])
+    computed = np.array([scores[n] for n in numbers])
+    judges = sorted({judge for of in marks.values() for judge in of})
+    return Agreement(
+        judges=len(judges),
+        pairs=len(numbers),
+        correlation=correlation(computed, means),
+        difference=float((means - computed).mean()),
+        between_judges=_between(marks, judges),
+    )
+
+
+def _between(marks: dict[int, dict[str, float]], judges: Sequence[str]) -> float | None:
+    found = []
+    for judge in judges:
+        both = [
+            (of[judge], float(np.mean([m for j, m in of.items() if j != judge])))
+            for of in marks.values() if judge in of and len(of) > 1
+        ]  # fmt: skip
+        if len(both) >= 3:
+            found.append(correlation(*np.array(both).T, resamples=1).r)
+    kept = [r for r in found if np.isfinite(r)]
+    return float(np.mean(kept)) if kept else None
+
+
+def _rows(file: Path) -> list[tuple[int, dict[str, str]]]:
+    try:
+        with file.open(newline="", encoding="utf-8-sig") as text:
+            reader = csv.DictReader(text)
+            if not set(MARKS) <= set(reader.fieldnames or ()):
+                raise TrackError(f"{file}, line 1: expected columns {', '.join(MARKS)}.")
+            return [(reader.line_num, {k: (v or "").strip() for k, v in row.items() if k}) for row in reader]
+    except (OSError, UnicodeDecodeError) as error:
+        raise TrackError(f"{file}: cannot be read ({error}). Give a CSV file of marks.") from None
+
+
+def _films(trials: Sequence[Trial]) -> list[dict[str, list[float]]]:
+    return [
+        {"x": t.x.round(2).tolist(), "y": t.y.round(2).tolist(), "h": t.heading.round(3).tolist()}
+        for t in sorted(trials, key=lambda t: (t.start, t.unit))
+    ]
+
+
+def _room(setting: Setting) -> dict[str, Any]:
+    arena = setting.arena
+    if arena is None:
+        return {"size": None, "cylinders": [], "walls": [], "lamps": []}
+    return {
+        "size": list(arena.size_cm),
+        "cylinders": [[c.x_cm, c.y_cm, c.radius_cm] for c in arena.cylinders],
+        "walls": [list(wall) for wall in arena.walls],
+        "lamps": [[lamp.x_cm, lamp.y_cm] for lamp in arena.lamps],
+    }

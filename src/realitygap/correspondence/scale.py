@@ -1,0 +1,160 @@
+"""The two ends of the scale: a floor (the same robot again) and a ceiling (another behaviour)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from importlib.resources import files
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.correspondence.distances import Distances
+from realitygap.correspondence.trials import Trial
+
+__all__ = ["PARTS", "Scale", "exemplar_scale", "scale_of"]
+
+Floats = NDArray[np.float64]
+
+PARTS = {"behaviour": 0.8, "layout": 0.2}
+"""What counts how much. Layout is the weaker witness: two behaviours may fill an arena alike."""
+ENOUGH_STARTS = 8
+"""From so many starts on, a set's own trials make the floor."""
+SPLITS = 60
+FLOOR_QUANTILE = 0.975
+"""The floor is what the same robot again hardly ever exceeds: such a pair scores 10."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scale:
+    """Distances at 10 (floor) and at 0 (ceiling), of each part, and where they come from.
+
+    Give one and the same to all comparisons that are held against each other.
+    """
+
+    behaviour_floor: float
+    behaviour_ceiling: float
+    layout_floor: float
+    layout_ceiling: float
+    floor_from: str
+    ceiling_from: str
+
+    def part(self, name: str, distance: float) -> float:
+        """A part's score, 0 to 10."""
+        floor, ceiling = getattr(self, f"{name}_floor"), getattr(self, f"{name}_ceiling")
+        return 10 * float(np.clip(1 - (distance - floor) / (ceiling - floor), 0, 1))
+
+    def score(self, distances: dict[str, float]) -> float:
+        """The correspondence score, 0 to 10."""
+        return sum(weight * self.part(name, distances[name]) for name, weight in PARTS.items())
+
+    def to_dict(self) -> dict[str, float | str]:
+        """Ready for JSON."""
+        return asdict(self)
+
+
+def scale_of(
+    distances: Distances,
+    *,
+    task: str | None = None,
+    ceiling: Sequence[Trial] | None = None,
+    whole: bool = True,
+) -> Scale:
+    """The scale for two sets of trials: from themselves where they allow it, else from exemplars.
+
+    Args:
+        distances: of the two sets.
+        task: the paper's task whose exemplars serve; None: those of both, by their motion alone.
+        ceiling: trials of another behaviour.
+        whole: the trials are whole, not pieces, so that their own parts can make a floor.
+    """
+    starts = [len({t.start for t in trials}) for trials in (distances.a, distances.b)]
+    scale = exemplar_scale(task, starts[0], starts[1], matched=distances.matched)
+    scale = _own_ceiling(scale, distances, ceiling) if ceiling else scale
+    scale = _own_floor(scale, distances) if whole else scale
+    return replace(
+        scale,
+        behaviour_floor=min(scale.behaviour_floor, scale.behaviour_ceiling / 2),
+        layout_floor=min(scale.layout_floor, scale.layout_ceiling / 2),
+    )
+
+
+def exemplar_scale(task: str | None, starts_a: int, starts_b: int, *, matched: bool = True) -> Scale:
+    """The scale of the project's own exemplars, for so many starts in the two sets, pairs or not."""
+    text = files("realitygap.correspondence").joinpath("scales.json").read_text(encoding="utf-8")
+    made = json.loads(text)[task or "motion"]
+    shrink = float(np.sqrt((1 / starts_a + 1 / starts_b) / 2))
+    of = f"exemplars of {task.replace('-', ' ')}" if task else "exemplars of both tasks, by motion alone"
+    which = "floor" if matched else "floor elsewhere"
+    floor = {part: min(made[part][which] * shrink, made[part]["ceiling"] / 2) for part in PARTS}
+    return Scale(
+        behaviour_floor=floor["behaviour"],
+        behaviour_ceiling=made["behaviour"]["ceiling"],
+        layout_floor=floor["layout"],
+        layout_ceiling=made["layout"]["ceiling"],
+        floor_from=of,
+        ceiling_from=of,
+    )
+
+
+def _own_floor(scale: Scale, distances: Distances) -> Scale:
+    """Parts of a set against each other, brought to the size of the whole sets.
+
+    Starts in pairs: a set with several trials of each start is parted start by start, so that its
+    parts are pairs too. Else: a set with many starts is parted into halves of them.
+    """
+    sizes = [len({t.start for t in trials}) for trials in (distances.a, distances.b)]
+    found: dict[str, list[float]] = {name: [] for name in PARTS}
+    for side, size in zip(distances.sides, sizes, strict=True):
+        once = int(np.bincount(distances.starts[side > 0]).max()) < 2
+        if size < ENOUGH_STARTS or (distances.matched and once):
+            continue
+        pieces = size if distances.matched else size / 2
+        shrink = float(np.sqrt((1 / sizes[0] + 1 / sizes[1]) / (2 / pieces)))
+        parted = [_parted(distances, side, np.random.default_rng(k)) for k in range(SPLITS)]
+        for name in PARTS:
+            measured = [getattr(distances, name)(*two) for two in parted]
+            found[name].append(shrink * float(np.quantile(measured, FLOOR_QUANTILE)))
+    if not found["behaviour"]:
+        return scale
+    floor = {name: float(np.mean(values)) for name, values in found.items()}
+    return replace(
+        scale,
+        behaviour_floor=floor["behaviour"],
+        layout_floor=floor["layout"],
+        floor_from="the sets' own trials, parted in two",
+    )
+
+
+def _own_ceiling(scale: Scale, distances: Distances, ceiling: Sequence[Trial]) -> Scale:
+    """How far both sets are from the other behaviour that was given."""
+    far: dict[str, list[float]] = {name: [] for name in PARTS}
+    for trials in (distances.a, distances.b):
+        between = Distances(a=trials, b=ceiling, arena=distances.arena)
+        for name in PARTS:
+            far[name].append(getattr(between, name)())
+    top = {name: max(float(np.mean(values)), 0.05) for name, values in far.items()}
+    return replace(
+        scale,
+        behaviour_ceiling=top["behaviour"],
+        layout_ceiling=top["layout"],
+        ceiling_from="the other behaviour that was given",
+    )
+
+
+def _parted(distances: Distances, side: Floats, draw: np.random.Generator) -> tuple[Floats, Floats]:
+    """Weights of two halves of a set."""
+    own = np.flatnonzero(side)
+    starts = distances.starts[own]
+    if distances.matched:
+        chosen = np.concatenate([
+            draw.permutation(rows)[: max(1, len(rows) // 2)]
+            for rows in (own[starts == start] for start in np.unique(starts)) if len(rows) > 1
+        ])  # fmt: skip
+    else:
+        kept = draw.permutation(np.unique(starts))
+        chosen = own[np.isin(starts, kept[: len(kept) // 2])]
+    half = np.zeros_like(side)
+    half[chosen] = side[chosen]
+    return half, side - half

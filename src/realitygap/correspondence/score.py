@@ -1,0 +1,160 @@
+"""How alike two sets of trials are: the correspondence score, and what is said beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from realitygap.correspondence.distances import Distances, matched_starts
+from realitygap.correspondence.scale import PARTS, Scale, scale_of
+from realitygap.correspondence.setting import Setting
+from realitygap.correspondence.statistics import parting_s, resampled_weights, transferability, two_sample_p
+from realitygap.correspondence.trials import SHORTEST_S, Trial
+from realitygap.correspondence.words import differences, looping, noisiness, responsiveness
+from realitygap.errors import TrackError
+
+__all__ = ["Comparison", "comparable", "compare"]
+
+PIECES = 4
+"""A lone trial is cut into so many, to show how much it varies."""
+RESAMPLES = 200
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """What came out. Scores 0 (another behaviour) to 10 (the same robot again).
+
+    Attributes:
+        behaviour, layout: the two parts; score: their weighted mean.
+        interval: of the score, 95 %, by bootstrap over starts and units; None with one start.
+        differences: what b is beside a, in the paper's words.
+        noisiness, responsiveness: log2 ratios, b to a; looping: a difference of shares of time.
+        matched: whether the starts are pairs; parting_s: the median time at which pairs have parted
+            (None: half of them or more never did, or no pairs); transferability: of pairs.
+        p: of the two-sample test.
+        distances: of both parts; scale: their floor and ceiling and where these come from.
+        notes: what was done to the tracks.
+    """
+
+    behaviour: float
+    layout: float
+    score: float
+    interval: tuple[float, float] | None
+    differences: str
+    noisiness: float
+    responsiveness: float | None
+    looping: float
+    matched: bool
+    parting_s: float | None
+    transferability: float | None
+    p: float
+    distances: dict[str, float]
+    scale: Scale
+    setting: str
+    trials: tuple[int, int]
+    notes: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Ready for JSON."""
+        kept = {key: getattr(self, key) for key in self.__dataclass_fields__ if key != "scale"}
+        return {**kept, "scale": self.scale.to_dict()}
+
+
+def compare(
+    a: Sequence[Trial],
+    b: Sequence[Trial],
+    setting: Setting,
+    *,
+    ceiling: Sequence[Trial] | None = None,
+    scale: Scale | None = None,
+    resamples: int = RESAMPLES,
+) -> Comparison:
+    """Compare b (situated) with a (simulated).
+
+    Args:
+        a, b: trials, one at least of each.
+        setting: where they were (`setting_of`).
+        ceiling: trials of another behaviour, for the scale's lower end.
+        scale: a scale that other comparisons have too; by default each makes its own.
+        resamples: of the bootstrap.
+
+    Raises:
+        TrackError: no trials, or too short ones.
+    """
+    others = list(ceiling or [])
+    given = [a, b, others] if others else [a, b]
+    cut, notes = comparable(given)
+    ours, theirs = cut[0], cut[1]
+    between = Distances(a=ours, b=theirs, arena=setting.arena, matched=matched_starts(ours, theirs))
+    lone = min(map(len, given)) < 2
+    ends = scale or scale_of(
+        between, task=setting.exemplars, ceiling=cut[2] if others else None, whole=not lone
+    )
+    far = {name: getattr(between, name)() for name in PARTS}
+    score, behaviour = ends.score(far), ends.part("behaviour", far["behaviour"])
+    noisy, loops = noisiness(ours, theirs), looping(ours, theirs)
+    response = responsiveness(ours, theirs, setting.arena)
+    alone = min(len({t.start for t in trials}) for trials in (a, b)) < 2
+    parted = parting_s(ours, theirs) if between.matched else []
+    return Comparison(
+        behaviour=behaviour, layout=ends.part("layout", far["layout"]), score=score,
+        interval=None if alone else _interval(between, ends, resamples),
+        differences=differences(score, behaviour, noisy, response, loops),
+        noisiness=noisy, responsiveness=response, looping=loops, matched=between.matched,
+        parting_s=_median(parted), transferability=transferability(ours, theirs) if parted else None,
+        p=two_sample_p(between), distances=far, scale=ends, setting=setting.name,
+        trials=(len(a), len(b)), notes=tuple(notes),
+    )  # fmt: skip
+
+
+def comparable(sets: Sequence[Sequence[Trial]]) -> tuple[list[list[Trial]], list[str]]:
+    """Sets of trials made alike: of one length, two trials at least in each; and what was done.
+
+    Raises:
+        TrackError: a set without trials, or trials too short for that.
+    """
+    notes = []
+    if not all(sets):
+        raise TrackError("expected one trial at least in each set, got none. Give a file with rows in it.")
+    every = [t for trials in sets for t in trials]
+    shortest = min(every, key=len)
+    if max(map(len, every)) > len(shortest) + 1:
+        notes.append(
+            f"all trials are cut to {shortest.seconds:.1f} s, the shortest "
+            f"({shortest.source}, start {shortest.start})"
+        )
+    bridged = sum(t.bridged_s > 0 for t in every)
+    if bridged:
+        notes.append(f"{bridged} tracks had short losses, which were bridged")
+    made = [[t.cut(shortest.seconds) for t in trials] for trials in sets]
+    if min(map(len, made)) >= 2:
+        return made, notes
+    if shortest.seconds < PIECES * SHORTEST_S:
+        raise TrackError(
+            f"{shortest.source}: a set with one trial is compared by its quarters and must last "
+            f"{PIECES * SHORTEST_S:g} s, got {shortest.seconds:.1f} s. Give more trials, or longer ones."
+        )
+    notes.append(f"one set has one trial only: all are compared by pieces of 1/{PIECES}, without an interval")
+    return [[piece for t in trials for piece in t.pieces(PIECES)] for trials in made], notes
+
+
+def _interval(between: Distances, scale: Scale, resamples: int) -> tuple[float, float]:
+    draw = np.random.default_rng(0)
+    scores = []
+    for _ in range(resamples):
+        wa, wb = resampled_weights(between, draw)
+        far = {name: getattr(between, name)(wa, wb) for name in PARTS}
+        if np.isfinite(list(far.values())).all():
+            scores.append(scale.score(far))
+    low, high = np.quantile(scores, [0.025, 0.975]) if scores else (0.0, 10.0)
+    return float(low), float(high)
+
+
+def _median(times: Sequence[float | None]) -> float | None:
+    if not times:
+        return None
+    middle = float(np.median([np.inf if t is None else t for t in times]))
+    return round(middle, 2) if np.isfinite(middle) else None

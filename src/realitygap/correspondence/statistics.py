@@ -1,0 +1,156 @@
+"""How sure a comparison is, and what is reported beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.correspondence.distances import Distances
+from realitygap.correspondence.trials import STEP_S, Trial
+from realitygap.errors import UsageError
+
+__all__ = [
+    "PART_CM", "Correlation", "correlation", "parting_s", "ranks", "resampled_weights", "transferability",
+    "two_sample_p",
+]  # fmt: skip
+
+Floats = NDArray[np.float64]
+
+PART_CM = 2.9
+"""Two robots have parted when their centres are a body's radius apart."""
+NEIGHBOURS = 3
+
+
+class Correlation(NamedTuple):
+    """Of two figures over controllers: Pearson's r, Spearman's rho, and r's interval (95 %)."""
+
+    r: float
+    rho: float
+    interval: tuple[float, float]
+    controllers: int
+
+
+def resampled_weights(
+    distances: Distances, draw: np.random.Generator
+) -> tuple[Floats, Floats]:
+    """Weights [n] of both sides in one resample: starts drawn with replacement, and units likewise.
+
+    Matched starts are drawn together for both sides.
+    """
+    starts = distances.starts
+    drawn = np.bincount(draw.integers(0, starts.max() + 1, starts.max() + 1), minlength=starts.max() + 1)
+    both = []
+    for side, trials in zip(distances.sides, (distances.a, distances.b), strict=True):
+        own = np.unique(starts[side > 0])
+        if not distances.matched:
+            drawn = np.bincount(draw.choice(own, len(own)), minlength=starts.max() + 1)
+        weights = side * drawn[starts]
+        units = sorted({t.unit for t in trials})
+        if len(units) > 1:
+            times = np.bincount(draw.integers(0, len(units), len(units)), minlength=len(units))
+            weights[side > 0] *= [times[units.index(t.unit)] for t in trials]
+        both.append(weights)
+    return both[0], both[1]
+
+
+def two_sample_p(distances: Distances, *, permutations: int = 199, seed: int = 0) -> float:
+    """Permutation p of a classifier two-sample test: can a neighbour tell which set a trial is of?
+
+    Yes or no only, never a scale: it saturates. Matched starts are swapped within their pair, and a
+    trial's neighbours are never of its own start. (Lopez-Paz and Oquab, ICLR 2017.)
+    """
+    far = np.where(distances.counts, distances._between, np.inf)
+    order = np.argsort(far, axis=1)[:, :NEIGHBOURS]
+    truth = distances.sides[0] > 0
+    draw = np.random.default_rng(seed)
+
+    def right(labels: NDArray[np.bool_]) -> float:
+        return float((labels[order] == labels[:, None]).mean())
+
+    seen = right(truth)
+    starts = distances.starts
+    at_least = 0
+    for _ in range(permutations):
+        if distances.matched:
+            labels = truth ^ (draw.random(starts.max() + 1) < 0.5)[starts]
+        else:
+            labels = draw.permutation(truth)
+        at_least += right(labels) >= seen - 1e-12
+    return (1 + at_least) / (1 + permutations)
+
+
+def parting_s(a: Sequence[Trial], b: Sequence[Trial]) -> list[float | None]:
+    """When each pair of trials of one start has parted, s; None: never while both lasted."""
+    found: list[float | None] = []
+    for one, other in _pairs(a, b):
+        n = min(len(one), len(other))
+        apart = np.hypot(one.x[:n] - other.x[:n], one.y[:n] - other.y[:n]) > PART_CM
+        found.append(float(apart.argmax()) * STEP_S if apart.any() else None)
+    return found
+
+
+def transferability(simulated: Sequence[Trial], situated: Sequence[Trial]) -> float:
+    """Minus the disparity of paired trajectories: 0 is perfect (Koos, Mouret and Doncieux 2013).
+
+    The disparity is the mean squared distance between robots that set out together, over the mean
+    square of how far both went from their start. −1: as far from each other as from the start.
+
+    Raises:
+        UsageError: no start in common.
+    """
+    apart, gone = 0.0, 0.0
+    for one, other in _pairs(simulated, situated):
+        n = min(len(one), len(other))
+        apart += float(((one.x[:n] - other.x[:n]) ** 2 + (one.y[:n] - other.y[:n]) ** 2).mean())
+        for t in (one, other):
+            gone += float(((t.x[:n] - t.x[0]) ** 2 + (t.y[:n] - t.y[0]) ** 2).mean()) / 2
+    if not _pairs(simulated, situated):
+        raise UsageError("transferability: expected trials of both sets with one start in common, got none.")
+    return -apart / max(gone, 1e-9)
+
+
+def correlation(
+    simulated: Sequence[float] | Floats, situated: Sequence[float] | Floats, *, resamples: int = 2000
+) -> Correlation:
+    """Of fitness in simulation and situated, over controllers (Kadian et al. 2020, "SRCC").
+
+    Raises:
+        UsageError: fewer than three controllers, or lists of different lengths.
+    """
+    x, y = np.asarray(simulated, np.float64), np.asarray(situated, np.float64)
+    if x.shape != y.shape or x.ndim != 1 or len(x) < 3 or not np.isfinite([x, y]).all():
+        raise UsageError(
+            f"correlation: expected two lists of finite numbers, one a controller, three or more; "
+            f"got {len(x)} and {len(y)}."
+        )
+    draw = np.random.default_rng(0)
+    made = []
+    for _ in range(resamples):
+        rows = draw.integers(0, len(x), len(x))
+        made.append(_pearson(x[rows], y[rows]))
+    low, high = np.nanquantile(made, [0.025, 0.975]) if np.isfinite(made).any() else (np.nan, np.nan)
+    return Correlation(
+        r=_pearson(x, y), rho=_pearson(ranks(x), ranks(y)), interval=(float(low), float(high)),
+        controllers=len(x),
+    )  # fmt: skip
+
+
+def ranks(values: Sequence[float] | Floats) -> Floats:
+    """Ranks from 0, ties at their mean."""
+    numbers = np.asarray(values, np.float64)
+    below = (numbers[:, None] > numbers).sum(axis=1)
+    same = (numbers[:, None] == numbers).sum(axis=1)
+    return np.asarray(below + (same - 1) / 2, np.float64)
+
+
+def _pearson(x: Floats, y: Floats) -> float:
+    dx, dy = x - x.mean(), y - y.mean()
+    size = float(np.sqrt((dx**2).sum() * (dy**2).sum()))
+    return float((dx * dy).sum() / size) if size > 0 else float("nan")
+
+
+def _pairs(a: Sequence[Trial], b: Sequence[Trial]) -> list[tuple[Trial, Trial]]:
+    return [(one, other) for one in a for other in b if one.start == other.start]

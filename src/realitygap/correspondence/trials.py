@@ -1,0 +1,151 @@
+"""A trial as it is compared: where the robot was, ten times a second, whoever watched it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.errors import TrackError
+from realitygap.values import Trajectory
+
+__all__ = ["LONGEST_GAP_S", "RATE_HZ", "SHORTEST_S", "STEP_S", "Trial", "resampled", "trial_of"]
+
+Floats = NDArray[np.float64]
+
+RATE_HZ = 10.0
+"""Every track is brought to the simulation's own rate."""
+STEP_S = 1.0 / RATE_HZ
+SHORTEST_S = 2.0
+"""Shorter tracks show too little behaviour to speak of."""
+LONGEST_GAP_S = 1.0
+"""A robot that was lost for longer may have done anything."""
+SLOWEST_HZ = 4.5
+"""Tracks with fewer rows a second do not show a turn."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trial:
+    """One trial at 10 Hz, arrays [n]; x and y in cm, heading in rad, unwrapped.
+
+    Attributes:
+        start: which start it is; trials of two sets with the same name and pose are a pair.
+        unit: which robot unit it was, "" where nobody said.
+        source: the file, for messages.
+        bridged_s: how much of it was lost and bridged.
+    """
+
+    x: Floats
+    y: Floats
+    heading: Floats
+    start: str = "1"
+    unit: str = ""
+    source: str = "track"
+    bridged_s: float = 0.0
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    @property
+    def seconds(self) -> float:
+        """From its first row to its last."""
+        return (len(self) - 1) * STEP_S
+
+    def cut(self, seconds: float) -> Trial:
+        """Its first `seconds`."""
+        n = round(seconds * RATE_HZ) + 1
+        return replace(self, x=self.x[:n], y=self.y[:n], heading=self.heading[:n])
+
+    def pieces(self, count: int) -> list[Trial]:
+        """The trial cut into `count` pieces of one length."""
+        n = len(self) // count
+        return [
+            replace(self, x=self.x[a : a + n], y=self.y[a : a + n], heading=self.heading[a : a + n],
+                    start=f"{self.start}.{i + 1}")
+            for i, a in enumerate(range(0, n * count, n))
+        ]  # fmt: skip
+
+
+def trial_of(trajectory: Trajectory, *, start: str = "1", unit: str = "") -> Trial:
+    """A simulated trajectory as a trial, its last pose included."""
+    end = trajectory.end
+    return Trial(
+        x=np.append(trajectory.x, end.x),
+        y=np.append(trajectory.y, end.y),
+        heading=np.unwrap(np.append(trajectory.heading, end.heading)),
+        start=start,
+        unit=unit,
+        source="simulation",
+    )
+
+
+def resampled(
+    t_s: Sequence[float] | Floats,
+    x_cm: Sequence[float] | Floats,
+    y_cm: Sequence[float] | Floats,
+    heading_deg: Sequence[float] | Floats,
+    *,
+    start: str = "1",
+    unit: str = "",
+    source: str = "track",
+) -> Trial:
+    """A track of any rate as a trial; NaN is where the robot was lost.
+
+    Short losses inside are bridged; rows before it was first and after it was last seen are dropped.
+
+    Raises:
+        TrackError: too short, too slow, lost for too long, time that stands or runs back.
+    """
+    where = f"{source}, start {start}"
+    rows = np.array([t_s, x_cm, y_cm, heading_deg], np.float64)
+    if not np.isfinite(rows[0]).all() or np.isinf(rows).any():
+        raise TrackError(f"{where}: expected finite numbers (empty or NaN where the robot was lost).")
+    if (np.diff(rows[0]) <= 0).any():
+        at = float(rows[0][int(np.argmax(np.diff(rows[0]) <= 0)) + 1])
+        raise TrackError(
+            f"{where}: expected t_s to grow from row to row, got {at:g} after a time as late. "
+            "Separate trials by a column start."
+        )
+    rows = rows[:, np.isfinite(rows).all(axis=0)]
+    t = rows[0]
+    _require_seen(t, where)
+    grid = t[0] + np.arange(math.floor((t[-1] - t[0]) * RATE_HZ + 1e-6) + 1) * STEP_S
+    usual = float(np.median(np.diff(t)))
+    gaps = np.diff(t)[np.diff(t) > 1.5 * usual]
+    angle = np.unwrap(np.radians(rows[3]))
+    x, y, heading = (np.interp(grid, t, values) for values in (rows[1], rows[2], angle))
+    return Trial(
+        x=x, y=y, heading=heading, start=start, unit=unit, source=source,
+        bridged_s=float((gaps - usual).sum()),
+    )  # fmt: skip
+
+
+def _require_seen(t: Floats, where: str) -> None:
+    """Refuse what shows too little."""
+    seconds = float(t[-1] - t[0]) if len(t) > 1 else 0.0
+    if seconds < SHORTEST_S - 1e-6:
+        raise TrackError(
+            f"{where}: expected at least {SHORTEST_S:g} s with the robot in sight, got {seconds:g} s. "
+            "Leave this start out, or film longer."
+        )
+    steps = np.diff(t)
+    usual = float(np.median(steps))
+    if usual > 1 / SLOWEST_HZ:
+        raise TrackError(
+            f"{where}: expected at least 5 rows a second, got {1 / usual:.2g}. A turn would not show."
+        )
+    worst = int(np.argmax(steps))
+    if steps[worst] > LONGEST_GAP_S + usual + 1e-6:
+        raise TrackError(
+            f"{where}: the robot is lost from {t[worst]:.2f} to {t[worst + 1]:.2f} s; at most "
+            f"{LONGEST_GAP_S:g} s can be bridged. Leave this start out, or cut it there."
+        )
+    lost = float(steps[steps > 1.5 * usual].sum())
+    if lost > seconds / 4:
+        raise TrackError(
+            f"{where}: the robot is lost for {lost:.1f} of {seconds:.1f} s; expected at most a quarter. "
+            "Leave this start out."
+        )

@@ -1,0 +1,111 @@
+"""The column "differences": what a judge would say, from signed numbers (tables 1 and 2)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from realitygap.correspondence.descriptors import describe
+from realitygap.correspondence.trials import Trial
+from realitygap.world.arena import Arena
+
+__all__ = ["PAPER_SCORES", "differences", "looping", "noisiness", "responsiveness"]
+
+QUIET_DEG_S = 2.0
+"""Jitter that nobody sees; added to both, so that a robot without noise can be compared."""
+CLOSE_CM, ASKEW_DEG = 0.5, 10.0
+"""Distance and angle that nobody sees; added likewise."""
+NOISE_STEPS, RESPONSE_STEPS = (0.4, 1.0, 1.6), (0.06, 0.2, 0.5)
+"""|log2 ratio| from which a difference is little, plain, much."""
+LOOPS = 0.15
+"""Share of time from which more or less looping is seen."""
+ALIKE = ((9.7, "observably identical"), (8.8, "very similar"))
+"""Scores from which no difference is worth a word."""
+
+PAPER_SCORES = {
+    "observably identical": 10.0,
+    "very similar": 9.0,
+    "slightly less noisy": 8.0,
+    "a little less responsive": 8.0,
+    "similar": 8.0,
+    "a little noisier": 7.0,
+    "qualitatively similar": 7.0,
+    "less noisy": 6.25,
+    "less responsive": 6.0,
+    "loops more": 6.0,
+    "noisier": 4.25,
+    "much noisier": 2.0,
+}
+"""Mean correspondence scores that the paper's judges gave with each phrase."""
+
+_NOISE = {
+    1: ("a little noisier", "noisier", "much noisier"),
+    -1: ("slightly less noisy", "less noisy", "much less noisy"),
+}
+_RESPONSE = {
+    1: ("a little more responsive", "more responsive", "much more responsive"),
+    -1: ("a little less responsive", "less responsive", "much less responsive"),
+}
+
+
+def noisiness(a: Sequence[Trial], b: Sequence[Trial]) -> float:
+    """log2 of how much more jitter the turning of b has than that of a."""
+    return _ratio(a, b, None, "jitter", QUIET_DEG_S)
+
+
+def responsiveness(a: Sequence[Trial], b: Sequence[Trial], arena: Arena | None) -> float | None:
+    """log2 of how much sooner b answers to what it meets; None without an arena.
+
+    Without a lamp: how far from a surface ahead it turns. With one: how squarely it faces the lamp.
+    """
+    if arena is None:
+        return None
+    if arena.lamps:
+        return -_ratio(a, b, arena, "light bearing", ASKEW_DEG)
+    return _ratio(a, b, arena, "turning clearance", CLOSE_CM)
+
+
+def looping(a: Sequence[Trial], b: Sequence[Trial]) -> float:
+    """How much larger a share of its time b goes round in loops."""
+    ours, theirs = (float(np.mean([describe(t, None)["looping"] for t in trials])) for trials in (a, b))
+    return theirs - ours
+
+
+def differences(score: float, behaviour: float, noisy: float, responsive: float | None, loops: float) -> str:
+    """What b is beside a, in the paper's words, the largest difference first.
+
+    Args:
+        score, behaviour: 0 to 10.
+        noisy, responsive, loops: signed, as above.
+    """
+    for least, phrase in ALIKE:
+        if score >= least:
+            return phrase
+    if behaviour <= 0 and score <= 2:
+        return "another behaviour"
+    found = [_word(noisy, _NOISE, NOISE_STEPS), _word(responsive, _RESPONSE, RESPONSE_STEPS)]
+    if abs(loops) >= LOOPS:
+        found.append((abs(loops) / LOOPS, "loops more" if loops > 0 else "loops less"))
+    said = [phrase for _, phrase in sorted((f for f in found if f), key=lambda f: -f[0])]
+    if said:
+        return ", ".join(said)
+    return "similar" if score >= 7 else "qualitatively similar" if score >= 4 else "different"
+
+
+def _word(
+    value: float | None, phrases: dict[int, tuple[str, str, str]], steps: tuple[float, float, float]
+) -> tuple[float, str] | None:
+    """How large a difference is beside its first step, and its phrase; None where nobody would see it."""
+    if value is None or abs(value) < steps[0]:
+        return None
+    size = sum(abs(value) >= step for step in steps) - 1
+    return abs(value) / steps[0], phrases[1 if value > 0 else -1][size]
+
+
+def _ratio(
+    a: Sequence[Trial], b: Sequence[Trial], arena: Arena | None, name: str, unseen: float
+) -> float:
+    ours, theirs = (float(np.mean([describe(t, arena)[name] for t in trials])) for trials in (a, b))
+    return math.log2((max(theirs, 0.0) + unseen) / (max(ours, 0.0) + unseen))

@@ -1,0 +1,139 @@
+"""`score`, `classify`, `judge`: a person's files in, figures or one clear refusal out."""
+
+import json
+
+import pytest
+
+from realitygap.correspondence.ladders import Behaviour
+from tests.correspondence.tracks import write
+
+ROBOT = Behaviour(task="obstacle-avoidance", kind="two way turner", seed=1)
+
+
+@pytest.fixture(scope="module")
+def trials():
+    return ROBOT.trials(6)
+
+
+@pytest.fixture
+def tracks(tmp_path, trials):
+    return write(tmp_path / "a.csv", trials)
+
+
+def test_score_of_the_same_tracks(json_of, call, tracks):
+    """The same file twice scores 10 in every part; the JSON has all its keys; the text says the ends."""
+    made = json_of("score", tracks, tracks, "--task", "avoidance")
+    assert made["behaviour"] == made["layout"] == made["score"] == 10
+    assert made["interval"] == [10, 10] and made["differences"] == "observably identical"
+    text = call("score", tracks, tracks).stdout
+    assert "guessed" in text and "exemplars of obstacle avoidance" in text
+
+
+@pytest.mark.parametrize("hz", [25, 50, 7])
+def test_other_rates_are_the_same_behaviour(json_of, tracks, trials, tmp_path, hz):
+    """A film's rate does not count: the same trials at 7, 25 or 50 rows a second score 9.5 or more."""
+    made = json_of("score", tracks, write(tmp_path / "b.csv", trials, hz=hz))
+    assert made["score"] >= 9.5
+
+
+def test_short_losses_and_lengths_are_handled(json_of, tracks, trials, tmp_path):
+    """Losses under a second are bridged, longer trials cut to the shortest; both are said."""
+    other = write(tmp_path / "b.csv", [t.cut(15) for t in trials], lose=(40, 41, 42, 90))
+    made = json_of("score", tracks, other)
+    assert made["score"] >= 9
+    assert "15.0 s" in made["notes"][0] and "bridged" in made["notes"][1]
+
+
+def test_one_trial_is_compared_by_pieces(json_of, trials, tmp_path):
+    """One trial a side is enough for a score, without an interval."""
+    one = write(tmp_path / "one.csv", trials[:1])
+    made = json_of("score", one, one)
+    assert made["score"] == 10 and made["interval"] is None
+
+
+def test_a_ceiling_that_is_given_is_said(json_of, tracks, tmp_path):
+    """With --ceiling the scale's end is that behaviour, and the output says so."""
+    wall = write(tmp_path / "w.csv", Behaviour(task=ROBOT.task, kind="wall follower").trials(6))
+    made = json_of("score", tracks, tracks, "--ceiling", wall)
+    assert "given" in made["scale"]["ceiling_from"]
+    assert json_of("score", tracks, wall, "--ceiling", wall)["score"] <= 3
+
+
+def test_folders_json_and_units(json_of, tracks, trials, tmp_path, call):
+    """A folder holds a file a start and a folder a unit; what `simulate --json` prints is a track."""
+    for unit in ("one", "two"):
+        (tmp_path / "f" / unit).mkdir(parents=True)
+        for trial in trials:
+            write(tmp_path / "f" / unit / f"{trial.start}.csv", [trial])
+    assert json_of("score", tracks, tmp_path / "f")["trials"] == [6, 12]
+    (tmp_path / "j").mkdir()
+    for seed in (1, 2):
+        words = ("simulate", "avoidance", "--controller", "braitenberg", "--pose", 25, 25, 90 * seed)
+        (tmp_path / "j" / f"{seed}.json").write_text(call(*words, "--seed", seed, "--json").stdout)
+    assert len(json_of("classify", tmp_path / "j")["tracks"]) == 2
+
+
+def test_classify_names_every_trial(json_of, tracks):
+    """One entry a trial with start, name and confidence; names as in the paper."""
+    made = json_of("classify", tracks, "--task", "avoidance")
+    assert [entry["start"] for entry in made["tracks"]] == [str(k) for k in range(1, 7)]
+    assert {entry["name"] for entry in made["tracks"]} == {"two way turner"}
+    assert all(0 < entry["confidence"] <= 1 for entry in made["tracks"])
+
+
+HEAD = "t_s,x_cm,y_cm,heading_deg\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("", "empty"),
+        (HEAD, "rows"),
+        ("t_s,x_cm,y_cm\n0,1,2\n", "heading_deg"),
+        (HEAD + "0,25,25,0\n0.1,25,inf,0\n", "line 3"),
+        (HEAD + "0,25,25,0\n0.1,25,east,0\n", "y_cm"),
+        (HEAD + "".join(f"{k / 10},25,25,0\n" for k in range(10)), "at least 2 s"),
+        (HEAD + "".join(f"{k},25,25,0\n" for k in range(30)), "rows a second"),
+        (HEAD + "".join(f"{k % 50 / 10},25,25,0\n" for k in range(100)), "column start"),
+        (HEAD + "".join(f"{k / 10},{'' if 40 < k < 60 else 25},25,0\n" for k in range(100)), "lost from"),
+        (HEAD + "".join(f"{k / 10},,,\n" for k in range(100)), "in sight"),
+        (HEAD + "".join(f"{k / 10},15,15,0\n" for k in range(100)), "arena"),
+        (HEAD + "".join(f"{k / 10},80,25,0\n" for k in range(100)), "arena"),
+    ],
+)
+def test_bad_tracks_are_refused_with_the_reason(refused, tmp_path, text, named):
+    """A track that cannot be used is refused in one line that says what is wrong with it."""
+    path = tmp_path / "bad.csv"
+    path.write_text(text)
+    assert named in refused("classify", path, "--task", "avoidance")
+
+
+def test_nowhere_is_refused(refused, tmp_path, tracks):
+    """No such file, an empty folder, and tracks of an unknown arena without a task."""
+    assert "no such file" in refused("score", tracks, tmp_path / "none.csv")
+    (tmp_path / "empty").mkdir()
+    assert "t_s" in refused("score", tracks, tmp_path / "empty")
+    far = tmp_path / "far.csv"
+    far.write_text(HEAD + "".join(f"{k / 10},{300 + k},25,0\n" for k in range(100)))
+    assert "--task" in refused("classify", far)
+
+
+def test_judging_is_blind_and_marks_agree(call, json_of, refused, tmp_path, trials):
+    """The page tells neither names nor sides; perfect marks give r = 1; a strange pair is refused."""
+    for k, noise in enumerate((1.0, 3.0, 6.0)):
+        (tmp_path / "pairs" / f"secret{k}").mkdir(parents=True)
+        write(tmp_path / "pairs" / f"secret{k}" / "a.csv", trials[:3])
+        write(tmp_path / "pairs" / f"secret{k}" / "b.csv", ROBOT.trials(3, noise=noise, again=5))
+    page, key = tmp_path / "judge.html", tmp_path / "key.json"
+    assert call("judge", "page", tmp_path / "pairs", "--out", page, "--key", key).exit_code == 0
+    assert "secret" not in page.read_text() and "http" not in page.read_text()
+    rows = json.loads(key.read_text())
+    assert {row["name"] for row in rows} == {"secret0", "secret1", "secret2"}
+    marks = tmp_path / "marks.csv"
+    marks.write_text("pair,judge,mark\n" + "".join(f"{r['pair']},anna,{r['score']}\n" for r in rows))
+    made = json_of("judge", "marks", marks, "--key", key)
+    assert made["r"] == pytest.approx(1) and made["difference"] == pytest.approx(0, abs=1e-9)
+    marks.write_text("pair,judge,mark\n9,anna,5\n")
+    assert "not in the key" in refused("judge", "marks", marks, "--key", key)
+    marks.write_text("pair,judge,mark\n1,anna,11\n")
+    assert "0 to 10" in refused("judge", "marks", marks, "--key", key)

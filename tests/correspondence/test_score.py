@@ -1,0 +1,225 @@
+"""The correspondence score: identity, symmetry, mirrors, ladders, other behaviours, the paper's phrases."""
+
+import itertools
+from functools import cache
+
+import numpy as np
+import pytest
+
+from realitygap.controller.handmade import braitenberg
+from realitygap.controller.layout import Layout
+from realitygap.controller.network import decode
+from realitygap.correspondence.behaviour import behaviour_score, ends_of, fitness_of
+from realitygap.correspondence.distances import Distances, matched_starts
+from realitygap.correspondence.ladders import Behaviour, behaviours
+from realitygap.correspondence.score import compare
+from realitygap.correspondence.statistics import correlation, parting_s, transferability
+from realitygap.correspondence.trials import trial_of
+from realitygap.correspondence.validation import (
+    against,
+    climb,
+    order_of_phrases,
+    phrase_scores,
+    setting_for,
+)
+from realitygap.correspondence.words import differences, noisiness
+from realitygap.errors import UsageError
+from realitygap.tasks.load import load_task
+from realitygap.tasks.simulation import Simulation
+from realitygap.world.profile import load_profile
+from tests.correspondence.tracks import mirrored, turned
+
+SATURATED = (("light-seeking", "two way turner"), ("light-seeking", "bobber"))
+"""They compare two sides that see the lamp fully: their behaviour hardly heeds the sensors' gain."""
+EACH = pytest.mark.parametrize("robot", behaviours(0), ids=lambda b: f"{b.task[:5]} {b.kind}")
+TURNER = Behaviour(task="obstacle-avoidance", kind="two way turner", seed=1)
+
+
+@cache
+def lives(robot: Behaviour, **changed):
+    return robot.trials(12, **changed)
+
+
+@cache
+def ladder(robot: Behaviour, what: str):
+    return climb(robot, what)
+
+
+@EACH
+def test_the_same_robot_again_scores_full_marks(robot):
+    """A robot's trials and its trials again, other noise, score 9.5 or more; a trial and itself, 10."""
+    ours = lives(robot)
+    assert against(robot, ours, ours).score == 10
+    assert against(robot, ours, lives(robot, again=1)).score >= 9.5
+    elsewhere = lives(robot, again=2, starts=3)
+    made = compare(ours, elsewhere, setting_for(robot.task), resamples=20)
+    assert not made.matched and made.score >= 9.5
+    assert made.scale.floor_from == "the sets' own trials, parted in two"
+
+
+@EACH
+def test_another_behaviour_scores_two_at_most(robot):
+    """Every other kind of behaviour at the same task scores at most 2, either way round."""
+    for other in behaviours(1):
+        if other.task == robot.task and other.kind != robot.kind:
+            made = against(robot, lives(robot), lives(other))
+            assert made.score <= 2
+            assert against(robot, lives(other), lives(robot)).score == pytest.approx(made.score)
+
+
+@pytest.mark.parametrize(
+    "robot",
+    [b for b in behaviours(0) if (b.task, b.kind) not in SATURATED],
+    ids=lambda b: f"{b.task[:5]} {b.kind}",
+)
+def test_the_ladder_of_gains_goes_down(robot):
+    """Infrared (or light) gain 1 → 0.15 lowers the score at every step (Spearman above 0.9)."""
+    made = ladder(robot, "gain")
+    assert made.spearman > 0.9
+    assert made.scores[0] >= 9.5 and made.scores[-1] < 6
+    if robot.task == "obstacle-avoidance":
+        assert "less responsive" in made.rungs[3].differences
+
+
+@EACH
+def test_the_ladder_of_noise_goes_down(robot):
+    """Noise × 1 → × 8 lowers the score at every step, and every robot becomes noisier on it."""
+    made = ladder(robot, "noise")
+    assert made.spearman > 0.9
+    assert made.scores[-1] < 6
+    noisy = [rung.noisiness for rung in made.rungs]
+    assert (np.diff(noisy) > 0).all()
+    assert made.rungs[-1].differences == "another behaviour" or "noisier" in made.rungs[-1].differences
+
+
+def test_the_phrases_have_the_papers_order():
+    """Mean scores by phrase, over all ladders, are ordered as the paper's judges ordered them."""
+    ladders = [ladder(robot, what) for robot in behaviours(0) for what in ("gain", "noise")]
+    said = phrase_scores(rung for made in ladders for rung in made.rungs)
+    assert order_of_phrases(said) > 0.85
+    order = ("observably identical", "very similar", "a little noisier", "noisier", "much noisier")
+    means = [said[phrase][0] for phrase in order]
+    assert means == sorted(means, reverse=True)
+    assert said["a little less responsive"][0] > said["less responsive"][0]
+
+
+@EACH
+def test_mirror_and_turn_change_nothing(robot):
+    """Two sets in a mirror, or in a room that is turned, score as they did."""
+    width, depth = load_task(robot.task).arena.size_cm
+    setting = setting_for(robot.task)
+    a, b = lives(robot), lives(robot, noise=3.0, again=4)
+    plain = against(robot, a, b)
+    flipped = against(robot, mirrored(a, width), mirrored(b, width))
+    assert flipped.score == pytest.approx(plain.score, abs=0.02 if robot.task[0] == "o" else 10)
+    alone = type(setting)(name="anywhere", arena=None, exemplars=None)
+    moved = compare(turned(a, width, depth), turned(b, width, depth), alone, resamples=2)
+    assert moved.score == pytest.approx(compare(a, b, alone, resamples=2).score, abs=1e-6)
+
+
+def test_it_is_symmetric():
+    """B beside A scores as A beside B; what is said is turned round."""
+    a, b = lives(TURNER), lives(TURNER, noise=4.0, again=4)
+    one, other = against(TURNER, a, b), against(TURNER, b, a)
+    assert one.score == pytest.approx(other.score)
+    assert one.noisiness == pytest.approx(-other.noisiness)
+    assert one.differences == "noisier" and other.differences == "less noisy"
+
+
+def test_left_and_right_handed_robots_are_not_alike():
+    """A one way turner and its mirror image do different things: the score must see it."""
+    robot = Behaviour(task="obstacle-avoidance", kind="one way turner")
+    width = load_task(robot.task).arena.size_cm[0]
+    assert against(robot, lives(robot), mirrored(lives(robot), width)).score < 5
+
+
+def test_the_distance_is_unbiased():
+    """Sets of 4, 8 or 20 trials of one robot are at energy 0 on average; the plug-in form is not."""
+    trials = [t for s in range(4) for t in TURNER.trials(12, again=20 + s, starts=s)]
+    pool = Distances(a=trials[:24], b=trials[24:], arena=setting_for(TURNER.task).arena)
+    draw = np.random.default_rng(1)
+    for n in (4, 8, 20):
+        found = []
+        for _ in range(200):
+            order = draw.permutation(48)
+            sides = np.zeros((2, 48))
+            sides[0, order[:n]], sides[1, order[n : 2 * n]] = 1, 1
+            found.append(pool.energy(*sides))
+        assert abs(np.mean(found)) < 4 * np.std(found) / np.sqrt(200)
+        plug_in = pool._between.mean() * 2 / n
+        assert plug_in > 4 * np.std(found) / np.sqrt(200)
+
+
+def test_a_wider_interval_with_fewer_starts():
+    """The interval holds the score, and four starts say less than twelve."""
+    setting = setting_for(TURNER.task)
+    a, b = lives(TURNER), lives(TURNER, noise=3.0, again=4)
+    full = compare(a, b, setting)
+    few = compare(a[:4], b[:4], setting)
+    assert full.interval[0] <= full.score <= full.interval[1]
+    assert np.diff(few.interval) > 0
+    assert compare(a[:1], b[:1], setting).interval is None
+
+
+def test_the_two_sample_test_says_yes_and_no():
+    """p is small for another behaviour, not for the same robot again."""
+    setting = setting_for(TURNER.task)
+    other = Behaviour(task=TURNER.task, kind="wall follower")
+    assert compare(lives(TURNER), lives(other), setting, resamples=2).p < 0.02
+    assert compare(lives(TURNER), lives(TURNER, again=6, starts=2), setting, resamples=2).p > 0.05
+
+
+def test_pairs_part_and_transfer():
+    """Identical pairs never part and transfer perfectly; another behaviour's part early."""
+    a = lives(TURNER)
+    other = lives(Behaviour(task=TURNER.task, kind="one way looper"))
+    assert matched_starts(a, other) and not matched_starts(a, lives(TURNER, starts=3))
+    assert parting_s(a, a) == [None] * 12 and transferability(a, a) == 0
+    assert np.median(parting_s(a, other)) < 5 and transferability(a, other) < -0.3
+
+
+def test_correlation_of_controllers():
+    """Equal fitness gives r = 1; fitness by chance an interval that holds 0; two controllers a refusal."""
+    x = np.random.default_rng(0).normal(size=(2, 40))
+    assert correlation(x[0], x[0]).r == pytest.approx(1)
+    low, high = correlation(x[0], x[1]).interval
+    assert low < 0 < high
+    with pytest.raises(UsageError, match="three or more"):
+        correlation([1.0, 2.0], [1.0, 2.0])
+
+
+def test_words():
+    """Signs and sizes become the paper's words, the largest difference first."""
+    assert differences(9.8, 10, 2.0, -1.0, 0) == "observably identical"
+    assert differences(7, 7, 0.5, 0.0, 0) == "a little noisier"
+    assert differences(7, 7, -0.5, None, 0) == "slightly less noisy"
+    assert differences(5, 5, 2.0, -0.1, 0) == "much noisier, a little less responsive"
+    assert differences(6, 6, 0, 0, 0.3) == "loops more"
+    assert differences(1, 0, 2.0, 0, 0) == "another behaviour"
+    assert differences(7.5, 7, 0, 0, 0) == "similar"
+
+
+def test_behaviour_score_goes_from_standing_to_ideal():
+    """A robot that stands has 0, the ideal 10, Braitenberg's vehicle something between, often."""
+    profile = load_profile("paper")
+    for name in ("obstacle-avoidance", "light-seeking"):
+        task = load_task(name)
+        ends = ends_of(task, profile)
+        assert behaviour_score([ends[0]], ends) == 0 and behaviour_score([ends[1]] * 3, ends) == 10
+        simulation = Simulation(task, profile)
+        networks = decode(braitenberg(task.feeds, Layout()), Layout())
+        scores = simulation.scores(networks, np.arange(20, dtype=np.uint64)[None])
+        assert 2 < behaviour_score(scores, ends) < 10
+        trajectory, score = simulation.trajectory(networks, stream=1)
+        assert fitness_of(trial_of(trajectory), task, profile) == pytest.approx(score, rel=0.05)
+
+
+def test_noise_of_the_simulation_is_seen():
+    """Braitenberg's vehicle at levels 0, ½, 1, 2, 4: each level's jitter is above the last one's."""
+    task = load_task("avoidance")
+    networks = decode(braitenberg(task.feeds, Layout()), Layout())
+    sets = []
+    for level in (0, 0.5, 1, 2, 4):
+        simulation = Simulation(task, load_profile("paper"), level)
+        sets.append([trial_of(simulation.trajectory(networks, stream=k)[0]) for k in range(10)])
+    assert all(noisiness(one, other) > 0.1 for one, other in itertools.pairwise(sets))

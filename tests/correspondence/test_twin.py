@@ -1,0 +1,79 @@
+"""Names of robots on the twin: hand-written controllers through the serial line, in virtual time."""
+
+from contextlib import ExitStack
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from realitygap.correspondence.exemplars import KINDS, Ruled
+from realitygap.correspondence.names import namer
+from realitygap.correspondence.reading import read_trials
+from realitygap.correspondence.validation import setting_for
+from realitygap.robot.body import SerialBody
+from realitygap.robot.clock import VirtualClock
+from realitygap.robot.khepera import Khepera
+from realitygap.robot.loop import drive
+from realitygap.tasks.load import load_task
+from realitygap.tasks.simulation import Simulation
+from realitygap.twin.process import start_twin
+from realitygap.values import Readings
+from realitygap.world.profile import load_profile
+
+STARTS = 2
+
+
+@dataclass
+class ByReadings:
+    """A hand-written controller that takes a step's readings as its inputs."""
+
+    ruled: Ruled
+
+    def reset(self):
+        self.ruled.reset()
+
+    def decide(self, inputs):
+        values = np.array(inputs, float)
+        return self.ruled.decide(Readings(proximity=values, ambient=values))
+
+
+def films(task, kinds, unit, folder):
+    """Each controller from each start on one twin unit; the sealed states are the tracks."""
+    arena = task.arena
+    room = {
+        "size_cm": list(arena.size_cm),
+        "cylinders": [[c.x_cm, c.y_cm, c.radius_cm] for c in arena.cylinders],
+        "lamps": [[lamp.x_cm, lamp.y_cm] for lamp in arena.lamps],
+    }
+    simulation = Simulation(task, load_profile("paper"))
+    made = {}
+    with ExitStack() as stack:
+        twin = stack.enter_context(start_twin(room, unit=unit, seed=unit))
+        clock = VirtualClock(twin.channel)
+        stack.callback(clock.close)
+        khepera = stack.enter_context(Khepera.connect(twin.device, clock=clock))
+        body = SerialBody(khepera, kinds=(task.feeds,), carry=twin.place)
+        for k, (kind, make) in enumerate(kinds.items()):
+            for i in range(STARTS):
+                body.reset(simulation.start(10 * unit + i))
+                path = folder / f"{kind} {unit} {i}.csv"
+                clock.settle()
+                twin.film(path)
+                drive(
+                    body, ByReadings(Ruled(make, 500 + 7 * k + i, task.feeds)), seconds=20.0, clock=clock,
+                    inputs=lambda r: [*map(int, r.proximity), *map(int, r.ambient)],
+                )  # fmt: skip
+                clock.settle()
+                twin.film(None)
+                made.setdefault(kind, []).extend(read_trials(path))
+    return made
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_twin_tracks_get_their_names(name, tmp_path):
+    """Robots of the twin's physics are named by exemplars of the simulation: 7 of 8 or more."""
+    made = films(load_task(name), KINDS[name], 1, tmp_path)
+    setting = setting_for(name)
+    named = [(kind, found) for kind, of in made.items() for found in namer(setting).name(of, setting)]
+    wrong = [(kind, found) for kind, found in named if kind != found.name]
+    assert len(named) == 4 * STARTS and len(wrong) <= 1, wrong
