@@ -111,7 +111,8 @@ def refuse_units(recording: SensorRecording) -> None:
         )
     if last < DAZZLED_CM and np.percentile(brightest[distance == last], 90) < BRIGHT:
         raise CalibrationError(
-            f"{recording.source}: hardly anything is seen at {last:g} cm, where an object dazzles: the distances "
+            f"{recording.source}: hardly anything is seen at {last:g} cm, where an object "
+            f"dazzles: the distances "
             "are too small. Are units mixed up?"
         )
 

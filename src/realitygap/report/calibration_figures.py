@@ -128,7 +128,7 @@ def steps_figure(fit: WheelFit, recording: WheelRecording) -> Figure:
 def slip_figure(fit: WheelFit) -> Figure:
     """What the camera saw beyond the counters, over the way between two pictures."""
     assert fit.odometry is not None
-    figure = new_figure(PAGE * 0.6, 2.4, layout="constrained")
+    figure = new_figure(PAGE, 2.6, layout="constrained")
     axes = figure.subplots()
     for w, name in enumerate(("left", "right")):
         axes.plot(
