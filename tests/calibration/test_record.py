@@ -45,7 +45,7 @@ def test_a_plan_puts_the_robot_where_its_table_says(name):
         if name == "wall":
             gap, x = place.pose.x - BODY_RADIUS_CM, 0.0
         else:
-            (x, y, radius), = plan.room["cylinders"]
+            ((x, y, radius),) = plan.room["cylinders"]
             gap = math.hypot(place.pose.x - x, place.pose.y - y) - BODY_RADIUS_CM - radius
         assert gap == pytest.approx(distance)
         towards = math.atan2(0.0, x - place.pose.x) - place.pose.heading

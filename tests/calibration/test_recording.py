@@ -154,9 +154,7 @@ def test_an_object_given_in_the_call_wins(tmp_path):
 
 def test_steps_of_a_wrong_kind_or_order_are_refused(tmp_path):
     """With the line."""
-    head = (
-        "t_s,command_left,command_right,counter_left,counter_right,speed_left,speed_right,trial,kind"
-    )
+    head = "t_s,command_left,command_right,counter_left,counter_right,speed_left,speed_right,trial,kind"
     facts = 'kind = "wheels"'
     good, late = "0.0,1,1,0,0,0,0,0,step", "0.0,1,1,5,5,1,1,0,step"
     for rows, says in (

@@ -206,4 +206,3 @@ def test_wrong_settings_are_refused(name, params, message):
     """An unknown algorithm, parameter or value is refused with what there is."""
     with pytest.raises(UsageError, match=message):
         make_algorithm(name, Toy(), **params)
-

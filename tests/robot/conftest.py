@@ -51,5 +51,3 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, paths)))
     with ExitStack() as stack:
         yield Bench(stack)
-
-

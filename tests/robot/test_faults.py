@@ -46,9 +46,7 @@ def test_a_drive_gets_through_a_bad_line(bench: Bench, name: str, tmp_path: Path
     twin.film(tmp_path / "states.csv")
     pump.faults = FAULTS[name]
     recorder = Recorder(tmp_path / "r")
-    recording = drive(
-        body, Constant(4, 5), seconds=3, clock=khepera.clock, inputs=bands, recorder=recorder
-    )
+    recording = drive(body, Constant(4, 5), seconds=3, clock=khepera.clock, inputs=bands, recorder=recorder)
     assert khepera.line.faults > 0
     assert len(recording.t) == 30 and (recording.proximity <= 1023).all()
     time.sleep(0.25)

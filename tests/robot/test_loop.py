@@ -120,9 +120,7 @@ def test_a_body_that_breaks_is_stopped_and_recorded(bench: Bench, tmp_path: Path
     body = SerialBody(khepera)
     recorder = Recorder(tmp_path / "r", facts={"unit": 1})
     with pytest.raises(RuntimeError, match="the controller broke"):
-        drive(
-            body, Constant(fails_at=7), seconds=2, clock=khepera.clock, inputs=bands, recorder=recorder
-        )
+        drive(body, Constant(fails_at=7), seconds=2, clock=khepera.clock, inputs=bands, recorder=recorder)
     assert khepera.speeds() == (0, 0)
     recording = Recording.from_folder(tmp_path / "r")
     assert len(recording.t) == 7 and recording.ended == "RuntimeError: the controller broke"

@@ -144,11 +144,7 @@ def with_light(profile: Profile, values: Values, form: str) -> Profile:
         replace(sensor, **{key: column[k] for key, column in columns.items()})
         for k, sensor in enumerate(law.sensors)
     )
-    common = {
-        key: float(values[key][0])
-        for key in COMMON
-        if key in values
-    }
+    common = {key: float(values[key][0]) for key in COMMON if key in values}
     response = "linear" if form in ("linear", "extended") else "paper"
     law = replace(law, sensors=sensors, response=response, **common)  # type: ignore[arg-type]
     return replace(profile, ambient=law)

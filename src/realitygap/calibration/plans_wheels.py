@@ -81,9 +81,7 @@ def wheel_plan(repeats: int, seed: int) -> tuple[Trial, ...]:
     def add(kind: str, commands: list[Command], pose: Pose, says: str, *, filmed: bool = False) -> None:
         whole = (*commands, *[(0, 0)] * _steps(STAND_S))
         number = len(made)
-        made.append(
-            Trial(number=number, kind=kind, commands=whole, pose=pose, filmed=filmed, says=says)
-        )
+        made.append(Trial(number=number, kind=kind, commands=whole, pose=pose, filmed=filmed, says=says))
 
     def anywhere() -> Pose:
         """A place about the middle: another ground for each trial."""

@@ -1,9 +1,9 @@
 """Makes recordings: brings the robot to each place of a plan, reads it, and writes that down at once.
 
-    from realitygap.calibration.record import record, twin_sites
+from realitygap.calibration.record import record, twin_sites
 
-    sites = twin_sites(unit=7, noise=1.0, seed=0)
-    record("all", "unit-7", open_site=sites, facts={"robot": "twin", "unit": 7})
+sites = twin_sites(unit=7, noise=1.0, seed=0)
+record("all", "unit-7", open_site=sites, facts={"robot": "twin", "unit": 7})
 """
 
 from __future__ import annotations

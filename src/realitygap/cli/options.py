@@ -34,6 +34,7 @@ Numbers = tuple[float, float, float]
 """A pose as it is typed: x and y in cm, heading in degrees."""
 Decorated = TypeVar("Decorated", bound="Callable[..., Any]")
 
+
 def noise_option(default: str | None = "observed", says: str = "") -> Callable[[Decorated], Decorated]:
     """`--noise LEVEL`."""
     return click.option(

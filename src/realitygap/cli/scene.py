@@ -31,9 +31,7 @@ class Scene:
     pose: Pose | None
 
     @classmethod
-    def load(
-        cls, *, task: str, profile: str, noise: float, pose: Numbers, arena: str | None = None
-    ) -> Scene:
+    def load(cls, *, task: str, profile: str, noise: float, pose: Numbers, arena: str | None = None) -> Scene:
         """The scene that a person names; `arena` takes the place of the task's own.
 
         Raises:

@@ -33,9 +33,7 @@ SHOWN_AFTER_S = 2.0
     "--tails", type=FileToWrite(".png"), metavar="FILE", help="Draw tails over the last frame there (.png)."
 )
 @as_json
-def track(
-    film: str, camera: str, disk: str | None, out: Path, tails: Path | None, json_output: bool
-) -> None:
+def track(film: str, camera: str, disk: str | None, out: Path, tails: Path | None, json_output: bool) -> None:
     """Track the robot in FILM.
 
     FILM is any film from above (MP4, MOV, MKV, AVI …) of a robot that carries the disk. The track

@@ -152,9 +152,7 @@ def _turn_events(calm: Floats) -> list[float]:
     """The angles of a trial's turns, deg, left positive."""
     way = np.sign(calm) * (np.abs(calm) > TURN_DEG_S)
     edges = np.flatnonzero(np.diff(np.concatenate([[0.0], way, [0.0]])))
-    sizes = [
-        float(calm[a:b].sum()) * STEP_S for a, b in pairwise(edges) if way[a] != 0
-    ]
+    sizes = [float(calm[a:b].sum()) * STEP_S for a, b in pairwise(edges) if way[a] != 0]
     return [size for size in sizes if abs(size) > TURN_DEG]
 
 

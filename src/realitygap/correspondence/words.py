@@ -104,8 +104,6 @@ def _word(
     return abs(value) / steps[0], phrases[1 if value > 0 else -1][size]
 
 
-def _ratio(
-    a: Sequence[Trial], b: Sequence[Trial], arena: Arena | None, name: str, unseen: float
-) -> float:
+def _ratio(a: Sequence[Trial], b: Sequence[Trial], arena: Arena | None, name: str, unseen: float) -> float:
     ours, theirs = (float(np.mean([describe(t, arena)[name] for t in trials])) for trials in (a, b))
     return math.log2((max(theirs, 0.0) + unseen) / (max(ours, 0.0) + unseen))

@@ -138,9 +138,7 @@ def first(variation: Variation, state: State, event: np.uint64, cell: int) -> Ca
     return Candidate(state.evaluations, genes, (NOBODY, NOBODY), cell)
 
 
-def bred(
-    variation: Variation, state: State, event: np.uint64, cells: tuple[int, int, int]
-) -> Candidate:
+def bred(variation: Variation, state: State, event: np.uint64, cells: tuple[int, int, int]) -> Candidate:
     """The offspring of two cells, for a third: `cells` is (first parent, mate, replaced)."""
     cell, mate, replaced = cells
     stream = np.uint64(substream(event, OFFSPRING))

@@ -31,16 +31,18 @@ _CRC = struct.Struct("<I")
 def pack(state: State) -> bytes:
     """The bytes of a state; equal states give equal bytes."""
     shape = state.genes.shape
-    body = b"".join((
-        _FIELDS.pack(
-            int(state.stream), state.evaluations, state.best_number, state.best_fitness, len(shape)
-        ),
-        struct.pack(f"<{len(shape)}q", *shape),
-        state.genes.astype("<i1").tobytes(),
-        state.fitness.astype("<f8").tobytes(),
-        state.numbers.astype("<i8").tobytes(),
-        state.best_genes.astype("<i1").tobytes(),
-    ))
+    body = b"".join(
+        (
+            _FIELDS.pack(
+                int(state.stream), state.evaluations, state.best_number, state.best_fitness, len(shape)
+            ),
+            struct.pack(f"<{len(shape)}q", *shape),
+            state.genes.astype("<i1").tobytes(),
+            state.fitness.astype("<f8").tobytes(),
+            state.numbers.astype("<i8").tobytes(),
+            state.best_genes.astype("<i1").tobytes(),
+        )
+    )
     data = _HEAD.pack(MAGIC, VERSION) + zlib.compress(body, 1)
     return data + _CRC.pack(zlib.crc32(data))
 

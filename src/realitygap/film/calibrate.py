@@ -218,5 +218,3 @@ def _residual(camera: CameraModel, frame: KnownFrame, pixels: NDArray[Any] | Non
         heading_deg=heading,
         used=math.hypot(x, y) <= 10 * _TOLERANCE_CM and abs(heading) <= _TOLERANCE_DEG,
     )
-
-

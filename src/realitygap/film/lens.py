@@ -1,6 +1,6 @@
 """How a lens bends straight lines: two radial terms (Brown 1966, without the tangential ones).
 
-    bent = v (1 + k1 |v|² + k2 |v|⁴),   v from the picture's middle in half diagonals
+bent = v (1 + k1 |v|² + k2 |v|⁴),   v from the picture's middle in half diagonals
 """
 
 from __future__ import annotations

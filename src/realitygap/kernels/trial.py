@@ -122,9 +122,7 @@ def move(robot, arena, work):
     """The wheels' arcs carry the body, as far as walls and cylinders let it."""
     left = work.wheel[0, 0]
     right = work.wheel[1, 0]
-    dx, dy, turn, share, cos_mean, sin_mean = drive_arc(
-        robot.track, left, right, work.pose[3], work.pose[4]
-    )
+    dx, dy, turn, share, cos_mean, sin_mean = drive_arc(robot.track, left, right, work.pose[3], work.pose[4])
     x, y, touched = settle(arena, robot.radius, work.pose[0], work.pose[1], dx, dy)
     work.ground[2] = 1.0 if touched else 0.0
     if touched:

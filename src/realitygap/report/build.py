@@ -24,6 +24,7 @@ from realitygap.report.gather import (
 from realitygap.report.network import network_figure
 from realitygap.report.page import Card, Section
 from realitygap.report.paths import panels_figure, sheet_figure
+from realitygap.report.player import player_data, player_json
 from realitygap.report.reading import read_table
 from realitygap.report.robots import robot_figure
 from realitygap.report.situated import SituatedPart, count_figures, make_situated
@@ -62,12 +63,12 @@ def build_report(study_path: str | Path, *, on_progress: Progress | None = None)
         (folder / name).mkdir(parents=True, exist_ok=True)
     parts = parts_of(study)
     pairs = pairs_of(study, parts)
-    total = 1 + sum(_count(part) + count_figures(pairs[part.task.name]) for part in parts)
+    total = 2 + sum(_count(part) + count_figures(pairs[part.task.name]) for part in parts)
     maker = _Maker(folder=folder, study=study, pairs=pairs, tell=on_progress, total=total)
     with styled():
         robot = maker.card("robot", lambda: robot_figure(study.profile), **words.robot_words(study.profile))
         sections = [maker.section(part) for part in parts]
-    text = page.render(study, parts, robot, sections)
+    text = page.render(study, parts, robot, sections, maker.player(parts))
     target = folder / "index.html"
     spare = target.with_suffix(".html.tmp")
     spare.write_text(text, encoding="utf-8")
@@ -135,6 +136,14 @@ class _Maker:
             sheet=self._sheet(part),
             networks=self._networks(part),
         )
+
+    def player(self, parts: Sequence[TaskPart]) -> str:
+        """What the page's player knows; nothing where no run has been begun."""
+        if self.tell:
+            self.tell(self.done, self.total, "player")
+        data = player_data(self.study, parts, self.pairs, self.paths)
+        self.done += 1
+        return "" if data is None else player_json(data)
 
     def _situated(self, part: TaskPart, label: str) -> SituatedPart | None:
         pairs = self.pairs[part.task.name]

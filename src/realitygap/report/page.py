@@ -80,8 +80,10 @@ def _rows(one: NoiseClass, table: Table) -> list[dict[str, Any]]:
     return rows
 
 
-def render(study: Any, parts: Sequence[TaskPart], robot: Card, sections: Sequence[Section]) -> str:
-    """The page as one self-contained HTML text."""
+def render(
+    study: Any, parts: Sequence[TaskPart], robot: Card, sections: Sequence[Section], player: str = ""
+) -> str:
+    """The page as one self-contained HTML text; `player` is what its player knows, as JSON."""
     from jinja2 import Environment, FileSystemLoader
     from markupsafe import Markup
 
@@ -98,6 +100,8 @@ def render(study: Any, parts: Sequence[TaskPart], robot: Card, sections: Sequenc
         study=study,
         config=study.config,
         robot=robot,
+        player=Markup(player),
+        scripts=Markup(_scripts()),
         sections=sections,
         rows=_rows,
         per_condition=2 * PER_CONDITION,
@@ -112,6 +116,13 @@ def render(study: Any, parts: Sequence[TaskPart], robot: Card, sections: Sequenc
         versions=versions,
     )
     return re.sub(r"\n\s*\n+", "\n", html)
+
+
+def _scripts() -> str:
+    """The page's own scripts in one scope, in the order of their names."""
+    files = sorted((Path(__file__).parent / "assets").glob("*.js"))
+    text = "\n".join(file.read_text("utf-8") for file in files)
+    return f'"use strict";\n(() => {{\n{text}}})();'
 
 
 def _is_paper(parts: Sequence[TaskPart]) -> bool:

@@ -16,7 +16,7 @@ from realitygap.study.load import Run, Study
 from realitygap.study.plan import run_stream
 from realitygap.study.run import WHO
 
-__all__ = ["FOLDER", "SOURCES", "Robot", "Situation", "chosen_runs", "situations"]
+__all__ = ["FOLDER", "SOURCES", "Robot", "Situation", "chosen_runs", "situations", "transfer_stream"]
 
 FOLDER = "transfer"
 """In a study's folder."""
@@ -176,7 +176,6 @@ def situations(
             assert number is not None
             for start in range(1, starts + 1):
                 name = run.name.replace("/", "-") + ("" if individual == WHO[1] else f"-{individual}")
-                stream = substream(run_stream(seed, run.task, run.noise, run.index), np.uint64(TRANSFER))
                 yield Situation(
                     run=run.id,
                     name=run.name,
@@ -190,11 +189,17 @@ def situations(
                     start=start,
                     seconds=task.seconds if seconds is None else seconds,
                     baud=baud,
-                    stream=int(substream(np.uint64(stream), np.uint64(start))),
+                    stream=transfer_stream(seed, run, start),
                     film=film if isinstance(film, bool) else run.id in film,
                     watch=watch and (eye or robot.port is None),
                     folder=f"{FOLDER}/{robot.folder(twin_noise)}/{name}/start-{start}",
                 )
+
+
+def transfer_stream(seed: int, run: Run, start: int) -> int:
+    """Where the randomness of a run's trial from start number `start` comes from."""
+    stream = substream(run_stream(seed, run.task, run.noise, run.index), np.uint64(TRANSFER))
+    return int(substream(np.uint64(stream), np.uint64(start)))
 
 
 def _number(run: Run, individual: str) -> int | None:

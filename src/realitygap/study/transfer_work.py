@@ -99,9 +99,7 @@ def on_twins(
             reporter.hear(message)
 
 
-def by_hand(
-    study: Study, todo: Sequence[Situation], carry: Carry, overhead: Overhead | None = None
-) -> None:
+def by_hand(study: Study, todo: Sequence[Situation], carry: Carry, overhead: Overhead | None = None) -> None:
     """Make trials on the real robot that they name, one after the other; `overhead` sees it.
 
     Raises:

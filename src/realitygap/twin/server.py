@@ -39,9 +39,8 @@ TICK_S = 0.01
 
 CHUNK = 4096
 
-def make_body(
-    arena: Mapping[str, Any], *, unit: int, noise: float, seed: int, body: str = BODY
-) -> RobotBody:
+
+def make_body(arena: Mapping[str, Any], *, unit: int, noise: float, seed: int, body: str = BODY) -> RobotBody:
     """A robot of class `body` ("module:class") in an arena of plain numbers."""
     module, name = body.split(":")
     made: RobotBody = getattr(importlib.import_module(module), name)(

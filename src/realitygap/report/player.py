@@ -1,0 +1,216 @@
+"""The page's player: what it may be asked to show of a study, as one JSON document.
+
+Tasks hold noise levels, those hold runs, those trials; a trial is a simulated drive and, where the run
+was let have a robot or a twin, the situated one from the same pose.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from realitygap.kernels.params import STEP_S
+from realitygap.report.gather import PER_CONDITION, Paths, TaskPart, chosen, individual
+from realitygap.report.player_network import network_drawing
+from realitygap.report.player_tracks import activity, poses_of, poses_of_table, track
+from realitygap.report.robots import WHEEL_CM
+from realitygap.report.style import noise_styles
+from realitygap.report.tables import NoiseClass, Row, number
+from realitygap.report.transfers import Pair, robots_of
+from realitygap.robot.recording import Recording
+from realitygap.study.transfer_paths import read_path
+from realitygap.study.transfer_replay import Replay, Replays
+from realitygap.study.transfer_trial import SIMULATED, SITUATED
+from realitygap.values import Trajectory
+from realitygap.world.rays import RAY_ANGLES_DEG
+
+__all__ = ["MOST_RUNS", "MOST_TRIALS", "player_data", "player_json"]
+
+MOST_RUNS = 2 * PER_CONDITION
+"""Runs of a condition that the page holds: as many as its tables show."""
+MOST_TRIALS = 2
+"""Trials of a run that the page holds."""
+LIT_RAYS_CM = 15.0
+"""Rays of the ambient sensors have no end but the walls: the page draws so much of them."""
+FINEST_CM = 0.01
+LARGEST = 32_000
+"""A room's longer side in units of packed places, at most: they are int16."""
+
+
+def player_json(data: Mapping[str, Any]) -> str:
+    """The document as it may stand inside a script element: no "<" ends it."""
+    return json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False).replace(
+        "<", "\\u003c"
+    )
+
+
+def player_data(
+    study: Any, parts: Sequence[TaskPart], pairs: Mapping[str, Sequence[Pair]], paths: Paths
+) -> dict[str, Any] | None:
+    """All that the player knows; None where no run has been begun."""
+    body = study.profile.to_kernel()
+    gather = _Gather(study, paths, {c.level for part in parts for c in part.conditions})
+    tasks = [
+        gather.task(part, pairs[part.task.name]) for part in parts if any(c.begun for c in part.conditions)
+    ]
+    robot = {"radius": float(body.radius), "track": float(body.track), "wheel": list(WHEEL_CM)}
+    return {"step_s": STEP_S, "robot": robot, "tasks": tasks} if tasks else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Cast:
+    """Whose drives are shown: a run's individual, and how its numbers are packed."""
+
+    task: Any
+    genes: Any
+    slots: Sequence[int]
+    """Neurons of the network, in the order in which their outputs are packed."""
+    unit_cm: float
+
+    def simulated(self, one: Trajectory, score: str, drove: Any) -> dict[str, Any]:
+        """A simulated drive; `drove` is the genotype that did."""
+        return track(
+            "simulated",
+            score,
+            poses_of(one),
+            self.unit_cm,
+            readings=one.proximity if self.task.feeds == "proximity" else one.ambient,
+            commands=one.commands,
+            outputs=self._outputs(one, drove),
+        )
+
+    def situated(self, pair: Pair, replay: Replay, score: str) -> dict[str, Any]:
+        """A drive on a robot, as far as its folder tells of it."""
+        poses, kept = poses_of_table(read_path(pair.folder / SITUATED)), replay.situated
+        if kept is None:
+            return track(pair.where, score, poses, self.unit_cm)
+        return track(
+            pair.where,
+            score,
+            poses,
+            self.unit_cm,
+            readings=kept.proximity if self.task.feeds == "proximity" else kept.ambient,
+            commands=kept.commands,
+            outputs=self._outputs(kept, replay.genes),
+        )
+
+    def _outputs(self, drive: Trajectory | Recording, drove: Any) -> Any:
+        """The network's outputs, if the network that is drawn is the one that drove."""
+        same = drove is not None and np.array_equal(self.genes, drove)
+        if not same or drive.inputs.shape[1] != len(self.task.sensors):
+            return None
+        return activity(self.genes, drive.inputs, drive.commands, self.slots)
+
+
+class _Gather:
+    """Takes runs and transfers of one study apart into what a page can show."""
+
+    def __init__(self, study: Any, paths: Paths, levels: set[float]) -> None:
+        self.study, self.paths = study, paths
+        self.styles = noise_styles(levels)
+        self.replays = Replays(study)
+
+    def task(self, part: TaskPart, pairs: Sequence[Pair]) -> dict[str, Any]:
+        """A task: its arena, the sensors it feeds, its noise levels."""
+        task = part.task
+        return {
+            "name": task.name,
+            "title": task.title,
+            "unit": task.fitness_unit,
+            "feeds": task.feeds,
+            "unit_cm": _unit_cm(task),
+            "arena": _arena(task.arena),
+            "sensors": _sensors(task, self.study.profile),
+            "noises": [self.noise(part, c, pairs) for c in part.conditions if c.begun],
+        }
+
+    def noise(self, part: TaskPart, condition: NoiseClass, pairs: Sequence[Pair]) -> dict[str, Any]:
+        """A noise level's runs; `shown` is the one that the figures show."""
+        shown, runs = chosen(condition), list(condition.begun[:MOST_RUNS])
+        if shown is not None and shown not in runs:
+            runs.append(shown)
+        return {
+            "name": part.names[condition.level],
+            "colour": self.styles[condition.level].colour,
+            "shown": 0 if shown is None else runs.index(shown),
+            "runs": [
+                self.run(part, condition, row, [p for p in pairs if p.row.run == row.run]) for row in runs
+            ],
+        }
+
+    def run(self, part: TaskPart, condition: NoiseClass, row: Row, pairs: Sequence[Pair]) -> dict[str, Any]:
+        """A run: its network and its trials, transferred ones where there are any."""
+        genes, task = individual(row), part.task
+        drawing = network_drawing(genes, task, self.study.profile)
+        cast = _Cast(task=task, genes=genes, slots=drawing.pop("slots"), unit_cm=_unit_cm(task))
+        order = {robot: i for i, robot in enumerate(robots_of(pairs))}
+        there = sorted(
+            (p for p in pairs if len(p.situated.x)),
+            key=lambda p: (p.individual != "champion", order.get(p.robot, len(order)), p.start),
+        )
+        trials = [self.transfer(part, pair, cast) for pair in there[:MOST_TRIALS]]
+        name = f"#{row.index}" + ("" if row.finished else ", unfinished")
+        return {
+            "name": name,
+            "network": drawing,
+            "trials": trials or [self.alone(part, condition, row, cast)],
+        }
+
+    def alone(self, part: TaskPart, condition: NoiseClass, row: Row, cast: _Cast) -> dict[str, Any]:
+        """A run that drove no robot: its trial in the simulation, as the figures of paths show it."""
+        panel = self.paths.panel(part, condition, row, "{score}")
+        assert isinstance(panel.trajectory, Trajectory)
+        simulated = cast.simulated(panel.trajectory, panel.title, cast.genes)
+        return {"name": "simulated only", "simulated": simulated, "situated": None}
+
+    def transfer(self, part: TaskPart, pair: Pair, cast: _Cast) -> dict[str, Any]:
+        """One transfer: both drives, as far as they are known."""
+        replay, table = self.replays.of(pair.folder), part.table
+        scores = ["–" if v != v else number(v / table.scale, table.places) for v in pair.fitness]
+        if replay.simulated is not None:
+            simulated = cast.simulated(replay.simulated, scores[0], replay.genes)
+        else:
+            poses = poses_of_table(read_path(pair.folder / SIMULATED))
+            simulated = track("simulated", scores[0], poses, cast.unit_cm)
+        situated = cast.situated(pair, replay, scores[1])
+        return {"name": f"{pair.where}, start {pair.start}", "simulated": simulated, "situated": situated}
+
+
+def _unit_cm(task: Any) -> float:
+    """What places are packed in: hundredths of a cm, coarser in a room too large for int16."""
+    return float(max(FINEST_CM, max(task.arena.size_cm) / LARGEST))
+
+
+def _arena(arena: Any) -> dict[str, Any]:
+    """As plain numbers in cm; a lamp is its middle and its points."""
+    plain = arena.plain()
+    plain["lamps"] = [
+        {"x": lamp.x_cm, "y": lamp.y_cm, "points": [list(point) for point in lamp.points()]}
+        for lamp in arena.lamps
+    ]
+    return dict(plain)
+
+
+def _sensors(task: Any, profile: Any) -> dict[str, Any]:
+    """The sensors that a task feeds: places in the robot's frame, rays, and the counts' range.
+
+    `dull` and `bright` are the counts at which a sensor's rays are drawn not at all, and strongest.
+    """
+    near = task.feeds == "proximity"
+    part = profile.infrared if near else profile.ambient
+    reach = [min(s.reach_cm(), LIT_RAYS_CM) if near else LIT_RAYS_CM for s in part.sensors]
+    return {
+        "places": [[s.x_cm, s.y_cm] for s in part.sensors],
+        "directions": [s.direction_deg for s in part.sensors],
+        "reach": [round(cm, 2) for cm in reach],
+        "rays": list(RAY_ANGLES_DEG),
+        "petals": not near,
+        "top": part.top if near else part.dark,
+        "dull": 0 if near else part.dark,
+        "bright": part.top if near else part.floor,
+        "fed": list(task.sensors),
+    }

@@ -1,0 +1,113 @@
+"""What the page's player shows of one drive: poses, readings, commands and a network's outputs, packed.
+
+Numbers are packed as the little-endian bytes of int16 or int8, in base64: a tenth of their JSON.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.controller.layout import Genes, Layout
+from realitygap.controller.network import NetworkController
+from realitygap.values import Trajectory
+
+__all__ = ["LOST", "activity", "pack", "poses_of", "poses_of_table", "track"]
+
+LOST = -32768
+"""Stands for a number that there is not: the camera lost the robot."""
+TURN = 100.0
+"""Headings are packed in hundredths of a degree."""
+
+Floats = NDArray[np.float64]
+
+
+def pack(values: Any, kind: str) -> str:
+    """Whole numbers as base64: `kind` is "<i2" or "i1"; a NaN is LOST; what is too large is clipped."""
+    numbers = np.asarray(values, np.float64)
+    limits = np.iinfo(np.dtype(kind))
+    lowest = limits.min + 1 if kind == "<i2" else limits.min
+    whole = np.clip(np.round(np.nan_to_num(numbers)), lowest, limits.max)
+    whole = np.where(np.isnan(numbers), limits.min, whole)
+    return base64.b64encode(np.ascontiguousarray(whole).astype(kind).tobytes()).decode("ascii")
+
+
+def poses_of(trajectory: Trajectory) -> Floats:
+    """Poses [n + 1, 3] of a simulated trial: cm, cm, degrees; the last one is its end."""
+    one, end = trajectory, trajectory.end
+    x, y = np.append(one.x, end.x), np.append(one.y, end.y)
+    return np.stack([x, y, _degrees(np.append(one.heading, end.heading))], axis=1)
+
+
+def poses_of_table(table: Any) -> Floats:
+    """Poses [n + 1, 3] of a path on file; NaN where the robot was lost."""
+    return np.stack([np.asarray(table[key], np.float64) for key in ("x_cm", "y_cm", "heading_deg")], axis=1)
+
+
+def _degrees(heading: Floats) -> Floats:
+    degrees: Floats = 180.0 - (180.0 - np.degrees(heading)) % 360.0
+    return degrees
+
+
+def activity(genes: Genes, inputs: Any, commands: Any, slots: Sequence[int]) -> NDArray[np.int64] | None:
+    """Outputs [n, slots] of a network's neurons at the end of each step of a drive, by living it again.
+
+    Args:
+        genes: whose network it is.
+        inputs: what it was fed [n, I].
+        commands: what it decided [n, 2]; where the network decides something else it is not the one
+            that drove, and there is nothing to show: None.
+        slots: the neurons.
+    """
+    controller = NetworkController(genes, Layout.of(genes, inputs=inputs.shape[1]))
+    shown = np.zeros((len(inputs), len(slots)), np.int64)
+    for k, (fed, command) in enumerate(zip(inputs.tolist(), commands.tolist(), strict=True)):
+        decided = controller.decide(fed)
+        if [decided.left, decided.right] != command:
+            return None
+        outputs = controller.outputs
+        shown[k] = [outputs[slot] for slot in slots]
+    return shown
+
+
+def track(
+    who: str,
+    score: str,
+    poses: Floats,
+    unit_cm: float,
+    *,
+    readings: Floats | None = None,
+    commands: Any = None,
+    outputs: Any = None,
+) -> dict[str, Any]:
+    """One drive for the page; rows of readings, commands and outputs belong to the poses' first n.
+
+    Args:
+        who: drove, in words.
+        score: as the tables write it.
+        poses: [n + 1, 3] cm, cm, degrees.
+        unit_cm: places are packed in such units.
+        readings: [n, S] counts of the sensors that the task feeds.
+        commands: [n, 2] Khepera units.
+        outputs: [n, N] of the network's neurons.
+    """
+    steps = len(poses) - 1
+    scaled = poses * np.array([1 / unit_cm, 1 / unit_cm, TURN])
+
+    def rows(values: Any, kind: str) -> str | None:
+        there = values is not None and len(values) == steps and steps > 0
+        return pack(values, kind) if there else None
+
+    return {
+        "who": who,
+        "score": score,
+        "steps": steps,
+        "poses": pack(scaled, "<i2"),
+        "readings": rows(readings, "<i2"),
+        "commands": rows(commands, "i1"),
+        "outputs": rows(outputs, "i1"),
+    }
