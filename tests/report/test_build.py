@@ -31,7 +31,7 @@ def _few(config: StudyConfig) -> StudyConfig:
 class _Tags(HTMLParser):
     """Collects a page's tags, and checks that every one that is opened is closed."""
 
-    VOID = frozenset({"meta", "br", "link", "img", "hr"})
+    VOID = frozenset({"meta", "br", "link", "img", "hr", "input"})
 
     def __init__(self, text: str) -> None:
         super().__init__()

@@ -20,6 +20,7 @@ from realitygap.study.load import Study, load_study
 from realitygap.study.transfer import Transferred, load_transfers, transfer
 from realitygap.study.transfer_folder import half_folder
 from realitygap.study.transfer_plan import Robot
+from realitygap.study.transfer_replay import Replays
 from realitygap.tasks.simulation import Simulation
 from realitygap.twin.process import start_twin
 from realitygap.twin.states import States
@@ -247,3 +248,24 @@ def test_a_broken_trial_file_is_named(made, study):
     file.write_text("run = 1\n")
     with pytest.raises(StudyError, match=r"start-1/transfer\.toml"):
         load_transfers(study.folder)
+
+
+def test_a_transfer_can_be_lived_once_more(made, finished):
+    """Simulated again to the path on file, with the individual's genes; the recording beside it."""
+    replays = Replays(load_study(finished.folder))
+    for one in made:
+        genes, simulated, situated = replays.of(one.folder)
+        assert np.array_equal(genes, finished.run(one.run).champion)
+        assert np.abs(np.append(simulated.x, simulated.end.x) - one.simulated["x_cm"]).max() < 1e-5
+        assert len(situated.t) == len(simulated.t) == round(10 * SECONDS)
+
+
+def test_another_path_on_file_is_not_passed_off_as_the_simulations(made, finished, tmp_path):
+    """As of another version: what it read is then not known."""
+    folder = shutil.copytree(made[0].folder, tmp_path / "robot" / "run" / "start-1")
+    lines = (folder / "simulated.csv").read_text("utf-8").splitlines()
+    last = lines[-1].split(",")
+    lines[-1] = ",".join([last[0], f"{float(last[1]) + 0.01:.6f}", *last[2:]])
+    (folder / "simulated.csv").write_text("\n".join(lines) + "\n", "utf-8")
+    genes, simulated, situated = Replays(load_study(finished.folder)).of(folder)
+    assert genes is not None and simulated is None and situated is not None

@@ -1,0 +1,187 @@
+"""What the page's player is told is what happened, and the page says it so that everyone can use it."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from realitygap.controller.layout import Layout
+from realitygap.controller.network import NetworkController
+from realitygap.report import player
+from realitygap.report.gather import Paths, parts_of
+from realitygap.report.page import _scripts
+from realitygap.report.player_tracks import LOST, activity, pack, track
+from realitygap.report.transfers import pairs_of
+from realitygap.robot.recording import Recording
+from realitygap.study.load import Study
+from tests.report.scenes import random_genes
+from tests.report.situations import STEPS, write_transfer
+
+AVOID, LIGHT = 0, 1
+
+
+def _unpacked(text: str, kind: str) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(text), kind)
+
+
+def _data(study: Study) -> dict[str, Any]:
+    """What the page was given, read back from it."""
+    text = (study.folder / "report" / "index.html").read_text("utf-8")
+    found = re.search(r'<script type="application/json" id="player-data">(.*?)</script>', text, re.DOTALL)
+    assert found
+    return dict(json.loads(found[1]))
+
+
+def _run(study: Study, task: int, run: int) -> dict[str, Any]:
+    """A run of a task's zero noise."""
+    return dict(_data(study)["tasks"][task]["noises"][0]["runs"][run])
+
+
+def test_numbers_come_back_from_their_packing() -> None:
+    """Rounded to whole numbers; what is not known, or too large, is told by the ends of the range."""
+    values = np.array([[0.4, -1.6], [np.nan, 1e6], [-1e6, 32767.0]])
+    told = _unpacked(pack(values, "<i2"), "<i2").reshape(3, 2)
+    assert told.tolist() == [[0, -2], [LOST, 32767], [LOST + 1, 32767]]
+    assert _unpacked(pack([[-10, 10]], "i1"), "i1").tolist() == [-10, 10]
+
+
+def test_a_situated_drive_is_the_recording(played: Study) -> None:
+    """Readings and commands as they were recorded; the path as it is on file, to a hundredth of a cm."""
+    pair = pairs_of(played, parts_of(played))["obstacle-avoidance"][0]
+    told, kept = _run(played, AVOID, 0)["trials"][0]["situated"], Recording.from_folder(pair.folder)
+    readings = _unpacked(told["readings"], "<i2").reshape(told["steps"], 8)
+    assert told["steps"] == 20 and np.array_equal(readings, kept.proximity)
+    assert np.array_equal(_unpacked(told["commands"], "i1").reshape(-1, 2), kept.commands)
+    poses = _unpacked(told["poses"], "<i2").reshape(-1, 3) / 100
+    assert np.allclose(poses[:, 0], pair.situated.x, atol=0.0051)
+    assert np.allclose(poses[:, 1], pair.situated.y, atol=0.0051)
+
+
+@pytest.mark.parametrize("who", ["simulated", "situated"])
+def test_the_motors_of_the_network_are_the_commands(played: Study, who: str) -> None:
+    """The network that lights up is the one that drove, step by step."""
+    run = _run(played, AVOID, 0)
+    told = run["trials"][0][who]
+    outputs = _unpacked(told["outputs"], "i1").reshape(told["steps"], -1)
+    kinds = [neuron["kind"] for neuron in run["network"]["neurons"]]
+    assert outputs.shape[1] == len(kinds) and kinds[8:10] == ["output", "output"]
+    assert np.array_equal(outputs[:, 8:10], _unpacked(told["commands"], "i1").reshape(-1, 2))
+
+
+def test_activity_is_that_of_the_one_who_drove() -> None:
+    """Another's commands, even in one step, are not explained by this network."""
+    genes = random_genes(4)
+    network, random = NetworkController(genes, Layout.of(genes)), np.random.default_rng(1)
+    inputs = random.integers(-10, 11, (30, 8))
+    commands = np.array([list(vars(network.decide(row.tolist())).values()) for row in inputs])
+    slots = [0, 8, 9]
+    shown = activity(genes, inputs, commands, slots)
+    assert shown is not None
+    assert np.array_equal(shown[:, 0], inputs[:, 0]) and np.array_equal(shown[:, 1:], commands)
+    other = commands.copy()
+    other[-1, 1] += 1
+    assert activity(genes, inputs, other, slots) is None
+
+
+def test_a_run_without_a_transfer_is_simulated_alone(played: Study) -> None:
+    """With all that a simulation knows; the other task's runs have both, up to the number that is shown."""
+    alone = _run(played, LIGHT, 0)["trials"]
+    assert len(alone) == 1 and alone[0]["situated"] is None and alone[0]["simulated"]["outputs"]
+    both = _run(played, AVOID, 0)["trials"]
+    assert [trial["name"] for trial in both] == ["twin unit 1, start 1", "twin unit 1, start 2"]
+    assert all(trial["simulated"]["outputs"] and trial["situated"] for trial in both)
+
+
+def test_what_was_not_kept_is_not_made_up(played: Study, tmp_path: Path) -> None:
+    """A transfer that says neither its seed nor its readings shows its two paths, nothing more."""
+    study, parts = played, parts_of(played)
+    row = parts[LIGHT].conditions[0].rows[0]
+    copy = Study(study.folder)
+    copy.folder = tmp_path
+    write_transfer(copy, row.source, film=False)
+    pairs = {part.task.name: [] for part in parts} | pairs_of(copy, parts)
+    data = player.player_data(study, parts, pairs, Paths(study))
+    assert data is not None
+    trial = data["tasks"][LIGHT]["noises"][0]["runs"][0]["trials"][0]
+    for who in ("simulated", "situated"):
+        assert trial[who]["steps"] == STEPS
+        assert [trial[who][key] for key in ("readings", "commands", "outputs")] == [None] * 3
+
+
+def test_rows_of_another_length_are_left_out() -> None:
+    """Readings that do not belong to the path's steps are not shown beside them."""
+    rows = {"readings": np.zeros((2, 8)), "commands": np.zeros((3, 2))}
+    told = track("simulated", "1", np.zeros((4, 3)), 0.01, **rows)
+    assert told["readings"] is None and told["commands"] is not None
+
+
+def test_a_page_of_thirty_runs_is_small(played: Study) -> None:
+    """Two full trials of 20 s with twenty hidden neurons are below 100 kB: 30 runs below 3 MB."""
+    full = {
+        "readings": np.full((200, 8), 1023),
+        "commands": np.full((200, 2), -10),
+        "outputs": np.full((200, 30), -10),
+    }
+    one = track("twin unit 1", "0.5", np.full((201, 3), 30.0), 0.01, **full)
+    assert 4 * len(json.dumps(one)) < 100_000
+
+
+def test_nothing_in_the_data_ends_its_script() -> None:
+    """Whatever a user calls a task."""
+    text = player.player_json({"title": "</script><b>"})
+    assert "<" not in text and json.loads(text) == {"title": "</script><b>"}
+
+
+class _Controls(HTMLParser):
+    """Which controls a page has, and which of them have a name of their own."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.nameless: list[str] = []
+        self.seen: list[str] = []
+        self._labels = 0
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs) -> None:
+        self._labels += tag == "label"
+        if tag in ("select", "input", "button", "canvas"):
+            facts = dict(attrs)
+            self.seen.append(facts.get("id") or tag)
+            if not (facts.get("aria-label") or self._labels or tag == "button"):
+                self.nameless.append(facts.get("id") or tag)
+
+    def handle_endtag(self, tag) -> None:
+        self._labels -= tag == "label"
+
+
+def test_every_control_has_a_name(played: Study) -> None:
+    """For those who hear the page."""
+    controls = _Controls((played.folder / "report" / "index.html").read_text("utf-8"))
+    assert controls.nameless == []
+    assert {"player-task", "player-noise", "player-run", "player-scrub", "player-play"} <= set(controls.seen)
+
+
+def test_the_page_may_fetch_nothing(played: Study) -> None:
+    """Its own policy forbids it; its scripts name no address but the name of SVG, and build no code."""
+    text = (played.folder / "report" / "index.html").read_text("utf-8")
+    assert "default-src 'none'" in text and "unsafe-eval" not in text
+    scripts = _scripts()
+    assert set(re.findall(r"https?://[^\"'\s]*", scripts)) == {"http://www.w3.org/2000/svg"}
+    assert not re.search(r"\b(eval|fetch|XMLHttpRequest|import|Function)\s*\(", scripts)
+
+
+def test_every_id_that_the_scripts_ask_for_is_there(played: Study) -> None:
+    """A script that looks for what the template has lost would stop the whole page."""
+    text = (played.folder / "report" / "index.html").read_text("utf-8")
+    asked = set(re.findall(r'byId\("([\w-]+)"\)', _scripts()))
+    for stem in re.findall(r"byId\(`([\w-]+-)\$\{(?:side|i)\}`\)", _scripts()):
+        asked |= {f"{stem}0", f"{stem}1"}
+    assert len(asked) > 20
+    assert asked <= set(re.findall(r'\bid="([\w-]+)"', text))

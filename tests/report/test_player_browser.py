@@ -1,0 +1,195 @@
+"""The page in a real browser: it plays, obeys keys, sorts its tables and follows light and dark.
+
+Skipped where there is no Chromium (in the PATH, or named by CHROMIUM).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from realitygap.study.load import Study
+from tests.report.browser import NAMES, Browser, find_browser
+
+PATH = find_browser()
+pytestmark = pytest.mark.skipif(
+    PATH is None, reason=f"no browser: none of {', '.join(NAMES)} in the PATH, no CHROMIUM in the environment"
+)
+
+PICTURE = "document.getElementById('player-arena-0').toDataURL()"
+STEP = "Number(document.getElementById('player-scrub').value)"
+PLAYING = "document.getElementById('player-play').classList.contains('on')"
+FOCUS = "document.getElementById('player-deck').focus({preventScroll: true})"
+HOLD = "void (window.requestAnimationFrame = (next) => { window.next = next; return 0; })"
+"""From here on the page's time stands still, but for the frames that a test gives it."""
+FRAME = "void window.next((window.clock = (window.clock || performance.now()) + 200))"
+
+
+def text(name: str) -> str:
+    """The script for an element's words."""
+    return f"document.getElementById('player-{name}').textContent"
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """One browser for all tests; each opens the page anew."""
+    assert PATH is not None
+    with Browser(PATH, tmp_path_factory.mktemp("profile")) as one:
+        yield one
+
+
+@pytest.fixture
+def page(browser: Browser, played: Study) -> Iterator[Browser]:
+    """The page, open; afterwards nothing was complained of and nothing fetched."""
+    browser.show(played.folder / "report" / "index.html", prefers_color_scheme="light")
+    yield browser
+    problems, browser.problems = browser.problems, []
+    assert problems == []
+
+
+def choose(page: Browser, name: str, index: int) -> None:
+    """Choose from one of the player's lists."""
+    page.run(
+        f"(() => {{ const list = document.getElementById('player-{name}'); list.selectedIndex = {index};"
+        " list.dispatchEvent(new Event('change')); })()"
+    )
+
+
+def test_the_player_plays_to_the_end_and_stops(page: Browser) -> None:
+    """In the browser's own time."""
+    page.run("document.getElementById('player-play').click()")
+    page.until(f"{STEP} === 20 && !{PLAYING}")
+    assert page.run(text("time")) == "2.0 of 2.0 s"
+
+
+def test_a_frame_is_as_much_time_as_has_gone(page: Browser) -> None:
+    """0.2 s a frame at full speed, half as much at half; the picture changes; a pause holds it."""
+    page.run(HOLD)
+    page.run("document.getElementById('player-play').click()")
+    assert page.run(STEP) == 0 and page.run(PLAYING)
+    page.run(FRAME)
+    before, first = page.run(PICTURE), page.run(STEP)
+    page.run(FRAME)
+    assert page.run(STEP) == first + 2 and page.run(PICTURE) != before
+    page.run("document.getElementById('player-speed').value = '0.5'")
+    page.run(FRAME)
+    assert page.run(STEP) == first + 3
+    page.run("document.getElementById('player-play').click()")
+    page.run(FRAME)
+    assert page.run(STEP) == first + 3 and not page.run(PLAYING)
+
+
+def test_keys_play_step_and_jump(page: Browser) -> None:
+    """Space, arrows, Home, End and digits; a step changes both robots' pictures and what is inside them."""
+    page.run(FOCUS)
+    page.press("Home", number=36)
+    assert page.run(STEP) == 0
+    first = page.run(PICTURE)
+    page.press("ArrowRight", number=39)
+    assert page.run(STEP) == 1 and page.run(PICTURE) != first
+    page.press("5", "Digit5", 53, "5")
+    assert page.run(STEP) == 10 and page.run(text("said")).startswith("1.0 of 2.0 s: simulated robot at ")
+    page.press("ArrowLeft", number=37)
+    assert page.run(STEP) == 9
+    page.press("End", number=35)
+    assert page.run(STEP) == 20
+    page.run(HOLD)
+    page.press(" ", "Space", 32, " ")
+    assert page.run(PLAYING) and page.run(STEP) == 0
+    page.press(" ", "Space", 32, " ")
+    assert not page.run(PLAYING)
+    assert page.run("window.scrollY") == 0
+
+
+def test_readings_and_neurons_follow_the_time(page: Browser) -> None:
+    """Both sides show numbers of their own; the motor neurons show the commands at every step."""
+    page.run(FOCUS)
+    for key, code in (("Home", 36), ("End", 35)):
+        page.press(key, number=code)
+        for side in (0, 1):
+            inside = f"#player-network-{side} .neuron.output .value"
+            neurons = page.run(f"[...document.querySelectorAll('{inside}')].map(v => v.textContent)")
+            wheels = page.run(
+                f"[...document.querySelectorAll('#player-commands-{side} b')].map(v => v.textContent)"
+            )
+            assert neurons == wheels and len(wheels) == 2
+            bars = f"[...document.querySelectorAll('#player-readings-{side} b')].map(v => v.textContent)"
+            counts = page.run(bars)
+            assert len(counts) == 8 and all(count.isdigit() for count in counts)
+
+
+def test_another_choice_is_another_picture(page: Browser) -> None:
+    """Noise level, run and trial; lists of trials stand only where there are several."""
+    shown = []
+    for name, index in (("run", 0), ("run", 1), ("noise", 1)):
+        choose(page, name, index)
+        shown.append(page.run(PICTURE))
+    assert len(set(shown)) == 3
+    choose(page, "noise", 0)
+    choose(page, "run", 0)
+    assert page.run("document.getElementById('player-trial').length") == 2
+    assert not page.run("document.getElementById('player-trial-label').hidden")
+
+
+def test_who_drove_no_robot_is_shown_alone_and_it_says_so(page: Browser) -> None:
+    """Light seeking was not transferred here."""
+    assert page.run("document.getElementById('player-alone').hidden")
+    choose(page, "task", 1)
+    assert not page.run("document.getElementById('player-alone').hidden")
+    assert page.run("[...document.querySelectorAll('[data-side=\"1\"]')].every(box => box.hidden)")
+    assert page.run(text("who-0")) == "simulated"
+
+
+def test_a_table_sorts_by_a_heading(page: Browser) -> None:
+    """Up, down, and as it was; the average stays last, and the heading tells its order."""
+    table = "document.querySelector('table[aria-labelledby=\"obstacle-avoidance-table\"]')"
+    heading = f"{table}.querySelectorAll('th[aria-sort]')[0]"
+    script = f"[...{table}.tBodies[0].rows].map(row => row.cells[0].textContent.trim())"
+    start = page.run(script)
+    assert start[1:] == ["1", "2", "average"]
+    orders = []
+    for _ in range(3):
+        page.run(f"{heading}.querySelector('button').focus()")
+        page.press("Enter", number=13, text="\r")
+        orders.append((page.run(f"{heading}.getAttribute('aria-sort')"), page.run(script)))
+    assert [state for state, _ in orders] == ["ascending", "descending", "none"]
+    assert orders[0][1] == orders[2][1] == start
+    assert orders[1][1] == [start[0], "2", "1", "average"]
+
+
+def test_light_and_dark(page: Browser, played: Study) -> None:
+    """As the system says, until a person says otherwise; the pictures follow."""
+    background = "getComputedStyle(document.body).backgroundColor"
+    light, picture = page.run(background), page.run(PICTURE)
+    page.show(played.folder / "report" / "index.html", prefers_color_scheme="dark")
+    dark = page.run(background)
+    assert dark != light and page.run(PICTURE) != picture
+    page.run("document.getElementById('theme').click()")
+    assert page.run(background) == light
+    page.run("document.getElementById('theme').click()")
+    assert page.run(background) == dark
+    page.run("document.getElementById('theme').click()")
+
+
+def test_a_phone_needs_no_sideways_scrolling(page: Browser, played: Study) -> None:
+    """At 360 px, both tasks; every button is large enough for a finger."""
+    page.show(played.folder / "report" / "index.html", wide=360, tall=800)
+    for task in (0, 1):
+        choose(page, "task", task)
+        assert page.run("document.documentElement.scrollWidth") <= 360
+    sizes = "[...document.querySelectorAll('.controls button')].map(b => [b.offsetHeight, b.offsetWidth])"
+    assert min(min(size) for size in page.run(sizes)) >= 40
+
+
+@pytest.mark.parametrize(("motion", "between"), [("reduce", False), ("no-preference", True)])
+def test_less_motion_is_whole_steps(page: Browser, played: Study, motion: str, between: bool) -> None:
+    """Who asks for less motion sees the robots at their steps only, others also in between."""
+    page.show(played.folder / "report" / "index.html", prefers_reduced_motion=motion)
+    assert not page.run(PLAYING)
+    page.run(HOLD)
+    page.run("document.getElementById('player-speed').value = '0.25'")
+    page.run("document.getElementById('player-play').click()")
+    at_step = page.run(PICTURE)
+    page.run(FRAME)
+    assert page.run(STEP) == 0 and (page.run(PICTURE) != at_step) == between
