@@ -35,8 +35,18 @@ os.execv(sys.argv[3], sys.argv[3:])
 
 
 def find_browser() -> str | None:
-    """The browser's path: CHROMIUM in the environment, else the first that the PATH holds."""
-    return os.environ.get("CHROMIUM") or next(filter(None, map(shutil.which, NAMES)), None)
+    """The path of a browser that answers: CHROMIUM in the environment, else one in the PATH."""
+    named = [os.environ["CHROMIUM"]] if os.environ.get("CHROMIUM") else map(shutil.which, NAMES)
+    return next((path for path in named if path and _answers(path)), None)
+
+
+def _answers(path: str) -> bool:
+    """Whether it says its version: some systems have but a stand-in that asks for an installation."""
+    try:
+        words = subprocess.run([path, "--version"], capture_output=True, timeout=PATIENCE_S, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return False
+    return b"Chrom" in words.stdout
 
 
 class Browser:

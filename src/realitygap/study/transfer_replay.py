@@ -50,7 +50,10 @@ class Replays:
         situated = _recording(folder)
         if not {"evaluation", "seed"} <= table.keys():
             return Replay(None, None, situated)
-        genes = self._study.genotype(table["run"], table["evaluation"])
+        try:
+            genes = self._study.genotype(table["run"], table["evaluation"])
+        except UsageError:  # the study was made anew since
+            return Replay(None, None, situated)
         return Replay(genes, self._simulated(folder, genes, int(table["seed"])), situated)
 
     def _simulated(self, folder: Path, genes: Genes, seed: int) -> Trajectory | None:

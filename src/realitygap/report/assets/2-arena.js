@@ -83,7 +83,7 @@ function drawGlow(stage, lamp) {
 
 function drawTicks(stage, paint) {
   const { pen, x, y, scale, width, depth } = stage;
-  const gap = [1, 2, 5, 10, 20, 50, 100, 200, 500].find((cm) => cm * scale >= 44) || 1000;
+  const gap = [1, 2, 5, 10, 20, 50, 100, 200, 500].find((cm) => cm * scale >= 52) || 1000;
   pen.font = "10.5px system-ui, sans-serif";
   pen.fillStyle = paint.muted;
   pen.textAlign = "center";
