@@ -65,7 +65,7 @@ def _page(study: Study) -> str:
 
 
 def test_the_page_is_self_contained_and_well_formed(paper: Study) -> None:
-    """Nothing is fetched, ids are unique, links lead somewhere, every picture has a text or is an ornament."""
+    """Nothing is fetched, ids are unique, links lead somewhere, every picture but ornaments has a text."""
     text = _page(paper)
     tags = _Tags(text)
     assert tags.open == []
