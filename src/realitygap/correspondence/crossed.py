@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -16,20 +16,16 @@ Floats = NDArray[np.float64]
 Weights = NDArray[np.float64]
 
 
-def robot_level(levels: Floats | tuple[float, ...], twin_noise: float) -> float:
-    """The robot's own level among a study's levels: the dial on the twin's noise.
+def robot_level(levels: Sequence[float], twin_noise: float) -> float:
+    """The robot's own level: the study's level nearest to the dial on the twin's noise, over its root.
 
     Raises:
-        StudyError: the study has no such level, or no other, so that no claim can be tested.
+        StudyError: fewer than two levels: nothing can be compared.
     """
-    known = [float(level) for level in levels]
-    if float(twin_noise) not in known or len(set(known)) < 2:
-        got = ", ".join(f"{level:g}" for level in known)
-        raise StudyError(
-            f"levels: expected the robot's own level, {twin_noise:g} (the twin's noise), and at least one "
-            f"other, got {got}. Add it to --levels."
-        )
-    return float(twin_noise)
+    known = sorted(set(map(float, levels)))
+    if len(known) < 2:
+        raise StudyError(f"levels: expected two or more different ones, got {known}.")
+    return min(known, key=lambda level: (abs(level**0.5 - float(twin_noise) ** 0.5), level))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
