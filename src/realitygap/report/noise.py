@@ -110,9 +110,14 @@ class NoiseReport:
     @cached_property
     def paragraph(self) -> str:
         """The result in plain words."""
-        from realitygap.report.noise_words import paragraph
+        return " ".join([*self.thoughts[:-1], *self.warnings, self.thoughts[-1]])
 
-        return paragraph(self.facts, self.results.calibration, self.results.settings, self.scales)
+    @cached_property
+    def thoughts(self) -> list[str]:
+        """The paragraph's parts, without its warnings."""
+        from realitygap.report.noise_words import thoughts
+
+        return thoughts(self.facts, self.results.settings, self.scales)
 
     @property
     def warnings(self) -> list[str]:

@@ -34,8 +34,8 @@ def captions(report: NoiseReport) -> dict[str, str]:
         ),
         "noise-claims": (
             "Correspondence score by level. (a): a dot a controller at each level of comparison; (b) and "
-            f"(c): a dot a run, {runs} a level and task. {dots} Stars: the paper's averages at zero, observed "
-            "and double noise, five runs each, marked by eye."
+            f"(c): a dot a run, {runs} a level and task. {dots} Stars: the paper's averages at zero, "
+            "observed and double noise, five runs each, marked by eye."
         ),
         "noise-fitness": (
             "Fitness over the same starts in simulation, at the level evolved under, and on the twin "

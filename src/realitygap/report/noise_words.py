@@ -11,7 +11,7 @@ from realitygap.report.noise_facts import FitnessRow, NoiseFacts, Scope, Span
 from realitygap.report.noise_figures import titled
 from realitygap.report.noise_results import Misfit
 
-__all__ = ["LIMITS", "Scales", "paragraph", "warnings"]
+__all__ = ["LIMITS", "Scales", "thoughts", "warnings"]
 
 LIMITS = (
     "The robot is a twin: pseudo-reality. It shares neither code nor constants with the simulation, but "
@@ -42,25 +42,24 @@ _WHAT = {
 }
 
 
-def paragraph(
-    facts: NoiseFacts, calibration: Sequence[Misfit], settings: Mapping[str, Any], scales: Scales
-) -> str:
-    """What came out, in a few sentences.
+def thoughts(facts: NoiseFacts, settings: Mapping[str, Any], scales: Scales) -> list[str]:
+    """What came out: a few sentences each on the study, the claims, noisiness and fitness.
 
     Args:
         facts: what the study says.
-        calibration: how good its simulations are.
         settings: of its `study.toml`.
         scales: for each task what fitness is divided by, and the unit that remains.
     """
-    said = [_opening(facts, settings)]
-    for finding in facts.headline.findings:
-        said += _claim(facts, finding)
-    said.append(_together({f.claim.key: f.verdict for f in facts.headline.findings}))
-    said += [_noisiness(facts.headline), *_drops(facts, scales), _fitness(facts.fitness)]
-    said += warnings(calibration, facts.data.tasks)
-    said.append("The robot here is a twin, and its noise was set by us.")
-    return " ".join(sentence for sentence in said if sentence)
+    findings = facts.headline.findings
+    said = [
+        _opening(facts, settings),
+        *(" ".join(_claim(facts, finding)) for finding in findings),
+        _together({f.claim.key: f.verdict for f in findings}),
+        _noisiness(facts.headline),
+        " ".join([*_drops(facts, scales), _fitness(facts.fitness)]),
+        "The robot here is a twin, and its noise was set by us.",
+    ]
+    return [thought.strip() for thought in said if thought]
 
 
 def warnings(calibration: Sequence[Misfit], tasks: Sequence[str]) -> list[str]:
