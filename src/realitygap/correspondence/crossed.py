@@ -15,6 +15,9 @@ __all__ = ["Crossed", "robot_level"]
 Floats = NDArray[np.float64]
 Weights = NDArray[np.float64]
 
+FEWEST = 5
+"""Runs in a cell below which resampling them says nothing of how sure one may be."""
+
 
 def robot_level(levels: Sequence[float], twin_noise: float) -> float:
     """The robot's own level: the study's level nearest to the dial on the twin's noise, over its root.
@@ -103,9 +106,9 @@ class Crossed:
             yield np.array([i for i, other in enumerate(keys) if other == key], np.int64)
 
     def resamples(self, count: int, *, seed: int = 0) -> Weights | None:
-        """How often each controller is drawn in each resample [count, n]; None where a cell has one run."""
+        """How often each controller is drawn in each resample [count, n]; None where cells are too small."""
         cells = list(self.cells())
-        if count < 1 or min(map(len, cells), default=0) < 2:
+        if count < 1 or min(map(len, cells), default=0) < FEWEST:
             return None
         draw = np.random.default_rng(seed)
         weights = np.zeros((count, len(self)))

@@ -99,7 +99,8 @@ def _claim(facts: NoiseFacts, finding: Finding) -> list[str]:
     head = f"{_WHAT[key]} {_SENTENCES[finding.verdict]}: {robot.means[0]:.1f} at {robot.level:g}"
     if all(c.found == "open" for c in contrasts):
         others = sorted(c.means[1] for c in contrasts)
-        means = f"{others[0]:.1f} to {others[-1]:.1f} elsewhere, and no difference beyond chance"
+        low, high = f"{others[0]:.1f}", f"{others[-1]:.1f}"
+        means = f"{low if low == high else f'{low} to {high}'} elsewhere, and no difference passes the tests"
     else:
         means = ", ".join(f"{c.means[1]:.1f} at {c.other:g} ({_effect(c)})" for c in contrasts)
     said = [f"{head}, {means}."]
@@ -152,10 +153,10 @@ def _together(verdicts: Mapping[str, str]) -> str:
     if "b" in held:
         return "So what a controller was evolved under makes a difference to how well it transfers."
     if "a" in held:
-        diagonal = "the paper's diagonal" if "c" in held else "a match of simulation and robot"
+        diagonal = " The first alone makes the paper's diagonal." if "c" in held else ""
         return (
             "So the simulation that a robot is held against counts; that controllers transfer better for "
-            f"having been evolved at the robot's noise was not shown. That is enough to make {diagonal}."
+            f"having been evolved at the robot's noise was not shown.{diagonal}"
         )
     if "c" in held:
         return "So the paper's result appears again, but neither of its two explanations can be told from it."
