@@ -1,0 +1,117 @@
+"""The crossed design as a value: every controller, evolved at one level, compared at every level."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.errors import StudyError
+
+__all__ = ["Crossed", "robot_level"]
+
+Floats = NDArray[np.float64]
+Weights = NDArray[np.float64]
+
+FEWEST = 5
+"""Runs in a cell below which resampling them says nothing of how sure one may be."""
+
+
+def robot_level(levels: Sequence[float], twin_noise: float) -> float:
+    """The robot's own level: the study's level nearest to the dial on the twin's noise, over its root.
+
+    Raises:
+        StudyError: fewer than two levels: nothing can be compared.
+    """
+    known = sorted(set(map(float, levels)))
+    if len(known) < 2:
+        raise StudyError(f"levels: expected two or more different ones, got {known}.")
+    return min(known, key=lambda level: (abs(level**0.5 - float(twin_noise) ** 0.5), level))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Crossed:
+    """Scores of n controllers at L levels of comparison.
+
+    Attributes:
+        levels: [L], rising. robot: the robot's own level, one of them.
+        task, seed_set, run, home, evolved: [n], whose controller it is and how it came about.
+        name: [n], what its behaviour is called in simulation.
+        score: [n, L], correspondence score 0 to 10 against the simulation at each level;
+            behaviour, layout: its two parts.
+        noisiness, responsiveness: [n, L], signed: above 0 the situated robot has more.
+        simulated, situated: [n], fitness at the own level, and on the twin.
+    """
+
+    levels: Floats
+    robot: float
+    task: NDArray[np.str_]
+    seed_set: NDArray[np.int64]
+    run: NDArray[np.int64]
+    home: NDArray[np.int64]
+    evolved: Floats
+    name: NDArray[np.str_]
+    score: Floats
+    behaviour: Floats
+    layout: Floats
+    noisiness: Floats
+    responsiveness: Floats
+    simulated: Floats
+    situated: Floats
+
+    def __len__(self) -> int:
+        return len(self.task)
+
+    @property
+    def tasks(self) -> list[str]:
+        """In the order in which they come."""
+        return list(dict.fromkeys(self.task.tolist()))
+
+    @property
+    def sets(self) -> list[int]:
+        """Numbers of the seed sets."""
+        return sorted(set(self.seed_set.tolist()))
+
+    def at(self, level: float) -> Floats:
+        """Scores [n] against the simulation at one level."""
+        column: Floats = self.score[:, self.index(level)]
+        return column
+
+    def own(self) -> Floats:
+        """Scores [n] against the simulation that each controller was evolved in: the diagonal."""
+        columns = np.searchsorted(self.levels, self.evolved)
+        scores: Floats = self.score[np.arange(len(self)), columns]
+        return scores
+
+    def index(self, level: float) -> int:
+        """A level's place among the levels."""
+        return int(np.searchsorted(self.levels, level))
+
+    def part(self, *, task: str | None = None, seed_set: int | None = None) -> Crossed:
+        """Only the controllers of one task, of one seed set."""
+        keep = np.ones(len(self), bool)
+        if task is not None:
+            keep &= self.task == task
+        if seed_set is not None:
+            keep &= self.seed_set == seed_set
+        names = [f.name for f in fields(self) if f.name not in ("levels", "robot")]
+        return replace(self, **{name: getattr(self, name)[keep] for name in names})
+
+    def cells(self) -> Iterator[NDArray[np.int64]]:
+        """Rows of each cell of the design: one task, seed set and evolved level."""
+        keys = list(zip(self.task.tolist(), self.seed_set.tolist(), self.evolved.tolist(), strict=True))
+        for key in dict.fromkeys(keys):
+            yield np.array([i for i, other in enumerate(keys) if other == key], np.int64)
+
+    def resamples(self, count: int, *, seed: int = 0) -> Weights | None:
+        """How often each controller is drawn in each resample [count, n]; None where cells are too small."""
+        cells = list(self.cells())
+        if count < 1 or min(map(len, cells), default=0) < FEWEST:
+            return None
+        draw = np.random.default_rng(seed)
+        weights = np.zeros((count, len(self)))
+        for rows in cells:
+            weights[:, rows] = draw.multinomial(len(rows), np.full(len(rows), 1 / len(rows)), size=count)
+        return weights

@@ -1,0 +1,201 @@
+"""What a study of noise says: verdicts, mean curves, peaks, fitness, all with intervals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.correspondence.claims import RESAMPLES, Finding, judge_claims
+from realitygap.correspondence.contrasts import crossing, interval, peak, unpaired
+from realitygap.correspondence.crossed import Crossed
+from realitygap.correspondence.statistics import Correlation, correlation
+
+__all__ = [
+    "BOTH", "PAPER", "Curve", "FitnessRow", "NoiseFacts", "Scope", "Span", "gather_facts", "heat", "points",
+]  # fmt: skip
+
+Floats = NDArray[np.float64]
+Find = Callable[[Floats, Floats], Floats]
+
+BOTH = "both tasks"
+
+PAPER: dict[str, dict[float, tuple[int, ...]]] = {
+    "obstacle-avoidance": {0: (8, 7, 5, 7, 4), 1: (8, 9, 7, 9, 7), 2: (8, 8, 5, 6, 7)},
+    "light-seeking": {0: (4, 6, 8, 4, 6), 1: (8, 6, 9, 6, 10), 2: (2, 6, 7, 6, 6)},
+}
+"""Tables 1 and 2: correspondence scores of the five runs of each noise class."""
+
+
+class Span(NamedTuple):
+    """A figure with its 95 % interval; nan where there is none."""
+
+    value: float
+    low: float = math.nan
+    high: float = math.nan
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Curve:
+    """Means over levels, each with its interval; those of each seed set; and where the curve peaks."""
+
+    levels: Floats
+    spans: tuple[Span, ...]
+    sets: Mapping[int, Floats]
+    top: Span
+    """The peak, or for noisiness where it passes zero."""
+
+    @property
+    def means(self) -> Floats:
+        """[L]."""
+        return np.array([span.value for span in self.spans])
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitnessRow:
+    """One task's controllers evolved at one level; fitness in the task's own unit, unscaled.
+
+    `delta`: Cliff's, of situated fitness against the robot's level; None at that level itself.
+    """
+
+    task: str
+    level: float
+    count: int
+    simulated: Span
+    situated: Span
+    drop: Span
+    delta: Span | None
+    correlation: Correlation | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scope:
+    """One task, or both together: the three claims' findings, and the curves behind them.
+
+    `curves`: a: by comparison level; b: by evolved level, against the robot's level; c: the diagonal.
+    """
+
+    name: str
+    findings: tuple[Finding, ...]
+    curves: Mapping[str, Curve]
+    noisiness: Curve
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NoiseFacts:
+    """All that is told of a study. The first scope is the headline."""
+
+    data: Crossed
+    scopes: tuple[Scope, ...]
+    fitness: tuple[FitnessRow, ...]
+
+    @property
+    def headline(self) -> Scope:
+        """Both tasks, or the only one."""
+        return self.scopes[0]
+
+
+def gather_facts(data: Crossed, *, resamples: int = RESAMPLES) -> NoiseFacts:
+    """Everything that the report tells, computed once."""
+    tasks = data.tasks
+    parts = {BOTH: data} if len(tasks) > 1 else {}
+    parts |= {task: data.part(task=task) for task in tasks}
+    return NoiseFacts(
+        data=data,
+        scopes=tuple(_scope(name, part, resamples) for name, part in parts.items()),
+        fitness=tuple(row for task in tasks for row in _fitness(task, data.part(task=task), resamples)),
+    )
+
+
+def points(data: Crossed, key: str) -> tuple[Floats, Floats]:
+    """Level and score of every dot behind a curve: a has L of each controller, b and c one."""
+    if key == "a":
+        return np.tile(data.levels, len(data)), data.score.ravel()
+    return data.evolved, data.own() if key == "c" else data.at(data.robot)
+
+
+def heat(data: Crossed) -> Floats:
+    """Mean scores [evolved, compared]."""
+    return np.array([data.score[data.evolved == level].mean(axis=0) for level in data.levels])
+
+
+def _scope(name: str, data: Crossed, resamples: int) -> Scope:
+    weights = data.resamples(resamples)
+    rise = {"a": data.score, "b": _by_evolved(data, data.at(data.robot)), "c": _by_evolved(data, data.own())}
+    return Scope(
+        name=name,
+        findings=judge_claims(data, resamples=resamples),
+        curves={key: _curve(data, values, weights, peak) for key, values in rise.items()},
+        noisiness=_curve(data, data.noisiness, weights, crossing),
+    )
+
+
+def _by_evolved(data: Crossed, values: Floats) -> Floats:
+    """One value a controller as [n, L]: in its own level's column, nan elsewhere."""
+    return np.where(data.evolved[:, None] == data.levels, values[:, None], np.nan)
+
+
+def _curve(data: Crossed, values: Floats, weights: Floats | None, find: Find) -> Curve:
+    """Means of the known values [n, L] of each column."""
+    ones = np.ones((1, len(data)))
+    mean = _means(values, ones)
+    drawn = None if weights is None else _means(values, weights)
+    spans = [Span(m) if drawn is None else Span(m, *interval(drawn[:, k])) for k, m in enumerate(mean[0])]
+    top = float(find(data.levels, mean)[0])
+    return Curve(
+        levels=data.levels,
+        spans=tuple(spans),
+        sets={s: _means(values, ones * (data.seed_set == s))[0] for s in data.sets},
+        top=Span(top) if drawn is None else Span(top, *interval(find(data.levels, drawn))),
+    )
+
+
+def _means(values: Floats, weights: Floats) -> Floats:
+    """Weighted means [B, L] of the known values [n, L]."""
+    known = np.isfinite(values)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        means: Floats = (weights @ np.where(known, values, 0.0)) / (weights @ known.astype(np.float64))
+    return means
+
+
+def _fitness(task: str, data: Crossed, resamples: int) -> Sequence[FitnessRow]:
+    """A row a level."""
+    weights = data.resamples(resamples)
+    own = np.flatnonzero(data.evolved == data.robot)
+    rows = []
+    for level in data.levels.tolist():
+        at = np.flatnonzero(data.evolved == level)
+        fitness = (data.simulated, data.situated, data.simulated - data.situated)
+        spans = [_mean(values, at, weights) for values in fitness]
+        pair = None if len(at) < 3 else correlation(*(f[at] for f in fitness[:2]), resamples=1000)
+        rows.append(
+            FitnessRow(
+                task=task, level=level, count=len(at), simulated=spans[0], situated=spans[1], drop=spans[2],
+                delta=None if level == data.robot else _delta(data, at, own, weights),
+                correlation=pair,
+            )
+        )  # fmt: skip
+    return rows
+
+
+def _mean(values: Floats, rows: NDArray[np.int64], weights: Floats | None) -> Span:
+    mean = float(values[rows].mean())
+    if weights is None:
+        return Span(mean)
+    w = weights[:, rows]
+    return Span(mean, *interval(w @ values[rows] / w.sum(axis=1)))
+
+
+def _delta(data: Crossed, at: NDArray[np.int64], own: NDArray[np.int64], weights: Floats | None) -> Span:
+    """Cliff's delta of situated fitness: this level against the robot's, within home units."""
+    effect = unpaired(
+        data.situated[at],
+        data.situated[own],
+        strata=(data.home[at].tolist(), data.home[own].tolist()),
+        weights=None if weights is None else (weights[:, at], weights[:, own]),
+    )
+    return Span(effect.delta, *(effect.delta_interval or (math.nan, math.nan)))

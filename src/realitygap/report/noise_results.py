@@ -1,0 +1,218 @@
+"""Reads what a study of noise left in its folder `results`; refuses what is missing or broken."""
+
+from __future__ import annotations
+
+import csv
+import math
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from realitygap.correspondence.crossed import Crossed, robot_level
+from realitygap.errors import StudyError
+
+__all__ = ["Misfit", "NoiseResults", "read_results"]
+
+CONTROLLERS = ("home_unit", "name", "fitness_simulated", "fitness_situated")
+PARTS = ("score", "behaviour", "layout", "noisiness", "responsiveness")
+MAY_LACK = {"noisiness", "responsiveness"}
+"""Figures that some controllers have none of."""
+AGAIN = "Let the study finish (realitygap study noise --resume), or copy its results again."
+
+Key = tuple[str, int, float, int]
+
+
+class Misfit(NamedTuple):
+    """How far a unit's calibrated model is from it in one channel; beyond `limit` noise explains nothing."""
+
+    unit: int
+    channel: str
+    model_error: float
+    noise: float
+    ratio: float
+    limit: float
+
+    @property
+    def too_far(self) -> bool:
+        """Whether the level of noise can explain nothing here."""
+        return self.ratio > self.limit
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NoiseResults:
+    """All that a study found: scores and fitness, how well it was calibrated, and its settings."""
+
+    folder: Path
+    data: Crossed
+    calibration: tuple[Misfit, ...]
+    settings: Mapping[str, Any]
+
+    @property
+    def twin_noise(self) -> float:
+        """The dial on the twin's noise."""
+        return float(self.settings["twin_noise"])
+
+
+class _Row:
+    """One line of a table: its columns, asked for by name."""
+
+    def __init__(self, file: Path, line: int, columns: Mapping[str, Any]) -> None:
+        self.where, self.columns = f"{file}, line {line}", columns
+
+    def text(self, column: str) -> str:
+        value = self.columns.get(column)
+        if value is None:
+            raise StudyError(f"{self.where}: expected a column {column}, got none. {AGAIN}")
+        return str(value).strip()
+
+    def number(self, column: str, *, may_lack: bool = False) -> float:
+        text = self.text(column)
+        if may_lack and text in ("", "None", "nan"):
+            return math.nan
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise StudyError(f"{self.where}: {column}: expected a number, got {text!r}. {AGAIN}")
+        return value
+
+    def key(self, levels: list[float]) -> Key:
+        """Whose row it is: task, seed set, evolved level, run."""
+        level = levels[self.level("evolved_level", levels)]
+        return self.text("task"), int(self.number("seed_set")), level, int(self.number("run"))
+
+    def level(self, column: str, levels: list[float]) -> int:
+        """Place of a level among the study's; tables hold five digits of it."""
+        value = self.number(column)
+        for place, level in enumerate(levels):
+            if math.isclose(value, level, rel_tol=1e-4):
+                return place
+        known = ", ".join(f"{level:g}" for level in levels)
+        raise StudyError(
+            f"{self.where}: {column}: expected one of the study's levels {known}, got {value:g}. {AGAIN}"
+        )
+
+
+def read_results(folder: str | Path) -> NoiseResults:
+    """What a finished study of noise left.
+
+    Args:
+        folder: with controllers.csv, cells.csv, calibration.csv and study.toml.
+
+    Raises:
+        StudyError: a file is missing, unfinished or broken: names the file, the line and the column.
+    """
+    folder = Path(folder)
+    settings = _settings(folder / "study.toml")
+    levels = sorted(map(float, settings["levels"]))
+    who = list(_controllers(folder / "controllers.csv", levels))
+    known = {key: i for i, (key, _) in enumerate(who)}
+    if len(known) < len(who):
+        raise StudyError(f"{folder / 'controllers.csv'}: expected each controller once. {AGAIN}")
+    scores = _cells(folder / "cells.csv", levels, known)
+    task, seed_set, evolved, run = (np.array(column) for column in zip(*known, strict=True))
+    _refuse_holes(folder, set(known), levels)
+    home, name, simulated, situated = (np.array(c) for c in zip(*(facts for _, facts in who), strict=True))
+    data = Crossed(
+        levels=np.array(levels), robot=robot_level(levels, settings["twin_noise"]), task=task,
+        seed_set=seed_set, run=run, evolved=evolved, home=home, name=name, simulated=simulated,
+        situated=situated, **{part: scores[:, :, k] for k, part in enumerate(PARTS)},
+    )  # fmt: skip
+    calibration = tuple(_calibration(folder / "calibration.csv"))
+    return NoiseResults(folder=folder, data=data, settings=settings, calibration=calibration)
+
+
+def _settings(file: Path) -> dict[str, Any]:
+    try:
+        table = tomllib.loads(file.read_text("utf-8"))
+    except FileNotFoundError:
+        raise StudyError(
+            f"{file}: expected the results of a study of noise, got no such file. {AGAIN}"
+        ) from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise StudyError(f"{file}: expected a TOML file, got {error}. {AGAIN}") from None
+    levels, noise = table.get("levels"), table.get("twin_noise")
+    if not isinstance(levels, list) or not levels or not all(_is_level(level) for level in levels):
+        raise StudyError(f"{file}: levels: expected a list of noise levels, got {levels!r}. {AGAIN}")
+    if not _is_level(noise):
+        raise StudyError(f"{file}: twin_noise: expected a number from 0 on, got {noise!r}. {AGAIN}")
+    return table
+
+
+def _is_level(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < math.inf
+
+
+def _rows(file: Path) -> Iterator[_Row]:
+    try:
+        with file.open(newline="", encoding="utf-8") as stream:
+            table = csv.DictReader(stream, strict=True)
+            for columns in table:
+                yield _Row(file, table.line_num, columns)
+    except FileNotFoundError:
+        raise StudyError(f"{file}: expected a table of the study, got no such file. {AGAIN}") from None
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise StudyError(f"{file}: expected a CSV file, got {error}. {AGAIN}") from None
+
+
+def _controllers(file: Path, levels: list[float]) -> Iterator[tuple[Key, tuple[int, str, float, float]]]:
+    empty = True
+    for row in _rows(file):
+        empty = False
+        fitness = row.number("fitness_simulated"), row.number("fitness_situated")
+        yield row.key(levels), (int(row.number("home_unit")), row.text("name"), *fitness)
+    if empty:
+        raise StudyError(f"{file}: expected a row for each controller, got none. {AGAIN}")
+
+
+def _cells(file: Path, levels: list[float], known: Mapping[Key, int]) -> np.ndarray:
+    """Scores [controllers, levels, parts]: every one of them must be there."""
+    found = np.full((len(known), len(levels), len(PARTS)), np.nan)
+    seen = np.zeros(found.shape[:2], bool)
+    for row in _rows(file):
+        key, at = row.key(levels), row.level("comparison_level", levels)
+        if key not in known or seen[known[key], at]:
+            word = "twice" if key in known else "but not in controllers.csv"
+            raise StudyError(f"{row.where}: expected each controller once a level, got {_who(key)} {word}.")
+        found[known[key], at] = [row.number(part, may_lack=part in MAY_LACK) for part in PARTS]
+        seen[known[key], at] = True
+    if not seen.all():
+        missing, at = map(int, np.argwhere(~seen)[0])
+        raise StudyError(
+            f"{file}: expected every controller at every level, got none at {levels[at]:g} for "
+            f"{_who(list(known)[missing])}. {AGAIN}"
+        )
+    return found
+
+
+def _refuse_holes(folder: Path, known: set[Key], levels: list[float]) -> None:
+    """Every task and seed set must have controllers of every level."""
+    there = {key[:3] for key in known}
+    for task, seed_set, _ in sorted(there):
+        for level in levels:
+            if (task, seed_set, level) not in there:
+                raise StudyError(
+                    f"{folder / 'controllers.csv'}: expected controllers of every level, got none evolved at "
+                    f"{level:g} for {task}, seed set {seed_set}. {AGAIN}"
+                )
+
+
+def _who(key: Key) -> str:
+    return f"{key[0]}, seed set {key[1]}, evolved at {key[2]:g}, run {key[3]}"
+
+
+def _calibration(file: Path) -> Iterator[Misfit]:
+    """Rows with a ratio; a channel without one (wheels) is left out."""
+    from realitygap.calibration.judge import LIMITS
+
+    for row in _rows(file):
+        channel, ratio = row.text("channel"), row.number("ratio", may_lack=True)
+        if math.isfinite(ratio):
+            error, noise = (row.number(c, may_lack=True) for c in ("model_error", "noise"))
+            limit = LIMITS.get(channel, LIMITS["infrared"])
+            yield Misfit(int(row.number("unit")), channel, error, noise, ratio, limit)

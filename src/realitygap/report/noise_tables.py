@@ -1,0 +1,235 @@
+"""Tables of a study of noise: the same for the page, for Markdown, and as CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from realitygap.correspondence.claims import Finding
+from realitygap.report.noise_facts import PAPER, NoiseFacts, Span
+from realitygap.report.noise_figures import titled
+from realitygap.report.noise_results import Misfit
+
+__all__ = [
+    "NoiseTable", "Number", "calibration_table", "claim_table", "fitness_table", "names_table",
+    "noise_tables", "paper_table", "peaks_table", "probability",
+]  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Number:
+    """A figure as it is shown: so many places, with its sign or not."""
+
+    span: Span
+    places: int = 2
+    signed: bool = False
+    scale: float = 1.0
+
+    def __str__(self) -> str:
+        value, low, high = (self._one(v) for v in self.span)
+        return value if math.isnan(self.span.low) else f"{value} ({low} to {high})"
+
+    def _one(self, value: float) -> str:
+        if math.isnan(value):
+            return "–"
+        return f"{value / self.scale:{'+' if self.signed else ''}.{self.places}f}".replace("-", "−")
+
+
+Cell = str | int | Number
+Row = tuple[Cell, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseTable:
+    """A table with a name (its file's), a caption, a head, and rows of cells."""
+
+    name: str
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[Row, ...]
+
+    def texts(self) -> list[list[str]]:
+        """Rows as they are shown."""
+        return [[str(cell) for cell in row] for row in self.rows]
+
+    def markdown(self) -> str:
+        """A table of a Markdown page."""
+        lines = [self.head, ["---"] * len(self.head), *self.texts()]
+        return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+    def csv(self) -> str:
+        """All digits; a column with intervals becomes three."""
+        spans = [
+            any(isinstance(c, Number) and not math.isnan(c.span.low) for c in column)
+            for column in zip(*self.rows, strict=True)
+        ] or [False] * len(self.head)
+        head = [
+            text for name, span in zip(self.head, spans, strict=True)
+            for text in ([name, f"{name}, from", f"{name}, to"] if span else [name])
+        ]  # fmt: skip
+        out = io.StringIO()
+        writer = csv.writer(out, lineterminator="\n")
+        writer.writerow(head)
+        for row in self.rows:
+            writer.writerow([t for cell, span in zip(row, spans, strict=True) for t in _exact(cell, span)])
+        return out.getvalue()
+
+
+def _exact(cell: Cell, span: bool) -> list[str]:
+    if not isinstance(cell, Number):
+        return [str(cell), "", ""] if span else [str(cell)]
+    return ["" if math.isnan(v) else f"{v:.6g}" for v in (cell.span if span else cell.span[:1])]
+
+
+def noise_tables(
+    facts: NoiseFacts, calibration: Sequence[Misfit], scales: Mapping[str, tuple[float, str]]
+) -> dict[str, NoiseTable]:
+    """Every table, by its name."""
+    every = [
+        *(
+            claim_table(f"{scope.name.replace(' ', '-')}-{finding.claim.key}", scope.name, finding)
+            for scope in facts.scopes for finding in scope.findings
+        ),
+        peaks_table(facts), fitness_table(facts, scales), names_table(facts), paper_table(facts),
+        calibration_table(calibration),
+    ]  # fmt: skip
+    return {table.name: table for table in every}
+
+
+def claim_table(name: str, scope: str, finding: Finding) -> NoiseTable:
+    """A claim's contrasts: a row a level that the robot's is compared with."""
+    sets = [s.seed_set for s in finding.contrasts[0].sets]
+    robot = finding.contrasts[0].level
+    rows: list[Row] = []
+    for c in finding.contrasts:
+        effect = c.effect
+        delta = Span(effect.delta, *(effect.delta_interval or (math.nan, math.nan)))
+        gap = Span(effect.difference, *(effect.difference_interval or (math.nan, math.nan)))
+        rows.append((
+            f"{c.other:g}" + (" *" if c.other in finding.coarse else ""),
+            Number(span=Span(c.means[0])), Number(span=Span(c.means[1])), Number(span=gap, signed=True),
+            Number(span=delta, signed=True),
+            *(Number(span=Span(s.effect.delta), signed=True) for s in c.sets),
+            probability(c.effect.p), probability(c.p_holm), c.found,
+        ))  # fmt: skip
+    first = finding.contrasts[0]
+    count = f"{first.first} controllers" if finding.claim.key == "a" else (
+        f"{first.first} controllers evolved at {robot:g} and as many at each other level"
+    )  # fmt: skip
+    return NoiseTable(
+        name=name,
+        title=f"({finding.claim.key}) {finding.claim.title}, {scope}: {finding.verdict}. {count}. "
+        "* decides the verdict.",
+        head=(
+            "against level", f"mean at {robot:g}", "mean there", "difference", "Cliff's delta",
+            *(f"delta, set {s}" for s in sets), "p", "p (Holm)", "found",
+        ),
+        rows=tuple(rows),
+    )  # fmt: skip
+
+
+def probability(p: float) -> str:
+    """A p-value as it is printed."""
+    return "< .0001" if p < 1e-4 else f"{p:.4f}".lstrip("0") if p < 0.9999 else "1"
+
+
+def peaks_table(facts: NoiseFacts) -> NoiseTable:
+    """Where each curve is highest, and where the twin stops being noisier than the simulation."""
+    rows: list[Row] = []
+    for scope in facts.scopes:
+        tops = [Number(span=scope.curves[key].top) for key in "abc"]
+        rows.append((scope.name, *tops, Number(span=scope.noisiness.top)))
+    return NoiseTable(
+        name="peaks",
+        title=f"Levels at which the curves peak, and at which noisiness changes its sign. The robot's own "
+        f"level is {facts.data.robot:g}. An interval over all levels means: no peak to be seen.",
+        head=("tasks", "(a) comparison level", "(b) evolved level", "(c) diagonal", "noisiness passes zero"),
+        rows=tuple(rows),
+    )
+
+
+def fitness_table(facts: NoiseFacts, scales: Mapping[str, tuple[float, str]]) -> NoiseTable:
+    """Fitness in simulation, on the twin, the drop, by evolved level."""
+    rows: list[Row] = []
+    for row in facts.fitness:
+        scale, unit = scales[row.task]
+        places = 2 if scale != 1 else 3
+        shown = [Number(span=s, places=places, scale=scale) for s in (row.simulated, row.situated, row.drop)]
+        pair = row.correlation
+        r = Span(math.nan) if pair is None else Span(pair.r, *pair.interval)
+        rows.append((
+            titled(row.task) + (f", {unit}" if unit else ""), f"{row.level:g}", row.count, *shown,
+            "–" if row.delta is None else Number(span=row.delta, signed=True), Number(span=r),
+        ))  # fmt: skip
+    return NoiseTable(
+        name="fitness",
+        title="Fitness by evolved level, means over runs. Delta: Cliff's, of fitness on the twin against "
+        "the robot's level. r: simulated against situated fitness over controllers.",
+        head=("task", "level", "runs", "simulated", "on the twin", "drop", "delta on the twin", "r"),
+        rows=tuple(rows),
+    )
+
+
+def names_table(facts: NoiseFacts) -> NoiseTable:
+    """What evolved: how many controllers of each behaviour at each level."""
+    data = facts.data
+    rows: list[Row] = []
+    for task in data.tasks:
+        part = data.part(task=task)
+        counts = [Counter(part.name[part.evolved == level].tolist()) for level in data.levels]
+        for name in sorted(set(part.name.tolist()), key=lambda n: -sum(c[n] for c in counts)):
+            rows.append((titled(task), str(name), *(c[name] for c in counts)))
+    return NoiseTable(
+        name="names",
+        title="What evolved: runs by behaviour in simulation and evolved level.",
+        head=("task", "behaviour", *(f"{level:g}" for level in data.levels)),
+        rows=tuple(rows),
+    )
+
+
+def paper_table(facts: NoiseFacts) -> NoiseTable:
+    """The paper's averages beside the diagonal's, at zero, the robot's and double noise."""
+    data = facts.data
+    rows: list[Row] = []
+    for scope in facts.scopes:
+        paper = [PAPER[task] for task in (data.tasks if scope.name not in PAPER else [scope.name])
+                 if task in PAPER]  # fmt: skip
+        for times, word in ((0.0, "zero"), (1.0, "observed"), (2.0, "double")):
+            if not paper:
+                continue
+            mark = float(np.mean([np.mean(marks[times]) for marks in paper]))
+            ours = [s for lv, s in zip(data.levels, scope.curves["c"].spans, strict=True)
+                    if lv == times * data.robot]  # fmt: skip
+            rows.append((
+                scope.name, word, Number(span=Span(mark), places=1),
+                Number(span=ours[0], places=1) if ours else "–",
+            ))  # fmt: skip
+    return NoiseTable(
+        name="paper",
+        title="Average correspondence scores: the paper's (five runs a task, by eye), the diagonal's here.",
+        head=("tasks", "noise", "the paper", "here"),
+        rows=tuple(rows),
+    )
+
+
+def calibration_table(calibration: Sequence[Misfit]) -> NoiseTable:
+    """Model error over noise, for each unit and channel; ▲ where noise can explain nothing."""
+    rows = tuple(
+        (
+            str(m.unit), m.channel, Number(span=Span(m.model_error)), Number(span=Span(m.noise)),
+            Number(span=Span(m.ratio)), f"{m.limit:g}", "▲ noise can explain nothing" if m.too_far else "",
+        )
+        for m in calibration
+    )  # fmt: skip
+    return NoiseTable(
+        name="calibration",
+        title="The calibrated simulations: model error over noise deviation, in counts. ▲: above the limit.",
+        head=("unit", "channel", "model error", "noise", "ratio", "limit", ""),
+        rows=rows,
+    )

@@ -1,0 +1,214 @@
+"""The result in plain words, made from the numbers, whichever way they fall."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from realitygap.correspondence.claims import Contrast, Finding
+from realitygap.report.noise_facts import FitnessRow, NoiseFacts, Scope, Span
+from realitygap.report.noise_figures import titled
+from realitygap.report.noise_results import Misfit
+
+__all__ = ["LIMITS", "Scales", "thoughts", "warnings"]
+
+LIMITS = (
+    "The robot is a twin: pseudo-reality. It shares neither code nor constants with the simulation, but "
+    "like it, it was made by people who had read the paper.",
+    "The twin's noise was set by us, to what a Khepera is believed to have. That a curve peaks at the "
+    "twin's own level says how the score behaves, not how noisy a Khepera is.",
+    "The score has not been validated by people who judged films. It was examined on ladders of known "
+    "differences and on the order of the paper's phrases, and no more.",
+    "All controllers meet the same few units and starts: the intervals are over runs, not over robots.",
+)
+
+Scales = Mapping[str, tuple[float, str]]
+
+CHANNELS = {"infrared": "proximity", "ambient": "light"}
+CHANNEL_TASKS = {"infrared": "obstacle-avoidance", "ambient": "light-seeking"}
+
+_SENTENCES = {
+    "supported": "is supported",
+    "in part": "is supported in part",
+    "not supported": "is not supported",
+    "elsewhere": "is not what came out: another level does better",
+    "opposite": "is turned upside down",
+}
+_WHAT = {
+    "a": "Claim (a), that tracks look most like a simulation as noisy as the robot,",
+    "b": "Claim (b), that in one simulation controllers evolved at the robot's noise score best,",
+    "c": "Claim (c), the paper's diagonal, each controller in the simulation that it was evolved in,",
+}
+
+
+def thoughts(facts: NoiseFacts, settings: Mapping[str, Any], scales: Scales) -> list[str]:
+    """What came out: a few sentences each on the study, the claims, noisiness and fitness.
+
+    Args:
+        facts: what the study says.
+        settings: of its `study.toml`.
+        scales: for each task what fitness is divided by, and the unit that remains.
+    """
+    findings = facts.headline.findings
+    said = [
+        _opening(facts, settings),
+        *(" ".join(_claim(facts, finding)) for finding in findings),
+        _together({f.claim.key: f.verdict for f in findings}),
+        _noisiness(facts.headline),
+        " ".join([*_drops(facts, scales), _fitness(facts.fitness)]),
+        "The robot here is a twin, and its noise was set by us.",
+    ]
+    return [thought.strip() for thought in said if thought]
+
+
+def warnings(calibration: Sequence[Misfit], tasks: Sequence[str]) -> list[str]:
+    """Where the model's error is too large for the level of noise to mean anything."""
+    said = []
+    for channel, task in CHANNEL_TASKS.items():
+        far = [m for m in calibration if m.channel == channel and m.too_far]
+        if far and task in tasks:
+            units = ", ".join(str(m.unit) for m in far)
+            worst = max(m.ratio for m in far)
+            said.append(
+                f"In {CHANNELS[channel]} the calibrated model's error is up to {worst:.1f} deviations of the "
+                f"noise (unit{'s' * (len(far) > 1)} {units}; limit {far[0].limit:g}): the level of noise can "
+                f"explain nothing there, and {titled(task).lower()} is to be read with that in mind."
+            )
+    return said
+
+
+def _opening(facts: NoiseFacts, settings: Mapping[str, Any]) -> str:
+    data = facts.data
+    levels = ", ".join(f"{level:g}" for level in data.levels)
+    trials = settings.get("twin_trials")
+    drove = f" in {trials} trials" if isinstance(trials, int) else ""
+    text = (
+        f"{len(data)} controllers evolved at noise {levels} drove the twin{drove}, and each was compared "
+        f"with the simulation at every level; the twin's own noise is {float(settings['twin_noise']):g}."
+    )
+    if float(settings["twin_noise"]) != data.robot:
+        text += f" The nearest level of the study, {data.robot:g}, stands for it."
+    return text
+
+
+def _claim(facts: NoiseFacts, finding: Finding) -> list[str]:
+    """The verdict, the means behind it, and where tasks or seed sets disagree."""
+    key, contrasts = finding.claim.key, finding.contrasts
+    robot = contrasts[0]
+    head = f"{_WHAT[key]} {_SENTENCES[finding.verdict]}: {robot.means[0]:.1f} at {robot.level:g}"
+    if all(c.found == "open" for c in contrasts):
+        others = sorted(c.means[1] for c in contrasts)
+        low, high = f"{others[0]:.1f}", f"{others[-1]:.1f}"
+        means = f"{low if low == high else f'{low} to {high}'} elsewhere, and no difference passes the tests"
+    else:
+        means = ", ".join(f"{c.means[1]:.1f} at {c.other:g} ({_effect(c)})" for c in contrasts)
+    said = [f"{head}, {means}."]
+    better = [c for c in contrasts if c.found == "below"]
+    if better:
+        said.append(f"Reliably better than the robot's level: {_levels(better)}.")
+    said += _disagreements(facts, finding)
+    top = facts.headline.curves[key].top
+    levels = facts.data.levels
+    if finding.verdict != "not supported" and math.isfinite(top.low):
+        wide = top.low <= levels[0] and top.high >= levels[-1]
+        said.append("The curve has no clear peak." if wide else f"The curve peaks at {_span(top)}.")
+    return said
+
+
+def _effect(contrast: Contrast) -> str:
+    sign = f"delta {contrast.effect.delta:+.2f}".replace("-", "−")
+    return sign if contrast.found != "open" else f"{sign}, open"
+
+
+def _disagreements(facts: NoiseFacts, finding: Finding) -> list[str]:
+    said = []
+    split = [c for c in finding.contrasts if len({s.effect.delta > 0 for s in c.sets}) > 1]
+    if split:
+        said.append(f"The seed sets disagree about {_levels(split)}.")
+    one = len(finding.contrasts[0].sets) == 1
+    if one and finding.verdict not in ("not supported",):
+        said.append("One seed set alone: nothing has been repeated.")
+    others = {
+        scope.name: other.verdict
+        for scope in facts.scopes[1:] if len(facts.scopes) > 1
+        for other in scope.findings
+        if other.claim.key == finding.claim.key and other.verdict != finding.verdict
+    }  # fmt: skip
+    said += [f"For {titled(task).lower()} alone the verdict is “{word}”." for task, word in others.items()]
+    return said
+
+
+def _levels(contrasts: Sequence[Contrast]) -> str:
+    names = [f"{c.other:g}" for c in contrasts]
+    text = ", ".join(names[:-1]) + (" and " if len(names) > 1 else "") + names[-1]
+    return f"level{'s' * (len(names) > 1)} {text}"
+
+
+def _together(verdicts: Mapping[str, str]) -> str:
+    """What the three verdicts mean beside each other."""
+    held = {key for key, word in verdicts.items() if word == "supported"}
+    if held == {"a", "b", "c"}:
+        return "So both count: the simulation that a robot is compared with, and the one it was evolved in."
+    if "b" in held:
+        return "So what a controller was evolved under makes a difference to how well it transfers."
+    if "a" in held:
+        diagonal = " The first alone makes the paper's diagonal." if "c" in held else ""
+        return (
+            "So the simulation that a robot is held against counts; that controllers transfer better for "
+            f"having been evolved at the robot's noise was not shown.{diagonal}"
+        )
+    if "c" in held:
+        return "So the paper's result appears again, but neither of its two explanations can be told from it."
+    if "in part" in verdicts.values():
+        return "So the paper's effect is borne out in part at most."
+    return "So the paper's effect is not borne out here by any of the three."
+
+
+def _noisiness(scope: Scope) -> str:
+    top, means = scope.noisiness.top, scope.noisiness.means
+    if math.isfinite(top.value):
+        return f"The twin is noisier than simulations below level {_span(top)}, less noisy than those above."
+    if (means > 0).all():
+        return "The twin is noisier than the simulation at every level."
+    return "The twin is less noisy than the simulation at every level." if (means < 0).all() else ""
+
+
+def _fitness(rows: Sequence[FitnessRow]) -> str:
+    """Which levels differ on the twin from the robot's level; not a claim, so it says so."""
+    apart = [
+        f"{titled(r.task).lower()} at {r.level:g} {'higher' if r.delta.value > 0 else 'lower'} "
+        f"(delta {_span(r.delta, signed=True)})"
+        for r in rows
+        if r.delta is not None and math.isfinite(r.delta.low) and r.delta.low * r.delta.high > 0
+    ]
+    known = any(r.delta is not None and math.isfinite(r.delta.low) for r in rows)
+    if not known:
+        return ""
+    if not apart:
+        return "Fitness on the twin is not shown to differ from that at the robot's level at any other."
+    return (
+        f"Fitness on the twin against that at the robot's level: {'; '.join(apart)}; the others open. That "
+        "was no claim, and is not corrected for the number of comparisons."
+    )
+
+
+def _drops(facts: NoiseFacts, scales: Scales) -> list[str]:
+    """What fitness loses on the way to the twin: at the robot's level and those that decide."""
+    levels = sorted({facts.data.robot, *facts.headline.findings[0].coarse})
+    said = []
+    for task in facts.data.tasks:
+        scale, unit = scales[task]
+        drops = {row.level: row.drop.value / scale for row in facts.fitness if row.task == task}
+        parts = ", ".join(f"{drops[level]:.3f} at {level:g}".replace("-", "−") for level in levels)
+        said.append(
+            f"In {titled(task).lower()} fitness on the twin is below that in simulation by {parts}"
+            f"{f' ({unit})' if unit else ''}."
+        )
+    return said
+
+
+def _span(span: Span, *, signed: bool = False) -> str:
+    form = "+.2f" if signed else ".2f"
+    value, low, high = (f"{v:{form}}".replace("-", "−") for v in span)
+    return value if math.isnan(span.low) else f"{value} ({low} to {high})"

@@ -1,0 +1,200 @@
+"""The report of a study of noise: what it says of known truths, and what it refuses."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import shutil
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from realitygap.correspondence.claims import CLAIMS
+from realitygap.errors import UsageError
+from realitygap.report import noise
+from realitygap.report.noise_figures import map_figure
+from realitygap.report.noise_results import read_results
+from tests.correspondence.crosses import TASKS, comparison, flat, study, write
+
+PROJECT = Path(__file__).parents[2]
+SMALL = (0.0, 1.0, 2.0)
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small study with a clear peak at the robot's level, and its report."""
+    out = tmp_path_factory.mktemp("noise")
+    write(study(comparison(1.0, by=3.0), seed=1, runs=8, levels=SMALL), out)
+    told: list[tuple[int, int, str]] = []
+    assert noise.build_noise_report(out, on_progress=lambda *now: told.append(now)).name == "index.html"
+    assert [done for done, _, _ in told] == list(range(told[0][1] + 1))
+    return out
+
+
+def test_the_page_has_claims_verdicts_warnings_and_limits(built: Path) -> None:
+    """It stands alone, states the claims as they were stated beforehand, and hides no warning."""
+    text = (built / "report" / "index.html").read_text("utf-8")
+    plain = text.replace("&#39;", "'")
+    assert all(claim.text in plain for claim in CLAIMS)
+    assert 'class="word">supported' in text
+    assert 'class="word">not supported' in text
+    assert "To be known before it is read" in text
+    assert "pseudo-reality" in text
+    assert "the twin's noise was set by us" in plain.lower()
+    assert not re.search(r'(src|href)="https?:', text)
+    assert len(set(re.findall(r'\bid="([^"]+)"', text))) == len(re.findall(r'\bid="([^"]+)"', text))
+    assert ">nan<" not in text
+    linked = set(re.findall(r'href="((?:tables|figures)/[^"]+)"', text))
+    assert len(linked) == 8 + 14
+    assert all((built / "report" / name).is_file() for name in linked)
+
+
+def test_the_summary_is_json_and_says_what_was_found(built: Path) -> None:
+    """Verdicts, effects, intervals and the paragraph, without NaN."""
+    summary = noise.noise_summary(built)
+    assert json.loads(json.dumps(summary, allow_nan=False)) == json.loads(json.dumps(summary))
+    assert [claim["verdict"] for claim in summary["claims"]] == ["supported", "not supported", "supported"]
+    against_zero = summary["scopes"]["both tasks"]["contrasts"]["a"][0]
+    assert against_zero["against"] == 0.0
+    low, high = against_zero["difference_interval"]
+    assert 0 < low < against_zero["difference"] < high
+    assert set(against_zero["delta_by_seed_set"]) == {"1", "2"}
+    top = summary["scopes"]["both tasks"]["curves"]["a"]["at_level"]
+    assert top["value"] == pytest.approx(1.0, abs=0.45)
+    assert summary["scopes"][TASKS[0]]["noisiness"]["at_level"]["value"] == pytest.approx(1.0, abs=0.2)
+    assert "Claim (a), that tracks look most like a simulation as noisy as the robot, is supported" in (
+        summary["paragraph"]
+    )
+    assert "light the calibrated model's error is up to 2.0 deviations" in summary["paragraph"]
+
+
+def test_the_same_results_give_the_same_page(built: Path, tmp_path: Path) -> None:
+    """To the byte."""
+    shutil.copytree(built / "results", tmp_path / "results")
+    again = noise.build_noise_report(tmp_path)
+    assert again.read_bytes() == (built / "report" / "index.html").read_bytes()
+
+
+def said(out: Path) -> str:
+    return str(noise.noise_summary(out)["paragraph"])
+
+
+def test_nothing_found_is_said_as_plainly(tmp_path: Path) -> None:
+    """Without any effect the paragraph claims none, and says that sets disagree."""
+    text = said(write(study(flat, runs=8, levels=SMALL), tmp_path))
+    assert text.count("is not supported") == 3
+    assert "the paper's effect is not borne out here" in text
+    assert "The seed sets disagree about" in text
+
+
+def test_the_wrong_way_round_is_said(tmp_path: Path) -> None:
+    """A valley at the robot's level, and a peak elsewhere, are called what they are."""
+    valley = said(write(study(comparison(1.0, by=-3.0), runs=8, levels=SMALL), tmp_path / "valley"))
+    assert "is turned upside down" in valley
+    assert "Reliably better than the robot's level: levels 0 and 2" in valley
+    shifted = said(write(study(comparison(2.0, by=3.0), runs=8), tmp_path / "shifted"))
+    assert "another level does better" in shifted
+
+
+def test_a_robot_twice_as_noisy_moves_the_claim(tmp_path: Path) -> None:
+    """With the twin's noise at 2 the peak at 2 is the claim's."""
+    summary = noise.noise_summary(write(study(comparison(2.0, by=3.0), runs=8, robot=2.0), tmp_path))
+    assert summary["robot_level"] == 2.0
+    assert summary["claims"][0]["verdict"] == "supported"
+    assert "the twin's own noise is 2" in summary["paragraph"]
+
+
+def test_one_run_a_cell_has_no_intervals_but_a_report(tmp_path: Path) -> None:
+    """The smallest study: one task, one set, one run, two levels, a figure that is not known."""
+    data = study(flat, runs=1, sets=1, levels=(0.0, 1.0), tasks=TASKS[:1])
+    noisiness = np.full_like(data.noisiness, np.nan)
+    write(replace(data, noisiness=noisiness), tmp_path)
+    noise.build_noise_report(tmp_path)
+    contrast = noise.noise_summary(tmp_path)["scopes"][TASKS[0]]["contrasts"]["c"][0]
+    assert contrast["delta_interval"] is None
+    assert contrast["found"] == "open"
+
+
+def test_the_map_shows_every_mean() -> None:
+    """A number a cell, for each task all sets and each set alone: 2 × 3 panels of 9 cells."""
+    figure = map_figure(study(flat, runs=2, levels=SMALL))
+    assert [len(ax.texts) for ax in figure.axes] == [9] * 6
+
+
+def lines(file: str, change: Callable[[list[str]], list[str]]) -> Callable[[Path], None]:
+    """A change of a results file's lines."""
+
+    def spoil(folder: Path) -> None:
+        path = folder / file
+        path.write_text("\n".join(change(path.read_text().splitlines())) + "\n")
+
+    return spoil
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda f: (f / "study.toml").unlink(), r"study\.toml: expected the results of a study of noise"),
+        (lambda f: (f / "cells.csv").unlink(), r"cells\.csv: expected a table"),
+        (lines("cells.csv", lambda t: t[:-1]), r"every controller at every level, got none at 2 for light"),
+        (lines("cells.csv", lambda t: [*t, t[1]]), r"cells\.csv, line \d+: expected each controller once"),
+        (lines("cells.csv", lambda t: [t[0].replace("layout", "lay"), *t[1:]]), "expected a column layout"),
+        (lines("cells.csv", lambda t: [t[0], t[1].replace(",0.0,", ",x,"), *t[2:]]), "line 2: .*number.*'x'"),
+        (lines("cells.csv", lambda t: [t[0], t[1].replace(",0.0,", ",3,"), *t[2:]]), "study's levels 0, 1"),
+        (lines("controllers.csv", lambda t: t[:1]), "expected a row for each controller"),
+        (lines("controllers.csv", lambda t: [*t, t[1]]), "expected each controller once"),
+        (lines("controllers.csv", lambda t: t[:2]), "but not in controllers"),
+        (lines("study.toml", lambda t: t[1:]), "levels: expected a list"),
+        (lines("study.toml", lambda t: [x for x in t if "twin_noise" not in x]), "twin_noise: expected"),
+        (lines("study.toml", lambda t: ["["]), r"study\.toml: expected a TOML file"),
+    ],
+)  # fmt: skip
+def test_broken_results_are_refused(
+    built: Path, tmp_path: Path, spoil: Callable[[Path], None], message: str
+) -> None:
+    """One clear message names the file, the line and the column; the page that was there stays."""
+    folder = shutil.copytree(built / "results", tmp_path / "results")
+    spoil(folder)
+    with pytest.raises(UsageError, match=message) as refused:
+        noise.build_noise_report(tmp_path)
+    assert "\n" not in str(refused.value)
+    assert not (tmp_path / "report").exists()
+
+
+def test_what_is_read_is_what_was_written(tmp_path: Path) -> None:
+    """Reading a study's tables gives its scores back."""
+    data = study(flat, runs=2)
+    read = read_results(write(data, tmp_path) / "results").data
+    np.testing.assert_allclose(read.score, data.score, rtol=1e-5)
+    assert (read.evolved == data.evolved).all()
+    assert read.tasks == list(TASKS)
+
+
+def test_the_docs_script_fills_the_page(built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures and tables go between a study's marks; doing it again changes nothing."""
+    spec = importlib.util.spec_from_file_location("noise_level", PROJECT / "docs/figures/noise_level.py")
+    assert spec and spec.loader
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    page = tmp_path / "noise-level.md"
+    page.write_text((PROJECT / "docs" / "noise-level.md").read_text("utf-8"), encoding="utf-8")
+    shutil.copytree(built / "results", tmp_path / "noise-level" / "try")
+    (tmp_path / "figures").mkdir()
+    monkeypatch.setattr(script, "DOCS", tmp_path)
+    monkeypatch.setattr(script, "PAGE", page)
+    monkeypatch.setattr(sys, "argv", ["noise_level.py"])
+    script.main()
+    text = page.read_text("utf-8")
+    assert "| try | 1 | 1000 | supported | not supported | supported |" in text
+    assert "<!-- default -->" in text
+    for name in re.findall(r"\]\((figures/noise-level-try[^)]+)\)", text):
+        assert (tmp_path / name).is_file()
+    once = script.replaced(text, "try", "other words")
+    assert "| try | 1" in once
+    assert "other words" in once
+    assert script.replaced(once, "try", "other words") == once
