@@ -184,6 +184,27 @@ def test_evolving_from_a_configuration(study, json_of, tmp_path):
     assert made["runs"] == printed["runs"]
 
 
+def test_a_profile_is_given_as_an_option_or_as_a_setting(json_of, study, call, tmp_path):
+    """`evolve --profile FILE` evolves what `--set profile=FILE` does, and that robot's study keeps it."""
+    _, printed = study
+    words = ("evolve", "light", "--noise", "double", "--seed", 7, "--runs", 2, *SMALL)
+    mine = tmp_path / "mine.toml"
+    mine.write_text(call("profile", "show", "khepera").stdout)
+    by_option = json_of(*words, "--profile", mine, "--out", tmp_path / "option")
+    by_setting = json_of(*words, "--set", f"profile={mine}", "--out", tmp_path / "setting")
+    assert by_option["runs"] == by_setting["runs"] != printed["runs"]
+    replayed = json_of("replay", tmp_path / "option", 1)
+    assert replayed["profile"] == "khepera"
+    other = json_of("replay", tmp_path / "option", 1, "--profile", "paper")
+    assert other["profile"] == "paper" and other["ambient"] != replayed["ambient"]
+
+
+def test_resuming_with_another_robot_is_refused(study, refused):
+    """A study keeps the robot that it was evolved with."""
+    folder, _ = study
+    assert "profile.toml" in refused("evolve", "light", "--profile", "khepera", "--resume", "--out", folder)
+
+
 def test_a_task_of_ones_own(json_of, call, tmp_path):
     """A user's task with two inputs evolves, and its champion is saved, driven and replayed."""
     task, champion = tmp_path / "front.py", tmp_path / "champion.txt"
