@@ -15,6 +15,8 @@ from realitygap.report.style import noise_styles
 from realitygap.report.tables import WHO, NoiseClass, Table
 
 if TYPE_CHECKING:
+    from realitygap.report.calibrated import CalibratedPart
+    from realitygap.report.scores import ScoreTable
     from realitygap.report.situated import SituatedPart
 
 __all__ = ["Card", "Section", "render"]
@@ -43,7 +45,8 @@ class Section:
     situated: SituatedPart | None
     sheet: Card | None
     table: Table
-    table_label: str
+    scores: list[ScoreTable]
+    score_label: str
     sentences: list[str]
     networks: list[tuple[Card, bool]]
 
@@ -80,7 +83,13 @@ def _rows(one: NoiseClass, table: Table) -> list[dict[str, Any]]:
     return rows
 
 
-def render(study: Any, parts: Sequence[TaskPart], robot: Card, sections: Sequence[Section]) -> str:
+def render(
+    study: Any,
+    parts: Sequence[TaskPart],
+    robot: Card,
+    sections: Sequence[Section],
+    calibrated: CalibratedPart | None = None,
+) -> str:
     """The page as one self-contained HTML text."""
     from jinja2 import Environment, FileSystemLoader
     from markupsafe import Markup
@@ -99,6 +108,7 @@ def render(study: Any, parts: Sequence[TaskPart], robot: Card, sections: Sequenc
         config=study.config,
         robot=robot,
         sections=sections,
+        calibrated=calibrated,
         rows=_rows,
         per_condition=2 * PER_CONDITION,
         sheet_runs=PER_CONDITION,
