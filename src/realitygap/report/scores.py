@@ -12,10 +12,11 @@ from typing import Any
 
 from realitygap.report.paper_tables import PAPER_AVERAGES, PAPER_ROWS, PaperRow
 from realitygap.report.statistics import Mean, mean_of
-from realitygap.study.marks import Mark
+from realitygap.study.load import Study
+from realitygap.study.marks import Mark, marks_of
 from realitygap.world.noise import noise_level, noise_name
 
-__all__ = ["ScoreClass", "ScoreTable", "score_tables", "write_scores"]
+__all__ = ["ScoreClass", "ScoreTable", "score_tables", "study_tables", "write_scores"]
 
 SHOWN = 10
 """Rows of a noise level that a page shows."""
@@ -140,6 +141,15 @@ def score_tables(task: Any, levels: Iterable[float], marks: Sequence[Mark]) -> l
         )
         for kind, individual in dict.fromkeys((mark.kind, mark.individual) for mark in own)
     ]
+
+
+def study_tables(study: Study) -> list[ScoreTable]:
+    """All tables of a study, in the order of its tasks."""
+    marks, found = marks_of(study), []
+    for name in dict.fromkeys(run.task for run in study.runs):
+        levels = sorted({noise_level(run.noise) for run in study.runs if run.task == name})
+        found += score_tables(study.task(name), levels, marks)
+    return found
 
 
 def write_scores(path: Path, tables: Sequence[ScoreTable]) -> None:

@@ -181,6 +181,7 @@ class Job:
         if bench.task.seconds < SHORTEST_S:
             raise TrackError(f"trials of {bench.task.seconds:g} s show too little; {SHORTEST_S:g} s do.")
         genes = run.fittest if self.individual == "fittest" else run.champion
+        assert genes is not None
         networks = decode(genes, bench.study.layout(run.task))
         simulation = Simulation(bench.task, bench.study.profile, run.noise)
         stream = substream(run_stream(run.seed, run.task, run.noise, run.index), np.uint64(NAMED))
