@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 PULSES_PER_CM = 120.0
 """12 pulses per mm by most sources (0.08 mm per pulse by others): what is taken where nothing measured it."""
 WHEEL_FORMS = ("printed", "refitted")
-"""The paper's gains; gains of one's own, a lag, and play where a wheel turns round. Speed per unit is both's own."""
+"""The paper's gains; gains of one's own, a lag, and play at turning round. Both fit the speed per unit."""
 GAINS = ("kp", "ki", "kd", "lag")
 DIVISOR = 50000.0
 FIRST_STEPS = 2
