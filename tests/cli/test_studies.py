@@ -224,13 +224,15 @@ def test_a_task_of_ones_own(json_of, call, tmp_path):
 
 
 def test_reproduce_runs_both_tasks_at_three_levels(json_of, refused, tmp_path):
-    """`reproduce` evolves two tasks at three levels of noise and makes the page."""
-    words = ("--runs", 1, "--evaluations", 66, "--workers", 1, "--no-transfer", "--out", tmp_path)
+    """`reproduce` evolves two tasks at three levels of noise, here without a calibration, and makes the page."""
+    words = ("--runs", 1, "--evaluations", 66, "--workers", 1, "--no-transfer", "--profile", "paper")
+    words = (*words, "--out", tmp_path)
     made = json_of("reproduce", *words)
     assert [(run["task"], run["noise"]) for run in made["runs"]] == [
         (task, noise) for task in ("obstacle-avoidance", "light-seeking") for noise in (0.0, 1.0, 2.0)
     ]
     assert (tmp_path / "report" / "index.html").is_file()
+    assert not (tmp_path / "calibration").exists()
     # `evolve` does not continue it as if it were of one task
     assert "conditions" in refused("evolve", "light", "--resume", "--out", tmp_path)
 

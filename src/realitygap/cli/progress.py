@@ -77,8 +77,7 @@ class ProgressLine:
             return
         self._places[name] = (done, total)
         made, places = (sum(numbers) for numbers in zip(*self._places.values(), strict=True))
-        says = f"places in {len(self._places)} recordings"
-        self._show("recording the robot", made, places, says, False)
+        self._show("recording the robot", made, places, "places", False)
 
     def marks(self, done: int, total: int) -> None:
         """Show how far the scoring is."""

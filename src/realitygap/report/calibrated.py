@@ -105,7 +105,7 @@ def _judged(study: Any) -> list[Judgement]:
     for unit in sorted(home.glob("*/robot.toml")):
         if unit.read_bytes() != own:
             continue
-        folders = sorted(path for path in (unit.parent / "recordings").iterdir() if path.is_dir())
+        folders = sorted(path for path in unit.parent.glob("recordings/*") if path.is_dir())
         try:
             return [judge(load_recording(folder), study.profile) for folder in folders]
         except UsageError:
