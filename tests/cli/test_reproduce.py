@@ -1,7 +1,5 @@
 """`reproduce` begins with a calibration, and goes on from wherever it was stopped."""
 
-import json
-
 import pytest
 from click.testing import CliRunner
 
@@ -26,6 +24,8 @@ def calibrations(monkeypatch):
         return folder / "robot.toml"
 
     monkeypatch.setattr("realitygap.calibration.unit.calibrated_unit", made)
+    page = "report/index.html"  # other tests look at it
+    monkeypatch.setattr("realitygap.report.build.build_report", lambda study, on_progress: study / page)
     return calls
 
 
@@ -48,8 +48,6 @@ def test_it_records_calibrates_and_resumes_with_what_was_asked(calibrations, ref
     ]  # fmt: skip
     again = json_of("reproduce", "--no-transfer", "--workers", 1, "--resume", "--out", folder)
     assert again == made and len(calibrations) == 2  # a study that was begun keeps its robot
-    told = CliRunner().invoke(realitygap, ["report", str(folder), "--json"])
-    assert json.loads(told.stdout)["tables"] == made["tables"]
 
 
 def test_a_wrong_robot_is_refused_before_anything_is_made(calibrations, refused, tmp_path):

@@ -104,7 +104,10 @@ def test_a_report_can_be_made_again(study, json_of):
     folder, _ = study
     page = folder / "report" / "index.html"
     page.unlink()
-    assert json_of("report", folder)["report"] == str(page)
+    told = json_of("report", folder)
+    assert told["report"] == str(page)
+    assert [len(table["rows"]) for table in told["tables"]] == [2]
+    assert told["tables"] == json_of("evolve", "light", "--resume", "--out", folder)["tables"]
     assert page.is_file()
 
 
@@ -224,7 +227,7 @@ def test_a_task_of_ones_own(json_of, call, tmp_path):
 
 
 def test_reproduce_runs_both_tasks_at_three_levels(json_of, refused, tmp_path):
-    """`reproduce` evolves two tasks at three levels of noise, here without a calibration, and makes the page."""
+    """`reproduce` evolves two tasks at three levels, here in the paper's simulation, and makes the page."""
     words = ("--runs", 1, "--evaluations", 66, "--workers", 1, "--no-transfer", "--profile", "paper")
     words = (*words, "--out", tmp_path)
     made = json_of("reproduce", *words)

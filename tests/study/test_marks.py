@@ -33,7 +33,9 @@ def study(evolved: Path, tmp_path: Path) -> Study:
     return load_study(shutil.copytree(evolved, tmp_path / "study"))
 
 
-def drive(study: Study, number: int, *, radius: float = 3.0, robot: str = "twin-1", lose: bool = False) -> None:
+def drive(
+    study: Study, number: int, *, radius: float = 3.0, robot: str = "twin-1", lose: bool = False
+) -> None:
     """Transfers of a run: simulated circles of 3 cm from several starts, situated ones of a radius."""
     run = study.run(number)
     for start in range(1, STARTS + 1):
