@@ -98,7 +98,7 @@ def seconds_for_trials(trials: int) -> float:
 def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        half = ("reproduce", "--no-transfer", "--out")
+        half = ("reproduce", "--no-transfer", "--profile", "paper", "--out")
         first, _ = whole(folder, *half, str(folder / "first"))
         again, peak = whole(folder, *half, str(folder / "again"))
         print(f"the simulated half, first time: {first:.1f} s; compiled: {again:.1f} s; memory {peak:.0f} MB")
