@@ -14,16 +14,25 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from realitygap.calibration.calibrate import calibrate
+    from realitygap.calibration.recording import load_recording
+    from realitygap.calibration.unit import calibrated_unit
     from realitygap.controller.genotype import Layout, load_genotype, random_genotype, save_genotype
     from realitygap.controller.handmade import braitenberg, constant
     from realitygap.controller.network import NetworkController, decode
     from realitygap.controller.operators import Variation
+    from realitygap.correspondence.names import namer
+    from realitygap.correspondence.reading import read_trials
+    from realitygap.correspondence.score import compare
+    from realitygap.correspondence.setting import setting_of
     from realitygap.errors import RealityGapError, UsageError
     from realitygap.evolution import make_algorithm
     from realitygap.report.build import build_report
     from realitygap.study.config import StudyConfig
     from realitygap.study.load import load_study
+    from realitygap.study.marks import marks_of
     from realitygap.study.runner import run_study
+    from realitygap.study.transfer import load_transfers, transfer
     from realitygap.tasks import load_task
     from realitygap.tasks.simulation import Simulation
     from realitygap.tasks.task import Start, Task
@@ -53,31 +62,50 @@ __all__ = [
     "__version__",
     "braitenberg",
     "build_report",
+    "calibrate",
+    "calibrated_unit",
+    "compare",
     "constant",
     "decode",
     "load_arena",
     "load_genotype",
     "load_profile",
+    "load_recording",
     "load_study",
     "load_task",
+    "load_transfers",
     "make_algorithm",
+    "marks_of",
+    "namer",
     "noise_level",
     "random_genotype",
+    "read_trials",
     "run_study",
     "save_genotype",
+    "setting_of",
+    "transfer",
 ]
 
 _HOMES = {
+    "calibration.calibrate": ("calibrate",),
+    "calibration.recording": ("load_recording",),
+    "calibration.unit": ("calibrated_unit",),
     "controller.genotype": ("Layout", "load_genotype", "random_genotype", "save_genotype"),
     "controller.handmade": ("braitenberg", "constant"),
     "controller.network": ("NetworkController", "decode"),
     "controller.operators": ("Variation",),
+    "correspondence.names": ("namer",),
+    "correspondence.reading": ("read_trials",),
+    "correspondence.score": ("compare",),
+    "correspondence.setting": ("setting_of",),
     "errors": ("RealityGapError", "UsageError"),
     "evolution": ("make_algorithm",),
     "report.build": ("build_report",),
     "study.config": ("StudyConfig",),
     "study.load": ("load_study",),
+    "study.marks": ("marks_of",),
     "study.runner": ("run_study",),
+    "study.transfer": ("load_transfers", "transfer"),
     "tasks": ("load_task",),
     "tasks.simulation": ("Simulation",),
     "tasks.task": ("Start", "Task"),

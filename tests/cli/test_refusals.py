@@ -26,6 +26,8 @@ PROBE = ("probe", "avoidance", "--pose", 25, 25, 0)
         (("evolve", "light", "--evaluations", "many"), "--evaluations"),
         (("evolve", "light", "--seed", -1), "--seed"),
         (("evolve", "light", "--workers", 0), "--workers"),
+        (("evolve", "light", "--profile", "nobody"), "nobody"),
+        (("bench", "--profile", "no/such/robot.toml"), "no/such/robot.toml"),
         (("reproduce", "--runs", -5), "--runs"),
         (("reproduce", "--seed", 2.5), "--seed"),
         (("simulate", "avoidance", "--pose", 25, 25, 0), "--controller"),

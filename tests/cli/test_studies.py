@@ -104,7 +104,10 @@ def test_a_report_can_be_made_again(study, json_of):
     folder, _ = study
     page = folder / "report" / "index.html"
     page.unlink()
-    assert json_of("report", folder)["report"] == str(page)
+    told = json_of("report", folder)
+    assert told["report"] == str(page)
+    assert [len(table["rows"]) for table in told["tables"]] == [2]
+    assert told["tables"] == json_of("evolve", "light", "--resume", "--out", folder)["tables"]
     assert page.is_file()
 
 
@@ -184,6 +187,27 @@ def test_evolving_from_a_configuration(study, json_of, tmp_path):
     assert made["runs"] == printed["runs"]
 
 
+def test_a_profile_is_given_as_an_option_or_as_a_setting(json_of, study, call, tmp_path):
+    """`evolve --profile FILE` evolves what `--set profile=FILE` does, and that robot's study keeps it."""
+    _, printed = study
+    words = ("evolve", "light", "--noise", "double", "--seed", 7, "--runs", 2, *SMALL)
+    mine = tmp_path / "mine.toml"
+    mine.write_text(call("profile", "show", "khepera").stdout)
+    by_option = json_of(*words, "--profile", mine, "--out", tmp_path / "option")
+    by_setting = json_of(*words, "--set", f"profile={mine}", "--out", tmp_path / "setting")
+    assert by_option["runs"] == by_setting["runs"] != printed["runs"]
+    replayed = json_of("replay", tmp_path / "option", 1)
+    assert replayed["profile"] == "khepera"
+    other = json_of("replay", tmp_path / "option", 1, "--profile", "paper")
+    assert other["profile"] == "paper" and other["ambient"] != replayed["ambient"]
+
+
+def test_resuming_with_another_robot_is_refused(study, refused):
+    """A study keeps the robot that it was evolved with."""
+    folder, _ = study
+    assert "profile.toml" in refused("evolve", "light", "--profile", "khepera", "--resume", "--out", folder)
+
+
 def test_a_task_of_ones_own(json_of, call, tmp_path):
     """A user's task with two inputs evolves, and its champion is saved, driven and replayed."""
     task, champion = tmp_path / "front.py", tmp_path / "champion.txt"
@@ -203,13 +227,15 @@ def test_a_task_of_ones_own(json_of, call, tmp_path):
 
 
 def test_reproduce_runs_both_tasks_at_three_levels(json_of, refused, tmp_path):
-    """`reproduce` evolves two tasks at three levels of noise and makes the page."""
-    words = ("--runs", 1, "--evaluations", 66, "--workers", 1, "--no-transfer", "--out", tmp_path)
+    """`reproduce` evolves two tasks at three levels, here in the paper's simulation, and makes the page."""
+    words = ("--runs", 1, "--evaluations", 66, "--workers", 1, "--no-transfer", "--profile", "paper")
+    words = (*words, "--out", tmp_path)
     made = json_of("reproduce", *words)
     assert [(run["task"], run["noise"]) for run in made["runs"]] == [
         (task, noise) for task in ("obstacle-avoidance", "light-seeking") for noise in (0.0, 1.0, 2.0)
     ]
     assert (tmp_path / "report" / "index.html").is_file()
+    assert not (tmp_path / "calibration").exists()
     # `evolve` does not continue it as if it were of one task
     assert "conditions" in refused("evolve", "light", "--resume", "--out", tmp_path)
 

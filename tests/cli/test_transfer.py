@@ -173,18 +173,22 @@ def test_ctrl_c_says_how_to_go_on(study):
 
 
 def test_reproduce_transfers_before_it_reports(json_of, monkeypatch, tmp_path):
-    """Every champion drives unit 1 once; one run of each condition is filmed."""
-    asked = {}
+    """Every champion drives unit 1 from each start; the first of one run of each condition is filmed."""
+    asked = []
 
     def transfer(study, runs=(), **settings):
-        asked.update(settings, runs=runs)
+        asked.append({**settings, "runs": runs})
         assert not (study.folder / "report" / "index.html").exists()
         return []
 
-    monkeypatch.setattr(study_transfer, "transfer", transfer)
-    words = ("reproduce", "--runs", 1, "--evaluations", 66, "--workers", 1, "--out", tmp_path / "study")
+    monkeypatch.setattr("realitygap.study.reproduction.transfer", transfer)
+    words = ("reproduce", "--runs", 1, "--evaluations", 66, "--workers", 1, "--profile", "paper")
+    words = (*words, "--starts", 3, "--out", tmp_path / "study")
     assert json_of(*words)["transfers"] == []
-    assert asked["robots"] == ("twin:1",) and asked["runs"] == () and asked["film"] == [1, 2, 3, 4, 5, 6]
+    first, rest = asked
+    assert first["robots"] == rest["robots"] == ("twin:1",) and first["runs"] == rest["runs"] == ()
+    assert first["film"] == [1, 2, 3, 4, 5, 6] and "starts" not in first
+    assert rest["starts"] == 3 and "film" not in rest
     asked.clear()
     assert "transfers" not in json_of(*words, "--resume", "--no-transfer")
     assert not asked

@@ -28,8 +28,8 @@ def write_transfer(
     """One transfer: the simulated robot drives a circle, the situated one a narrower one."""
     folder = study.folder / "transfer" / robot / run.name.replace("/", "-") / f"start-{start}"
     folder.mkdir(parents=True)
-    _write_path(folder / "simulated.csv", 7.0)
-    _write_path(folder / "situated.csv", 5.0)
+    _write_path(folder / "simulated.csv", 3.0)
+    _write_path(folder / "situated.csv", 2.0)
     if film:
         _write_picture(folder / "tails.png")
         (folder / "film.mp4").write_bytes(b"a film")
@@ -60,7 +60,7 @@ def _write_path(path: Path, radius: float) -> None:
     rows = [COLUMNS]
     for k in range(STEPS + 1):
         turn = 4.0 * k / STEPS
-        x, y = 15.0 + radius * math.cos(turn), 25.0 + radius * math.sin(turn)
+        x, y = 22.0 - radius + radius * math.cos(turn), 25.0 + radius * math.sin(turn)
         rows.append(f"{k / 10:.1f},{x:.6f},{y:.6f},{180 - (90 - math.degrees(turn)) % 360:.6f}")
     path.write_text("\n".join(rows) + "\n", encoding="utf-8")
 

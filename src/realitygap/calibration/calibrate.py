@@ -64,7 +64,7 @@ def calibrate(
         form: one of FORMS.
         light: another form for ambient light.
         name: of the new profile.
-        date: to be written into it (default: today's).
+        date: to be written into it (default: today's); "" for none.
 
     Raises:
         CalibrationError: recordings that no sensible profile can be made from.
@@ -153,7 +153,7 @@ def _provenance(
         pulses = tuple(0.1 / length for length in per_pulse)
     return Provenance(
         base=base.name,
-        date=date or datetime.now(UTC).date().isoformat(),
+        date=datetime.now(UTC).date().isoformat() if date is None else date,
         version=version("realitygap"),
         notes=tuple(notes),
         pulses_per_mm=pulses,

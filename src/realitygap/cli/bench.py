@@ -8,12 +8,12 @@ from __future__ import annotations
 import os
 import time
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from realitygap.cli.kinds import Finite
-from realitygap.cli.options import as_json, noise_option
+from realitygap.cli.options import as_json, noise_option, profile_option
 from realitygap.cli.output import print_json, print_table
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ TRIALS = 4
 
 
 @click.command()
+@profile_option()
 @noise_option()
 @click.option(
     "--seconds",
@@ -37,7 +38,7 @@ TRIALS = 4
     help="Time spent on each figure.",
 )
 @as_json
-def bench(noise: float, seconds: float, json_output: bool) -> None:
+def bench(profile: str, noise: float, seconds: float, json_output: bool) -> None:
     """Measure simulation steps per second.
 
     Both tasks, on one core and on all. The networks are random ones as a run starts with, of the
@@ -49,24 +50,29 @@ def bench(noise: float, seconds: float, json_output: bool) -> None:
     """
     from realitygap.tasks import TASKS
 
-    figures = {task: measure(task, noise=noise, seconds=seconds) for task in TASKS}
+    figures = {task: measure(task, profile=profile, noise=noise, seconds=seconds) for task in TASKS}
     if json_output:
-        print_json({**figures, "cores": cores(), "noise": noise})
+        print_json({**figures, "cores": cores(), "profile": profile, "noise": noise})
         return
     head = ("task", "steps/s, one core", f"steps/s, {cores()} cores")
     rows = [[task, *(Thousands(rate) for rate in rates.values())] for task, rates in figures.items()]
     print_table(head, rows)
 
 
-def measure(task: str, *, noise: float = 1.0, seconds: float = 3.0) -> dict[str, float]:
+def measure(
+    task: str, *, profile: str = "paper", noise: float = 1.0, seconds: float = 3.0
+) -> dict[str, float]:
     """Steps per second of `task` on one core and on all, for `seconds` each."""
+    settings: dict[str, Any] = {"profile": profile, "noise": noise, "seconds": seconds}
     return {
-        "steps_per_second_one_core": steps_per_second(task, noise=noise, threads=1, seconds=seconds),
-        "steps_per_second_all_cores": steps_per_second(task, noise=noise, threads=cores(), seconds=seconds),
+        "steps_per_second_one_core": steps_per_second(task, threads=1, **settings),
+        "steps_per_second_all_cores": steps_per_second(task, threads=cores(), **settings),
     }
 
 
-def steps_per_second(task: str, *, noise: float, threads: int, seconds: float) -> float:
+def steps_per_second(
+    task: str, *, profile: str = "paper", noise: float, threads: int, seconds: float
+) -> float:
     """Steps a second that `threads` threads make together; kernels release the interpreter's lock.
 
     Each thread has its own simulation and random networks, and evaluates them batch after batch
@@ -76,7 +82,7 @@ def steps_per_second(task: str, *, noise: float, threads: int, seconds: float) -
     from realitygap.tasks.simulation import Simulation
     from realitygap.world.profile import load_profile
 
-    simulations = [Simulation(load_task(task), load_profile("paper"), noise) for _ in range(threads)]
+    simulations = [Simulation(load_task(task), load_profile(profile), noise) for _ in range(threads)]
     simulations[0].compile()
     shares = [
         (simulation, random_networks(simulation, stream=k), k) for k, simulation in enumerate(simulations)

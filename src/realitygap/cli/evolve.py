@@ -12,6 +12,7 @@ from realitygap.cli.options import (
     as_json,
     evaluations_option,
     noise_option,
+    profile_option,
     runs_option,
     seed_option,
     workers_option,
@@ -27,6 +28,7 @@ __all__ = ["evolve"]
 @click.command()
 @click.argument("task")
 @noise_option(None, " [default: observed]")
+@profile_option(None, " [default: paper]")
 @seed_option(None, " [default: 1995]")
 @runs_option("Runs [default: 1].")
 @evaluations_option
@@ -47,6 +49,7 @@ __all__ = ["evolve"]
 def evolve(
     task: str,
     noise: float | None,
+    profile: str | None,
     seed: int | None,
     runs: int | None,
     evaluations: int | None,
@@ -79,7 +82,7 @@ def evolve(
         begun = interrupted_config(folder, resume) or StudyConfig.single(task)
     arenas = {key: arena for key, arena in begun.arenas.items() if key == name}
     begun = replace(begun, conditions=_conditions(begun, task, noise), arenas=arenas).with_settings(settings)
-    given: dict[str, Any] = {"seed": seed, "runs": runs, "evaluations": evaluations}
+    given: dict[str, Any] = {"profile": profile, "seed": seed, "runs": runs, "evaluations": evaluations}
     chosen = replace(begun, **{key: value for key, value in given.items() if value is not None})
     words = f"evolve {shlex.quote(task)}"
     carry_out(folder, chosen, words=words, workers=workers, resume=resume, json_output=json_output)

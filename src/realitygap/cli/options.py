@@ -86,15 +86,17 @@ def pose_option(required: bool = True) -> Callable[[Decorated], Decorated]:
     )
 
 
-def profile_option(command: Decorated) -> Decorated:
+def profile_option(
+    default: str | None = "paper", says: str = ""
+) -> Callable[[Decorated], Decorated]:
     """`--profile P`."""
     return click.option(
         "--profile",
-        default="paper",
-        show_default=True,
+        default=default,
+        show_default=default is not None,
         metavar="P",
-        help="Robot: a shipped profile's name or a TOML file.",
-    )(command)
+        help=f"Robot: a shipped profile's name or a TOML file.{says}",
+    )
 
 
 def arena_option(command: Decorated) -> Decorated:

@@ -22,7 +22,7 @@ __all__ = ["probe"]
 @click.command()
 @click.argument("task")
 @pose_option()
-@profile_option
+@profile_option()
 @arena_option
 @noise_option()
 @seed_option()

@@ -26,6 +26,7 @@ class ProgressLine:
         self._bar: Any = None
         self._job: Any = None
         self._phase = ""
+        self._places: dict[str, tuple[int, int]] = {}
         self._next = 0.0
 
     def __enter__(self) -> Self:
@@ -69,6 +70,19 @@ class ProgressLine:
         """Show how far a recording is."""
         self._show(f"recording {name}", done, total, "places", done == total)
 
+    def calibrating(self, name: str, done: int, total: int) -> None:
+        """Show how far the recordings for a calibration are, several at a time, or that it is fitted."""
+        if name == "fit":
+            self._show("fitting the simulation to the recordings", done, total, "", done == total)
+            return
+        self._places[name] = (done, total)
+        made, places = (sum(numbers) for numbers in zip(*self._places.values(), strict=True))
+        self._show("recording the robot", made, places, "places", False)
+
+    def marks(self, done: int, total: int) -> None:
+        """Show how far the scoring is."""
+        self._show("scoring behaviour", done, total, "runs", done == total)
+
     def report(self, done: int, total: int, name: str) -> None:
         """Show how far a report is."""
         self._show("making the report", done, total, "figures", done == total)
@@ -80,7 +94,7 @@ class ProgressLine:
         now = time.monotonic()
         if phase != self._phase or finished or now >= self._next:
             self._phase, self._next = phase, now + PLAIN_EVERY_S
-            click.echo(f"{phase}: {done}/{total}, {says}", err=True)
+            click.echo(f"{phase}: {done}/{total}{', ' * bool(says)}{says}", err=True)
 
 
 def clock(seconds: float) -> str:

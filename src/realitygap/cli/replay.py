@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING
 import click
 
 from realitygap.cli.kinds import FILM, PICTURE, SECONDS
-from realitygap.cli.options import as_json, checked_pose, noise_option, pose_option, seed_option
+from realitygap.cli.options import (
+    as_json,
+    checked_pose,
+    noise_option,
+    pose_option,
+    profile_option,
+    seed_option,
+)
 from realitygap.cli.output import print_json
 from realitygap.cli.scene import Scene, print_path
 
@@ -30,6 +37,7 @@ __all__ = ["replay"]
     metavar="WHO",
     help="champion (retested), fittest (as in the paper), or the number of an evaluation.",
 )
+@profile_option(None, " [default: the study's own]")
 @noise_option(None, " [default: the run's own]")
 @seed_option()
 @pose_option(required=False)
@@ -41,6 +49,7 @@ def replay(
     study: str,
     run: str,
     individual: str,
+    profile: str | None,
     noise: float | None,
     seed: int,
     pose: tuple[float, float, float] | None,
@@ -66,7 +75,7 @@ def replay(
     loaded = load_study(study)
     one = loaded.run(run)
     who, genes = _individual(loaded, one, individual)
-    scene = _scene(loaded, one, noise, pose)
+    scene = _scene(loaded, one, profile, noise, pose)
     trajectory, score = scene.simulation().trajectory(
         decode(genes, loaded.layout(one.task)), stream=seed, pose=scene.pose, seconds=seconds
     )
@@ -85,11 +94,16 @@ def replay(
             click.echo(f"saved {made}")
 
 
-def _scene(study: Study, run: Run, noise: float | None, pose: Numbers | None) -> Scene:
-    """The run's own task and robot; at another level of noise or pose if one is given."""
+def _scene(
+    study: Study, run: Run, profile: str | None, noise: float | None, pose: Numbers | None
+) -> Scene:
+    """The run's own task and robot; another robot, level of noise or pose if one is given."""
+    from realitygap.world.profile import load_profile
+
     task, level = study.task(run.task), run.noise if noise is None else noise
-    place = None if pose is None else checked_pose(pose, task.arena, study.profile)
-    return Scene(task=task, profile=study.profile, noise=level, pose=place)
+    robot = study.profile if profile is None else load_profile(profile)
+    place = None if pose is None else checked_pose(pose, task.arena, robot)
+    return Scene(task=task, profile=robot, noise=level, pose=place)
 
 
 def _individual(study: Study, run: Run, who: str) -> tuple[str, Genes]:

@@ -6,6 +6,7 @@ import click
 
 from realitygap.cli.options import as_json
 from realitygap.cli.output import print_json
+from realitygap.cli.progress import ProgressLine
 
 __all__ = ["report"]
 
@@ -23,9 +24,16 @@ def report(study: str, json_output: bool) -> None:
         realitygap report out/reproduce
     """
     from realitygap.report.build import build_report
+    from realitygap.report.scores import study_tables
+    from realitygap.study.load import load_study
+    from realitygap.study.marks import marks_of
 
-    page = build_report(study)
+    with ProgressLine() as progress:
+        loaded = load_study(study)
+        marks_of(loaded, on_progress=progress.marks)
+        page = build_report(study, on_progress=progress.report)
+        tables = study_tables(loaded)
     if json_output:
-        print_json({"report": str(page)})
+        print_json({"report": str(page), "tables": [table.to_dict() for table in tables]})
     else:
         click.echo(f"report {page}")

@@ -1,17 +1,27 @@
-"""`realitygap reproduce`: the paper's thirty runs, their champions on the twin, and the page about both."""
+"""`realitygap reproduce`: the paper's experiment as a whole, from the robot that is measured to the page."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from realitygap.cli.options import as_json, evaluations_option, runs_option, seed_option, workers_option
-from realitygap.cli.studies import carry_out, interrupted_config
+from realitygap.cli.kinds import Whole
+from realitygap.cli.options import (
+    as_json,
+    evaluations_option,
+    profile_option,
+    runs_option,
+    seed_option,
+    workers_option,
+)
+from realitygap.cli.studies import carry_out
 
 if TYPE_CHECKING:
     from realitygap.cli.progress import ProgressLine
+    from realitygap.study.config import StudyConfig
     from realitygap.study.load import Study
 
 __all__ = ["reproduce"]
@@ -26,57 +36,62 @@ __all__ = ["reproduce"]
     metavar="DIR",
     help="The study's folder.",
 )
+@profile_option(None, " [default: one that is calibrated first, to unit 1 of the twin]")
 @runs_option("Runs for each task and level of noise [default: 5].")
 @evaluations_option
 @seed_option(None, " [default: 1995]")
+@click.option(
+    "--starts", type=Whole(1, 10**6), metavar="N", help="Trials of each champion on the twin [default: 8]."
+)
 @workers_option
-@click.option("--no-transfer", is_flag=True, help="Evolve and report only: no trials on the twin.")
+@click.option("--no-transfer", is_flag=True, help="Stop before the transfer: no trials on the twin.")
 @click.option("--resume", is_flag=True, help="Continue an interrupted study to exactly the same result.")
 @as_json
 def reproduce(
     out: Path,
+    profile: str | None,
     runs: int | None,
     evaluations: int | None,
     seed: int | None,
+    starts: int | None,
     workers: int | None,
     no_transfer: bool,
     resume: bool,
     json_output: bool,
 ) -> None:
-    """Make the paper's runs, and the page about them.
+    """Make the paper's experiment, and the page about it.
 
-    Evolves both tasks at all three levels of noise, as the paper does, lets every champion drive
-    the twin (pseudo-reality: a physics model behind the robot's own serial protocol), films one of
-    each kind, and reports on all that. With --resume what is not given is as it was.
+    Records the readings of unit 1 of the twin (pseudo-reality: a physics model behind the robot's
+    own serial protocol) and fits the simulation to them, as the paper began; evolves both tasks in
+    that simulation at all three levels of noise; lets every champion drive the unit, films one of
+    each kind; scores all that, and reports. --profile paper keeps the printed constants and
+    records nothing. With --resume what is not given is as it was.
 
     \b
     Example:
         realitygap reproduce --out out/reproduce
     """
-    from realitygap.study.config import StudyConfig
+    from realitygap.study.reproduction import Reproduction, begun, configured, transferred
 
-    begun = interrupted_config(out, resume) or StudyConfig.reproduction()
-    config = StudyConfig.reproduction(
-        runs=begun.runs if runs is None else runs,
-        evaluations=begun.evaluations if evaluations is None else evaluations,
-        seed=begun.seed if seed is None else seed,
-    )
+    given: dict[str, Any] = {
+        "runs": runs, "evaluations": evaluations, "seed": seed, "profile": profile, "starts": starts,
+    }  # fmt: skip
+    asked = (begun(out) if resume else None) or Reproduction()
+    wished = replace(asked, **{key: value for key, value in given.items() if value is not None})
+
+    def prepare(progress: ProgressLine) -> StudyConfig:
+        return configured(out, wished, resume=resume, workers=workers, on_progress=progress.calibrating)
+
+    def then(study: Study, progress: ProgressLine) -> dict[str, Any]:
+        made = transferred(study, starts=wished.starts, workers=workers, on_progress=progress.transfer)
+        return {"transfers": [one.to_dict() for one in made]}
+
     carry_out(
         out,
-        config,
+        prepare,
         words="reproduce --no-transfer" if no_transfer else "reproduce",
         workers=workers,
         resume=resume,
         json_output=json_output,
-        then=None if no_transfer else lambda study, progress: _transferred(study, progress, workers),
+        then=None if no_transfer else then,
     )
-
-
-def _transferred(study: Study, progress: ProgressLine, workers: int | None) -> dict[str, Any]:
-    """Every champion on the twin, those filmed that figures 3 and 5 show."""
-    from realitygap.study.transfer import transfer
-    from realitygap.study.transfer_choice import shown_runs
-
-    film = [run.id for run in shown_runs(study)]
-    made = transfer(study, robots=("twin:1",), film=film, workers=workers, on_progress=progress.transfer)
-    return {"transfers": [one.to_dict() for one in made]}

@@ -30,7 +30,7 @@ __all__ = ["simulate"]
     help="A genotype's text file, two constant wheel commands, or Braitenberg's vehicle.",
 )
 @pose_option()
-@profile_option
+@profile_option()
 @arena_option
 @noise_option()
 @seed_option()

@@ -9,25 +9,28 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from realitygap.cli.failure import StoppedError
-from realitygap.cli.output import print_json
+from realitygap.cli.output import print_json, print_table
 from realitygap.cli.progress import ProgressLine
 from realitygap.cli.show import describe, print_runs
 from realitygap.errors import StudyInterruptedError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
+    from realitygap.report.scores import ScoreTable
     from realitygap.study.config import StudyConfig
     from realitygap.study.load import Study
 
     Then = Callable[[Study, ProgressLine], dict[str, Any]]
 
-__all__ = ["carry_out", "interrupted_config"]
+__all__ = ["carry_out", "interrupted_config", "print_scores"]
+
+SCORES = ("behaviour", "correspondence")
 
 
 def carry_out(
     folder: Path,
-    config: StudyConfig,
+    config: StudyConfig | Callable[[ProgressLine], StudyConfig],
     *,
     words: str,
     workers: int | None,
@@ -39,7 +42,7 @@ def carry_out(
 
     Args:
         folder: the study's.
-        config: what to do; a study that is there must have been made with the same.
+        config: what to do, or who finds that out first; a study that is there must have been made with it.
         words: how this command is called, up to its options: what to type to resume.
         workers: processes; one a core if None.
         resume: continue what is there.
@@ -50,22 +53,50 @@ def carry_out(
         StoppedError: on Ctrl-C, saying how to go on.
     """
     from realitygap.report.build import build_report
+    from realitygap.report.scores import study_tables
+    from realitygap.study.marks import marks_of
     from realitygap.study.runner import run_study
 
     try:
         with ProgressLine() as progress:
-            study = run_study(folder, config, workers=workers, resume=resume, on_progress=progress.study)
+            wished = config(progress) if callable(config) else config
+            study = run_study(folder, wished, workers=workers, resume=resume, on_progress=progress.study)
             more = {} if then is None else then(study, progress)
+            marks_of(study, on_progress=progress.marks)
             page = build_report(folder, on_progress=progress.report)
+            tables = study_tables(study)
     except (KeyboardInterrupt, StudyInterruptedError):
         again = f"realitygap {words} --out {shlex.quote(str(folder))} --resume"
         raise StoppedError(f"stopped; what is done is kept in {folder}; resume with `{again}`") from None
     if json_output:
         runs = [describe(study, run) for run in study.runs]
-        print_json({"study": str(folder), "report": str(page), "runs": runs, **more})
+        told = [table.to_dict() for table in tables]
+        print_json({"study": str(folder), "report": str(page), "runs": runs, "tables": told, **more})
         return
     print_runs(study.runs)
+    print_scores(tables)
     click.echo(f"\nstudy  {folder}\nreport {page}")
+
+
+def print_scores(tables: Sequence[ScoreTable]) -> None:
+    """Tables 1 and 2 by their averages."""
+    rows = [
+        [
+            table.task,
+            one.name,
+            table.kind or "–",
+            *("–" if mean is None else f"{mean.value:.1f}" for mean in map(one.mean, SCORES)),
+            *(f"{value:g}" for value in one.paper_average or ()),
+        ]
+        for table in tables
+        for one in table.classes
+        if one.marks
+    ]
+    if rows:
+        click.echo()
+        paper = tuple(f"paper's {name}" for name in SCORES)
+        head = ("marks, 0 to 10", "noise", "on", *SCORES, *paper)
+        print_table(head, [[*row, *("–",) * (len(head) - len(row))] for row in rows])
 
 
 def interrupted_config(folder: Path, resume: bool) -> StudyConfig | None:

@@ -39,8 +39,8 @@ class Robot(NamedTuple):
     """[5] Kp, Ki, Kd and the divisor ("mass") of the printed law (§3.2.2); the share of a command that
     acts one step late: 0 in the paper."""
     friction: F
-    """[3] speed below which a wheel rests (cm/s); the integral term that frees it (cm/s²); what a start
-    from rest loses (cm/s): 0 in the paper."""
+    """[3] speed below which a wheel rests (cm/s); the integral term that frees it (cm/s²); half the
+    play (cm/s over a step): 0 in the paper."""
     top_command: float
     """Largest command of the network, Khepera units: 10."""
 

@@ -13,7 +13,7 @@ from matplotlib.patches import Circle, Rectangle
 
 from realitygap.kernels.params import Arena, Robot
 from realitygap.report import style
-from realitygap.report.rays import sensor_rays
+from realitygap.report.rays import light_rays, sensor_rays
 from realitygap.report.robots import draw_robot
 from realitygap.report.style import PAGE, new_figure
 
@@ -137,7 +137,7 @@ def _draw_rays(ax: Axes, robot: Robot, arena: Arena, feeds: str, pose: tuple[flo
     else:
         place, ray, reach = (
             robot.ambient_place,
-            robot.ambient_ray,
+            light_rays(robot),
             np.full(len(robot.ambient_place), AMBIENT_RAYS_CM),
         )
     rays = sensor_rays(arena, place, ray, pose, reach)

@@ -10,6 +10,7 @@ from typing import Any
 
 from realitygap.report import page, words
 from realitygap.report.arenas import arena_figure
+from realitygap.report.calibrated import calibrated_part
 from realitygap.report.curves import curves_figure
 from realitygap.report.gather import (
     PER_CONDITION,
@@ -27,11 +28,14 @@ from realitygap.report.paths import panels_figure, sheet_figure
 from realitygap.report.player import player_data, player_json
 from realitygap.report.reading import read_table
 from realitygap.report.robots import robot_figure
+from realitygap.report.scores import score_tables, write_scores
 from realitygap.report.situated import SituatedPart, count_figures, make_situated
 from realitygap.report.statistics import mean_of
 from realitygap.report.style import inline_svg, save_figure, styled
 from realitygap.report.tables import NoiseClass, Row, Table, write_csv
 from realitygap.report.transfers import Pair, pairs_of
+from realitygap.report.words_scores import read_scores
+from realitygap.study.marks import Mark, marks_of
 
 __all__ = ["build_report"]
 
@@ -64,11 +68,13 @@ def build_report(study_path: str | Path, *, on_progress: Progress | None = None)
     parts = parts_of(study)
     pairs = pairs_of(study, parts)
     total = 2 + sum(_count(part) + count_figures(pairs[part.task.name]) for part in parts)
-    maker = _Maker(folder=folder, study=study, pairs=pairs, tell=on_progress, total=total)
+    marks = marks_of(study)
+    maker = _Maker(folder=folder, study=study, pairs=pairs, marks=marks, tell=on_progress, total=total)
     with styled():
         robot = maker.card("robot", lambda: robot_figure(study.profile), **words.robot_words(study.profile))
         sections = [maker.section(part) for part in parts]
-    text = page.render(study, parts, robot, sections, maker.player(parts))
+        calibrated = calibrated_part(study, maker.card)
+    text = page.render(study, parts, robot, sections, calibrated, maker.player(parts))
     target = folder / "index.html"
     spare = target.with_suffix(".html.tmp")
     spare.write_text(text, encoding="utf-8")
@@ -90,6 +96,7 @@ class _Maker:
     folder: Path
     study: Any
     pairs: Mapping[str, Sequence[Pair]]
+    marks: Sequence[Mark]
     tell: Progress | None
     total: int
     done: int = 0
@@ -110,12 +117,14 @@ class _Maker:
         """All figures and the table of one task."""
         task = part.task
         labels = (
-            PAPER.get(task.name, ("Arena", "Curves", "Paths", "Table"))
+            PAPER.get(task.name, ("Arena", "Curves", "Paths", ""))
             if task.source is None
-            else ("Arena", "Curves", "Paths", "Table")
+            else ("Arena", "Curves", "Paths", "")
         )
         table = part.table
         write_csv(self.folder / "tables" / f"{task.name}.csv", table)
+        scores = score_tables(task, [one.level for one in part.conditions], self.marks)
+        write_scores(self.folder / "tables" / f"{task.name}-scores.csv", scores)
         arena = self.card(
             f"{task.name}-arena",
             lambda: arena_figure(task, self.study.profile),
@@ -128,8 +137,13 @@ class _Maker:
             task=task,
             arena=arena,
             table=table,
-            table_label=labels[3],
-            sentences=[*read_table(table), *(situated.sentences if situated else ())],
+            scores=scores,
+            score_label=labels[3],
+            sentences=[
+                *(words for one in scores for words in read_scores(one)),
+                *read_table(table),
+                *(situated.sentences if situated else ()),
+            ],
             curves=self._curves(part, table, labels[1]),
             paths=None if whole else self._chosen_paths(part, "" if situated else labels[2]),
             situated=situated,

@@ -15,6 +15,8 @@ from realitygap.report.style import noise_styles
 from realitygap.report.tables import WHO, NoiseClass, Table
 
 if TYPE_CHECKING:
+    from realitygap.report.calibrated import CalibratedPart
+    from realitygap.report.scores import ScoreTable
     from realitygap.report.situated import SituatedPart
 
 __all__ = ["Card", "Section", "render"]
@@ -43,7 +45,8 @@ class Section:
     situated: SituatedPart | None
     sheet: Card | None
     table: Table
-    table_label: str
+    scores: list[ScoreTable]
+    score_label: str
     sentences: list[str]
     networks: list[tuple[Card, bool]]
 
@@ -81,7 +84,12 @@ def _rows(one: NoiseClass, table: Table) -> list[dict[str, Any]]:
 
 
 def render(
-    study: Any, parts: Sequence[TaskPart], robot: Card, sections: Sequence[Section], player: str = ""
+    study: Any,
+    parts: Sequence[TaskPart],
+    robot: Card,
+    sections: Sequence[Section],
+    calibrated: CalibratedPart | None = None,
+    player: str = "",
 ) -> str:
     """The page as one self-contained HTML text; `player` is what its player knows, as JSON."""
     from jinja2 import Environment, FileSystemLoader
@@ -103,6 +111,7 @@ def render(
         player=Markup(player),
         scripts=Markup(_scripts()),
         sections=sections,
+        calibrated=calibrated,
         rows=_rows,
         per_condition=2 * PER_CONDITION,
         sheet_runs=PER_CONDITION,

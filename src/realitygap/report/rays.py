@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.kernels.params import RAYS, Arena
+from realitygap.kernels.params import RAYS, Arena, Robot
 
-__all__ = ["cast", "sensor_rays"]
+__all__ = ["cast", "light_rays", "sensor_rays"]
 
 F = NDArray[np.float64]
 
@@ -36,6 +36,12 @@ def cast(arena: Arena, origin: F, direction: F) -> F:
         met = (miss < radius**2) & (middle - half >= 0)
         distance = np.where(met & (middle - half < distance), middle - half, distance)
     return distance
+
+
+def light_rays(robot: Robot) -> F:
+    """The rays [S, 2, lanes] about each light sensor's direction; a calibrated one may trace more fans."""
+    fans = len(robot.ambient_ray) // max(len(robot.ambient_place), 1)
+    return robot.ambient_ray[fans // 2 :: max(fans, 1)]
 
 
 def sensor_rays(arena: Arena, place: F, ray: F, pose: tuple[float, float, float], reach: F | float) -> F:

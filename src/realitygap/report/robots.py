@@ -12,6 +12,7 @@ from matplotlib.patches import Circle, Polygon, Wedge
 
 from realitygap.kernels.params import Robot
 from realitygap.report import style
+from realitygap.report.rays import light_rays
 from realitygap.report.style import SIMULATED, Look, new_figure
 
 __all__ = ["draw_robot", "robot_figure"]
@@ -122,7 +123,7 @@ def _sensors(robot: Robot) -> list[tuple[Any, Any, str]]:
         for i, (p, r) in enumerate(zip(robot.proximity_place, robot.proximity_ray, strict=True))
     ]
     taken = {tuple(np.round(p, 6)) for p, _, _ in sensors}
-    for i, (place, ray) in enumerate(zip(robot.ambient_place, robot.ambient_ray, strict=True)):
+    for i, (place, ray) in enumerate(zip(robot.ambient_place, light_rays(robot), strict=True)):
         if tuple(np.round(place, 6)) not in taken:
             sensors.append((place, ray, f"a{i}"))
     return sensors

@@ -18,11 +18,11 @@ from realitygap.study.settings import difference
 from realitygap.study.store import DATABASE, create
 from realitygap.world.files import to_toml
 
-__all__ = ["exists", "lock", "open_folder", "read_config", "read_materials", "versions"]
+__all__ = ["exists", "lock", "open_folder", "open_to_begin", "read_config", "read_materials", "versions"]
 
 CONFIG = "study.toml"
 LOCK = "study.lock"
-OURS = {CONFIG, LOCK, "profile.toml", "arenas", "tasks", "report"}
+OURS = {CONFIG, LOCK, "profile.toml", "arenas", "tasks", "report", "reproduce.toml", "calibration"}
 """What a study that was killed while it was being made may have left."""
 
 _HEADER = """\
@@ -45,7 +45,7 @@ def open_folder(folder: Path, wished: Materials | None, *, resume: bool) -> Mate
     """
     if exists(folder):
         if not resume:
-            raise StudyError(f"{folder} already holds a study. Resume it (--resume) or choose another --out.")
+            open_to_begin(folder)
         if wished is not None:
             _refuse_difference(folder, wished)
         return read_materials(folder)
@@ -61,6 +61,17 @@ def open_folder(folder: Path, wished: Materials | None, *, resume: bool) -> Mate
     trials = max(task.trials for task in wished.tasks)
     create(folder / DATABASE, plans(wished), trials)
     return read_materials(folder)
+
+
+def open_to_begin(folder: Path) -> None:
+    """See that a study could be begun in the folder; the lock is held.
+
+    Raises:
+        StudyError: there is one, or something else.
+    """
+    if exists(folder):
+        raise StudyError(f"{folder} already holds a study. Resume it (--resume) or choose another --out.")
+    _refuse_strangers(folder)
 
 
 def read_config(folder: Path) -> StudyConfig:

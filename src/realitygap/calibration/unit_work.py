@@ -1,0 +1,98 @@
+"""One job of a unit's calibration, in a process of its own: `python -m realitygap.calibration.unit_work
+FOLDER JOB` records one part or fits, and tells on stdout, a line of JSON each time, how far it is.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import threading
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from realitygap.calibration.unit import FIT, PARTS, PROFILE, RECORDINGS, SETTINGS, UNFINISHED
+from realitygap.errors import UsageError
+
+__all__ = ["fit_unit", "record_part"]
+
+BASE = "paper"
+"""What the recordings do not tell stays as in this profile."""
+
+
+def record_part(folder: Path, name: str) -> None:
+    """Record one part of all plans into `folder/recordings/name`, there as a whole or not at all."""
+    from realitygap.calibration.plans import CYLINDER
+    from realitygap.calibration.record import record, twin_sites
+
+    said = tomllib.loads((folder / SETTINGS).read_text("utf-8"))
+    unit, noise, seed = said["unit"], said["twin_noise"], said["seed"]
+    whole = folder / RECORDINGS / name
+    unfinished = whole.with_name(name + UNFINISHED)
+    plan, _, shape = name.partition("-")
+    record(
+        plan,
+        unfinished,
+        open_site=twin_sites(unit=unit, noise=noise, seed=seed),
+        facts={"robot": "twin (pseudo-reality)", "unit": unit, "twin_noise": noise, "notes": ""},
+        object={"": None, "wall": "wall", "cylinder": CYLINDER}[shape],
+        seed=seed,
+        on_progress=_tell,
+    )
+    os.replace(unfinished, whole)
+
+
+def fit_unit(folder: Path) -> None:
+    """Fit all parts, and write the profile."""
+    from realitygap.calibration.calibrate import calibrate
+    from realitygap.calibration.recording import load_recording
+    from realitygap.world.profile import load_profile
+
+    _tell(FIT, 0, 1)
+    recordings = [load_recording(folder / RECORDINGS / name) for name in sorted(PARTS)]
+    unit = tomllib.loads((folder / SETTINGS).read_text("utf-8"))["unit"]
+    # The day stands in the recordings: the same settings make the same file on any day.
+    made = calibrate(recordings, load_profile(BASE), name=f"twin-{unit}", date="")
+    fresh = folder / (PROFILE + ".new")
+    fresh.write_text(made.profile.to_toml(), "utf-8")
+    os.replace(fresh, folder / PROFILE)
+    _tell(FIT, 1, 1)
+
+
+def _tell(name: str, done: int, total: int) -> None:
+    _say({"name": name, "done": done, "total": total})
+
+
+def _say(what: dict[str, Any]) -> None:
+    sys.stdout.write(json.dumps(what) + "\n")
+    sys.stdout.flush()
+
+
+def _leave_with_parent() -> None:
+    """End when the parent is gone: its end of stdin closes then."""
+
+    def wait() -> None:
+        sys.stdin.read()
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
+def main() -> int:
+    """Do the job that the command line names."""
+    folder, job = Path(sys.argv[1]), sys.argv[2]
+    _leave_with_parent()
+    try:
+        if job == FIT:
+            fit_unit(folder)
+        else:
+            record_part(folder, job)
+    except UsageError as error:
+        _say({"error": str(error)})
+    return 0
+
+
+if __name__ == "__main__":
+    os._exit(main())

@@ -1,0 +1,168 @@
+"""What a study's page tells of the calibration that its simulation comes from (§3.2.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import cycle
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from realitygap.report.page import Card
+from realitygap.report.style import GRID, INK, MUTED, PAGE, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from realitygap.calibration.judge import Judgement
+
+__all__ = ["CalibratedPart", "calibrated_part"]
+
+CHANNELS = {"infrared": "infrared proximity", "ambient": "ambient light", "wheels": "wheels"}
+UNITS = {"infrared": "counts", "ambient": "counts", "wheels": "cm/s"}
+BINS = 12
+"""Parts of a wheel's speeds, in each of which the model's error is averaged."""
+FEWEST = 20
+"""Steps that make a part's average worth drawing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibratedPart:
+    """The section on the calibration: where from, how well, and a figure if the recordings are there."""
+
+    said: str
+    rows: list[list[str]]
+    sensors: list[list[str]]
+    limits: str
+    figure: Card | None
+
+
+def calibrated_part(study: Any, draw: Callable[..., Card]) -> CalibratedPart | None:
+    """The section for a study's page; None where the robot's profile was not fitted to recordings."""
+    from realitygap.calibration.judge import LIMITS
+
+    where = study.profile.provenance
+    if not where.fits:
+        return None
+    rows = []
+    for fit in where.fits:
+        figures = (fit.rmse, fit.held_out_rmse, fit.model_error, fit.noise)
+        places = 3 if fit.channel == "wheels" else 1
+        over = fit.ratio > LIMITS.get(fit.channel, np.inf)
+        rows.append([
+            CHANNELS.get(fit.channel, fit.channel), fit.form, UNITS.get(fit.channel, ""),
+            *(f"{value:.{places}f}" if value else "–" for value in figures),
+            f"{fit.ratio:.2f}{' ▲' if over else ''}" if fit.ratio else "–",
+        ])  # fmt: skip
+    found = _judged(study)
+    figure = None
+    if found:
+        words = (
+            "The calibrated model’s own error over the noise’s deviation, sensor by sensor; above the broken "
+            "line the level of noise can explain nothing. Right: how much faster the model’s wheels turn "
+            "than the robot’s, in twelve parts of their range."
+        )
+        draws = lambda: _errors_figure(found)  # noqa: E731
+        figure = draw("calibration", draws, alt="Model error over noise, by channel.", caption=words)
+    return CalibratedPart(
+        said=_said(study, bool(found)),
+        rows=rows,
+        sensors=[_ratios(one) for one in found if one.kind in LIMITS],
+        limits=" and ".join(f"{value:g} for {CHANNELS[kind]}" for kind, value in LIMITS.items()),
+        figure=figure,
+    )
+
+
+def _said(study: Any, kept: bool) -> str:
+    """Where the constants come from."""
+    profile = study.profile
+    where = profile.provenance
+    unit = profile.name.removeprefix("twin-")
+    robot = (
+        f"unit {unit} of the twin, a physics stand-in for the robot (pseudo-reality), through its serial line"
+        if profile.name.startswith("twin-") and unit.isdecimal()
+        else f"the robot of profile {profile.name}"
+    )
+    readings = sum(int(file.readings) for file in where.files)
+    return (
+        f"The simulation’s constants were fitted to {len(where.files)} recordings "
+        f"({readings:,} values) of {robot}.".replace(",", "\u202f", 1)
+        + (" The recordings are in the study’s folder." if kept else "")
+    )
+
+
+def _judged(study: Any) -> list[Judgement]:
+    """The study's profile against its own recordings, where it keeps them."""
+    from realitygap.calibration.judge import judge
+    from realitygap.calibration.recording import load_recording
+    from realitygap.errors import UsageError
+
+    home = Path(study.folder) / "calibration"
+    own = (Path(study.folder) / "profile.toml").read_bytes()
+    for unit in sorted(home.glob("*/robot.toml")):
+        if unit.read_bytes() != own:
+            continue
+        folders = sorted(path for path in unit.parent.glob("recordings/*") if path.is_dir())
+        try:
+            return [judge(load_recording(folder), study.profile) for folder in folders]
+        except UsageError:
+            return []
+    return []
+
+
+def _ratios(one: Judgement) -> list[str]:
+    """A recording's model error over noise, sensor by sensor."""
+    from realitygap.calibration.judge import LIMITS
+
+    limit = LIMITS[one.kind]
+    name = Path(one.source).name.replace("-", ", ")
+    return [name, *(f"{m.ratio:.2f}{' ▲' if m.ratio > limit else ''}" for m in one.per_sensor)]
+
+
+def _errors_figure(found: Sequence[Judgement]) -> Figure:
+    """A panel a channel: error over noise for each sensor, and the wheels' error over their speed."""
+    from realitygap.calibration.judge import LIMITS
+
+    kinds = [kind for kind in CHANNELS if any(one.kind == kind for one in found)]
+    figure = new_figure(PAGE, 2.4, layout="constrained")
+    for kind, ax in zip(kinds, figure.subplots(1, len(kinds), squeeze=False)[0], strict=True):
+        here = [one for one in found if one.kind == kind]
+        if kind in LIMITS:
+            _sensors(ax, here, LIMITS[kind])
+        else:
+            _wheels(ax, here[0])
+        ax.set_title(CHANNELS[kind])
+        ax.grid(True, color=GRID, lw=0.5)
+    return figure
+
+
+def _sensors(ax: Axes, here: Sequence[Judgement], limit: float) -> None:
+    """A dot a sensor and recording, under the line that it should stay below."""
+    for one, look in zip(here, cycle("osD^"), strict=False):
+        shown = [(m.sensor, m.ratio) for m in one.per_sensor if np.isfinite(m.ratio)]
+        name = Path(one.source).name.rpartition("-")[2]
+        ax.plot(*np.array(shown).reshape(-1, 2).T, look, ms=4, color=INK, mfc="none", label=name)
+    ax.axhline(limit, color=MUTED, lw=1.0, ls=(0, (4, 2)))
+    top = max([limit, *(m.ratio for one in here for m in one.per_sensor if np.isfinite(m.ratio))])
+    ax.set(ylim=(0, 1.12 * top), xlabel="sensor", ylabel="model error over noise")
+    ax.set_xticks(range(len(here[0].per_sensor)))
+    if len(here) > 1:
+        ax.legend(fontsize=6.5)
+
+
+def _wheels(ax: Axes, one: Judgement) -> None:
+    """The mean error of each wheel in parts of its range of speed."""
+    ax.axhline(0, color=MUTED, lw=0.8)
+    edges = np.linspace(one.model.min(), one.model.max(), BINS + 1)
+    for wheel, (name, look) in enumerate((("left", "o"), ("right", "s"))):
+        speed, off = one.model[:, wheel], one.model[:, wheel] - one.counts[:, wheel]
+        part = np.clip(np.digitize(speed, edges) - 1, 0, BINS - 1)
+        parts = [k for k in range(BINS) if (part == k).sum() >= FEWEST]
+        means = [(speed[part == k].mean(), off[part == k].mean()) for k in parts]
+        x, y = np.array(means).reshape(-1, 2).T
+        ax.plot(x, y, look, ls="-", lw=0.8, ms=3, color=INK, mfc="none", label=name)
+    ax.set(xlabel="speed, cm/s", ylabel="model − measured, cm/s")
+    ax.legend(fontsize=6.5)

@@ -1,0 +1,221 @@
+"""Tables 1 and 2: types, behaviour scores, differences, correspondence scores, beside the paper's."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any
+
+from realitygap.report.paper_tables import PAPER_AVERAGES, PAPER_ROWS, PaperRow
+from realitygap.report.statistics import Mean, mean_of
+from realitygap.study.load import Study
+from realitygap.study.marks import Mark, marks_of
+from realitygap.world.noise import noise_level, noise_name
+
+__all__ = ["ScoreClass", "ScoreTable", "score_tables", "study_tables", "write_scores"]
+
+SHOWN = 10
+"""Rows of a noise level that a page shows."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScoreClass:
+    """The marks of the runs evolved at one noise level, and the paper's of that level, if it has some."""
+
+    level: float
+    name: str
+    marks: tuple[Mark, ...]
+    paper: tuple[PaperRow, ...]
+    paper_average: tuple[float, float] | None
+
+    def mean(self, of: str) -> Mean | None:
+        """The mean "behaviour" or "correspondence" score over the runs that have one."""
+        return mean_of(self.values(of))
+
+    def values(self, of: str) -> list[float]:
+        """Each run's score, where it has one."""
+        return [value for mark in self.marks if (value := getattr(mark, of)) is not None]
+
+    def rows(self) -> list[dict[str, Any]]:
+        """For the template: ours and the paper's, row by row, then the averages."""
+        shown = self.marks[:SHOWN]
+        rows = [
+            {"head": str(k + 1 if mark is None else mark.index), "ours": _ours(mark), "paper": _theirs(paper)}
+            for k, (mark, paper) in enumerate(zip_longest(shown, self.paper))
+        ]
+        printed = ("", "", "", "")
+        if self.paper_average:
+            printed = ("", f"{self.paper_average[0]:g}", "", f"{self.paper_average[1]:g}")
+        means = [_plain(self.mean(of)) for of in ("behaviour", "correspondence")]
+        ours = (("", ""), means[0], ("", ""), means[1])
+        return [*rows, {"head": "average", "ours": ours, "paper": printed, "average": True}]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScoreTable:
+    """Table 1 or 2: one task's individuals, and how they did on one kind of robot ("": on none yet)."""
+
+    task: str
+    kind: str
+    individual: str
+    classes: tuple[ScoreClass, ...]
+
+    @property
+    def id(self) -> str:
+        """For links on the page and files."""
+        words = [self.kind, "" if self.individual == "champion" else self.individual]
+        return "-".join([self.task, "scores", *(w.replace(" ", "-") for w in words if w not in ("", "twin"))])
+
+    @property
+    def printed(self) -> bool:
+        """Whether the paper has marks to set beside these."""
+        return any(one.paper for one in self.classes)
+
+    @property
+    def cut(self) -> bool:
+        """Whether the page leaves rows to the CSV."""
+        return any(len(one.marks) > SHOWN for one in self.classes)
+
+    @property
+    def starts(self) -> list[int]:
+        """From how many starts the correspondence scores are, each number once."""
+        return sorted({mark.starts for one in self.classes for mark in one.marks if mark.starts})
+
+    @property
+    def missing(self) -> list[str]:
+        """What is missing in which runs, and why, each reason once."""
+        found: dict[str, list[str]] = {}
+        for one in self.classes:
+            for mark in one.marks:
+                if mark.why:
+                    found.setdefault(mark.why, []).append(f"{one.name} #{mark.index}")
+        every = sum(len(one.marks) for one in self.classes)
+        return [
+            f"{'All runs' if len(runs) == every else ', '.join(runs)}: {why.rstrip('.')}."
+            for why, runs in found.items()
+        ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Ready for JSON."""
+        return {
+            "task": self.task,
+            "robot": self.kind or None,
+            "individual": self.individual,
+            "rows": [mark.to_dict() for one in self.classes for mark in one.marks],
+            "averages": [_average(one) for one in self.classes],
+            "paper": [
+                {"noise": one.level, "rows": [row._asdict() for row in one.paper], **_printed(one)}
+                for one in self.classes
+                if one.paper
+            ],
+        }
+
+
+def score_tables(task: Any, levels: Iterable[float], marks: Sequence[Mark]) -> list[ScoreTable]:
+    """A task's tables, one for each kind of robot and individual, in the order of the marks."""
+    own = [mark for mark in marks if mark.task == task.name]
+    paper = PAPER_ROWS.get(task.name, {}) if task.source is None else {}
+    return [
+        ScoreTable(
+            task=task.name,
+            kind=kind,
+            individual=individual,
+            classes=tuple(
+                ScoreClass(
+                    level=level,
+                    name=noise_name(level),
+                    marks=tuple(
+                        mark
+                        for mark in own
+                        if (mark.kind, mark.individual, noise_level(mark.noise)) == (kind, individual, level)
+                    ),
+                    paper=paper.get(level, ()),
+                    paper_average=PAPER_AVERAGES[task.name][level] if level in paper else None,
+                )
+                for level in levels
+            ),
+        )
+        for kind, individual in dict.fromkeys((mark.kind, mark.individual) for mark in own)
+    ]
+
+
+def study_tables(study: Study) -> list[ScoreTable]:
+    """All tables of a study, in the order of its tasks."""
+    marks, found = marks_of(study), []
+    for name in dict.fromkeys(run.task for run in study.runs):
+        levels = sorted({noise_level(run.noise) for run in study.runs if run.task == name})
+        found += score_tables(study.task(name), levels, marks)
+    return found
+
+
+def write_scores(path: Path, tables: Sequence[ScoreTable]) -> None:
+    """All of a task's tables as CSV: a row a run, averages, and the paper's own rows (source: paper)."""
+    names = [field.name for field in fields(Mark) if field.name not in ("task", "noise")]
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, ["task", "noise", "source", "row", *names], restval="")
+        writer.writeheader()
+        for table in tables:
+            for one in table.classes:
+                _write_class(writer, table, one)
+        for one in tables[0].classes if tables else ():
+            facts = {"task": tables[0].task, "noise": one.name, "source": "paper"}
+            for k, row in enumerate(one.paper, 1):
+                writer.writerow({**facts, "row": k, **row._asdict()})
+            if one.paper:
+                writer.writerow({**facts, "row": "average", **_printed(one)})
+
+
+def _write_class(writer: csv.DictWriter[str], table: ScoreTable, one: ScoreClass) -> None:
+    facts = {"task": table.task, "noise": one.name, "source": "here"}
+    for mark in one.marks:
+        told = {key: value for key, value in mark.to_dict().items() if value is not None}
+        writer.writerow({**told, **facts, "row": mark.index})
+    if one.marks:
+        mean = one.mean("correspondence")
+        ends = {"low": mean.value - mean.half, "high": mean.value + mean.half} if mean else {}
+        known = {key: value for key, value in ends.items() if math.isfinite(value)}
+        average = {key: value for key, value in _average(one).items() if value is not None}
+        average = {key: average[key] for key in ("behaviour", "correspondence") if key in average}
+        writer.writerow({**facts, "row": "average", "kind": table.kind, "individual": table.individual,
+                         **average, **known})  # fmt: skip
+
+
+def _average(one: ScoreClass) -> dict[str, Any]:
+    means = {of: one.mean(of) for of in ("behaviour", "correspondence")}
+    return {
+        "noise": one.level,
+        "runs": len(one.marks),
+        **{of: None if mean is None else mean.value for of, mean in means.items()},
+    }
+
+
+def _printed(one: ScoreClass) -> dict[str, float]:
+    return dict(zip(("behaviour", "correspondence"), one.paper_average or (), strict=False))
+
+
+def _plain(mean: Mean | None) -> tuple[str, str]:
+    if mean is None:
+        return "–", ""
+    return f"{mean.value:.1f}", "" if math.isnan(mean.half) else f"± {mean.half:.1f}"
+
+
+def _ours(mark: Mark | None) -> tuple[tuple[str, str], ...]:
+    """The four cells of a row of ours, each with what is said small beside it."""
+    if mark is None:
+        return (("", ""),) * 4
+    kind = (mark.type or "–", "" if mark.share is None or mark.share == 1 else f"{mark.share:.0%}")
+    behaviour = "–" if mark.behaviour is None else f"{mark.behaviour:.1f}"
+    if mark.correspondence is None:
+        return kind, (behaviour, ""), ("–", ""), ("–", "")
+    ends = "" if mark.low is None or mark.high is None else f"{mark.low:.1f} to {mark.high:.1f}"
+    return kind, (behaviour, ""), (mark.differences or "–", ""), (f"{mark.correspondence:.1f}", ends)
+
+
+def _theirs(row: PaperRow | None) -> tuple[str, ...]:
+    if row is None:
+        return ("",) * 4
+    return row.type, str(row.behaviour), row.differences, str(row.correspondence)

@@ -1,0 +1,160 @@
+"""The paper's whole experiment in one folder: calibrate on a unit, evolve, transfer to it (§3.2.1, §6).
+
+What was asked for is written down first, so that `--resume` needs no options at any of these phases.
+"""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Self
+
+from realitygap.errors import ConfigError, StudyError
+from realitygap.study.config import LARGEST, StudyConfig
+from realitygap.study.folder import CONFIG, exists, lock, open_to_begin
+from realitygap.study.load import Study
+from realitygap.study.schema import told
+from realitygap.study.settings import difference, whole
+from realitygap.study.transfer import transfer
+from realitygap.study.transfer_choice import shown_runs
+from realitygap.study.transfer_load import Transferred
+from realitygap.study.transfer_work import OnProgress
+from realitygap.study.workers import cores
+from realitygap.world.files import Value, build, to_toml
+from realitygap.world.profile import load_profile
+
+__all__ = ["STARTS", "UNIT", "Reproduction", "begun", "configured", "transferred"]
+
+UNIT = 1
+"""The twin's unit that is measured, and that the evolved controllers then drive."""
+STARTS = 8
+"""Trials of each champion on the unit: from so many on a mean and an interval say something."""
+
+ASKED = "reproduce.toml"
+CALIBRATION = f"calibration/unit-{UNIT}"
+HEADER = "# What `realitygap reproduce` was asked for; a profile of \"\" is calibrated to the twin's unit.\n"
+
+Calibrating = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reproduction(Value):
+    """What a reproduction is asked for.
+
+    Attributes:
+        runs, evaluations, seed: as a study's.
+        profile: the robot; "" for one that is calibrated to unit 1 of the twin.
+        starts: trials of each champion on the unit; more may be wished later.
+    """
+
+    runs: int = 5
+    evaluations: int = 1000
+    seed: int = 1995
+    profile: str = ""
+    starts: int = STARTS
+
+    def _check(self) -> None:
+        whole("runs", self.runs, 1, 10**6)
+        whole("evaluations", self.evaluations, 1, 10**9)
+        whole("seed", self.seed, 0, LARGEST)
+        whole("starts", self.starts, 1, 10**6)
+
+    @classmethod
+    def from_toml(cls, path: Path) -> Self:
+        """From the file that a reproduction begins with.
+
+        Raises:
+            ConfigError: names the file and what is wrong with it.
+        """
+        try:
+            return build(cls, tomllib.loads(path.read_text("utf-8")))
+        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, ConfigError) as error:
+            raise ConfigError(f"{path}: {error} Remove it, or choose another --out.") from None
+
+
+def begun(folder: Path) -> Reproduction | None:
+    """What the reproduction in a folder was asked for, how far it may be; None where there is none."""
+    asked = Reproduction.from_toml(folder / ASKED) if (folder / ASKED).is_file() else None
+    if not exists(folder):
+        return asked
+    config = StudyConfig.from_toml(folder / CONFIG)
+    kept = asked or Reproduction()
+    numbers = {"runs": config.runs, "evaluations": config.evaluations, "seed": config.seed}
+    return replace(kept, **numbers, profile=config.profile)
+
+
+def configured(
+    folder: Path,
+    wished: Reproduction,
+    *,
+    resume: bool,
+    workers: int | None,
+    on_progress: Calibrating | None = None,
+) -> StudyConfig:
+    """The study that is wished, its robot calibrated first where no profile is named.
+
+    Raises:
+        StudyError: the folder holds something else, or a study and `resume` is not wished.
+        ConfigError: a profile that cannot be used.
+        RobotError: a recording that failed.
+    """
+    from realitygap.calibration.unit import calibrated_unit
+
+    if wished.profile:
+        load_profile(wished.profile)
+    profile = wished.profile
+    with lock(folder):
+        if not exists(folder):
+            _begin(folder, wished, resume=resume)
+        elif not resume:
+            open_to_begin(folder)
+        if not profile:
+            size = cores() if workers is None else workers
+            made = calibrated_unit(
+                folder / CALIBRATION,
+                unit=UNIT,
+                noise=1.0,
+                seed=wished.seed,
+                workers=size,
+                on_progress=on_progress,
+            )
+            profile = str(made)
+    study = StudyConfig.reproduction(runs=wished.runs, evaluations=wished.evaluations, seed=wished.seed)
+    return replace(study, profile=profile)
+
+
+def transferred(
+    study: Study, *, starts: int, workers: int | None, on_progress: OnProgress | None
+) -> list[Transferred]:
+    """Every champion on the unit from each start; the first trials of those that figures show are filmed."""
+    film = [run.id for run in shown_runs(study)]
+    robots = (f"twin:{UNIT}",)
+    transfer(study, robots=robots, film=film, workers=workers, on_progress=on_progress)
+    return transfer(study, robots=robots, starts=starts, workers=workers, on_progress=on_progress)
+
+
+def _begin(folder: Path, wished: Reproduction, *, resume: bool) -> None:
+    """Write down what is wished, or see that it is what was wished."""
+    path = folder / ASKED
+    if not path.is_file():
+        open_to_begin(folder)
+        spare = path.with_suffix(".tmp")
+        with told(path):
+            spare.write_text(HEADER + to_toml(wished.to_dict()), "utf-8")
+            os.replace(spare, path)
+        return
+    if not resume:
+        raise StudyError(
+            f"{folder}: a reproduction was begun there. Resume it (--resume) or choose another --out."
+        )
+    there = Reproduction.from_toml(path)
+    found = difference({**there.to_dict(), "starts": 0}, {**wished.to_dict(), "starts": 0})
+    if found is not None:
+        key, here, asked = found
+        raise StudyError(
+            f"{folder}: the reproduction was begun with {key} = {here!r}, not {asked!r}. "
+            "Leave it as it was, or choose another --out."
+        )

@@ -1,0 +1,70 @@
+"""One call makes a unit's profile; what is there is kept, and another unit's folder is refused."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+
+import pytest
+
+from realitygap.calibration import unit as module
+from realitygap.calibration.unit import PARTS, calibrated_unit
+from realitygap.errors import CalibrationError, RobotError
+
+SETTINGS = {"unit": 11, "noise": 1.0, "seed": 3}
+
+
+@pytest.fixture
+def jobs(monkeypatch):
+    """The jobs that are given to processes, which here do nothing but leave a mark."""
+    started: list[str] = []
+
+    def marked(folder, job):
+        started.append(job)
+        place = folder / "robot.toml" if job == "fit" else folder / "recordings" / job / "recording.toml"
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_text(json.dumps(job))
+        return subprocess.Popen(["true"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    monkeypatch.setattr(module, "_start", marked)
+    return started
+
+
+def test_what_is_there_is_not_made_again(tmp_path, jobs):
+    """Finished recordings are kept, a half one is begun anew, a finished profile returned at once."""
+    folder = tmp_path / "unit"
+    half = folder / "recordings" / "wheels.part"
+    assert calibrated_unit(folder, **SETTINGS, workers=2) == folder / "robot.toml"
+    assert sorted(jobs) == sorted([*PARTS, "fit"])
+    jobs.clear()
+    assert calibrated_unit(folder, **SETTINGS) == folder / "robot.toml" and not jobs
+    (folder / "robot.toml").unlink()
+    (folder / "recordings" / "wheels").rename(half)
+    calibrated_unit(folder, **SETTINGS)
+    assert jobs == ["wheels", "fit"] and not half.exists()
+
+
+@pytest.mark.parametrize("change", [{"unit": 12}, {"noise": 2.0}, {"seed": 4}])
+def test_another_units_folder_is_refused(tmp_path, jobs, change):
+    """Its settings are named: what was expected, what came."""
+    calibrated_unit(tmp_path / "unit", **SETTINGS)
+    with pytest.raises(CalibrationError, match=r"unit\.toml: .*expected .*got .*another folder"):
+        calibrated_unit(tmp_path / "unit", **{**SETTINGS, **change})
+
+
+def test_a_folder_of_something_else_is_refused(tmp_path):
+    """Nothing in it is touched."""
+    (tmp_path / "recordings").mkdir()
+    with pytest.raises(CalibrationError, match="holds something else"):
+        calibrated_unit(tmp_path, **SETTINGS)
+
+
+def test_what_goes_wrong_in_a_job_is_told(tmp_path):
+    """A job's refusal comes as it is; one that dies is named, with its exit code."""
+    (tmp_path / "unit.toml").write_text("unit = 1\n", "utf-8")
+    for job, error, words in (
+        ("fit", CalibrationError, "there is no such folder"),
+        ("wheels", RobotError, "wheels: its process ended with exit code 1"),
+    ):
+        with pytest.raises(error, match=words):
+            module._carry_out(tmp_path, [job], 1, lambda *told: None)

@@ -1,0 +1,163 @@
+"""Tables 1 and 2 hold the study's marks beside the paper's own."""
+
+from __future__ import annotations
+
+import csv
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from realitygap.report import build_report
+from realitygap.report.paper_tables import PAPER_AVERAGES, PAPER_ROWS
+from realitygap.report.scores import score_tables, study_tables, write_scores
+from realitygap.report.words_scores import read_scores
+from realitygap.study.config import StudyConfig
+from realitygap.study.load import load_study
+from realitygap.study.marks import Mark
+from realitygap.study.runner import run_study
+from realitygap.tasks import load_task
+from realitygap.world.profile import load_profile
+from tests.report.situations import write_transfer
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "follow_the_wall.py"
+AVOID = load_task("avoidance")
+LEVELS = (0.0, 1.0, 2.0)
+
+
+def marks(scores: dict[float, list[float]], **changes) -> list[Mark]:
+    """Made-up marks: correspondence scores by noise level, one run each."""
+    return [
+        Mark(**{
+            "run": 10 * int(level) + k, "name": f"obstacle-avoidance/{level}/{k}", "task": AVOID.name,
+            "noise": level, "index": k, "individual": "champion", "type": "wall follower", "share": 0.9,
+            "behaviour": 5.0 + level, "kind": "twin", "situated_type": "wall follower",
+            "differences": "a little noisier", "correspondence": score, "low": score - 1, "high": score + 1,
+            "starts": 8, "units": 1, **changes,
+        })
+        for level, values in scores.items()
+        for k, score in enumerate(values, 1)
+    ]  # fmt: skip
+
+
+SPREAD = {0.0: [4.0, 6.0], 1.0: [7.0, 8.0], 2.0: [5.0, 5.5]}
+
+
+@pytest.mark.parametrize("task", PAPER_ROWS)
+def test_the_papers_rows_give_the_papers_averages(task: str) -> None:
+    """Fifteen rows a table, five a level; their means are the averages that it prints."""
+    for level, rows in PAPER_ROWS[task].items():
+        assert len(rows) == 5
+        means = (sum(r.behaviour for r in rows) / 5, sum(r.correspondence for r in rows) / 5)
+        assert means == pytest.approx(PAPER_AVERAGES[task][level])
+
+
+def test_the_csv_has_every_column_of_every_run_the_averages_and_the_papers(tmp_path: Path) -> None:
+    """A row a run, one a level's average, and the paper's rows as such."""
+    (table,) = score_tables(AVOID, LEVELS, marks(SPREAD))
+    write_scores(tmp_path / "t.csv", [table])
+    rows = list(csv.DictReader((tmp_path / "t.csv").read_text("utf-8").splitlines()))
+    ours = [row for row in rows if row["source"] == "here"]
+    assert [row["row"] for row in ours] == ["1", "2", "average"] * 3
+    assert ours[1]["type"] == "wall follower" and ours[1]["differences"] == "a little noisier"
+    assert [float(ours[1][key]) for key in ("behaviour", "correspondence", "low", "high")] == [5, 6, 5, 7]
+    assert float(ours[5]["correspondence"]) == 7.5 and float(ours[5]["behaviour"]) == 6
+    paper = [row for row in rows if row["source"] == "paper"]
+    assert [row["row"] for row in paper] == ["1", "2", "3", "4", "5", "average"] * 3
+    assert (paper[0]["type"], float(paper[5]["correspondence"])) == ("one way turner", 6.2)
+
+
+def test_the_words_say_the_averages_beside_the_papers() -> None:
+    """And whether the runs tell the highest level from the others."""
+    (table,) = score_tables(AVOID, LEVELS, marks(SPREAD))
+    (said,) = read_scores(table)
+    assert "on the twin averages 5.0 at zero noise, 7.5 at observed noise, 5.2 at double" in said
+    assert "the paper’s judges: 6.2, 8, 6.8" in said and "do not tell observed noise" in said
+    (clear,) = score_tables(AVOID, LEVELS, marks({0.0: [4.0, 4.1], 1.0: [8.0, 8.1], 2.0: [5.0, 5.1]}))
+    assert "observed noise has the highest by more than the spread" in read_scores(clear)[0]
+
+
+def test_robots_and_twins_have_tables_of_their_own() -> None:
+    """Marks on another kind of robot are never averaged with them."""
+    both = [*marks(SPREAD, kind="robot"), *marks(SPREAD)]
+    tables = score_tables(AVOID, LEVELS, both)
+    assert [table.kind for table in tables] == ["robot", "twin"]
+    assert len({table.id for table in tables}) == 2
+
+
+def test_a_table_without_marks_says_nothing(tmp_path: Path) -> None:
+    """A study that has just begun has no table, and an empty CSV with its head."""
+    assert score_tables(AVOID, LEVELS, []) == []
+    write_scores(tmp_path / "t.csv", [])
+    assert len((tmp_path / "t.csv").read_text("utf-8").splitlines()) == 1
+
+
+@pytest.fixture(scope="module")
+def evolved(tmp_path_factory) -> Path:
+    """The paper's six conditions, a short run each, with a calibrated robot's profile."""
+    config = StudyConfig.reproduction(runs=1, evaluations=66, seed=3)
+    config = config.with_settings(
+        ["task.seconds=2", "retest_trials=2", "fresh_trials=3", "profile=khepera"]
+    )
+    folder = run_study(tmp_path_factory.mktemp("scored") / "study", config, workers=1).folder
+    unit = folder / "calibration" / "unit-1" / "robot.toml"  # its recordings were removed to save space
+    unit.parent.mkdir(parents=True)
+    shutil.copy(folder / "profile.toml", unit)
+    return folder
+
+
+def _page(folder: Path) -> str:
+    return build_report(folder).read_text("utf-8")
+
+
+def test_the_page_holds_tables_1_and_2_beside_the_papers(evolved: Path, tmp_path: Path) -> None:
+    """With transfers: types, scores and words; an interval needs more starts than one."""
+    folder = shutil.copytree(evolved, tmp_path / "study")
+    study = load_study(folder)
+    for run in study.runs:
+        for start in (1, 2):
+            write_transfer(study, run, start=start)
+    text = _page(folder)
+    for label, name in (("Table 1.", "obstacle-avoidance"), ("Table 2.", "light-seeking")):
+        assert f"<b>{label}</b> Marks from 0 to 10" in text
+        assert (folder / "report" / "tables" / f"{name}-scores.csv").is_file()
+        assert f'href="tables/{name}-scores.csv"' in text
+    assert text.count("<tr class=\"average\"><th scope=\"row\">average") >= 12
+    assert "the paper’s judges, 1995" in text
+    table = study_tables(load_study(folder))[0].to_dict()
+    assert [row["starts"] for row in table["rows"]] == [2, 2, 2]
+    assert table["paper"][1]["correspondence"] == 8.0 and len(table["averages"]) == 3
+
+
+@pytest.fixture(scope="module")
+def bare(evolved: Path) -> str:
+    """The page of the study without transfers."""
+    return _page(evolved)
+
+
+def test_without_a_transfer_the_page_says_what_is_missing(bare: str) -> None:
+    """Type and behaviour score stand; what needs a robot is a dash, and how to get it is said."""
+    found = re.search(r'<table class="scores" aria-labelledby="obstacle.*?</table>.*?</p>', bare, re.DOTALL)
+    assert found and "no transfer: it has not driven a robot" in found[0]
+    assert "realitygap transfer" in found[0] and "ituated" not in found[0]
+
+
+def test_the_page_tells_of_the_calibration(bare: str) -> None:
+    """From the profile's own provenance: each channel's error beside its noise; none for the paper's."""
+    fits = load_profile("khepera").provenance.fits
+    assert 'id="calibration-section"' in bare and fits
+    for fit in fits:
+        assert f"{fit.ratio:.2f}" in bare
+    assert "profile khepera" in bare
+
+
+def test_a_task_without_the_papers_marks_has_a_table_of_its_own(tmp_path: Path) -> None:
+    """No ideal is known for a user's task, so no behaviour score; and no paper stands beside it."""
+    config = StudyConfig.single(EXAMPLE, 1.0, evaluations=66).with_settings(
+        ["task.seconds=2", "retest_trials=2", "fresh_trials=3"]
+    )
+    text = _page(run_study(tmp_path / "study", config, workers=1).folder)
+    found = re.search(r'<table class="scores".*?</table>', text, re.DOTALL)
+    assert found and "the paper’s judges" not in found[0]
+    assert 'id="calibration-section"' not in text
