@@ -11,7 +11,8 @@ from realitygap.controller.layout import Layout
 from realitygap.controller.network import decode
 from realitygap.correspondence.behaviour import behaviour_score, ends_of, fitness_of
 from realitygap.correspondence.distances import Distances, matched_starts
-from realitygap.correspondence.ladders import Behaviour, behaviours
+from realitygap.correspondence.ladders import Behaviour, behaviours, ladders_of
+from realitygap.correspondence.scale import exemplar_scale
 from realitygap.correspondence.score import compare
 from realitygap.correspondence.statistics import correlation, parting_s, transferability
 from realitygap.correspondence.trials import trial_of
@@ -29,8 +30,6 @@ from realitygap.tasks.simulation import Simulation
 from realitygap.world.profile import load_profile
 from tests.correspondence.tracks import mirrored, turned
 
-SATURATED = (("light-seeking", "two way turner"), ("light-seeking", "bobber"))
-"""They compare two sides that see the lamp fully: their behaviour hardly heeds the sensors' gain."""
 EACH = pytest.mark.parametrize("robot", behaviours(0), ids=lambda b: f"{b.task[:5]} {b.kind}")
 TURNER = Behaviour(task="obstacle-avoidance", kind="two way turner", seed=1)
 
@@ -67,18 +66,21 @@ def test_another_behaviour_scores_two_at_most(robot):
             assert against(robot, lives(other), lives(robot)).score == pytest.approx(made.score)
 
 
-@pytest.mark.parametrize(
-    "robot",
-    [b for b in behaviours(0) if (b.task, b.kind) not in SATURATED],
-    ids=lambda b: f"{b.task[:5]} {b.kind}",
-)
-def test_the_ladder_of_gains_goes_down(robot):
-    """Infrared (or light) gain 1 → 0.15 lowers the score at every step (Spearman above 0.9)."""
-    made = ladder(robot, "gain")
+@EACH
+def test_the_ladder_of_response_goes_down(robot):
+    """Infrared gain, or what a light seeker makes of a turn, 1 → 0.15 lowers the score (Spearman > 0.9)."""
+    made = ladder(robot, ladders_of(robot)[-2])
     assert made.spearman > 0.9
     assert made.scores[0] >= 9.5 and made.scores[-1] < 6
     if robot.task == "obstacle-avoidance":
-        assert "less responsive" in made.rungs[3].differences
+        assert "less responsive" in made.rungs[2].differences
+
+
+@pytest.mark.parametrize("kind", ["three point turner", "straight looper"])
+def test_the_ladder_of_light_goes_down(kind):
+    """Light gain 1 → 0.15 lowers the score of those that wait for a certain light."""
+    made = ladder(Behaviour(task="light-seeking", kind=kind), "gain")
+    assert made.spearman > 0.9 and made.scores[-1] < 6
 
 
 @EACH
@@ -94,7 +96,7 @@ def test_the_ladder_of_noise_goes_down(robot):
 
 def test_the_phrases_have_the_papers_order():
     """Mean scores by phrase, over all ladders, are ordered as the paper's judges ordered them."""
-    ladders = [ladder(robot, what) for robot in behaviours(0) for what in ("gain", "noise")]
+    ladders = [ladder(robot, what) for robot in behaviours(0) for what in ladders_of(robot)]
     said = phrase_scores(rung for made in ladders for rung in made.rungs)
     assert order_of_phrases(said) > 0.85
     order = ("observably identical", "very similar", "a little noisier", "noisier", "much noisier")
@@ -124,6 +126,25 @@ def test_it_is_symmetric():
     assert one.score == pytest.approx(other.score)
     assert one.noisiness == pytest.approx(-other.noisiness)
     assert one.differences == "noisier" and other.differences == "less noisy"
+
+
+def test_a_score_goes_on_beyond_floor_and_ceiling():
+    """Identity is 10, the floor 9.7, the ceiling 0.3; less is less on both sides, and it never leaps."""
+    scale = exemplar_scale("obstacle-avoidance", 12, 12)
+    floor, ceiling = scale.behaviour_floor, scale.behaviour_ceiling
+    assert scale.part("behaviour", 0.0) == 10
+    assert scale.part("behaviour", floor) == pytest.approx(9.7)
+    assert scale.part("behaviour", ceiling) == pytest.approx(0.3)
+    steps = [scale.part("behaviour", d) for d in np.linspace(0, 3 * ceiling, 300)]
+    assert (np.diff(steps) < 0).all() and np.diff(steps).min() > -0.5 and steps[-1] > 0
+
+
+def test_a_layout_alike_does_not_make_up_for_another_behaviour():
+    """Where the behaviour is another the score is low, however alike the layouts; the reverse counts."""
+    scale = exemplar_scale("light-seeking", 12, 12)
+    other = {"behaviour": scale.behaviour_ceiling, "layout": 0.0}
+    away = {"behaviour": 0.0, "layout": 1.0}
+    assert scale.score(other) == pytest.approx(0.3) and 8 <= scale.score(away) < 8.1
 
 
 def test_left_and_right_handed_robots_are_not_alike():

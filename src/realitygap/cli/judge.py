@@ -55,7 +55,7 @@ def page(pairs: str, task: str | None, out: Path, key: Path, seed: int) -> None:
 
     found, setting = _pairs(Path(pairs), task)
     data, rows = blind_pairs(found, setting, seed=seed)
-    out.write_text(page_of({**data, "id": f"{seed}-{len(found)}-{out.stem}"}), encoding="utf-8")
+    out.write_text(page_of(data), encoding="utf-8")
     key.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     click.echo(f"{len(found)} pairs: open {out} in a browser; keep {key} from the judges")
 

@@ -8,8 +8,7 @@ that are compared.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from itertools import pairwise
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +18,9 @@ from realitygap.correspondence.surroundings import around
 from realitygap.correspondence.trials import STEP_S, Trial
 from realitygap.world.arena import Arena
 
-__all__ = ["DESCRIPTORS", "Descriptor", "chosen", "describe", "jitter", "mirrored", "table"]
+__all__ = [
+    "DESCRIPTORS", "Descriptor", "chosen", "describe", "describe_all", "in_units", "jitter", "mirrored", "table",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 
@@ -80,124 +81,162 @@ def chosen(arena: Arena | None) -> tuple[Descriptor, ...]:
     return tuple(d for d in DESCRIPTORS if d.needs in told)
 
 
-def table(trials: Iterable[Trial], arena: Arena | None) -> Floats:
+def table(trials: Sequence[Trial], arena: Arena | None) -> Floats:
     """Descriptors of trials, a row a trial, in units of what can just be noticed: [n, d]."""
-    which = chosen(arena)
-    scale = np.array([d.noticeable for d in which])
-    rows = [describe(trial, arena) for trial in trials]
-    made = np.array([[row[d.name] for d in which] for row in rows], np.float64).reshape(-1, len(which))
-    return np.asarray(made / scale, np.float64)
+    return in_units(describe_all(trials, arena), arena)
+
+
+def in_units(told: dict[str, Floats], arena: Arena | None) -> Floats:
+    """What `describe_all` told, a row a trial, in units of what can just be noticed: [n, d]."""
+    return np.stack([told[d.name] / d.noticeable for d in chosen(arena)], axis=1)
 
 
 def describe(trial: Trial, arena: Arena | None) -> dict[str, float]:
     """A trial's descriptors by name, in their own units."""
-    turn = np.degrees(np.diff(trial.heading)) / STEP_S
-    middle = (trial.heading[:-1] + trial.heading[1:]) / 2
-    dx, dy = np.diff(trial.x) / STEP_S, np.diff(trial.y) / STEP_S
+    return {name: float(values[0]) for name, values in describe_all([trial], arena).items()}
+
+
+def describe_all(trials: Sequence[Trial], arena: Arena | None) -> dict[str, Floats]:
+    """Descriptors by name, in their own units, [n] each: trials of one length are worked out together."""
+    made = {d.name: np.empty(len(trials)) for d in chosen(arena)}
+    sizes = np.array([len(t) for t in trials])
+    for size in np.unique(sizes):
+        rows = np.flatnonzero(sizes == size)
+        x, y, heading = np.stack([(trials[i].x, trials[i].y, trials[i].heading) for i in rows], axis=1)
+        for name, values in _of_one_length(x, y, heading, arena).items():
+            made[name][rows] = values
+    return made
+
+
+def _of_one_length(x: Floats, y: Floats, heading: Floats, arena: Arena | None) -> dict[str, Floats]:
+    """Of tracks [n, t]."""
+    turn = np.degrees(np.diff(heading)) / STEP_S
+    middle = (heading[:, :-1] + heading[:, 1:]) / 2
+    dx, dy = np.diff(x) / STEP_S, np.diff(y) / STEP_S
     forward = dx * np.cos(middle) + dy * np.sin(middle)
-    told = {**_movement(forward, turn), **_turning(forward, turn), **_ground(trial)}
+    told = {**_movement(forward, turn), **_turning(forward, turn), **_ground(x, y)}
     if arena is not None:
-        told |= _surroundings(trial, turn, forward, arena)
+        told |= _surroundings(x, y, heading, turn, forward, arena)
     return told
 
 
-def jitter(turn: Floats) -> float:
-    """How unsteady the turn rate is, deg/s: the quieter three quarters of its second differences.
+def jitter(turn: Floats) -> Floats:
+    """How unsteady turn rates [n, t] are, deg/s: the quieter three quarters of their second differences.
 
     Second differences leave a steady turn out; the trimming leaves out where turns begin and end.
     """
     rough = np.sort(np.abs(np.diff(turn, 2))) / np.sqrt(6.0)
-    return float(rough[: max(1, 3 * len(rough) // 4)].mean()) * 1.25
+    return np.asarray(rough[:, : max(1, 3 * rough.shape[1] // 4)].mean(axis=1) * 1.25)
 
 
-def _movement(forward: Floats, turn: Floats) -> dict[str, float]:
+def _movement(forward: Floats, turn: Floats) -> dict[str, Floats]:
     calm = _smooth(forward)
     way = np.sign(calm) * (np.abs(calm) > SLOW_CM_S)
-    moving = way[way != 0]
-    seconds = len(forward) * STEP_S
+    latest = np.maximum.accumulate(np.where(way != 0, np.arange(way.shape[1]), 0), axis=1)
+    held = np.take_along_axis(way, latest, axis=1)  # the way it last moved
+    seconds = forward.shape[1] * STEP_S
     return {
-        "speed": float(np.abs(forward).mean()),
-        "speed spread": float(calm.std()),
-        "backward": float((way < 0).mean()),
-        "reversals": float((np.diff(moving) != 0).sum() / seconds * 10),
-        "still": float(((way == 0) & (np.abs(_smooth(turn)) < STILL_DEG_S)).mean()),
+        "speed": np.abs(forward).mean(axis=1),
+        "speed spread": calm.std(axis=1),
+        "backward": (way < 0).mean(axis=1),
+        "reversals": (held[:, 1:] * held[:, :-1] < 0).sum(axis=1) / seconds * 10,
+        "still": ((way == 0) & (np.abs(_smooth(turn)) < STILL_DEG_S)).mean(axis=1),
     }
 
 
-def _turning(forward: Floats, turn: Floats) -> dict[str, float]:
-    calm = _smooth(turn)
-    sizes = np.array(_turn_events(calm))
-    counted = np.clip(sizes, -180, 180)
-    square = float((counted**2).sum())  # large turns tell the side, what noise does is small
-    side = float((counted * np.abs(counted)).sum()) / square if square > 0 else 0.0
+def _turning(forward: Floats, turn: Floats) -> dict[str, Floats]:
+    calm, slow = _smooth(turn), np.abs(_smooth(turn, 7))
     moving = np.abs(_smooth(forward)) > SLOW_CM_S
     window = round(5.0 / STEP_S)
-    sums = np.cumsum(np.append(0.0, turn)) * STEP_S
-    far = np.abs(sums[window:] - sums[:-window]) if len(sums) > window else np.abs(sums[-1:])
+    sums = np.cumsum(np.pad(turn, ((0, 0), (1, 0))), axis=1) * STEP_S
+    far = np.abs(sums[:, window:] - sums[:, :-window] if sums.shape[1] > window else sums[:, -1:])
     return {
-        "turn rate": float(np.abs(calm).mean()),
-        "net turn": float(turn.mean()),
-        "usual turn": float(np.median(np.abs(_smooth(turn, 7)))),
-        "straight": float((moving & (np.abs(_smooth(turn, 7)) < STILL_DEG_S)).mean()),
-        "turns": len(sizes) / (len(turn) * STEP_S) * 10,
-        "turn size": float(np.minimum(np.abs(sizes), 360).mean()) if len(sizes) else 0.0,
-        "side of turns": side,
-        "one-sidedness": abs(side),
-        "looping": float((far > 150).mean()),
+        "turn rate": np.abs(calm).mean(axis=1),
+        "net turn": turn.mean(axis=1),
+        "usual turn": np.median(slow, axis=1),
+        "straight": (moving & (slow < STILL_DEG_S)).mean(axis=1),
+        "looping": (far > 150).mean(axis=1),
         "jitter": jitter(turn),
+        **_turn_events(calm),
     }
 
 
-def _turn_events(calm: Floats) -> list[float]:
-    """The angles of a trial's turns, deg, left positive."""
-    way = np.sign(calm) * (np.abs(calm) > TURN_DEG_S)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0.0], way, [0.0]])))
-    sizes = [float(calm[a:b].sum()) * STEP_S for a, b in pairwise(edges) if way[a] != 0]
-    return [size for size in sizes if abs(size) > TURN_DEG]
+def _turn_events(calm: Floats) -> dict[str, Floats]:
+    """How many turns each trial has, how large, and to which side; left is positive."""
+    n, steps = calm.shape
+    padded = np.pad(calm, ((0, 0), (1, 1))).ravel()  # a still step at both ends parts the trials
+    way = np.sign(padded) * (np.abs(padded) > TURN_DEG_S)
+    edges = np.flatnonzero(np.diff(way)) + 1
+    whole = np.add.reduceat(padded, edges) * STEP_S if len(edges) else np.empty(0)
+    kept = (way[edges] != 0) & (np.abs(whole) > TURN_DEG)
+    sizes, owner = whole[kept], edges[kept] // (steps + 2)
+
+    def total(values: Floats) -> Floats:
+        return np.bincount(owner, values, minlength=n)
+
+    count = np.bincount(owner, minlength=n)
+    counted = np.clip(sizes, -180, 180)
+    square = total(counted**2)  # large turns tell the side, what noise does is small
+    side = total(counted * np.abs(counted)) / np.where(square > 0, square, 1.0)
+    return {
+        "turns": count / (steps * STEP_S) * 10,
+        "turn size": total(np.abs(counted)) / np.maximum(count, 1),
+        "side of turns": side,
+        "one-sidedness": np.abs(side),
+    }
 
 
-def _ground(trial: Trial) -> dict[str, float]:
-    """How far the robot came about; a place is new 4 cm from all others."""
-    xy = np.column_stack([trial.x, trial.y])[::3]
-    places = np.empty((0, 2))
-    while len(xy):
-        places = np.vstack([places, xy[:1]])
-        xy = xy[np.hypot(*(xy - xy[0]).T) > 4.0]
-    spread = float(np.hypot(trial.x.std(), trial.y.std()))
-    return {"spread": spread, "ground": len(places) / trial.seconds * 20.0}
+def _ground(x: Floats, y: Floats) -> dict[str, Floats]:
+    """How far robots came about; a place is new 4 cm from all others."""
+    px, py = x[:, ::3], y[:, ::3]
+    left = np.ones(px.shape, bool)
+    places = np.zeros(len(px))
+    every = np.arange(len(px))
+    while left.any():
+        places += left.any(axis=1)
+        first = left.argmax(axis=1)
+        far = np.hypot(px - px[every, first][:, None], py - py[every, first][:, None])
+        left &= far > 4.0
+    spread = np.hypot(x.std(axis=1), y.std(axis=1))
+    return {"spread": spread, "ground": places / ((x.shape[1] - 1) * STEP_S) * 20.0}
 
 
-def _surroundings(trial: Trial, turn: Floats, forward: Floats, arena: Arena) -> dict[str, float]:
-    here = around(arena, trial.x[:-1], trial.y[:-1], trial.heading[:-1])
-    near = here.clearance < NEAR_CM
+def _surroundings(
+    x: Floats, y: Floats, heading: Floats, turn: Floats, forward: Floats, arena: Arena
+) -> dict[str, Floats]:
+    flat = around(arena, x[:, :-1].ravel(), y[:, :-1].ravel(), heading[:, :-1].ravel())
+    clearance, surface = flat.clearance.reshape(turn.shape), flat.surface.reshape(turn.shape)
+    near = clearance < NEAR_CM
     going = np.where(forward < 0, np.pi, 0.0)
-    aside = np.abs(np.sin(here.surface))
-    ahead = (here.clearance < FEEL_CM) & (np.cos(here.surface - going) > 0.3)
+    aside = np.abs(np.sin(surface))
+    ahead = (clearance < FEEL_CM) & (np.cos(surface - going) > 0.3)
     turning = ahead & (np.abs(_smooth(turn)) > TURN_DEG_S)
     told = {
-        "clearance": float(here.clearance.mean()),
-        "near": float(near.mean()),
-        "touching": float((here.clearance < TOUCH_CM).mean()),
-        "along": float((near & (aside > 0.8) & (np.abs(forward) > SLOW_CM_S)).mean()),
-        "turning clearance": float(np.maximum(here.clearance, 0)[turning].sum() / (turning.sum() + 1.0)),
+        "clearance": clearance.mean(axis=1),
+        "near": near.mean(axis=1),
+        "touching": (clearance < TOUCH_CM).mean(axis=1),
+        "along": (near & (aside > 0.8) & (np.abs(forward) > SLOW_CM_S)).mean(axis=1),
+        "turning clearance": (np.maximum(clearance, 0) * turning).sum(axis=1) / (turning.sum(axis=1) + 1.0),
     }
-    if here.lamp is not None and here.lamp_distance is not None:
-        off = np.abs(here.lamp) > np.radians(20)
-        toward = _smooth(turn) * np.sign(here.lamp) * off
+    if flat.lamp is not None and flat.lamp_distance is not None:
+        lamp, distance = flat.lamp.reshape(turn.shape), flat.lamp_distance.reshape(turn.shape)
+        off = np.abs(lamp) > np.radians(20)
+        toward = _smooth(turn) * np.sign(lamp) * off
         told |= {
-            "light distance": float(here.lamp_distance.mean()),
-            "light reached": float(here.lamp_distance[-10:].mean()),
-            "light bearing": float(np.degrees(np.abs(here.lamp)).mean()),
-            "light response": float(toward.sum() / (off.sum() + 3.0)),
+            "light distance": distance.mean(axis=1),
+            "light reached": distance[:, -10:].mean(axis=1),
+            "light bearing": np.degrees(np.abs(lamp)).mean(axis=1),
+            "light response": toward.sum(axis=1) / (off.sum(axis=1) + 3.0),
         }
     return told
 
 
 def _smooth(values: Floats, width: int = 3) -> Floats:
-    """A running mean; ends repeat."""
+    """A running mean along the rows of [n, t]; ends repeat."""
     half = width // 2
-    padded = np.concatenate([np.repeat(values[:1], half), values, np.repeat(values[-1:], half)])
-    return np.convolve(padded, np.full(width, 1 / width), "valid")
+    padded = np.pad(values, ((0, 0), (half, half)), mode="edge")
+    steps = values.shape[1]
+    return np.asarray(sum(padded[:, k : k + steps] for k in range(width)) / width)
 
 
 def mirrored(descriptors: Sequence[Descriptor]) -> Floats:

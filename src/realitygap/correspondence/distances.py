@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.correspondence.descriptors import table
+from realitygap.correspondence.descriptors import describe_all, in_units
 from realitygap.correspondence.trials import Trial
 from realitygap.world.arena import Arena
 
@@ -32,6 +32,8 @@ ANYWHERE_PER_CM2 = 1e-6
 """Occupancy that every place has: keeps what no robot visits from weighing much."""
 EVERY = 5
 """Every fifth row, two a second, stands for a trial in its map."""
+ROUNDING = 1e-12
+"""A squared distance below this is none: set beside itself, a set is at rounding errors only."""
 SAME_CM, SAME_RAD = 1.5, np.radians(15)
 """Two robots set down by hand within these have the same start."""
 
@@ -52,9 +54,14 @@ class Distances:
     matched: bool = False
 
     @cached_property
+    def told(self) -> tuple[dict[str, Floats], dict[str, Floats]]:
+        """Descriptors by name of a's trials, and of b's, in their own units."""
+        return describe_all(self.a, self.arena), describe_all(self.b, self.arena)
+
+    @cached_property
     def rows(self) -> Floats:
         """Descriptors of both sets' trials, [n, d]: a's, then b's."""
-        return np.vstack([table(self.a, self.arena), table(self.b, self.arena)])
+        return np.vstack([in_units(told, self.arena) for told in self.told])
 
     @cached_property
     def starts(self) -> NDArray[np.int64]:
@@ -123,12 +130,19 @@ class Distances:
         trials = [*self.a, *self.b]
         count = min(len(t) for t in trials) // EVERY
         places = np.array([np.column_stack([t.x, t.y])[: count * EVERY : EVERY] for t in trials])
-        flat = places.reshape(-1, 2)
-        made = np.empty((len(trials), len(flat)))
-        for i, own in enumerate(places):
-            square = ((own[:, None] - flat[None]) ** 2).sum(axis=2)
-            made[i] = np.exp(square / (-2 * BLUR_CM**2)).mean(axis=0)
-        return made.reshape(len(trials), len(trials), -1) / (2 * np.pi * BLUR_CM**2)
+        places /= np.sqrt(2) * BLUR_CM
+        n = len(trials)
+        made = np.empty((n, n, count))
+        for i, own in enumerate(places):  # what i is at j's places, j is at i's
+            later = places[i:].reshape(-1, 2)
+            near = np.subtract.outer(own[:, 0], later[:, 0]) ** 2
+            near += np.subtract.outer(own[:, 1], later[:, 1]) ** 2
+            np.negative(near, out=near)
+            np.exp(near, out=near)
+            near = near.reshape(count, n - i, count)
+            made[i, i:] = near.mean(axis=0)
+            made[i:, i] = near.mean(axis=2).T
+        return made / (2 * np.pi * BLUR_CM**2)
 
 
 def matched_starts(a: Sequence[Trial], b: Sequence[Trial]) -> bool:
@@ -146,4 +160,4 @@ def _near(one: Trial, other: Trial) -> bool:
 
 
 def _root(square: float) -> float:
-    return float(np.sqrt(max(0.0, square)))
+    return float(np.sqrt(square)) if square > ROUNDING else 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import json
 from collections import defaultdict
 from collections.abc import Sequence
@@ -89,7 +90,9 @@ def blind_pairs(
 def page(data: dict[str, Any]) -> str:
     """The page, self-contained: pairs side by side, marks 0 to 10, saved in the browser and as a file."""
     here = Path(__file__).with_name("judge.html").read_text(encoding="utf-8")
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
+    told = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    name = hashlib.sha256(told.encode()).hexdigest()[:16]  # marks of another page are another page's
+    text = json.dumps({**data, "id": name}, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
     return here.replace("/*DATA*/null", text)
 
 

@@ -1,7 +1,9 @@
 """Known differences, to try a score on: one robot against itself with one thing made worse, by steps.
 
-Infrared gain (or, for light seekers, light gain) 1 → 0.15 makes a robot less responsive; noise × 1 →
-× 8 makes it noisier.
+Infrared gain 1 → 0.15 makes a robot less responsive, and so does light gain where a controller waits for
+a certain light; noise × 1 → × 8 makes it noisier. Controllers that only compare two sides do not heed a
+light gain. Steering does for all light seekers what the gain does for these: of the turn that it means
+to make, the robot makes 1 → 0.15.
 """
 
 from __future__ import annotations
@@ -17,11 +19,13 @@ from realitygap.tasks.load import load_task
 from realitygap.tasks.simulation import Simulation
 from realitygap.world.profile import Profile, load_profile
 
-__all__ = ["GAINS", "NOISES", "Behaviour", "behaviours", "with_gain"]
+__all__ = ["COMPARERS", "GAINS", "NOISES", "Behaviour", "behaviours", "ladders_of", "with_gain", "with_steering"]
 
 GAINS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15)
 NOISES = (1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 8.0)
 """Factors on the observed noise."""
+COMPARERS = ("two way turner", "bobber")
+"""Light seekers that compare two sides: their gain is no ladder."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,19 +37,22 @@ class Behaviour:
     seed: int = 0
 
     def trials(
-        self, count: int = 12, *, noise: float = 1.0, gain: float = 1.0, again: int = 0, starts: int = 0
-    ) -> list[Trial]:
+        self, count: int = 12, *, noise: float = 1.0, gain: float = 1.0, steering: float = 1.0,
+        again: int = 0, starts: int = 0,
+    ) -> list[Trial]:  # fmt: skip
         """Its trials from `count` starts, always the same ones for one number `starts`.
 
         Args:
             count: how many starts.
             noise: the simulation's.
-            gain: of what the task feeds.
+            gain: of the sensors.
+            steering: share of a turn that the robot makes.
             again: another number, other noise.
             starts: another number, other starts.
         """
         task = load_task(self.task)
-        simulation = Simulation(task, with_gain(load_profile("paper"), gain), noise)
+        profile = with_steering(with_gain(load_profile("paper"), gain), steering)
+        simulation = Simulation(task, profile, noise)
         controller = Ruled(kinds_of(self.task)[self.kind], self.seed, task.feeds)
         made = []
         for k in range(count):
@@ -59,6 +66,18 @@ class Behaviour:
 def behaviours(seed: int = 0) -> list[Behaviour]:
     """One robot of each of the paper's kinds, by task."""
     return [Behaviour(task=task, kind=kind, seed=seed) for task, kinds in KINDS.items() for kind in kinds]
+
+
+def ladders_of(behaviour: Behaviour) -> tuple[str, ...]:
+    """What a behaviour's ladders are made of: "noise", and "gain" and "steering" where it heeds them."""
+    if behaviour.task == "obstacle-avoidance":
+        return ("gain", "noise")
+    return ("steering", "noise") if behaviour.kind in COMPARERS else ("gain", "steering", "noise")
+
+
+def with_steering(profile: Profile, share: float) -> Profile:
+    """The robot with a wider track, so that it makes a `share` of the turn that its wheels mean."""
+    return replace(profile, wheels=replace(profile.wheels, track_cm=profile.wheels.track_cm / share))
 
 
 def with_gain(profile: Profile, gain: float) -> Profile:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,13 +26,13 @@ from realitygap.world.arena import Arena
 
 __all__ = ["main"]
 
-EACH = 200
+EACH = 300
 """Exemplars of a kind; a third of them at each noise level."""
 FIRST_SEED = 100_000
 LEVELS = (0.0, 1.0, 2.0)
-ROBOTS, STARTS = 5, 12
+ROBOTS, STARTS = 8, 12
 """Of each kind, for the scales."""
-FLOOR, CEILING = 0.975, 0.01
+FLOOR, CEILING = 0.99, 0.05
 """Quantiles: what the same robot again hardly exceeds; what hardly any other behaviour undercuts.
 Of layout's other behaviours the middle: many fill an arena alike."""
 
@@ -62,15 +63,19 @@ def exemplars() -> dict[str, np.ndarray]:
 
 def scales() -> dict[str, dict[str, dict[str, float]]]:
     """By task, and of the motion alone: floors (of one start in each set) and ceiling of each part."""
-    made, motion = {}, []
+    measured = {}
     for task, kinds in KINDS.items():
         seeds = range(FIRST_SEED, FIRST_SEED + ROBOTS)
         robots = [Behaviour(task=task, kind=kind, seed=seed) for kind in kinds for seed in seeds]
         lives = {robot: _lives(robot) for robot in robots}
-        made[task] = _ends(_measured(lives, load_task(task).arena))
-        motion.append(_measured(lives, None))
-    made["motion"] = _ends(Measured(*(one + other for one, other in zip(*motion, strict=True))))
-    return made
+        measured[task] = _measured(lives, load_task(task).arena)
+        measured[f"motion, {task}"] = _measured(lives, None)
+    both = {
+        "": _together([measured[task] for task in KINDS]),
+        "motion": _together([measured[f"motion, {task}"] for task in KINDS]),
+    }
+    made = {task: _ends(both[""], measured[task]) for task in KINDS}
+    return {**made, "motion": _ends(both["motion"], both["motion"])}
 
 
 class Measured(NamedTuple):
@@ -85,8 +90,8 @@ class Measured(NamedTuple):
 
 
 def _lives(robot: Behaviour) -> list[list[Trial]]:
-    """A robot's trials, again, and from other starts."""
-    return [robot.trials(STARTS, again=j, starts=s) for j, s in ((1, 9), (2, 9), (3, 10))]
+    """A robot's trials, again, once more, and from other starts."""
+    return [robot.trials(STARTS, again=j, starts=s) for j, s in ((1, 9), (2, 9), (4, 9), (3, 10))]
 
 
 def _measured(lives: dict[Behaviour, list[list[Trial]]], arena: Arena | None) -> Measured:
@@ -96,17 +101,25 @@ def _measured(lives: dict[Behaviour, list[list[Trial]]], arena: Arena | None) ->
 
     pairs = [(r, s) for r, s in itertools.combinations(lives, 2) if r.kind != s.kind]
     return Measured(
-        again=[far(one, two) for one, two, _ in lives.values()],
-        elsewhere=[far(one, away, False) for one, _, away in lives.values()],
+        again=[far(*two) for *here, _ in lives.values() for two in itertools.combinations(here, 2)],
+        elsewhere=[far(one, away, False) for *here, away in lives.values() for one in here],
         other=[far(lives[r][0], lives[s][0]) for r, s in pairs],
     )
 
 
-def _ends(measured: Measured) -> dict[str, dict[str, float]]:
-    """A floor shrinks with the root of the number of starts; a ceiling does not."""
+def _together(several: Sequence[Measured]) -> Measured:
+    return Measured(*(list(itertools.chain(*rows)) for rows in zip(*several, strict=True)))
+
+
+def _ends(every: Measured, own: Measured) -> dict[str, dict[str, float]]:
+    """Floors of every task's robots together, the ceiling of its own.
+
+    A just-noticeable amount is one in every task; another behaviour is another thing in each. A floor
+    shrinks with the root of the number of starts; a ceiling does not.
+    """
     ends = {}
     for i, name in enumerate(PARTS):
-        again, elsewhere, other = (np.array(rows)[:, i] for rows in measured)
+        again, elsewhere, other = (np.array(rows)[:, i] for rows in (every.again, every.elsewhere, own.other))
         ends[name] = {
             "floor": round(float(np.quantile(again, FLOOR) * np.sqrt(STARTS)), 4),
             "floor elsewhere": round(float(np.quantile(elsewhere, FLOOR) * np.sqrt(STARTS)), 4),

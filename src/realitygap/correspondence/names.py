@@ -1,8 +1,8 @@
 """What kind of behaviour a trial shows: the paper's names (tables 1 and 2), or "none of these".
 
-A trial is named after the exemplars that are nearest to it; a descriptor counts by its just-noticeable
-amount, or by how much it varies within a kind where that is more. A robot and its mirror image have one
-name. What is nearest to robots that take no notice of anything, or far from
+A trial is named after the exemplars that are nearest to it; a descriptor counts by how well it tells
+kinds apart: how much it varies between them beside how much it does within one (Fisher's ratio). A robot
+and its mirror image have one name. What is nearest to robots that take no notice of anything, or far from
 every exemplar, is "none of these".
 """
 
@@ -30,6 +30,8 @@ Floats = NDArray[np.float64]
 
 NONE = "none of these"
 NEIGHBOURS = 3
+UNSEEN, LEAST, MOST = 0.1, 0.3, 9.0
+"""A variance that nobody sees (in just-noticeable amounts); bounds of what a descriptor counts."""
 SLACK = 1.5
 """A trial may be so many times farther from its kind than the kind's loneliest exemplar."""
 
@@ -62,8 +64,10 @@ class Namer:
         self._names = np.array([name if name in KINDS[task] else NONE for name in names])
         self._unit = np.ones(rows.shape[1])
         plain = self._folded(rows.astype(np.float64))
-        within = np.mean([plain[self._names == name].var(axis=0) for name in KINDS[task]], axis=0)
-        self._unit = np.maximum(1.0, np.sqrt(within))
+        kinds = [plain[self._names == name] for name in KINDS[task]]
+        within = np.mean([rows.var(axis=0) for rows in kinds], axis=0) + UNSEEN
+        between = np.var([rows.mean(axis=0) for rows in kinds], axis=0)
+        self._unit = np.sqrt(within / (np.minimum(between / within, MOST) + LEAST))
         self._rows = plain / self._unit
 
     def name(self, trials: Sequence[Trial], setting: Setting) -> list[Name]:

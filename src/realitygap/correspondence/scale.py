@@ -22,13 +22,19 @@ PARTS = {"behaviour": 0.8, "layout": 0.2}
 ENOUGH_STARTS = 8
 """From so many starts on, a set's own trials make the floor."""
 SPLITS = 60
-FLOOR_QUANTILE = 0.975
-"""The floor is what the same robot again hardly ever exceeds: such a pair scores 10."""
+FLOOR_QUANTILE = 0.99
+"""The floor is what the same robot again hardly ever exceeds."""
+EDGE = 0.3
+"""What is left to tell within the floor and beyond the ceiling: 10 to 9.7, and 0.3 to 0.
+
+Within the floor a distance is mostly chance, beyond the ceiling the behaviour is another; but less is
+still less, and a score that stood still there could not tell bad from worse.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scale:
-    """Distances at 10 (floor) and at 0 (ceiling), of each part, and where they come from.
+    """Distances at the upper end (floor) and at the lower (ceiling), of each part, and where they come from.
 
     Give one and the same to all comparisons that are held against each other.
     """
@@ -41,13 +47,22 @@ class Scale:
     ceiling_from: str
 
     def part(self, name: str, distance: float) -> float:
-        """A part's score, 0 to 10."""
+        """A part's score, 0 to 10: a straight line from floor to ceiling, and a little beyond both."""
         floor, ceiling = getattr(self, f"{name}_floor"), getattr(self, f"{name}_ceiling")
-        return 10 * float(np.clip(1 - (distance - floor) / (ceiling - floor), 0, 1))
+        if distance <= floor:
+            return 10 - EDGE * (distance / floor) ** 2 if floor > 0 else 10.0
+        if distance >= ceiling:
+            return EDGE * ceiling / distance
+        return 10 - EDGE - (10 - 2 * EDGE) * (distance - floor) / (ceiling - floor)
 
     def score(self, distances: dict[str, float]) -> float:
-        """The correspondence score, 0 to 10."""
-        return sum(weight * self.part(name, distances[name]) for name, weight in PARTS.items())
+        """The correspondence score, 0 to 10: the mean of the parts, weighted by `PARTS`.
+
+        A layout counts for no more than the behaviour: two behaviours may fill an arena alike, and that
+        is no likeness of theirs.
+        """
+        behaviour, layout = (self.part(name, distances[name]) for name in ("behaviour", "layout"))
+        return PARTS["behaviour"] * behaviour + PARTS["layout"] * min(behaviour, layout)
 
     def to_dict(self) -> dict[str, float | str]:
         """Ready for JSON."""

@@ -13,7 +13,7 @@ from realitygap.correspondence.scale import PARTS, Scale, scale_of
 from realitygap.correspondence.setting import Setting
 from realitygap.correspondence.statistics import parting_s, resampled_weights, transferability, two_sample_p
 from realitygap.correspondence.trials import SHORTEST_S, Trial
-from realitygap.correspondence.words import differences, looping, noisiness, responsiveness
+from realitygap.correspondence.words import differences, signed
 from realitygap.errors import TrackError
 
 __all__ = ["Comparison", "comparable", "compare"]
@@ -95,8 +95,7 @@ def compare(
     )
     far = {name: getattr(between, name)() for name in PARTS}
     score, behaviour = ends.score(far), ends.part("behaviour", far["behaviour"])
-    noisy, loops = noisiness(ours, theirs), looping(ours, theirs)
-    response = responsiveness(ours, theirs, setting.arena)
+    noisy, response, loops = signed(*between.told)
     alone = min(len({t.start for t in trials}) for trials in (a, b)) < 2
     parted = parting_s(ours, theirs) if between.matched else []
     return Comparison(

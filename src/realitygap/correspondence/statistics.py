@@ -65,18 +65,17 @@ def two_sample_p(distances: Distances, *, permutations: int = 199, seed: int = 0
     truth = distances.sides[0] > 0
     draw = np.random.default_rng(seed)
 
-    def right(labels: NDArray[np.bool_]) -> float:
-        return float((labels[order] == labels[:, None]).mean())
+    def right(labels: NDArray[np.bool_]) -> Floats:
+        """Share of right guesses under each row of labels."""
+        return np.asarray((labels[:, order] == labels[:, :, None]).mean(axis=(1, 2)))
 
-    seen = right(truth)
     starts = distances.starts
-    at_least = 0
-    for _ in range(permutations):
-        if distances.matched:
-            labels = truth ^ (draw.random(starts.max() + 1) < 0.5)[starts]
-        else:
-            labels = draw.permutation(truth)
-        at_least += right(labels) >= seen - 1e-12
+    if distances.matched:
+        swapped = draw.random((permutations, starts.max() + 1)) < 0.5
+        labels = truth ^ swapped[:, starts]
+    else:
+        labels = draw.permuted(np.tile(truth, (permutations, 1)), axis=1)
+    at_least = int((right(labels) >= right(truth[None]) - 1e-12).sum())
     return (1 + at_least) / (1 + permutations)
 
 

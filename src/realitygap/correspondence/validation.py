@@ -33,7 +33,7 @@ class Ladder:
 
     Attributes:
         behaviour: the robot.
-        what: "gain" or "noise".
+        what: "gain", "steering" or "noise".
         steps: the ladder's values.
         rungs: the comparison at each.
     """
@@ -55,13 +55,12 @@ class Ladder:
 
 
 def climb(behaviour: Behaviour, what: str, *, starts: int = STARTS) -> Ladder:
-    """A ladder of `what`, "gain" or "noise"."""
-    steps = GAINS if what == "gain" else NOISES
+    """A ladder of `what`, "gain", "steering" or "noise"."""
+    steps = NOISES if what == "noise" else GAINS
     ours = behaviour.trials(starts)
     rungs = []
     for step in steps:
-        gain, noise = (step, 1.0) if what == "gain" else (1.0, step)
-        rungs.append(against(behaviour, ours, behaviour.trials(starts, again=5, gain=gain, noise=noise)))
+        rungs.append(against(behaviour, ours, behaviour.trials(starts, again=5, **{what: step})))
     return Ladder(behaviour=behaviour, what=what, steps=steps, rungs=tuple(rungs))
 
 

@@ -6,12 +6,16 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from realitygap.correspondence.descriptors import describe
+from realitygap.correspondence.descriptors import describe_all
 from realitygap.correspondence.trials import Trial
 from realitygap.world.arena import Arena
 
-__all__ = ["PAPER_SCORES", "differences", "looping", "noisiness", "responsiveness"]
+__all__ = ["PAPER_SCORES", "differences", "looping", "noisiness", "responsiveness", "signed"]
+
+Told = dict[str, NDArray[np.float64]]
+"""Descriptors of a set's trials, by name (`describe_all`)."""
 
 QUIET_DEG_S = 2.0
 """Jitter that nobody sees; added to both, so that a robot without noise can be compared."""
@@ -52,7 +56,7 @@ _RESPONSE = {
 
 def noisiness(a: Sequence[Trial], b: Sequence[Trial]) -> float:
     """log2 of how much more jitter the turning of b has than that of a."""
-    return _ratio(a, b, None, "jitter", QUIET_DEG_S)
+    return signed(describe_all(a, None), describe_all(b, None))[0]
 
 
 def responsiveness(a: Sequence[Trial], b: Sequence[Trial], arena: Arena | None) -> float | None:
@@ -60,17 +64,23 @@ def responsiveness(a: Sequence[Trial], b: Sequence[Trial], arena: Arena | None) 
 
     Without a lamp: how far from a surface ahead it turns. With one: how squarely it faces the lamp.
     """
-    if arena is None:
-        return None
-    if arena.lamps:
-        return -_ratio(a, b, arena, "light bearing", ASKEW_DEG)
-    return _ratio(a, b, arena, "turning clearance", CLOSE_CM)
+    return signed(describe_all(a, arena), describe_all(b, arena))[1]
 
 
 def looping(a: Sequence[Trial], b: Sequence[Trial]) -> float:
     """How much larger a share of its time b goes round in loops."""
-    ours, theirs = (float(np.mean([describe(t, None)["looping"] for t in trials])) for trials in (a, b))
-    return theirs - ours
+    return signed(describe_all(a, None), describe_all(b, None))[2]
+
+
+def signed(a: Told, b: Told) -> tuple[float, float | None, float]:
+    """Noisiness, responsiveness and looping of b beside a, from what was told of both sets' trials."""
+    response = None
+    if "light bearing" in a:
+        response = -_ratio(a, b, "light bearing", ASKEW_DEG)
+    elif "turning clearance" in a:
+        response = _ratio(a, b, "turning clearance", CLOSE_CM)
+    loops = float(b["looping"].mean() - a["looping"].mean())
+    return _ratio(a, b, "jitter", QUIET_DEG_S), response, loops
 
 
 def differences(score: float, behaviour: float, noisy: float, responsive: float | None, loops: float) -> str:
@@ -104,6 +114,6 @@ def _word(
     return abs(value) / steps[0], phrases[1 if value > 0 else -1][size]
 
 
-def _ratio(a: Sequence[Trial], b: Sequence[Trial], arena: Arena | None, name: str, unseen: float) -> float:
-    ours, theirs = (float(np.mean([describe(t, arena)[name] for t in trials])) for trials in (a, b))
+def _ratio(a: Told, b: Told, name: str, unseen: float) -> float:
+    ours, theirs = float(a[name].mean()), float(b[name].mean())
     return math.log2((max(theirs, 0.0) + unseen) / (max(ours, 0.0) + unseen))
