@@ -44,6 +44,9 @@ TRIAL_COST, CELL_COST = 0.8, 0.5
 """About how long things take on one core, s: a unit's calibration, an evaluation, a run's retest, a
 trial on the twin, a comparison with a level. Hints for the time that is left, nothing else."""
 
+IN_FILES = {CALIBRATING: "calibrate", EVOLVING: "evolve", DRIVING: "situated", COMPARING: "simulated"}
+"""Phases as study.toml names them."""
+
 
 def noise_study(
     folder: str | Path,
@@ -133,7 +136,7 @@ class _Phases:
         try:
             yield
         finally:
-            Seconds(self.folder).add(name, time.monotonic() - began)
+            Seconds(self.folder).add(IN_FILES[name], time.monotonic() - began)
 
     def _uncalibrated(self) -> list[int]:
         units = range(1, self.config.units + 1)

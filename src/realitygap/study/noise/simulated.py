@@ -73,12 +73,13 @@ def compare_all(stage: Stage, one: Controller, tell: Callable[[float], None] = l
 
 
 def scale_for(stage: Stage, task: str, setting: Setting) -> Scale:
-    """One scale for all comparisons of a task: that of the exemplars, for so many starts.
+    """One scale for all comparisons of a task: that of the exemplars, for so many pairs of trials.
 
-    Units take each start anew, but a start in common is no new one: starts count, not trials.
+    In pairs a start's own share drops out of a distance, and what is left is each trial's noise: so
+    every trial counts, on whichever unit.
     """
-    starts = stage.config.starts
-    return exemplar_scale(setting.exemplars, starts, starts, matched=True)
+    pairs = stage.config.units * stage.config.starts
+    return exemplar_scale(setting.exemplars, pairs, pairs, matched=True)
 
 
 def read_compared(stage: Stage, one: Controller) -> dict[str, Any]:
