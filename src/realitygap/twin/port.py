@@ -12,8 +12,8 @@ import tty
 
 __all__ = ["Port"]
 
-PATIENCE_S = 0.25
-"""Real time to wait for bytes that were announced but got lost on the way."""
+PATIENCE_S = 3.0
+"""Real time to wait for bytes that were announced: only then they got lost on the way."""
 
 _NOISE = bytes(range(128, 256)) * 2
 """What a character becomes at another rate than the robot's: nothing that anyone could read."""
