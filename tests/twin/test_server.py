@@ -85,7 +85,7 @@ def test_the_channel_refuses_what_it_does_not_know(bench: Bench) -> None:
     """With one line each, and goes on."""
     twin = bench.twin()
     answers = channel(twin, "fly", "place 1 2", "run x", "film /nowhere/at/all", "run 0 0 0")
-    assert answers[0] == "error expected run, place, film or quit; got 'fly'"
+    assert answers[0] == "error expected run, place, film, renew or quit; got 'fly'"
     assert all(answer.startswith("error") for answer in answers[1:4])
     assert answers[4] == "at 0 0"
 
