@@ -25,8 +25,8 @@ from realitygap.robot.signals import undisturbed
 __all__ = ["Clock", "RealClock", "VirtualClock"]
 
 CHUNK = 4096
-PATIENCE_S = 0.25
-"""Real time to wait for bytes that were announced but got lost on the way."""
+PATIENCE_S = 3.0
+"""Real time to wait for bytes that were announced: only then they got lost on the way."""
 
 TWIN_LOST_S = 120.0
 """Real time after which a twin that does not answer on its channel is given up."""
