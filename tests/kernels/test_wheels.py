@@ -17,7 +17,7 @@ NO_FRICTION = replace(PAPER, wheels=replace(PAPER.wheels, friction_cm_s2=0.0))
 
 def speeds(profile, targets, drags=None, slips=None) -> np.ndarray:
     """The kernel's speeds of one wheel that starts at rest, cm/s."""
-    robot, wheel = profile.to_kernel(), np.zeros(8)
+    robot, wheel = profile.to_kernel(), np.zeros(9)
     drags = np.ones(len(targets)) if drags is None else drags
     slips = np.zeros(len(targets)) if slips is None else slips
     return np.array(
@@ -68,7 +68,7 @@ def test_agrees_with_the_reference():
     for _ in range(300):
         law = replace(
             PAPER.wheels, kp=random.uniform(2000, 4000), ki=random.uniform(200, 900),
-            lag=random.choice([0.0, 0.4]), start_loss_cm_s=random.choice([0.0, 0.5]),
+            lag=random.choice([0.0, 0.4]), play_cm=random.choice([0.0, 0.1]),
             kd=random.uniform(0, 900),
             rest_speed_cm_s=random.uniform(0, 0.5), friction_cm_s2=random.uniform(0, 30),
         )  # fmt: skip

@@ -21,6 +21,10 @@ Array = NDArray[np.float64]
 
 SLIP, CAMERA_CM, WILD = 0.06, 0.1, 6.0
 """Where the estimate of slip and of the camera's own error begins; deviations beyond which a way is wild."""
+APART = 5
+"""Steps between two pictures whose way tells lengths: the camera's error weighs little in it."""
+FEWEST_STEPS = 100
+"""Single steps of a steady drive, from which on slip is taken from them."""
 FEWEST = 12
 """Ways between two pictures, from which on anything is concluded."""
 
@@ -32,7 +36,8 @@ class Odometry:
     Attributes:
         cm_per_pulse: left and right.
         track_cm: between the wheels.
-        slip: deviation of the way of one step, as a share of it.
+        slip: deviation of the way of one step, as a share of it (of what ways of some steps add up
+            to, where no camera saw each step).
         camera_cm: deviation of a way that is the camera's own.
         drift_deg_per_m: how far the heading drifts where both wheels are told the same.
         constants: with intervals.
@@ -51,24 +56,26 @@ class Odometry:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Ways:
-    """Ways between two pictures: pulses [m, 2], Σ of the steps' squares [m, 2], camera's way and turn [m]."""
+    """Ways between two pictures: pulses [m, 2], Σ of the steps' squares [m, 2], camera's way and turn [m],
+    whether both wheels were told the same [m], and whether it is one step of a steady drive [m]."""
 
     pulses: Array
     squares: Array
     way: Array
     turn: Array
     straight: NDArray[np.bool_]
+    steady: NDArray[np.bool_]
 
     def only(self, some: NDArray[np.bool_]) -> _Ways:
         return _Ways(
             pulses=self.pulses[some], squares=self.squares[some], way=self.way[some], turn=self.turn[some],
-            straight=self.straight[some],
+            straight=self.straight[some], steady=self.steady[some],
         )  # fmt: skip
 
 
 def measure_odometry(recording: WheelRecording, pulses_per_cm: float, track_cm: float) -> Odometry | None:
     """Lengths and slip of a recording; None where no camera saw enough of it."""
-    ways = _between_pictures(recording, pulses_per_cm, track_cm)
+    ways = _between_pictures(recording, pulses_per_cm, track_cm, apart=APART)
     if ways is None:
         return None
     theta, spread = np.array([1.0, 1.0, pulses_per_cm * track_cm]) / pulses_per_cm, np.zeros((3, 3))
@@ -86,14 +93,18 @@ def measure_odometry(recording: WheelRecording, pulses_per_cm: float, track_cm: 
     ways, beyond = ways.only(seen), beyond[seen]
     deviation = np.sqrt(np.diag(spread))
     few = 1.0 / math.sqrt(2.0 * beyond.size)
+    told = _of_one_step(recording, pulses_per_cm, theta)
+    if told is not None:
+        slip, camera, few = told
     names = ("cm_per_pulse_left", "cm_per_pulse_right", "track_cm")
     constants = tuple(
         Constant(key=k, value=float(v), low=float(v - SIGMAS * d), high=float(v + SIGMAS * d))
         for k, v, d in zip(names, theta, deviation, strict=True)
     )
     share = Constant(
-        key="noise.wheel", value=slip, low=slip * (1 - SIGMAS * few), high=slip * (1 + SIGMAS * few)
-    )
+        key="noise.wheel", value=slip, low=slip * (1 - SIGMAS * few), high=slip * (1 + SIGMAS * few),
+        told=told is not None,
+    )  # fmt: skip
     return Odometry(
         cm_per_pulse=(float(theta[0]), float(theta[1])),
         track_cm=float(theta[2]),
@@ -106,12 +117,36 @@ def measure_odometry(recording: WheelRecording, pulses_per_cm: float, track_cm: 
     )
 
 
-def _between_pictures(recording: WheelRecording, pulses_per_cm: float, track_cm: float) -> _Ways | None:
+def _of_one_step(
+    recording: WheelRecording, pulses_per_cm: float, theta: Array
+) -> tuple[float, float, float] | None:
+    """Slip over one step, the camera's own error (cm), and the slip's relative deviation.
+
+    From pictures of a steady drive at every step; None without enough of them. Slip hangs together
+    over some steps, so that what it adds up to over many says little about one.
+    """
+    ways = _between_pictures(recording, pulses_per_cm, float(theta[2]), apart=1)
+    if ways is None or ways.steady.sum() < FEWEST_STEPS:
+        return None
+    ways = ways.only(ways.steady)
+    beyond, squares = _beyond(ways, theta), ways.squares * theta[:2] ** 2
+    slip, camera = SLIP, CAMERA_CM
+    for _ in range(5):
+        likely = slip**2 * squares + camera**2
+        seen = np.asarray((np.abs(beyond) < WILD * np.sqrt(likely)).all(axis=1))
+        slip, camera = _slip(beyond[seen], squares[seen])
+    return slip, camera, 1.0 / math.sqrt(2.0 * beyond[seen].size)
+
+
+def _between_pictures(
+    recording: WheelRecording, pulses_per_cm: float, track_cm: float, *, apart: int
+) -> _Ways | None:
+    """Ways between pictures that are so many steps apart, or more."""
     if recording.pose is None:
         return None
-    found: list[tuple[Array, Array, float, float, bool]] = []
+    found: list[tuple[Array, Array, float, float, bool, bool]] = []
     for rows in recording.trials():
-        seen = rows[np.isfinite(recording.pose[rows]).all(axis=1)]
+        seen = _thinned(rows[np.isfinite(recording.pose[rows]).all(axis=1)], apart)
         for a, b in pairwise(seen):
             steps = np.diff(recording.counters[a : b + 1], axis=0)
             pulses = steps.sum(axis=0)
@@ -126,14 +161,28 @@ def _between_pictures(recording: WheelRecording, pulses_per_cm: float, track_cm:
             chord = (x1 - x0) * math.cos(mean) + (y1 - y0) * math.sin(mean)
             way = chord * (half / math.sin(half) if abs(half) > 1e-6 else 1.0)
             told = recording.commands[a:b]
-            found.append((pulses, (steps**2).sum(axis=0), way, turn, bool((told[:, 0] == told[:, 1]).all())))
+            before = recording.commands[max(a - 1, rows[0]) : b]
+            steady = b == a + 1 and a > rows[0] and bool((before == before[0]).all())
+            same = bool((told[:, 0] == told[:, 1]).all())
+            found.append((pulses, (steps**2).sum(axis=0), way, turn, same, steady))
     if len(found) < FEWEST:
         return None
-    pulses, squares, way, turn, straight = zip(*found, strict=True)
+    pulses, squares, way, turn, straight, steady = zip(*found, strict=True)
     return _Ways(
         pulses=np.array(pulses, float), squares=np.array(squares, float), way=np.array(way),
-        turn=np.array(turn), straight=np.array(straight),
+        turn=np.array(turn), straight=np.array(straight), steady=np.array(steady),
     )  # fmt: skip
+
+
+def _thinned(rows: NDArray[np.int64], apart: int) -> list[int]:
+    """Of rows with pictures the first, and each that is far enough from the one before; and the last."""
+    kept: list[int] = []
+    for row in rows.tolist():
+        if not kept or row - kept[-1] >= apart:
+            kept.append(row)
+    if len(kept) > 1 and kept[-1] != rows[-1]:
+        kept[-1] = int(rows[-1])
+    return kept
 
 
 def _lengths(ways: _Ways, weight: Array) -> tuple[Array, Array]:

@@ -20,9 +20,14 @@ LEVELS = (1, 2, 3, 5, 7, 10)
 STEPS_S = 1.0
 START_LEVELS = (1, 2, 3)
 RANDOM_TRIALS, RANDOM_PIECES, PIECE_S = 4, 10, 0.5
-STRAIGHT = (3, 4, 6, 8, 10)
-STRAIGHT_RUNS = 4
-"""On a ground that makes a run's length uncertain by 1 %, twenty runs leave 0.2 %."""
+HASTY_TRIALS, HASTY_STEPS, HASTIEST = 4, 60, (1, 1, 2, 3)
+"""Commands that change every few steps, as a controller's do."""
+STRAIGHT = (4, 6, 8, 10)
+STRAIGHT_RUNS = 6
+"""On a ground that makes a run's length uncertain by 1 %, 24 runs leave 0.2 %."""
+WATCHED = {4: 2, 8: 4, 10: 6}
+"""So many runs at a speed are seen at every step: slip is the deviation of one step's way. Fast ones,
+for there it is larger than the camera's error; some slow ones, which tell that error."""
 WAY_CM, LONGEST_S = 28.0, 4.0
 SPINS = (2, 3, 4, 6, 8, 10)
 ARCS = ((10, 6), (6, 10), (8, 3), (3, 8), (10, 2), (2, 10))
@@ -33,8 +38,8 @@ STAND_S = 0.5
 UNIT_CM_S = 0.8
 """A command's speed, roughly: to keep clear of the walls."""
 STEPS_A_SECOND = 10
-SEEN_EVERY = 5
-"""A camera that is asked for pictures looks at every fifth step (0.5 s), first and last."""
+SEEN_EVERY = 10
+"""A camera that is asked for pictures looks at every tenth step (1 s) or at each, first and last."""
 
 Command = tuple[int, int]
 
@@ -49,6 +54,7 @@ class Trial:
         commands: left and right of each step.
         pose: where a twin starts; a person needs only the room that `says` asks for.
         filmed: whether a camera, if there is one, sees it.
+        watched: whether it sees every step of it.
         says: what a person prepares.
     """
 
@@ -58,13 +64,14 @@ class Trial:
     pose: Pose
     filmed: bool
     says: str
+    watched: bool = False
 
     def seen(self) -> tuple[int, ...]:
         """The steps at which a camera looks."""
         if not self.filmed:
             return ()
         last = len(self.commands) - 1
-        return (*range(0, last, SEEN_EVERY), last)
+        return (*range(0, last, 1 if self.watched else SEEN_EVERY), last)
 
 
 def wheel_plan(repeats: int, seed: int) -> tuple[Trial, ...]:
@@ -78,12 +85,10 @@ def wheel_plan(repeats: int, seed: int) -> tuple[Trial, ...]:
     middle = FLOOR_CM / 2
     made: list[Trial] = []
 
-    def add(kind: str, commands: list[Command], pose: Pose, says: str, *, filmed: bool = False) -> None:
+    def add(kind: str, commands: list[Command], pose: Pose, says: str, **camera: bool) -> None:
         whole = (*commands, *[(0, 0)] * _steps(STAND_S))
-        number = len(made)
-        made.append(
-            Trial(number=number, kind=kind, commands=whole, pose=pose, filmed=filmed, says=says)
-        )
+        seen = {"filmed": False, **camera}
+        made.append(Trial(number=len(made), kind=kind, commands=whole, pose=pose, says=says, **seen))
 
     def anywhere() -> Pose:
         """A place about the middle: another ground for each trial."""
@@ -94,7 +99,9 @@ def wheel_plan(repeats: int, seed: int) -> tuple[Trial, ...]:
         add("step", _steps_of(level), anywhere(), "15 cm free all round")
     add("step", _between(), anywhere(), "15 cm free all round")
     for _ in range(RANDOM_TRIALS):
-        add("step", _random(draw), anywhere(), "25 cm free all round", filmed=True)
+        add("step", _random(draw), anywhere(), "25 cm free all round")
+    for _ in range(HASTY_TRIALS):
+        add("step", _hasty(draw), anywhere(), "25 cm free all round")
     for level in START_LEVELS:
         add("start", _starts(level, repeats), anywhere(), "10 cm free ahead and behind")
     for level in STRAIGHT:
@@ -104,7 +111,8 @@ def wheel_plan(repeats: int, seed: int) -> tuple[Trial, ...]:
             pose = _run_through(draw, sign * level * UNIT_CM_S * seconds)
             ahead = "ahead" if sign > 0 else "behind"
             line = [(sign * level, sign * level)] * _steps(seconds)
-            add("straight", line, pose, f"35 cm free {ahead}", filmed=True)
+            watched = run < WATCHED.get(level, 0)
+            add("straight", line, pose, f"35 cm free {ahead}", filmed=True, watched=watched)
     for level in SPINS:
         for sign in (1, -1):
             spin = [(-sign * level, sign * level)] * _steps(TURN_S)
@@ -142,6 +150,14 @@ def _random(draw: random.Random) -> list[Command]:
     """Pieces of half a second with a random command for each wheel."""
     pieces = [(draw.randint(-TOP, TOP), draw.randint(-TOP, TOP)) for _ in range(RANDOM_PIECES)]
     return [piece for piece in pieces for _ in range(_steps(PIECE_S))]
+
+
+def _hasty(draw: random.Random) -> list[Command]:
+    """Random commands, each for a few steps."""
+    commands: list[Command] = []
+    while len(commands) < HASTY_STEPS:
+        commands += [(draw.randint(-TOP, TOP), draw.randint(-TOP, TOP))] * draw.choice(HASTIEST)
+    return commands[:HASTY_STEPS]
 
 
 def _starts(level: int, repeats: int) -> list[Command]:

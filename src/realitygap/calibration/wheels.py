@@ -29,9 +29,11 @@ Array = NDArray[np.float64]
 PULSES_PER_CM = 120.0
 """12 pulses per mm by most sources (0.08 mm per pulse by others): what is taken where nothing measured it."""
 WHEEL_FORMS = ("printed", "refitted")
-"""The paper's gains; gains of one's own, a lag and a loss at starts. Both with their own speed per unit."""
+"""The paper's gains; gains of one's own, a lag, and play at turning round. Both fit the speed per unit."""
 GAINS = ("kp", "ki", "kd", "lag")
 DIVISOR = 50000.0
+FIRST_STEPS = 2
+"""A wheel's first start in a trial, from the rest before which nothing is known, shows for so many steps."""
 MOVING_SHARE = 0.1
 """A wheel has started when it goes faster than this share of the speed asked for."""
 
@@ -126,10 +128,10 @@ def _fit(
     """Speed per unit of each wheel, and in the form "refitted" the gains and the lag too."""
     from scipy.optimize import least_squares
 
-    keys = ["speed_left", "speed_right"] + ([*GAINS, "start_loss_cm_s"] if form == "refitted" else [])
+    keys = ["speed_left", "speed_right"] + ([*GAINS, "play_cm"] if form == "refitted" else [])
     low = np.array([0.05, 0.05, 100.0, 0.0, 0.0, 0.0, 0.0][: len(keys)])
-    high = np.array([20.0, 20.0, 9500.0, 4000.0, 40000.0, 1.0, 2.0][: len(keys)])
-    use = np.isfinite(measured)
+    high = np.array([20.0, 20.0, 9500.0, 4000.0, 40000.0, 1.0, 0.5][: len(keys)])
+    use = _told(recording, measured)
     speeds = _steady(recording, measured)
 
     def made(theta: Array) -> Profile:
@@ -142,7 +144,7 @@ def _fit(
         return np.asarray(np.clip(off, -1e3, 1e3))
 
     found = None
-    for gains in ((3800.0, 100.0, 100.0, 0.1, 0.1), (4800.0, 1.0, 1.0, 0.4, 0.3)):
+    for gains in ((3800.0, 100.0, 100.0, 0.1, 0.01), (4800.0, 1.0, 1.0, 0.4, 0.08)):
         begin = np.array([*speeds, *gains][: len(keys)])
         step = np.array([1e-4, 1e-4, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3][: len(keys)])
         one = least_squares(
@@ -164,6 +166,20 @@ def _fit(
     return made(found.x), constants
 
 
+def _told(recording: WheelRecording, measured: Array) -> NDArray[np.bool_]:
+    """[n, 2] speeds that are known and follow from the trial's commands alone.
+
+    Not a wheel's first start in a trial: which way it turned before, nobody wrote down.
+    """
+    use = np.isfinite(measured)
+    for rows in recording.trials():
+        for w in range(2):
+            moves = np.flatnonzero(recording.commands[rows, w])
+            if len(moves):
+                use[rows[: moves[0] + FIRST_STEPS], w] = False
+    return np.asarray(use)
+
+
 def made_stable(theta: Array, keys: list[str], base: Profile) -> bool:
     """Whether a wheel with these gains settles at all."""
     law = dict(zip(keys, theta.tolist(), strict=True))
@@ -174,7 +190,7 @@ def made_stable(theta: Array, keys: list[str], base: Profile) -> bool:
 
 def _with(base: Profile, values: dict[str, float]) -> Profile:
     wheels = base.wheels
-    gains = {key: values[key] for key in (*GAINS, "start_loss_cm_s") if key in values}
+    gains = {key: values[key] for key in (*GAINS, "play_cm") if key in values}
     speeds = (values["speed_left"], values["speed_right"])
     top = min(wheels.top_command, base.body.radius_cm / STEP_S / max(speeds))
     return replace(base, wheels=replace(wheels, speed_per_unit_cm_s=speeds, top_command=top, **gains))

@@ -39,8 +39,8 @@ class Robot(NamedTuple):
     """[5] Kp, Ki, Kd and the divisor ("mass") of the printed law (§3.2.2); the share of a command that
     acts one step late: 0 in the paper."""
     friction: F
-    """[3] speed below which a wheel rests (cm/s); the integral term that frees it (cm/s²); what a start
-    from rest loses (cm/s): 0 in the paper."""
+    """[3] speed below which a wheel rests (cm/s); the integral term that frees it (cm/s²); half the
+    play (cm/s over a step): 0 in the paper."""
     top_command: float
     """Largest command of the network, Khepera units: 10."""
 
@@ -74,7 +74,7 @@ class Robot(NamedTuple):
     ambient_form: F
     """[8] what goes beyond the paper, all 0 in it: 1 = V = dark − A, clipped at floor; the exponent of
     the cosine under which direct light falls in; the lamp's height² (cm²); 1 = reflected light as
-    1/(d + c); that c (cm); 1 = surfaces are lit by the cosine of the angle under which light meets them;
+    1/√(d² + c²); that c (cm); 1 = surfaces are lit by the cosine of the angle under which light meets them;
     the share by which a lamp's points are drawn to its centre; how far it hangs off a wall (cm)."""
 
     bands: F

@@ -7,8 +7,9 @@ from realitygap.kernels.rng import sin_cos
 MEMORY = 5
 """The integral term is the sum of the proportional terms of the last five steps."""
 
-# A row of `work.wheel`: speed U, last change δv, then the last five P, newest first, then the last target.
-SPEED, CHANGE, ERRORS, TARGET = 0, 1, 2, 7
+# A row of `work.wheel`: speed U, last change δv, then the last five P, newest first, then the last target,
+# and how far (cm/s over a step) the wheel lies from the middle of its play.
+SPEED, CHANGE, ERRORS, TARGET, PLAY = 0, 1, 2, 7, 8
 
 
 @step
@@ -36,13 +37,31 @@ def turn_wheel(robot, wheel, target, drag, slip):
         return 0.0
     gains = robot.gains
     change = (gains[0] * proportional + gains[1] * integral + gains[2] * wheel[CHANGE]) / gains[3]
-    # Beyond the paper: a start from rest loses a little of its first step.
-    lost = robot.friction[2] if abs(speed) < robot.friction[0] else 0.0
-    change = change - min(max(change, -lost), lost)
-    speed = speed + change
     wheel[CHANGE] = change
+    speed = speed + change - take_up_play(robot, wheel, target)
     wheel[SPEED] = speed + slip * speed
     return wheel[SPEED]
+
+
+@step
+def take_up_play(robot, wheel, target):
+    """Speed (cm/s) that a wheel lacks in this step because it turns round; 0 in the paper.
+
+    Friction turns round with the wheel, and the control needs a moment to find that out. It acts as
+    play between motor and wheel would: so much way is lost at each turning round, rest or not, the
+    more slowly the slower the wheel is told to go.
+    """
+    half = robot.friction[2]
+    if half <= 0.0 or target == 0.0:
+        return 0.0
+    side = 1.0 if target > 0.0 else -1.0
+    owed = half - side * wheel[PLAY]
+    if owed <= 0.0:
+        return 0.0
+    room = abs(target) * (1.0 - robot.gains[4])
+    lost = owed * (room / (room + owed))
+    wheel[PLAY] += side * lost
+    return side * lost
 
 
 @step

@@ -40,7 +40,7 @@ class Work(NamedTuple):
     start: F
     """[3] where the trial begins: x, y, heading."""
     wheel: F
-    """[2, 8] see wheels.py."""
+    """[2, 9] see wheels.py."""
     ground: F
     """[3] speeds of the wheels over the ground (cm/s), contact (0 or 1)."""
     base: NDArray[np.int32]
@@ -122,7 +122,7 @@ def new_work(robot: Robot, task: Trial, nets: Networks) -> Work:
         terms=np.zeros(rays), light=np.zeros(rays), far=np.zeros(rays), hidden=np.zeros(rays),
         end_x=np.zeros(rays), end_y=np.zeros(rays), normal_x=np.zeros(rays), normal_y=np.zeros(rays),
         noise=np.zeros(16 * noise_blocks(sensors)), readings=np.zeros(sensors),
-        pose=np.zeros(5), start=np.zeros(3), wheel=np.zeros((2, 8)), ground=np.zeros(3),
+        pose=np.zeros(5), start=np.zeros(3), wheel=np.zeros((2, 9)), ground=np.zeros(3),
         base=np.zeros(neurons, np.int32), outputs=np.zeros(ROWS * neurons, np.int32),
         link_end=np.zeros(neurons, np.uint64), link_back=np.zeros(links, np.uint64),
         link_weight=np.zeros(links, np.int32),

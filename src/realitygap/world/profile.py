@@ -44,7 +44,7 @@ class Wheels(Value):
     """Two wheels under the PID law of §3.2.2: δv = (Kp·P + Ki·I + Kd·D) / divisor.
 
     Beyond the paper, 0 by default: `lag` is the share of a command that acts one step late,
-    `start_loss_cm_s` what the first step from rest falls short by.
+    `play_cm` the way that a wheel loses where it turns round.
     """
 
     track_cm: float
@@ -57,7 +57,7 @@ class Wheels(Value):
     rest_speed_cm_s: float
     friction_cm_s2: float
     lag: float = 0.0
-    start_loss_cm_s: float = 0.0
+    play_cm: float = 0.0
 
     def _check(self) -> None:
         for key in ("track_cm", "top_command", "divisor"):
@@ -67,7 +67,7 @@ class Wheels(Value):
         for i, speed in enumerate(self.speed_per_unit_cm_s):
             require(speed > 0, f"speed_per_unit_cm_s[{i}]", "more than 0", speed)
         require(0 <= self.lag <= 1, "lag", "a share from 0 to 1", self.lag)
-        require(self.start_loss_cm_s >= 0, "start_loss_cm_s", "0 or more", self.start_loss_cm_s)
+        require(self.play_cm >= 0, "play_cm", "0 or more", self.play_cm)
         pole = self.largest_pole()
         require(
             pole < 1,
@@ -143,7 +143,7 @@ class Profile(Value):
             track=wheels.track_cm,
             speed_per_unit=np.array(wheels.speed_per_unit_cm_s),
             gains=np.array([wheels.kp, wheels.ki, wheels.kd, wheels.divisor, wheels.lag]),
-            friction=np.array([wheels.rest_speed_cm_s, wheels.friction_cm_s2, wheels.start_loss_cm_s]),
+            friction=np.array([wheels.rest_speed_cm_s, wheels.friction_cm_s2, wheels.play_cm / 2 / STEP_S]),
             top_command=wheels.top_command,
             proximity_place=np.array([(s.x_cm, s.y_cm) for s in near]).reshape(-1, 2),
             proximity_ray=rays([s.direction_deg for s in near]),

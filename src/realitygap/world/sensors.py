@@ -76,7 +76,7 @@ class Ambient(Value):
     Beyond the paper, all neutral by default: `response` "linear" reads V = dark − A, down to floor;
     direct light falls in by cos^facing of its angle; the lamp hangs `lamp_height_cm` above the
     sensors, its points drawn to its centre by the share `lamp_narrow`, and at least `lamp_proud_cm`
-    off the walls. Reflected light falls off as 1/d² (falloff 2) or 1/(d + near_cm) (falloff 1); with
+    off the walls. Reflected light falls off as 1/d² (falloff 2) or 1/√(d² + near_cm²) (falloff 1); with
     matt 1 surfaces are lit by the cosine of the angle under which light meets them (Lambert); it comes
     in by 10, 30 or 50 rays.
     """

@@ -24,6 +24,7 @@ class Wheel:
         self.speed = 0.0
         self.change = 0.0
         self.last_target = 0.0
+        self.play = 0.0
         self.errors: list[float] = []
 
     def turn(self, target: float, drag: float = 1.0, slip: float = 0.0) -> float:
@@ -39,10 +40,18 @@ class Wheel:
             return 0.0
         force = law.kp * self.errors[-1] + law.ki * integral + law.kd * self.change
         self.change = force / law.divisor
-        if resting:
-            self.change = math.copysign(max(abs(self.change) - law.start_loss_cm_s, 0.0), self.change)
-        self.speed = (self.speed + self.change) * (1 + slip)
+        self.speed = (self.speed + self.change - self.taken_up(target)) * (1 + slip)
         return self.speed
+
+    def taken_up(self, target: float) -> float:
+        """Of the play left in the target's direction, what this step takes up; as a speed."""
+        left = self.law.play_cm / 2 - self.play * (1 if target > 0 else -1)
+        if target == 0 or left <= 0:
+            return 0.0
+        room = (1 - self.law.lag) * abs(target) * DT
+        way = math.copysign(left * room / (room + left), target)
+        self.play += way
+        return way / DT
 
 
 def arc(track: float, left: float, right: float, heading: float) -> tuple[float, float, float]:
