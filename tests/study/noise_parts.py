@@ -41,7 +41,7 @@ class Path3(NamedTuple):
 class SimulatedStand:
     """A unit of the twin as the simulation would have it, at the twin's dial."""
 
-    def __init__(self, task: Any, profile: Any, *, unit: int, twin_noise: float, folder: Path) -> None:
+    def __init__(self, task: Any, profile: Any, *, unit: int, twin_noise: float, **_: Any) -> None:
         self.simulation = Simulation(task, profile, twin_noise)
         self.open = True
 

@@ -57,7 +57,7 @@ class Stands:
                 self._stage.profile(one.home),
                 unit=unit,
                 twin_noise=self._stage.config.twin_noise,
-                folder=self._stage.folder / "situated" / "cameras",
+                folder_for_camera=self._stage.folder / "situated" / "cameras",
             )
         return self._ready[unit]
 
