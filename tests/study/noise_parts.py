@@ -62,7 +62,9 @@ def unit_by_hand(folder: Path, *, unit: int, **_: Any) -> Path:
     """A unit's profile without its recordings: the paper's robot with wider bands for each unit."""
     paper = load_profile("paper")
     low, high = paper.infrared.bands
-    fit = FittedChannel(channel="infrared", form="extended", rmse=20.0, model_error=9.0, noise=20.0, ratio=0.45)
+    fit = FittedChannel(
+        channel="infrared", form="extended", rmse=20.0, model_error=9.0, noise=20.0, ratio=0.45
+    )
     made = replace(
         paper,
         name=f"unit {unit}",

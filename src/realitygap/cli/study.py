@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,6 +14,9 @@ from realitygap.cli.options import as_json, evaluations_option, runs_option, see
 from realitygap.cli.output import print_json
 from realitygap.cli.progress import ProgressLine
 from realitygap.errors import RobotStoppedError, StudyInterruptedError
+
+if TYPE_CHECKING:
+    from realitygap.study.noise.config import NoiseConfig
 
 __all__ = ["study"]
 
@@ -38,70 +42,36 @@ def study() -> None:
 )
 @click.option(
     "--levels",
-    default="0,0.5,1,2,4",
-    show_default=True,
     metavar="L,L,…",
-    help="Levels of noise (1 = observed): to evolve at, and to compare with.",
+    help="Levels of noise (1 = observed), to evolve at and to compare with [default: 0,0.5,1,2,4].",
 )
 @runs_option("Runs for each task and level, over all seed sets [default: 40].")
 @click.option(
     "--seed-sets",
     type=Whole(1, 100),
-    default=2,
-    show_default=True,
     metavar="N",
-    help="Sets of runs, each with seeds of its own.",
+    help="Sets of runs, each with seeds of its own [default: 2].",
 )
+@click.option("--units", type=Whole(1, 100), metavar="N", help="Units of the twin [default: 3].")
 @click.option(
-    "--units", type=Whole(1, 100), default=3, show_default=True, metavar="N", help="Units of the twin."
-)
-@click.option(
-    "--starts",
-    type=Whole(2, 1000),
-    default=8,
-    show_default=True,
-    metavar="N",
-    help="Trials of each controller on each unit.",
+    "--starts", type=Whole(2, 1000), metavar="N", help="Trials of each controller on each unit [default: 8]."
 )
 @evaluations_option
-@click.option(
-    "--twin-noise", type=Finite(0, 10), default=1.0, show_default=True, help="Dial on the twin's whole noise."
-)
-@seed_option(1995)
-@click.option(
-    "--tasks",
-    default="both",
-    show_default=True,
-    metavar="TASK|both",
-    help="obstacle-avoidance, light-seeking, or both.",
-)
+@click.option("--twin-noise", type=Finite(0, 10), help="Dial on the twin's whole noise [default: 1].")
+@seed_option(None, " [default: 1995]")
+@click.option("--tasks", metavar="TASK|both", help="obstacle-avoidance or light-seeking [default: both].")
 @click.option("--seconds", type=SECONDS, metavar="S", help="Length of a trial [default: the task's own].")
 @workers_option
 @click.option("--resume", is_flag=True, help="Continue an interrupted study to exactly the same result.")
 @as_json
-def noise(
-    out: Path,
-    levels: str,
-    runs: int | None,
-    seed_sets: int,
-    units: int,
-    starts: int,
-    evaluations: int | None,
-    twin_noise: float,
-    seed: int,
-    tasks: str,
-    seconds: float | None,
-    workers: int | None,
-    resume: bool,
-    json_output: bool,
-) -> None:
+def noise(out: Path, workers: int | None, resume: bool, json_output: bool, **options: Any) -> None:
     """Ask which level of noise crosses the reality gap best.
 
     Calibrates a simulation to each unit of the twin (pseudo-reality: a physics model behind the
     robot's own serial protocol), evolves controllers in it at every level of noise, lets each drive
     every unit from the same starts, and holds what it did there against the simulation at every
-    level. The claims that this is to judge were written down first. With --resume give the same
-    options again.
+    level. The claims that this is to judge were written down first. With --resume what is not
+    given is as it was.
 
     \b
     Examples: all of it; the same on a twin twice as noisy; a small one, to try
@@ -110,27 +80,16 @@ def noise(
         realitygap study noise --levels 0,1,2 --runs 4 --units 1 --starts 4 --out out/small
     """
     from realitygap.report.noise import build_noise_report, noise_summary
-    from realitygap.study.noise.config import NoiseConfig, levels_of, tasks_of
     from realitygap.study.noise.run import noise_study
 
-    config = NoiseConfig(
-        levels=levels_of(levels),
-        runs=40 if runs is None else runs,
-        seed_sets=seed_sets,
-        units=units,
-        starts=starts,
-        evaluations=1000 if evaluations is None else evaluations,
-        twin_noise=twin_noise,
-        seed=seed,
-        tasks=tasks_of(tasks),
-        seconds=seconds,
-    )
+    config = _config(out, resume, options)
     try:
         with ProgressLine() as progress:
             results = noise_study(out, config, workers=workers, resume=resume, on_progress=progress.noise)
             page = build_noise_report(out, on_progress=progress.report)
     except (KeyboardInterrupt, StudyInterruptedError, RobotStoppedError):
-        raise StoppedError(_stopped(out)) from None
+        again = f"realitygap study noise --out {shlex.quote(str(out))} --resume"
+        raise StoppedError(f"stopped; what is done is kept in {out}; resume with `{again}`") from None
     summary = noise_summary(out)
     if json_output:
         print_json({"study": str(out), "results": str(results), "report": str(page), **summary})
@@ -138,7 +97,15 @@ def noise(
     click.echo(f"{summary['paragraph']}\n\nresults {results}\nreport  {page}")
 
 
-def _stopped(out: Path) -> str:
-    """What to do next; the options that were given are those on the user's screen."""
-    again = f"realitygap study noise --out {shlex.quote(str(out))} --resume"
-    return f"stopped; what is done is kept in {out}; resume with `{again}` and the same options"
+def _config(out: Path, resume: bool, options: dict[str, Any]) -> NoiseConfig:
+    """The usual study with what was given; or, resumed, the one that is there."""
+    from dataclasses import replace
+
+    from realitygap.study.noise.config import CONFIG, NoiseConfig, levels_of, tasks_of
+
+    begun = NoiseConfig.from_folder(out) if resume and (out / CONFIG).is_file() else NoiseConfig()
+    given = {key: value for key, value in options.items() if value is not None}
+    for key, read in (("levels", levels_of), ("tasks", tasks_of)):
+        if key in given:
+            given[key] = read(given[key])
+    return replace(begun, **given)

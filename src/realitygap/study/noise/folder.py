@@ -23,7 +23,7 @@ SECONDS = "seconds.json"
 
 _HEADER = """\
 # A study of the level of noise: all that its results depend on.
-# To go on with it: realitygap study noise --out THIS_FOLDER --resume, with the same options.
+# To go on with it: realitygap study noise --out THIS_FOLDER --resume
 """
 
 
