@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.errors import ConfigError, StudyBusyError, StudyError, StudyInterruptedError
+from realitygap.errors import ConfigError, LineError, StudyBusyError, StudyError, StudyInterruptedError
 from realitygap.study.folder import lock
 from realitygap.study.load import load_study
 from realitygap.study.noise.config import NoiseConfig, levels_of, tasks_of
@@ -19,7 +19,7 @@ from realitygap.study.noise.plan import controllers, evolved_folder, situated_fi
 from realitygap.study.noise.run import noise_study
 from realitygap.study.noise.situated import read_situated
 from realitygap.study.noise.stage import Stage
-from tests.study.noise_parts import quick_units, tables, tiny
+from tests.study.noise_parts import SimulatedStand, quick_units, tables, tiny
 
 
 @pytest.fixture(scope="module")
@@ -159,6 +159,28 @@ def test_trials_that_the_camera_lost_are_left_out_and_counted(done, units, tmp_p
     assert made[keys[1]]["fitness_situated"] == made[keys[1]]["drop"] == ""
     told = tomllib.loads((copy / "results" / "study.toml").read_text())
     assert told["twin_trials_lost"] == 7
+
+
+def test_a_line_that_is_lost_is_taken_up_again(done, units, tmp_path):
+    """A trial whose line is lost is begun again and comes to the same bits; not for ever."""
+    copy = Path(shutil.copytree(done, tmp_path / "copy"))
+    first = controllers(tiny())[0]
+    lost = iter([True, True, False, True, True, True])
+
+    class Bad(SimulatedStand):
+        def drive(self, *words, **settings):
+            if next(lost, False):
+                raise LineError("no answer")
+            return super().drive(*words, **settings)
+
+    before = situated_file(copy, first).read_bytes()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("realitygap.study.situated.Stand", Bad)
+        situated_file(copy, first).unlink()
+        with pytest.raises(LineError):
+            noise_study(copy, tiny(), workers=1, resume=True)
+        noise_study(copy, tiny(), workers=1, resume=True)
+    assert situated_file(copy, first).read_bytes() == before
 
 
 def test_progress_ends_with_nothing_left(units, tmp_path):

@@ -10,17 +10,22 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.errors import StudyError
+from realitygap.controller.layout import Genes, Layout
+from realitygap.errors import LineError, StudyError
 from realitygap.kernels.params import STEP_S
 from realitygap.study.noise.plan import Controller, situated_file, stream
 from realitygap.study.noise.stage import Stage
+from realitygap.values import Pose
 
 if TYPE_CHECKING:
-    from realitygap.study.situated import Stand
+    from realitygap.study.situated import SituatedPath, Stand
 
 __all__ = ["Situated", "Stands", "read_situated", "situate"]
 
 Floats = NDArray[np.float64]
+
+TRIES = 3
+"""Of a trial whose line is lost, as on a computer that stands still for long: it is the same each time."""
 
 
 class Situated(NamedTuple):
@@ -85,10 +90,24 @@ def situate(
         for k, pose in enumerate(starts):
             names = (one.task, one.seed_set, one.level, one.run, u + 1, k + 1)
             streams[u, k] = stream(config, "situated", *names)
-            path = stand.drive(genes, layout, int(streams[u, k]), pose, config.seconds)
+            path = _driven(stand, genes, layout, int(streams[u, k]), pose)
             _place(poses[u, k], path.t_s, path.pose)
             tell(1.0 / streams.size)
     _keep(situated_file(stage.folder, one), poses, streams)
+
+
+def _driven(stand: Stand, genes: Genes, layout: Layout, name: int, pose: Pose) -> SituatedPath:
+    """A trial; begun again where the line to the unit is lost.
+
+    Raises:
+        LineError: lost again and again.
+    """
+    for _ in range(TRIES - 1):
+        try:
+            return stand.drive(genes, layout, name, pose)
+        except LineError:
+            continue  # the stand has let its unit go, and takes it anew
+    return stand.drive(genes, layout, name, pose)
 
 
 def read_situated(stage: Stage, one: Controller) -> Situated:
