@@ -58,7 +58,6 @@ def light_frees(form: str, profile: Profile, scenes: Scenes, counts: Array, *, r
     sensors = profile.ambient.sensors
     linear = form in ("linear", "extended")
     dark, floor = (np.array([np.median(end)]) for end in (counts.max(axis=0), counts.min(axis=0)))
-    begun = {"facing": np.array([1.0])} if linear else {}
     frees = [
         Free(key="floor", start=floor, low=0.0, high=400.0, step=0.05),
         Free(key="dark", start=dark, low=100.0, high=1000.0, step=0.05),
@@ -76,7 +75,8 @@ def light_frees(form: str, profile: Profile, scenes: Scenes, counts: Array, *, r
             )
             for key in ("floor_shift", "dark_shift")
         ]
-        frees.append(Free(key="facing", start=begun["facing"], low=0.0, high=10.0, step=1e-3))
+        walls = form == "extended" and room and profile.ambient.falloff == 1.0
+        frees.append(Free(key="lobe" if walls else "facing", start=np.ones(1), low=0.0, high=10.0, step=1e-3))
     if form == "extended":
         frees += _extended(profile, room)
     start = {**{f.key: f.start for f in frees}, **{name: np.zeros(1) for name, _ in scenes}}
@@ -102,11 +102,10 @@ def _extended(profile: Profile, room: bool) -> list[Free]:
     ]  # fmt: skip
     if room:
         reflectance = law.reflectance if law.falloff == 2.0 else 0.03
-        frees += [
-            Free(key="reflectance", start=np.array([reflectance]), low=0.0, high=100.0, step=1e-4),
-            Free(key="exponent", start=np.array([law.exponent]), low=0.0, high=10.0, step=1e-3),
-        ]
-        if law.falloff == 1.0:
+        frees.append(Free(key="reflectance", start=np.array([reflectance]), low=0.0, high=100.0, step=1e-4))
+        if law.falloff == 2.0:
+            frees.append(Free(key="exponent", start=np.array([law.exponent]), low=0.0, high=10.0, step=1e-3))
+        else:
             frees.append(Free(key="near_cm", start=np.array([0.5]), low=0.0, high=10.0, step=1e-3))
             frees.append(Free(key="lamp_proud_cm", start=np.array([0.3]), low=0.0, high=3.0, step=2e-2))
     return frees
@@ -144,11 +143,9 @@ def with_light(profile: Profile, values: Values, form: str) -> Profile:
         replace(sensor, **{key: column[k] for key, column in columns.items()})
         for k, sensor in enumerate(law.sensors)
     )
-    common = {
-        key: float(values[key][0])
-        for key in COMMON
-        if key in values
-    }
+    common = {key: float(values[key][0]) for key in COMMON if key in values}
+    if "lobe" in values:  # a sensor takes in light off a wall as it takes in the lamp's
+        common |= dict.fromkeys(("facing", "exponent"), float(values["lobe"][0]))
     response = "linear" if form in ("linear", "extended") else "paper"
     law = replace(law, sensors=sensors, response=response, **common)  # type: ignore[arg-type]
     return replace(profile, ambient=law)
