@@ -41,6 +41,8 @@ COMMON = (
 SHIFT_PRIOR = 10.0
 """Counts by which sensors of one robot differ in the dark and when saturated."""
 DIRECTION_PRIOR_DEG = 5.0
+PLACE_CM, PLACE_PRIOR_CM = 0.15, 0.05
+"""How far a sensor may sit from where the profile has it, and how far it is likely to."""
 TURN_DEG, TURN_PRIOR_DEG = 10.0, 2.0
 """How far a rig may be turned, and how far it is likely to be."""
 
@@ -106,6 +108,13 @@ def _extended(profile: Profile, room: bool) -> list[Free]:
         if law.falloff == 2.0:
             frees.append(Free(key="exponent", start=np.array([law.exponent]), low=0.0, high=10.0, step=1e-3))
         else:
+            frees += [
+                Free(
+                    key=key, start=np.zeros(len(sensors)), low=-PLACE_CM, high=PLACE_CM,
+                    prior=PLACE_PRIOR_CM, step=4e-3,
+                )
+                for key in ("forward_cm", "left_cm")
+            ]  # fmt: skip
             frees.append(Free(key="near_cm", start=np.array([0.5]), low=0.0, high=10.0, step=1e-3))
             frees.append(Free(key="lamp_proud_cm", start=np.array([0.3]), low=0.0, high=3.0, step=2e-2))
     return frees
@@ -139,6 +148,10 @@ def with_light(profile: Profile, values: Values, form: str) -> Profile:
     }
     if "log_gain" in values:
         columns["gain"] = np.broadcast_to(np.exp(values["log_gain"]), (n,)).tolist()
+    for key, axis in (("x_cm", "forward_cm"), ("y_cm", "left_cm")):
+        if axis in values:
+            moved = zip(law.sensors, values[axis].tolist(), strict=True)
+            columns[key] = [getattr(sensor, key) + off for sensor, off in moved]
     sensors = tuple(
         replace(sensor, **{key: column[k] for key, column in columns.items()})
         for k, sensor in enumerate(law.sensors)
@@ -167,7 +180,7 @@ class LightMemory:
         """[n, A] illumination, taken anew only where what it depends on has changed."""
         law = profile.ambient
         turns = tuple(float(values[name][0]) if name in values else 0.0 for name, _ in scenes)
-        directions = tuple(s.direction_deg for s in law.sensors)
+        directions = tuple((s.direction_deg, s.x_cm, s.y_cm) for s in law.sensors)
         lamp = (law.lamp_height_cm, law.lamp_narrow, law.lamp_proud_cm)
         shape = (law.facing, law.reflectance, law.exponent, law.near_cm, lamp)
         key = (turns, directions, shape)
