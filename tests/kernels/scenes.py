@@ -90,7 +90,7 @@ def random_profile(random: np.random.Generator) -> Profile:
         "lamp_narrow": random.choice([0.0, 0.6]),
         "lamp_proud_cm": random.choice([0.0, 0.8]),
         "matt": random.choice([0.0, 1.0]),
-        "rays": random.choice([10.0, 30.0, 50.0]),
+        "rays": random.choice([10.0, 27.0, 32.0, 50.0]),
     }
     infrared = replace(PAPER.infrared, sensors=seen, exponent=random.choice([0.0, 1.0, 2.6]))
     ambient = replace(

@@ -9,6 +9,7 @@ from realitygap.robot.clock import RealClock
 from realitygap.robot.khepera import Khepera
 from realitygap.robot.loop import drive
 from realitygap.robot.recording import Recorder
+from tests.robot.conftest import STALL_S
 from tests.robot.controllers import Constant, bands
 
 
@@ -22,7 +23,7 @@ def main(device: str, folder: str) -> None:
             return super().decide([])
 
     clock = RealClock()
-    with Khepera.connect(device, clock=clock) as khepera:
+    with Khepera.connect(device, clock=clock, give_up_s=STALL_S) as khepera:
         body = SerialBody(khepera)
         drive(body, Talking(3, 4), seconds=60, clock=clock, inputs=bands, recorder=Recorder(folder))
 

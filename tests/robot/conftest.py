@@ -18,6 +18,8 @@ from tests.robot.pump import Faults, Pump
 ROOT = Path(__file__).parents[2]
 BODY = "tests.robot.kinematic:KinematicBody"
 ARENA = {"size_cm": [50.0, 50.0]}
+STALL_S = 10.0
+"""Lines are given up so late here: the computer may stand still for a second or two."""
 
 
 class Bench:
@@ -35,7 +37,7 @@ class Bench:
     def khepera(self, device: str, clock: Clock | None = None, **settings: Any) -> Khepera:
         clock = clock or RealClock()
         self._stack.callback(clock.close)
-        khepera = Khepera.connect(device, clock=clock, **settings)
+        khepera = Khepera.connect(device, clock=clock, **{"give_up_s": STALL_S, **settings})
         self._stack.callback(khepera.abandon)
         return khepera
 

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from realitygap.robot.body import Body
 from realitygap.robot.clock import Clock
 from realitygap.robot.loop import drive
+from realitygap.robot.recording import Recording
 from realitygap.values import Command, Pose
 from tests.robot.controllers import Constant, bands
 
 MIDDLE = Pose.from_degrees(25, 25, 90)
+
+
+def pace(recording: Recording) -> NDArray[np.float64]:
+    """[2] pulses a second: of most steps, so that one at which the computer stood still does not count."""
+    taken = np.diff(recording.t)[:, None]
+    return np.asarray(np.median(np.diff(recording.counters, axis=0)[1:] / taken[1:], axis=0))
 
 
 class BodyContract:
@@ -34,10 +42,10 @@ class BodyContract:
         assert len(readings.proximity) + len(readings.ambient) > 0
 
     def test_wheels_turn_as_they_are_told(self, body: Body, clock: Clock) -> None:
-        """Two units ahead on the left, three back on the right: 20 and −30 pulses in a second, about."""
+        """Two units ahead on the left, three back on the right: 200 and −300 pulses in a second, about."""
         body.reset(MIDDLE)
         recording = drive(body, Constant(2, -3), seconds=2, clock=clock, inputs=bands)
-        left, right = recording.counters[-1] - recording.counters[-11]
+        left, right = pace(recording)
         assert abs(left - 200) < 40 and abs(right + 300) < 60
 
     def test_a_stopped_body_stands(self, body: Body, clock: Clock) -> None:
@@ -54,9 +62,9 @@ class BodyContract:
         assert np.abs(np.subtract(body.odometry.counters or 0, before or 0)).max() <= 2
 
     def test_a_trial_is_repeatable_from_a_reset(self, body: Body, clock: Clock) -> None:
-        """The same commands turn the wheels by the same pulses, within 15 %."""
+        """The same commands turn the wheels as fast, within 15 %."""
         gone = []
         for _ in range(2):
             body.reset(MIDDLE)
-            gone.append(drive(body, Constant(5, 5), seconds=1.5, clock=clock, inputs=bands).counters[-1])
+            gone.append(pace(drive(body, Constant(5, 5), seconds=1.5, clock=clock, inputs=bands)))
         assert np.allclose(*gone, rtol=0.15)

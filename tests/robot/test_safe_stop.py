@@ -14,7 +14,7 @@ import pytest
 from realitygap.robot.recording import Recording
 from realitygap.robot.signals import undisturbed
 from tests.robot.conftest import ROOT, Bench
-from tests.robot.test_faults import stands
+from tests.robot.test_faults import comes_to_stand
 
 ENDS = {
     signal.SIGINT: "RobotStoppedError: stopped by SIGINT",
@@ -30,7 +30,6 @@ def test_a_driver_that_is_stopped_or_killed_leaves_the_robot_standing(
 ) -> None:
     """Ctrl-C, SIGTERM and a closed terminal stop the wheels first; after kill -9 the guard does."""
     twin = bench.twin(clock="real")
-    twin.film(tmp_path / "states.csv")
     with subprocess.Popen(
         [sys.executable, "-m", "tests.robot.child", twin.device, str(tmp_path / "r")],
         cwd=ROOT,
@@ -40,10 +39,8 @@ def test_a_driver_that_is_stopped_or_killed_leaves_the_robot_standing(
     ) as driver:
         assert driver.stdout is not None and driver.stdout.readline() == "driving\n"
         driver.send_signal(number)
-        assert driver.wait(5) != 0
-    time.sleep(0.7)
-    twin.film(None)
-    assert stands(tmp_path / "states.csv")
+        assert driver.wait(60) != 0
+    assert comes_to_stand(twin, tmp_path)
     recording = Recording.from_folder(tmp_path / "r")
     assert len(recording.t) >= 5 and (recording.counters[-1] > 0).all()
     assert recording.ended.startswith(ENDS[number])
@@ -63,7 +60,7 @@ def test_a_second_ctrl_c_does_not_disturb_the_stop(bench: Bench, tmp_path: Path)
         for _ in range(2):
             driver.send_signal(signal.SIGINT)
             time.sleep(0.02)
-        assert driver.wait(5) != 0
+        assert driver.wait(60) != 0
     khepera = bench.khepera(twin.device)
     assert khepera.speeds() == (0, 0)
     assert Recording.from_folder(tmp_path / "r").ended.startswith("RobotStoppedError")

@@ -6,6 +6,7 @@ import os
 import shutil
 import signal
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -176,6 +177,18 @@ def test_a_robot_that_pushes_a_wall_is_seen_to_stand(study, monkeypatch):
         assert bool(outside < 0.0) is watch
 
 
+def after_rows(study, one, then):
+    """Do something once the recording of a drive has two rows."""
+    steps = half_folder(study.folder / one.folder) / "steps.csv"
+
+    def wait():
+        while not steps.is_file() or steps.read_text().count("\n") < 3:
+            time.sleep(0.01)
+        then()
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
 def test_a_line_that_dies_keeps_its_recording(study):
     """One clear message, a readable recording, and the next try does not throw it away."""
     arena = study.task("obstacle-avoidance").arena.plain()
@@ -183,14 +196,14 @@ def test_a_line_that_dies_keeps_its_recording(study):
 
         def carry(one, pose):
             twin.place(pose)
-            threading.Timer(0.6, os.kill, (twin.pid, signal.SIGKILL)).start()
+            after_rows(study, one, lambda: os.kill(twin.pid, signal.SIGKILL))
 
         with pytest.raises(LineError, match="recording is kept in") as told:
             transfer(study, [1], robots=(f"serial:{twin.device}",), seconds=4.0, carry=carry)
     assert "\n" not in str(told.value)
     half = next((study.folder / "transfer").glob("serial-*/*/start-1.half"))
     recording = Recording.from_folder(half)
-    assert 2 <= len(recording.t) <= 12 and recording.ended.startswith("LineError")
+    assert 2 <= len(recording.t) < 40 and recording.ended.startswith("LineError")
     assert load_transfers(study.folder) == []
 
 
@@ -205,7 +218,7 @@ def test_a_robot_on_a_port_is_carried_to_its_starts(study):
             asked.append(one.start)
             twin.place(pose)
             if len(asked) == 2:
-                threading.Timer(0.4, os.kill, (os.getpid(), signal.SIGINT)).start()
+                after_rows(study, one, lambda: os.kill(os.getpid(), signal.SIGINT))
 
         with pytest.raises(RobotStoppedError, match="told to stand first; its recording is kept"):
             transfer(study, [1], carry=carry, **settings)

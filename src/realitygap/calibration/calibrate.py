@@ -53,6 +53,7 @@ def calibrate(
     *,
     form: str = "extended",
     light: str | None = None,
+    beside: bool = True,
     name: str = "calibrated",
     date: str | None = None,
 ) -> Calibration:
@@ -63,6 +64,7 @@ def calibrate(
         base: a profile.
         form: one of FORMS.
         light: another form for ambient light.
+        beside: fit ambient light in all other forms too, for comparison.
         name: of the new profile.
         date: to be written into it (default: today's); "" for none.
 
@@ -72,13 +74,14 @@ def calibrate(
     if not recordings:
         raise CalibrationError("no recordings: give folders made by `realitygap record`, or .sam tables.")
     infrared_form, light_form, wheel_form = FORMS[form]
+    base = _of_its_size(recordings, base)
     seen = [r for r in recordings if isinstance(r, SensorRecording)]
     near, lit = ([r for r in seen if r.kind == kind] for kind in ("infrared", "ambient"))
     driven = [r for r in recordings if isinstance(r, WheelRecording)]
     if len(driven) > 1:
         raise CalibrationError(f"expected one recording of wheels, got {len(driven)}. Give the best one.")
     infrared = fit_infrared(near, base, infrared_form) if near else None
-    ambient = fit_light(lit, base, light or light_form) if lit else None
+    ambient = fit_light(lit, base, light or light_form, beside=beside) if lit else None
     wheels = fit_wheels(driven[0], base, wheel_form) if driven else None
     warnings = [w for r in recordings for w in r.warnings]
     warnings += [w for fit in (infrared, ambient) if fit for w in fit.warnings]
@@ -90,6 +93,20 @@ def calibrate(
         profile=made, infrared=infrared, ambient=ambient, wheels=wheels,
         recordings=tuple(recordings), warnings=tuple(dict.fromkeys(warnings)),
     )  # fmt: skip
+
+
+def _of_its_size(recordings: Sequence[Recording], base: Profile) -> Profile:
+    """The base with the body that its recordings state; a .sam table states none."""
+    radii = {
+        float(r.facts["body_radius_cm"])
+        for r in recordings
+        if isinstance(r, SensorRecording) and "body_radius_cm" in r.facts
+    }
+    if len(radii) > 1:
+        raise CalibrationError(
+            f"body_radius_cm: expected one robot, got recordings with {sorted(radii)} cm. Correct them."
+        )
+    return replace(base, body=replace(base.body, radius_cm=radii.pop())) if radii else base
 
 
 def _joined(

@@ -41,6 +41,8 @@ COMMON = (
 SHIFT_PRIOR = 10.0
 """Counts by which sensors of one robot differ in the dark and when saturated."""
 DIRECTION_PRIOR_DEG = 5.0
+PLACE_CM, PLACE_PRIOR_CM = 0.15, 0.05
+"""How far a sensor may sit from where the profile has it, and how far it is likely to."""
 TURN_DEG, TURN_PRIOR_DEG = 10.0, 2.0
 """How far a rig may be turned, and how far it is likely to be."""
 
@@ -58,7 +60,6 @@ def light_frees(form: str, profile: Profile, scenes: Scenes, counts: Array, *, r
     sensors = profile.ambient.sensors
     linear = form in ("linear", "extended")
     dark, floor = (np.array([np.median(end)]) for end in (counts.max(axis=0), counts.min(axis=0)))
-    begun = {"facing": np.array([1.0])} if linear else {}
     frees = [
         Free(key="floor", start=floor, low=0.0, high=400.0, step=0.05),
         Free(key="dark", start=dark, low=100.0, high=1000.0, step=0.05),
@@ -76,7 +77,8 @@ def light_frees(form: str, profile: Profile, scenes: Scenes, counts: Array, *, r
             )
             for key in ("floor_shift", "dark_shift")
         ]
-        frees.append(Free(key="facing", start=begun["facing"], low=0.0, high=10.0, step=1e-3))
+        walls = form == "extended" and room and profile.ambient.falloff == 1.0
+        frees.append(Free(key="lobe" if walls else "facing", start=np.ones(1), low=0.0, high=10.0, step=1e-3))
     if form == "extended":
         frees += _extended(profile, room)
     start = {**{f.key: f.start for f in frees}, **{name: np.zeros(1) for name, _ in scenes}}
@@ -102,11 +104,17 @@ def _extended(profile: Profile, room: bool) -> list[Free]:
     ]  # fmt: skip
     if room:
         reflectance = law.reflectance if law.falloff == 2.0 else 0.03
-        frees += [
-            Free(key="reflectance", start=np.array([reflectance]), low=0.0, high=100.0, step=1e-4),
-            Free(key="exponent", start=np.array([law.exponent]), low=0.0, high=10.0, step=1e-3),
-        ]
-        if law.falloff == 1.0:
+        frees.append(Free(key="reflectance", start=np.array([reflectance]), low=0.0, high=100.0, step=1e-4))
+        if law.falloff == 2.0:
+            frees.append(Free(key="exponent", start=np.array([law.exponent]), low=0.0, high=10.0, step=1e-3))
+        else:
+            frees += [
+                Free(
+                    key=key, start=np.zeros(len(sensors)), low=-PLACE_CM, high=PLACE_CM,
+                    prior=PLACE_PRIOR_CM, step=4e-3,
+                )
+                for key in ("forward_cm", "left_cm")
+            ]  # fmt: skip
             frees.append(Free(key="near_cm", start=np.array([0.5]), low=0.0, high=10.0, step=1e-3))
             frees.append(Free(key="lamp_proud_cm", start=np.array([0.3]), low=0.0, high=3.0, step=2e-2))
     return frees
@@ -140,11 +148,17 @@ def with_light(profile: Profile, values: Values, form: str) -> Profile:
     }
     if "log_gain" in values:
         columns["gain"] = np.broadcast_to(np.exp(values["log_gain"]), (n,)).tolist()
+    for key, axis in (("x_cm", "forward_cm"), ("y_cm", "left_cm")):
+        if axis in values:
+            moved = zip(law.sensors, values[axis].tolist(), strict=True)
+            columns[key] = [getattr(sensor, key) + off for sensor, off in moved]
     sensors = tuple(
         replace(sensor, **{key: column[k] for key, column in columns.items()})
         for k, sensor in enumerate(law.sensors)
     )
     common = {key: float(values[key][0]) for key in COMMON if key in values}
+    if "lobe" in values:  # a sensor takes in light off a wall as it takes in the lamp's
+        common |= dict.fromkeys(("facing", "exponent"), float(values["lobe"][0]))
     response = "linear" if form in ("linear", "extended") else "paper"
     law = replace(law, sensors=sensors, response=response, **common)  # type: ignore[arg-type]
     return replace(profile, ambient=law)
@@ -166,7 +180,7 @@ class LightMemory:
         """[n, A] illumination, taken anew only where what it depends on has changed."""
         law = profile.ambient
         turns = tuple(float(values[name][0]) if name in values else 0.0 for name, _ in scenes)
-        directions = tuple(s.direction_deg for s in law.sensors)
+        directions = tuple((s.direction_deg, s.x_cm, s.y_cm) for s in law.sensors)
         lamp = (law.lamp_height_cm, law.lamp_narrow, law.lamp_proud_cm)
         shape = (law.facing, law.reflectance, law.exponent, law.near_cm, lamp)
         key = (turns, directions, shape)

@@ -54,7 +54,7 @@ def fit_unit(folder: Path) -> None:
     recordings = [load_recording(folder / RECORDINGS / name) for name in sorted(PARTS)]
     unit = tomllib.loads((folder / SETTINGS).read_text("utf-8"))["unit"]
     # The day stands in the recordings: the same settings make the same file on any day.
-    made = calibrate(recordings, load_profile(BASE), name=f"twin-{unit}", date="")
+    made = calibrate(recordings, load_profile(BASE), beside=False, name=f"twin-{unit}", date="")
     fresh = folder / (PROFILE + ".new")
     fresh.write_text(made.profile.to_toml(), "utf-8")
     os.replace(fresh, folder / PROFILE)

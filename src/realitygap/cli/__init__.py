@@ -23,6 +23,7 @@ from realitygap.cli.robot import robot
 from realitygap.cli.score import score
 from realitygap.cli.show import show
 from realitygap.cli.simulate import simulate
+from realitygap.cli.study import study
 from realitygap.cli.track import track
 from realitygap.cli.transfer import transfer
 from realitygap.cli.twin import twin
@@ -52,7 +53,7 @@ def realitygap(ctx: click.Context) -> None:
 
 
 for _command in (
-    reproduce, evolve, simulate, probe, show, replay, report, transfer, score, classify, judge,
+    reproduce, evolve, study, simulate, probe, show, replay, report, transfer, score, classify, judge,
     robot, twin, record, calibrate, track, camera, profile, arena, bench,
 ):  # fmt: skip
     realitygap.add_command(_command)

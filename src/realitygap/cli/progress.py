@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 import click
 
 if TYPE_CHECKING:
+    from realitygap.study.noise.progress import NoiseProgress
     from realitygap.study.progress import Progress
     from realitygap.study.transfer_work import TransferProgress
 
@@ -65,6 +66,11 @@ class ProgressLine:
         """Show how far a transfer is."""
         left = "trials" if event.seconds_left is None else f"trials, {clock(event.seconds_left)} left"
         self._show(event.phase, event.done, event.total, left, event.done == event.total)
+
+    def noise(self, event: NoiseProgress) -> None:
+        """Show how far a study of the level of noise is."""
+        left = "" if event.seconds_left is None else f", {clock(event.seconds_left)} left in all"
+        self._show(event.phase, event.done, event.total, f"{event.what}{left}", event.done == event.total)
 
     def places(self, name: str, done: int, total: int) -> None:
         """Show how far a recording is."""

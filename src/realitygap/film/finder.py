@@ -4,11 +4,14 @@ Near a place, the picture is first laid out on the disk's plane, a square of so 
 centimetre, where masks have one size and a distance is a distance. Anywhere, the masks run over the
 picture itself with the size that the patches have at its middle, and the likeliest places are then
 looked at closely.
+
+A picture may also be given as what shows it (`Look`): then only what is looked at has to be made.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import cv2
@@ -19,7 +22,11 @@ from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
 from realitygap.film.masks import OUTER, Picture, correlation, pattern_of, peak, responses
 
-__all__ = ["FOUND_ANEW", "KNOWN_AGAIN", "Finder", "Sighting"]
+__all__ = ["FOUND_ANEW", "KNOWN_AGAIN", "Finder", "Look", "Sighting"]
+
+Look = Callable[[tuple[slice, slice] | None], NDArray[np.uint8]]
+"""Shows a picture [height, width]: right in a window (rows, columns), whatever stands elsewhere; or,
+asked for None, the whole picture."""
 
 REACH_CM = 1.5
 """How far from the expected place the disk's centre is looked for."""
@@ -82,7 +89,7 @@ class Finder:
         self._shrink = max(1, int(front * self._scale / 2.5))
 
     def near(
-        self, picture: NDArray[np.uint8], place: NDArray[np.float64], reach_cm: float = REACH_CM
+        self, picture: NDArray[np.uint8] | Look, place: NDArray[np.float64], reach_cm: float = REACH_CM
     ) -> Sighting | None:
         """The disk whose centre lies within `reach_cm` of a place (cm), or None."""
         disk, step = self.disk, self._step
@@ -112,12 +119,26 @@ class Finder:
                     break
         return best
 
-    def _laid_out(self, picture: NDArray[np.uint8], place: NDArray[np.float64], half: int) -> Picture:
+    def _laid_out(
+        self, picture: NDArray[np.uint8] | Look, place: NDArray[np.float64], half: int
+    ) -> Picture:
         """A square of the disk's plane about a place, `half` steps to each side."""
         axis = np.arange(-half, half + 1) * self._step
         x, y = np.meshgrid(place[0] + axis, place[1] + axis)
         pixels = self.camera.to_pixels(np.stack([x, y], -1), self.disk.height_cm).astype(np.float32)
+        if callable(picture):
+            picture = picture(self._window(pixels))
         return _sampled(picture, pixels[..., 0], pixels[..., 1]).astype(np.float32)
+
+    def _window(self, pixels: Picture) -> tuple[slice, slice]:
+        """The part of the picture that is looked at if places [..., 2] are: with the pixels about them."""
+
+        def about(side: Picture, most: int) -> slice:
+            low, high = math.floor(side.min()) - 1, math.ceil(side.max()) + 1
+            return slice(min(max(low, 0), most), min(max(high, 0), most) + 1)
+
+        width, height = self.camera.width_px, self.camera.height_px
+        return about(pixels[..., 1], height - 1), about(pixels[..., 0], width - 1)
 
     def _front(self, response: Picture, centre: tuple[float, float]) -> tuple[float, float] | None:
         """The front patch on its ring about the centre, in steps."""

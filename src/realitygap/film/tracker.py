@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from realitygap.errors import FilmError
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
-from realitygap.film.finder import FOUND_ANEW, KNOWN_AGAIN, Finder, Sighting
+from realitygap.film.finder import FOUND_ANEW, KNOWN_AGAIN, Finder, Look, Sighting
 from realitygap.film.track import COLUMNS, Track
 from realitygap.film.video import FilmReader
 from realitygap.values import Pose
@@ -51,19 +51,20 @@ class Tracker:
         self._last: Sighting | None = None
         self.best_quality = 0.0
 
-    def see(self, picture: Picture) -> tuple[Pose, float] | None:
-        """The disk's pose in a picture [height, width] and its quality, or None."""
+    def see(self, picture: Picture | Look) -> tuple[Pose, float] | None:
+        """The disk's pose in a picture [height, width], or what shows one, and its quality, or None."""
         seen = None
         if self._last is not None:
             seen = self._believed(self._finder.near(picture, np.array(self._last.centre)), KNOWN_AGAIN)
         if seen is None:
-            seen = self._believed(self._finder.anywhere(picture), FOUND_ANEW)
+            whole = picture(None) if callable(picture) else picture
+            seen = self._believed(self._finder.anywhere(whole), FOUND_ANEW)
         self._last = seen
         if seen is None:
             return None
         return Pose(x=seen.centre[0], y=seen.centre[1], heading=seen.heading), seen.quality
 
-    def follow(self, frames: Iterable[tuple[float, Picture]]) -> Track:
+    def follow(self, frames: Iterable[tuple[float, Picture | Look]]) -> Track:
         """The track of pictures with their times (s), one after the other; none is kept."""
         rows = [(t_s, *_row(self.see(picture))) for t_s, picture in frames]
         return Track(**dict(zip(COLUMNS, np.array(rows).T, strict=True)))

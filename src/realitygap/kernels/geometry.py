@@ -16,8 +16,8 @@ TOUCHING = 1e-3
 """Smallest distance that a sensor can see, cm: keeps 1/d finite for sensors on a surface."""
 GRAZE = 1e-6
 """Share by which a ray's end is drawn back before asking what hides it: off its own wall."""
-NARROW = 0.79
-"""sin² 63°, rounded down."""
+NARROW = 0.68
+"""sin² 56°, rounded down."""
 CONE = 0.15643446504023087
 """cos 81°: the outermost rays' angle off the sensor's direction."""
 
@@ -44,8 +44,8 @@ def see_room(arena, rays, k, px, py, c, s, ray_x, ray_y, inverse):
 def see_cylinder(qx, qy, radius, ray_x, ray_y, inverse):
     """Shorten the rays that meet first a cylinder at (qx, qy) from where they start.
 
-    One that spans less than 63° to either side meets only rays of its own side of the fan and
-    two beyond its middle: eight lanes, half the square roots.
+    One that spans less than 56° to either side meets only rays of its own side of the fan and
+    two or three beyond its middle, whether it has eight rays or ten: eight lanes, half the square roots.
     """
     square = qx * qx + qy * qy
     k = max(square - radius * radius, TOUCHING * TOUCHING)

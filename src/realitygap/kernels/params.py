@@ -74,7 +74,7 @@ class Robot(NamedTuple):
     ambient_form: F
     """[8] what goes beyond the paper, all 0 in it: 1 = V = dark − A, clipped at floor; the exponent of
     the cosine under which direct light falls in; the lamp's height² (cm²); 1 = reflected light as
-    1/(d + c); that c (cm); 1 = surfaces are lit by the cosine of the angle under which light meets them;
+    1/√(d² + c²); that c (cm); 1 = surfaces are lit by the cosine of the angle under which light meets them;
     the share by which a lamp's points are drawn to its centre; how far it hangs off a wall (cm)."""
 
     bands: F

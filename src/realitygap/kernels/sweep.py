@@ -3,9 +3,10 @@
 One kernel each, so that a fit compiles no more than it needs.
 """
 
-from realitygap.kernels.ambient import direct_light, illuminate
+from realitygap.kernels.ambient import illuminate
 from realitygap.kernels.infrared import infrared
 from realitygap.kernels.jit import kernel
+from realitygap.kernels.light_beyond import direct_light
 from realitygap.kernels.trial import stand
 from realitygap.kernels.wheels import turn_wheel
 

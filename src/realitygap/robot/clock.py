@@ -16,7 +16,8 @@ import os
 import select
 import socket
 import time
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Protocol
 
 from realitygap.errors import LineError
@@ -25,8 +26,8 @@ from realitygap.robot.signals import undisturbed
 __all__ = ["Clock", "RealClock", "VirtualClock"]
 
 CHUNK = 4096
-PATIENCE_S = 0.25
-"""Real time to wait for bytes that were announced but got lost on the way."""
+PATIENCE_S = 3.0
+"""Real time to wait for bytes that were announced: only then they got lost on the way."""
 
 TWIN_LOST_S = 120.0
 """Real time after which a twin that does not answer on its channel is given up."""
@@ -120,6 +121,7 @@ class VirtualClock:
         self._dropping = False
         self._written = 0
         self._announced = 0
+        self._held = False
         self._run(0, 0)
         self.settle()
 
@@ -131,19 +133,31 @@ class VirtualClock:
         """Let the twin run on by itself, and do not wait for it."""
         until = round(time_s * 1e9)
         if until > self._now_ns:
-            with undisturbed():
+            with self.undisturbed():
                 self._run(until, 0)
                 self._now_ns = until
 
     def settle(self) -> None:
         """Wait until the twin is as far as it was told."""
-        with undisturbed():
+        with self.undisturbed():
             while self._owed:
                 self._take_reply()
 
     def undisturbed(self) -> AbstractContextManager[None]:
-        """Both ends count bytes: half an exchange would leave them out of step for good."""
-        return undisturbed()
+        """Both ends count bytes: half an exchange would leave them out of step for good.
+
+        Within another it has no effect of its own, for each costs some system calls.
+        """
+        return nullcontext() if self._held else self._holding()
+
+    @contextmanager
+    def _holding(self) -> Iterator[None]:
+        with undisturbed():
+            self._held = True
+            try:
+                yield
+            finally:
+                self._held = False
 
     def wrote(self, count: int) -> None:
         """The twin is told with the next message."""

@@ -10,7 +10,7 @@ from typing import NamedTuple, cast
 from realitygap.errors import LineError, RealityGapError, RobotError
 from realitygap.robot.clock import Clock, RealClock
 from realitygap.robot.guard import Guard
-from realitygap.robot.line import Answer, Line
+from realitygap.robot.line import GIVE_UP_S, Answer, Line
 from realitygap.robot.protocol import BAUD_RATES, Request, request
 
 __all__ = ["Khepera", "Motion", "Versions"]
@@ -18,7 +18,9 @@ __all__ = ["Khepera", "Motion", "Versions"]
 BANNER_S = 0.25
 """How long a robot that has just been reset may take for its two lines."""
 
-STOP_TRIES = 4
+STOP_S, STOP_TRIES = 1.4, (2, 4)
+"""The robot is told to stand for so long, and at least and at most so often."""
+
 STANDS = 2
 """Measured speeds up to this, pulses per 10 ms, are a robot that stands."""
 
@@ -56,8 +58,17 @@ class Khepera:
         self._guard = Guard(line.fileno()) if isinstance(line.clock, RealClock) else None
 
     @classmethod
-    def connect(cls, port: str, *, baud: int | None = 38400, clock: Clock | None = None) -> Khepera:
+    def connect(
+        cls,
+        port: str,
+        *,
+        baud: int | None = 38400,
+        clock: Clock | None = None,
+        give_up_s: float = GIVE_UP_S,
+    ) -> Khepera:
         """Open a port and wake the robot; `baud=None` tries the robot's five rates.
+
+        `give_up_s` is when a question is given up that was not answered.
 
         Raises:
             UsageError: the port cannot be opened.
@@ -65,7 +76,7 @@ class Khepera:
         """
         rates = (38400, 9600, 19200, 57600, 115200) if baud is None else (baud,)
         for rate in rates:
-            line = Line(port, baud=rate, clock=clock)
+            line = Line(port, baud=rate, clock=clock, give_up_s=give_up_s)
             try:
                 banner = _wake(line)
                 return cls(line, Versions(*cast("list[str]", _answer(line, "B"))), banner)
@@ -152,11 +163,13 @@ class Khepera:
             LineError: the robot did not confirm: it may still be moving.
         """
         failure: RealityGapError | None = None
-        for _ in range(STOP_TRIES):
+        until, tries, (least, most) = self.clock.now() + STOP_S, 0, STOP_TRIES
+        while tries < least or (tries < most and self.clock.now() < until):
+            tries += 1
             try:
                 self.line.tell(b"\n" + STOP.data)
                 self.line.hear(ANSWER_S)  # its answer, so that it is not taken for the next one's
-                self.line.ask(STOP)
+                self.line.ask(STOP, give_up_s=self.line.give_up_s / 2)
                 if self._stands():
                     return
                 failure = RobotError("its wheels turn on")

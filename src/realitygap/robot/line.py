@@ -28,7 +28,7 @@ from realitygap.robot.protocol import (
 if TYPE_CHECKING:
     import serial
 
-__all__ = ["Answer", "Line"]
+__all__ = ["GIVE_UP_S", "Answer", "Line"]
 
 Answer = tuple[int, ...] | tuple[str, ...]
 
@@ -40,6 +40,9 @@ QUIET_S = 0.03
 
 GIVE_UP_S = 1.0
 """A question that is not answered by then is given up: the robot drives on meanwhile."""
+
+LEAST_TRIES = 5
+"""But not before it was asked so often: time alone says nothing where the computer stands still."""
 
 BATCH_FAILURES = 3
 """So many failures of questions sent together, and the robot is asked one at a time."""
@@ -57,14 +60,18 @@ class Line:
         device: path of the serial device.
         baud: its rate; 8 data bits, no parity, 2 stop bits.
         clock: whose time the time-outs are in.
+        give_up_s: when a question is given up that was asked five times and more.
     """
 
-    def __init__(self, device: str, *, baud: int, clock: Clock | None = None) -> None:
+    def __init__(
+        self, device: str, *, baud: int, clock: Clock | None = None, give_up_s: float = GIVE_UP_S
+    ) -> None:
         if baud not in BAUD_RATES:
             raise UsageError(f"the robot's baud rates are {', '.join(map(str, BAUD_RATES))}; got {baud}")
         self.device = device
         self.baud = baud
         self.clock: Clock = clock or RealClock()
+        self.give_up_s = give_up_s
         self.faults = 0
         self.together = True
         self._batch_failures = 0
@@ -80,18 +87,23 @@ class Line:
         with contextlib.suppress(OSError):
             self._port.close()
 
-    def ask(self, *requests: Request) -> list[Answer]:
+    def ask(self, *requests: Request, give_up_s: float | None = None) -> list[Answer]:
         """The answers to some commands, sent together where the robot takes them so.
 
+        Args:
+            requests: the commands.
+            give_up_s: if not the line's own.
+
         Raises:
-            LineError: the line is lost, or no answer was understood within a second.
+            LineError: the line is lost, or no answer was understood in time.
             RefusedError: the robot refused a command each time.
         """
         with self.clock.undisturbed():
-            return self._ask(requests)
+            return self._ask(requests, self.give_up_s if give_up_s is None else give_up_s)
 
-    def _ask(self, requests: Sequence[Request]) -> list[Answer]:
-        until = self.clock.now() + GIVE_UP_S + self._wire_s(requests)
+    def _ask(self, requests: Sequence[Request], give_up_s: float) -> list[Answer]:
+        start, tries = self.clock.now(), 1
+        until = start + give_up_s + self._wire_s(requests)
         try:
             return self._first_try(requests)
         except (GarbledError, RefusedError) as error:
@@ -99,7 +111,8 @@ class Line:
         once = next((r for r in requests if not COMMANDS[r.letter].repeatable), None)
         if once is not None:
             raise LineError(f"{failure}; {once.text!r} is not sent twice: ask the robot how it stands")
-        while self.clock.now() < until:
+        while tries < LEAST_TRIES or self.clock.now() < until:
+            tries += 1
             try:
                 self._resynchronise()
                 return [answer for request in requests for answer in self._exchange((request,))]
@@ -108,7 +121,8 @@ class Line:
                 failure = error
         if isinstance(failure, RefusedError):
             raise failure
-        raise LineError(f"no answer understood on {self.device} for {GIVE_UP_S:g} s; the last: {failure}")
+        passed = f"{self.clock.now() - start:.1f} s, asked {tries} times"
+        raise LineError(f"no answer understood on {self.device} for {passed}; the last: {failure}")
 
     def tell(self, data: bytes) -> None:
         """Send bytes and wait for nothing.
@@ -182,6 +196,8 @@ class Line:
         raise GarbledError("nothing to 'B'")
 
     def _next_line(self, until: float, lines: int) -> str | None:
+        """A line, or None at `until`; but what has come in by then is read, however late it is looked at."""
+        late = False
         while True:
             while b"\n" in self._heard:
                 line, self._heard = self._heard.split(b"\n", 1)
@@ -189,9 +205,11 @@ class Line:
                     return line.strip().decode("ascii", "replace")
             if len(self._heard) > LONGEST:
                 self._heard = b""
-            if self.clock.now() >= until:
+            if late:
                 return None
-            self._heard += self.clock.read(self.fileno(), until=until, lines=lines)
+            heard = self.clock.read(self.fileno(), until=until, lines=lines)
+            late = not heard and self.clock.now() >= until
+            self._heard += heard
 
     def _wire_s(self, requests: Sequence[Request]) -> float:
         return wire_ms(sum(map(characters, requests)), self.baud) / 1000.0

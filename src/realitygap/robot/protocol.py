@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -90,6 +91,12 @@ class Form:
     """Whether the answers are versions such as 5.02."""
     open_ended: bool = False
     """Whether any further numbers may follow, both ways."""
+
+    @cached_property
+    def answered(self) -> int:
+        """Characters of the longest answer."""
+        widths = [5 if self.versions else span.characters for span in self.gives]
+        return 1 + sum(1 + width for width in widths) + 2
 
 
 class Request(NamedTuple):
@@ -219,9 +226,7 @@ def _fits(spans: tuple[Span, ...], values: tuple[int, ...], open_ended: bool) ->
 
 def characters(to: Request) -> int:
     """Characters on the wire, at most: the command and its answer."""
-    form = COMMANDS[to.letter]
-    widths = [5 if form.versions else span.characters for span in form.gives]
-    return len(to.data) + 1 + sum(1 + width for width in widths) + 2
+    return len(to.data) + COMMANDS[to.letter].answered
 
 
 def wire_ms(count: int, baud: int) -> float:

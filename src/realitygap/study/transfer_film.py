@@ -17,8 +17,10 @@ from realitygap.values import Pose
 
 if TYPE_CHECKING:
     from realitygap.film.camera import CameraModel
+    from realitygap.film.finder import Look
     from realitygap.film.track import Track
     from realitygap.twin.camera import OverheadCamera
+    from realitygap.twin.drawing import Window
     from realitygap.twin.states import States
     from realitygap.world.arena import Arena
 
@@ -110,13 +112,26 @@ def calibrated(file: Path, arena: Arena, *, unit: int, noise: float, radius_cm: 
 def watched(states: States, camera: CameraModel, *, eye: OverheadCamera, first: int) -> Track:
     """The track of recorded states as the camera above sees them, ten times a second; no film is kept.
 
-    `first` is the first frame's number, which names its pixels' noise.
+    Of each frame only what the tracker looks at is made: a window where it saw the robot last, or all of
+    it. The track is that of whole frames, to the last bit. `first` is the first frame's number, which
+    names its pixels' noise.
     """
     from realitygap.film.disk import load_disk
     from realitygap.film.tracker import Tracker
 
-    frames = eye.film(states, fps=WATCH_FPS, first=first)
-    return Tracker(camera, load_disk()).follow((t_s, _grey(frame)) for t_s, frame in frames)
+    seen = np.zeros((camera.height_px, camera.width_px), np.uint8)
+    whole = (slice(0, camera.height_px), slice(0, camera.width_px))
+
+    def look(show: Callable[[Window], Any]) -> Look:
+        def at(window: Window | None) -> Any:
+            part = whole if window is None else window
+            seen[part] = _grey(show(part))
+            return seen
+
+        return at
+
+    frames = eye.looks(states, fps=WATCH_FPS, first=first)
+    return Tracker(camera, load_disk()).follow((t_s, look(show)) for t_s, show in frames)
 
 
 def film_and_track(

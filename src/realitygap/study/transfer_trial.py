@@ -7,22 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from realitygap.controller.network import NetworkController, decode
+from realitygap.controller.network import decode
 from realitygap.kernels.params import STEP_S
-from realitygap.kernels.rng import substream
 from realitygap.robot.body import SerialBody
-from realitygap.robot.clock import VirtualClock
 from realitygap.robot.facts import to_toml
 from realitygap.robot.khepera import Khepera
-from realitygap.robot.loop import drive
 from realitygap.robot.protocol import PULSES_PER_MM
-from realitygap.robot.recording import Recorder, Recording
+from realitygap.robot.recording import Recorder
 from realitygap.study.load import Study
+from realitygap.study.situated import Driven, Stand, driven
 from realitygap.study.transfer_folder import made, place, versions_of
 from realitygap.study.transfer_paths import (
     Table,
@@ -35,32 +30,21 @@ from realitygap.study.transfer_paths import (
 )
 from realitygap.study.transfer_plan import FOLDER, Situation
 from realitygap.tasks.simulation import Simulation
-from realitygap.values import Pose, Readings
+from realitygap.values import Pose
 
 if TYPE_CHECKING:
     from realitygap.film.track import Track
     from realitygap.study.transfer_overhead import Overhead
-    from realitygap.twin.camera import OverheadCamera
 
 __all__ = ["TRIAL", "Carry", "Stage"]
 
 TRIAL = "transfer.toml"
 SIMULATED, SITUATED, SEALED = "simulated.csv", "situated.csv", "sealed.csv"
 
-TWIN_NOISE = 2
-"""Name of the stream that a twin unit's noise is drawn from, under the trial's."""
-
 Carry = Callable[[Situation, Pose], None]
 """The person who carries a real robot to its start; returns when it stands there."""
 
 Tell = Callable[[float], None]
-
-
-class Driven(NamedTuple):
-    """A drive on a robot: its recording and the wheels' counters at the steps, the end included."""
-
-    recording: Recording
-    counters: NDArray[np.float64]
 
 
 class Stage:
@@ -69,7 +53,7 @@ class Stage:
     def __init__(self, study: Study) -> None:
         self.study = study
         self._simulations: dict[tuple[str, float], Simulation] = {}
-        self._eyes: dict[tuple[str, int, float], OverheadCamera] = {}
+        self._stands: dict[tuple[str, int, float, int], Stand] = {}
 
     def simulation(self, one: Situation) -> Simulation:
         """The run's own: its task, its robot, its noise."""
@@ -82,18 +66,26 @@ class Stage:
         """Where the calibration of the camera over a unit's arena is kept."""
         return self.study.folder / FOLDER / one.robot.folder(one.twin_noise) / f"camera-{one.task}.json"
 
-    def calibrate(self, one: Situation) -> Any:
-        """The camera over the arena of a trial on the twin."""
-        from realitygap.study.transfer_film import calibrated
-
+    def stand(self, one: Situation) -> Stand:
+        """The unit and the arena of a trial on the twin; one for all trials of both."""
         assert one.robot.unit is not None
-        return calibrated(
-            self.camera_file(one),
-            self.study.task(one.task).arena,
-            unit=one.robot.unit,
-            noise=one.twin_noise,
-            radius_cm=self.study.profile.body.radius_cm,
-        )
+        key = (one.task, one.robot.unit, one.twin_noise, one.baud)
+        if key not in self._stands:
+            self._stands[key] = Stand(
+                self.study.task(one.task),
+                self.study.profile,
+                unit=one.robot.unit,
+                twin_noise=one.twin_noise,
+                baud=one.baud,
+                camera_file=self.camera_file(one),
+            )
+        return self._stands[key]
+
+    def close(self) -> None:
+        """End the twins."""
+        for stand in self._stands.values():
+            stand.close()
+        self._stands.clear()
 
     def on_twin(self, one: Situation, tell: Tell) -> None:
         """A whole trial on a unit of the twin; `tell` hears the share of the film that is done."""
@@ -141,52 +133,27 @@ class Stage:
         return self.study.genotype(one.run, one.evaluation)
 
     def _drive_twin(self, one: Situation, pose: Pose, folder: Path) -> Driven:
-        """Drive a unit in a process of its own, made for this trial: no trial leaves it a trace."""
-        from contextlib import closing
-
-        from realitygap.twin.process import start_twin
-
-        assert one.robot.unit is not None
-        task = self.study.task(one.task)
-        seed = int(substream(np.uint64(one.stream), np.uint64(TWIN_NOISE)))
-        settings: dict[str, Any] = {"unit": one.robot.unit, "noise": one.twin_noise, "seed": seed}
-        with (
-            start_twin(task.arena.plain(), baud=one.baud, **settings) as twin,
-            closing(VirtualClock(twin.channel)) as clock,
-        ):
-            khepera = Khepera.connect(twin.device, baud=one.baud, clock=clock)
-            try:
-                body = SerialBody(khepera, kinds=(task.feeds,), carry=twin.place)
-                body.reset(pose)
-                clock.settle()
-                seen = one.source != "counters"
-                if seen:
-                    twin.film(folder / SEALED)
-                driven = self._drive(one, body, folder, one.facts())
-                clock.settle()
-                if seen:
-                    twin.film(None)
-            finally:
-                khepera.abandon()
-        return driven
+        """Drive a unit of the twin."""
+        return self.stand(one).on_line(
+            self._genes(one),
+            self.study.layout(one.task),
+            one.stream,
+            pose,
+            one.seconds,
+            recorder=Recorder(folder, facts=one.facts()),
+            sealed=None if one.source == "counters" else folder / SEALED,
+        )
 
     def _drive(self, one: Situation, body: SerialBody, folder: Path, facts: dict[str, Any]) -> Driven:
-        task, profile = self.study.task(one.task), self.study.profile
-
-        def inputs(readings: Readings) -> list[int]:
-            fed = readings.proximity if task.feeds == "proximity" else readings.ambient
-            return profile.inputs(fed.tolist(), task.feeds, task.sensors)
-
-        recording = drive(
+        return driven(
             body,
-            NetworkController(self._genes(one), self.study.layout(one.task)),
+            self._genes(one),
+            self.study.layout(one.task),
+            task=self.study.task(one.task),
+            profile=self.study.profile,
             seconds=one.seconds,
-            clock=body.khepera.clock,
-            inputs=inputs,
             recorder=Recorder(folder, facts=facts),
         )
-        counters = np.vstack([recording.counters, body.khepera.counters()])
-        return Driven(recording, counters)
 
     def _counted(self, driven: Driven, pose: Pose) -> Table:
         """The path by the wheels' counters."""
@@ -195,27 +162,19 @@ class Stage:
 
     def _seen(self, one: Situation, folder: Path, facts: dict[str, Any], tell: Tell) -> Track:
         """The track of a trial on the twin by the camera above it, which films it or only watches."""
-        from realitygap.study.transfer_film import TRACK, film_and_track, watched
+        from realitygap.study.transfer_film import TRACK, film_and_track
         from realitygap.twin.camera import OverheadCamera
-        from realitygap.twin.states import States
 
-        assert one.robot.unit is not None
-        camera = self.calibrate(one)
-        states = States.from_file(folder / SEALED)
-        in_time = states.time_ms <= states.time_ms[0] + round(one.seconds * 1000)
-        states = States(states.time_ms[in_time], states.pose[in_time])
-        arena = self.study.task(one.task).arena.plain()
-        settings: dict[str, Any] = {"unit": one.robot.unit, "noise": one.twin_noise}
+        stand = self.stand(one)
+        states = stand.states(folder / SEALED, one.seconds)
         if one.film:
-            with OverheadCamera(arena, seed=one.stream >> 1, **settings) as eye:
+            settings: dict[str, Any] = {"unit": stand.unit, "noise": one.twin_noise, "seed": one.stream >> 1}
+            with OverheadCamera(self.study.task(one.task).arena.plain(), **settings) as eye:
                 facts["view"] = eye.metadata["view"]
                 about = {"run": one.name, "start": one.start}
-                return film_and_track(folder, states, camera, eye=eye, facts=about, tell=tell)
-        key = (one.task, one.robot.unit, one.twin_noise)
-        if key not in self._eyes:
-            self._eyes[key] = OverheadCamera(arena, view="drawn", **settings)
-        facts["view"] = self._eyes[key].metadata["view"]
-        track = watched(states, camera, eye=self._eyes[key], first=one.stream)
+                return film_and_track(folder, states, stand.camera(), eye=eye, facts=about, tell=tell)
+        track = stand.watch(states, one.stream)
+        facts["view"] = stand.view
         track.write_csv(folder / TRACK)
         return track
 

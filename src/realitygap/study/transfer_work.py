@@ -139,9 +139,9 @@ def _messages(
         with Pool(folder, workers, life=_serve, last=Done) as pool:
             yield from pool.work(iter(jobs))
         return
-    stage = Stage(load_study(folder))
-    for job in jobs:
-        yield _carry_out(stage, job, lambda cost: reporter.hear(Worked(cost)))
+    with closing(Stage(load_study(folder))) as stage:
+        for job in jobs:
+            yield _carry_out(stage, job, lambda cost: reporter.hear(Worked(cost)))
 
 
 def _carry_out(stage: Stage, job: Job, tell: Callable[[float], None]) -> Done:
@@ -156,7 +156,7 @@ def _carry_out(stage: Stage, job: Job, tell: Callable[[float], None]) -> Done:
 
     with told(stage.study.folder / one.folder):
         if job.calibration:
-            stage.calibrate(one)
+            stage.stand(one).camera()
         else:
             stage.on_twin(one, share)
     return Done(job.cost - told_cost, not job.calibration)
@@ -167,9 +167,10 @@ def _serve(connection: Connection, folder: str) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
     threading.Thread(target=die_with_parent, daemon=True).start()
     try:
-        stage = Stage(load_study(folder))
-        while True:
-            connection.send(_carry_out(stage, connection.recv(), lambda cost: connection.send(Worked(cost))))
+        with closing(Stage(load_study(folder))) as stage:
+            while True:
+                done = _carry_out(stage, connection.recv(), lambda cost: connection.send(Worked(cost)))
+                connection.send(done)
     except RealityGapError as error:
         connection.send(error)
     except (EOFError, OSError):

@@ -14,7 +14,7 @@ from realitygap.errors import ConfigError
 from realitygap.twin.arena import check_arena
 from realitygap.twin.model import BODY_RADIUS, NOMINAL_VOLT, build_xml
 from realitygap.twin.noise import CREEP_MS, Creep, check_dial, draws
-from realitygap.twin.sensors import Sensors
+from realitygap.twin.sensors import CYCLE_MS, PHASE_MS, Sensors
 from realitygap.twin.states import States, heading_of
 from realitygap.twin.unit import Unit, draw_unit
 from realitygap.twin.wheels import Wheel
@@ -24,7 +24,8 @@ __all__ = ["TwinBody"]
 RECORD_MS = 10
 """A state is kept for the camera this often."""
 HISTORY_MS = 21
-"""A sensor's reading is at most 20 ms old."""
+REFRESHED_MS = frozenset(PHASE_MS.tolist())
+"""A sensor's reading is at most 20 ms old; the pose is kept when one is refreshed."""
 TOUCH = 1e-4
 """A hand sets the robot down this exactly (m)."""
 
@@ -67,22 +68,23 @@ class TwinBody:
 
     def advance(self, milliseconds: int) -> None:
         """Let time pass: physics, and the robot's own control of its wheels each millisecond."""
-        model, data, step = self._model, self._data, mujoco.mj_step
-        qpos, ctrl, slipped, last = self._qpos, self._ctrl, self._slipped, self._angles
-        left, right = self._wheels
-        for _ in range(milliseconds):
-            if self.time_ms % CREEP_MS == 0:
+        model, data, step, substeps = self._model, self._data, mujoco.mj_step, self._substeps
+        qpos, ctrl, slipped, last = self._qpos.data, self._ctrl.data, self._slipped, self._angles
+        left, right = self._wheels[0].voltage, self._wheels[1].voltage
+        for now in range(self.time_ms + 1, self.time_ms + 1 + milliseconds):
+            if now % CREEP_MS == 1:
                 self._feel_ground()
-            a, b = float(qpos[7]), float(qpos[8])
+            a, b = qpos[7], qpos[8]
             slipped[0] += self._creeps[0] * (a - last[0])
             slipped[1] += self._creeps[1] * (b - last[1])
             last[0], last[1] = a, b
-            ctrl[0] = left.voltage(a + slipped[0])
-            ctrl[1] = right.voltage(b + slipped[1])
-            step(model, data, self._substeps)
-            self.time_ms += 1
-            self._history[self.time_ms % HISTORY_MS] = qpos[:7].copy()
-            if self.time_ms % RECORD_MS == 0:
+            ctrl[0] = left(a + slipped[0])
+            ctrl[1] = right(b + slipped[1])
+            step(model, data, substeps)
+            self.time_ms = now
+            if now % CYCLE_MS in REFRESHED_MS:
+                self._history[now % HISTORY_MS] = self._qpos[:7].copy()
+            if now % RECORD_MS == 0:
                 self._record()
 
     def _feel_ground(self) -> None:
@@ -97,7 +99,7 @@ class TwinBody:
         )
 
     def _record(self) -> None:
-        self._states.append((self.time_ms, self._history[self.time_ms % HISTORY_MS]))
+        self._states.append((self.time_ms, self._qpos[:7].copy()))
 
     def _fits(self, x_cm: float, y_cm: float) -> bool:
         w, h = self.arena["size_cm"]

@@ -6,7 +6,8 @@ same camera and lens; `metadata` says which made them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from types import TracebackType
 from typing import Any
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from realitygap.errors import ConfigError
 from realitygap.twin.arena import check_arena
-from realitygap.twin.drawing import Drawing
+from realitygap.twin.drawing import WHOLE, Drawing, Window
 from realitygap.twin.lens import HEIGHT, WIDTH, hang_camera
 from realitygap.twin.noise import check_dial, draws
 from realitygap.twin.render import open_renderer
@@ -65,7 +66,7 @@ class OverheadCamera:
         columns, rows = np.meshgrid(np.arange(WIDTH) - WIDTH / 2, np.arange(HEIGHT) - HEIGHT / 2)
         corner = (WIDTH**2 + HEIGHT**2) / 4
         light = who.camera.gain * (1 - FALL_OFF * (columns**2 + rows**2) / corner)
-        self._light = light.astype(np.float32)[..., None]
+        self._light = np.repeat(light.astype(np.float32)[..., None], 3, axis=2)
         self._bank = draws(unit, seed, 53).standard_normal(2 * WIDTH * HEIGHT * 3, np.float32)
         self._bank *= np.float32(PIXEL_NOISE * self._noise)
 
@@ -89,23 +90,25 @@ class OverheadCamera:
         return {"view": view, "width": WIDTH, "height": HEIGHT, "noise": self._noise,
                 "unit": self._unit, "body": "twin (pseudo-reality)"}  # fmt: skip
 
-    def frame(self, pose: NDArray[np.float64], number: int = 0) -> Frame:
+    def frame(self, pose: NDArray[np.float64], number: int = 0, window: Window = WHOLE) -> Frame:
         """[480, 640, 3] what the camera shows of a robot at `pose` (x, y, z in m, quaternion).
 
         Args:
             pose: [7], a row of `States.pose`.
             number: of the frame: names its noise.
+            window: rows and columns that are wanted: the whole frame's, to the last bit.
         """
         if self._renderer is not None:
-            picture = self._renderer.frame(pose) * self._light
+            picture = self._renderer.frame(pose)[window] * self._light[window]
         else:
             assert self._drawing is not None
-            picture = self._drawing.frame(float(pose[0]), float(pose[1]), float(heading_of(pose)))
-            picture *= self._light
+            where = float(pose[0]), float(pose[1]), float(heading_of(pose))
+            picture = self._drawing.frame(*where, window)
+            picture *= self._light[window]
         if self._noise:
-            size = picture.size
+            size = self._light.size
             start = int(draws(self._seed, 59, number).integers(size))
-            picture += self._bank[start : start + size].reshape(picture.shape)
+            picture += self._bank[start : start + size].reshape(self._light.shape)[window]
         return np.asarray(np.clip(picture + np.float32(0.5), 0, 255).astype(np.uint8))
 
     def film(self, states: States, *, fps: float = FPS, first: int = 0) -> Iterator[tuple[float, Frame]]:
@@ -114,8 +117,15 @@ class OverheadCamera:
         Between two states the later one that is not after the frame's time is shown (10 ms at most).
         `first` is the first frame's number, which names its noise.
         """
+        for t, show in self.looks(states, fps=fps, first=first):
+            yield t, show(WHOLE)
+
+    def looks(
+        self, states: States, *, fps: float = FPS, first: int = 0
+    ) -> Iterator[tuple[float, Callable[[Window], Frame]]]:
+        """The same frames, each as what shows any window of it: only that much of it is made."""
         start, end = int(states.time_ms[0]), int(states.time_ms[-1])
         for number in range(int((end - start) * fps / 1000.0) + 1):
             t = number / fps
             row = int(np.searchsorted(states.time_ms, start + t * 1000.0 + 1e-6, side="right")) - 1
-            yield t, self.frame(states.pose[row], first + number)
+            yield t, partial(self.frame, states.pose[row], first + number)

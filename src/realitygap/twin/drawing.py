@@ -1,11 +1,13 @@
 """An overhead view without a renderer: drawn through the same camera and lens as the other.
 
-Each pixel's ray is followed down: walls and cylinders once for the whole film, the robot in each frame.
+Each pixel's ray is followed down: walls and cylinders once for the whole film, the robot in each frame,
+where it is in the picture.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,10 +18,15 @@ from realitygap.twin.lens import HEIGHT, WIDTH, Lens
 from realitygap.twin.model import BODY_RADIUS, BODY_TOP, WALL_HEIGHT
 
 __all__ = [
-    "DISK_HEIGHT", "DISK_RADIUS", "FRONT_AHEAD", "FRONT_RADIUS", "MIDDLE_RADIUS", "Drawing",
+    "DISK_HEIGHT", "DISK_RADIUS", "FRONT_AHEAD", "FRONT_RADIUS", "MIDDLE_RADIUS", "WHOLE", "Drawing", "Window",
 ]  # fmt: skip
 
 Array = NDArray[np.float32]
+Circle = tuple[float, float, float, float]
+"""x, y, height and radius (m)."""
+Window = tuple[slice, slice]
+"""Rows and columns of a picture."""
+WHOLE = (slice(0, HEIGHT), slice(0, WIDTH))
 
 DISK_RADIUS, MIDDLE_RADIUS, FRONT_RADIUS, FRONT_AHEAD = 0.0275, 0.007, 0.0045, 0.0195
 """The disk on the robot's back: black, with a white patch in the middle and another ahead (issue 3)."""
@@ -35,6 +42,11 @@ BODY = np.array([52, 56, 52], np.float32)
 BLACK = np.array([14, 14, 15], np.float32)
 WHITE = np.array([243, 243, 241], np.float32)
 LAYERS = 5
+SIDES = [0.003 + (BODY_TOP - 0.003) * layer / (LAYERS - 1) for layer in range(LAYERS)]
+"""Heights at which the body's side is drawn (m)."""
+SPREAD, EDGE = 1.08, 3
+"""A circle's box in the picture: its radius over the middle of the floor, with this factor for what is
+higher or nearer and so many pixels more."""
 
 
 class Drawing:
@@ -46,31 +58,37 @@ class Drawing:
         rows = (np.arange(HEIGHT)[:, None] + step).ravel()
         grid = np.meshgrid(columns, rows)
         floor, slope = lens.floor(*grid)
-        self._floor, self._slope = floor.astype(np.float32), slope.astype(np.float32)
+        # [2, ...]: x and y apart, each in one piece
+        self._floor, self._slope = (np.moveaxis(a, -1, 0).astype(np.float32, order="C") for a in (floor, slope))
         self._lens = lens
         self._samples = SUB * lens.focal / lens.position[2]  # a metre
-        self._fine = self._still(arena)
-        self.background = self._coarse(self._fine)
+        self._fine = np.moveaxis(self._still(arena), -1, 0).copy()  # [3, ...] one colour after another
+        self.background = np.moveaxis(self._coarse(self._fine), 0, -1).copy()
 
     @staticmethod
     def _coarse(fine: Array) -> Array:
-        h, w = fine.shape[0] // SUB, fine.shape[1] // SUB
-        return np.asarray(fine.reshape(h, SUB, w, SUB, 3).mean(axis=(1, 3), dtype=np.float32))
+        """[3, ...] each pixel the mean of its samples."""
+        total = fine[:, ::SUB, ::SUB].copy()
+        for k in range(1, SUB * SUB):
+            total += fine[:, k // SUB :: SUB, k % SUB :: SUB]
+        return np.asarray(total * np.float32(1.0 / SUB**2))
 
-    def _at(self, z: float, window: tuple[slice, slice] = (slice(None), slice(None))) -> Array:
-        return np.asarray(self._floor[window] + np.float32(z) * self._slope[window])
+    def _at(self, z: float, window: Window = (slice(None), slice(None))) -> Array:
+        """[2, ...] x and y of the samples' rays at a height (m)."""
+        part = (slice(None), *window)
+        return np.asarray(self._floor[part] + np.float32(z) * self._slope[part])
 
     def _still(self, arena: Mapping[str, Any]) -> Array:
         """What does not move, from the floor up."""
         w, h = (v / 100.0 for v in arena["size_cm"])
-        picture = np.broadcast_to(FLOOR, (*self._floor.shape[:2], 3)).copy()
-        light = 1.0 - 0.10 * ((self._floor - [w / 2, h / 2]) ** 2).sum(-1) / (w * w + h * h) * 4
+        picture = np.broadcast_to(FLOOR, (*self._floor.shape[1:], 3)).copy()
+        off_x, off_y = self._floor[0] - np.float64(w / 2), self._floor[1] - np.float64(h / 2)
+        light = 1.0 - 0.10 * (off_x**2 + off_y**2) / (w * w + h * h) * 4
         picture *= light[..., None].astype(np.float32)
         self._over = np.zeros(picture.shape[:2], np.bool_)
         for layer in range(LAYERS + 1):
             z = WALL_HEIGHT * layer / LAYERS
-            p = self._at(z)
-            x, y = p[..., 0], p[..., 1]
+            x, y = self._at(z)
             shade = np.float32(0.72 if layer < LAYERS else 1.0)
             stands = np.zeros(x.shape, np.bool_)
             for cx, cy, r in np.array(arena["cylinders"]).reshape(-1, 3) / 100.0:
@@ -87,36 +105,70 @@ class Drawing:
             picture[(out > 0) & (out < 0.01)] = WALL * shade
         picture[out >= 0.01] = OUTSIDE
         for cx, cy in np.array(arena["lamps"]).reshape(-1, 2) / 100.0:
-            p = self._at(0.05)
-            picture[np.hypot(p[..., 0] - cx, p[..., 1] - cy) < 0.008] = LAMP
+            x, y = self._at(0.05)
+            picture[np.hypot(x - cx, y - cy) < 0.008] = LAMP
         return picture
 
-    def _paint(self, fine: Array, p: Array, circle: tuple[float, float, float], colour: Array) -> None:
-        """A circle on the plane `p`, its edge as soft as a sample is wide."""
-        off = np.hypot(p[..., 0] - circle[0], p[..., 1] - circle[1])
-        inside = np.clip((circle[2] - off) * self._samples + 0.5, 0.0, 1.0)[..., None]
-        fine += (colour - fine) * inside.astype(np.float32)
+    def _boxes(self, circles: Sequence[Circle]) -> NDArray[np.int64]:
+        """[n, 4] pixels top, bottom, left, right of what shows circles; not all in the picture."""
+        middles = np.rint(self._lens.pixels(np.array([circle[:3] for circle in circles]))).astype(np.int64)
+        reach = [math.ceil(SPREAD * self._samples / SUB * circle[3]) + EDGE for circle in circles]
+        ends = middles[:, 1::-1, None] + np.array(reach)[:, None, None] * np.array([-1, 1])
+        return np.clip(ends, 0, [[HEIGHT], [WIDTH]]).reshape(-1, 4)
 
-    def frame(self, x: float, y: float, heading: float) -> Array:
-        """The picture with the robot at x, y (m): grey levels as floats, without the camera's noise."""
-        centre = self._lens.pixels(np.array([x, y, DISK_HEIGHT / 2]))
-        reach = int(self._lens.focal / self._lens.position[2] * (DISK_RADIUS + 0.012)) + 4
-        left, right = max(int(centre[0]) - reach, 0), min(int(centre[0]) + reach + 1, WIDTH)
-        top, bottom = max(int(centre[1]) - reach, 0), min(int(centre[1]) + reach + 1, HEIGHT)
-        picture = self.background.copy()
-        if left >= right or top >= bottom:
-            return picture
-        window = (slice(top * SUB, bottom * SUB), slice(left * SUB, right * SUB))
-        fine = self._fine[window].copy()
-        for layer in range(LAYERS):  # the body's side, as far as the camera sees it
-            p = self._at(0.003 + (BODY_TOP - 0.003) * layer / (LAYERS - 1), window)
-            fine[np.hypot(p[..., 0] - x, p[..., 1] - y) < BODY_RADIUS] = BODY
-        p = self._at(DISK_HEIGHT, window)
+    def _paint(self, fine: Array, window: Window, circle: Circle, colour: Array) -> None:
+        """A circle, its edge as soft as a sample is wide."""
+        inside = np.clip((circle[3] - self._off(circle, window)) * self._samples + 0.5, 0.0, 1.0)
+        fine += (colour[:, None, None] - fine) * inside.astype(np.float32)
+
+    def _off(self, circle: Circle, window: Window) -> Array:
+        """How far samples are from a circle's middle: to the last bit near its edge, where it matters."""
+        there = self._at(circle[2], window)
+        x, y = there[0] - circle[0], there[1] - circle[1]
+        off = np.sqrt(x * x + y * y)
+        edge = np.flatnonzero(np.abs(off - circle[3]) * self._samples < 1.0)
+        off.flat[edge] = np.hypot(x.flat[edge], y.flat[edge])
+        return np.asarray(off)
+
+    def frame(self, x: float, y: float, heading: float, window: Window = WHOLE) -> Array:
+        """The picture with the robot at x, y (m): grey levels as floats, without the camera's noise.
+
+        Returns:
+            [rows, columns, 3] of the window.
+        """
+        picture = self.background[window].copy()
+        robot, (top, left) = self._robot(x, y, heading)
+        (t, b), (le, r) = ((part.start, part.stop) for part in window)
+        t, b = max(t, top), min(b, top + robot.shape[1])
+        le, r = max(le, left), min(r, left + robot.shape[2])
+        if t < b and le < r:
+            seen = robot[:, t - top : b - top, le - left : r - left]
+            picture[
+                t - window[0].start : b - window[0].start, le - window[1].start : r - window[1].start
+            ] = np.moveaxis(seen, 0, -1)
+        return picture
+
+    def _robot(self, x: float, y: float, heading: float) -> tuple[Array, tuple[int, int]]:
+        """[3, rows, columns] of the picture where the robot is, and the upper left pixel's row and column."""
         ahead_x, ahead_y = x + FRONT_AHEAD * np.cos(heading), y + FRONT_AHEAD * np.sin(heading)
-        self._paint(fine, p, (x, y, DISK_RADIUS), BLACK)
-        self._paint(fine, p, (x, y, MIDDLE_RADIUS), WHITE)
-        self._paint(fine, p, (ahead_x, ahead_y, FRONT_RADIUS), WHITE)
-        over = self._over[window]
-        fine[over] = self._fine[window][over]
-        picture[top:bottom, left:right] = self._coarse(fine)
-        return picture
+        sides = [(x, y, z, BODY_RADIUS) for z in SIDES]  # the body's side, as far as the camera sees it
+        marks = [(x, y, DISK_HEIGHT, DISK_RADIUS), (x, y, DISK_HEIGHT, MIDDLE_RADIUS),
+                 (ahead_x, ahead_y, DISK_HEIGHT, FRONT_RADIUS)]  # fmt: skip
+        boxes = self._boxes([*sides, *marks])
+        top, left = (int(v) for v in boxes[:, ::2].min(axis=0))
+        bottom, right = (int(v) for v in boxes[:, 1::2].max(axis=0))
+        whole = (slice(top * SUB, bottom * SUB), slice(left * SUB, right * SUB))
+        fine = self._fine[:, *whole].copy()
+        body = np.zeros(fine.shape[1:], np.bool_)
+        parts = []
+        for t, b, le, r in boxes.tolist():
+            samples = (slice(t * SUB, b * SUB), slice(le * SUB, r * SUB))
+            parts.append((samples, tuple(slice(s.start - w.start, s.stop - w.start)
+                                         for s, w in zip(samples, whole, strict=True))))  # fmt: skip
+        for (samples, here), side in zip(parts[:LAYERS], sides, strict=True):
+            body[here] |= self._off(side, samples) < side[3]
+        np.copyto(fine, BODY[:, None, None], where=body)
+        for (samples, here), mark, colour in zip(parts[LAYERS:], marks, (BLACK, WHITE, WHITE), strict=True):
+            self._paint(fine[:, *here], samples, mark, colour)
+        np.copyto(fine, self._fine[:, *whole], where=self._over[whole])
+        return self._coarse(fine), (top, left)

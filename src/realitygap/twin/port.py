@@ -12,8 +12,8 @@ import tty
 
 __all__ = ["Port"]
 
-PATIENCE_S = 0.25
-"""Real time to wait for bytes that were announced but got lost on the way."""
+PATIENCE_S = 3.0
+"""Real time to wait for bytes that were announced: only then they got lost on the way."""
 
 _NOISE = bytes(range(128, 256)) * 2
 """What a character becomes at another rate than the robot's: nothing that anyone could read."""
@@ -29,12 +29,15 @@ class Port:
         self._rate = int(getattr(termios, f"B{baud}"))
         self._master, self._slave = pty.openpty()
         tty.setraw(self._slave)
-        settings = termios.tcgetattr(self._slave)
-        settings[4] = settings[5] = self._rate
-        termios.tcsetattr(self._slave, termios.TCSANOW, settings)
+        self._tune()
         flags = fcntl.fcntl(self._master, fcntl.F_GETFL)
         fcntl.fcntl(self._master, fcntl.F_SETFL, flags | os.O_NONBLOCK)
         self.name = os.ttyname(self._slave)
+
+    def _tune(self) -> None:
+        settings = termios.tcgetattr(self._slave)
+        settings[4] = settings[5] = self._rate
+        termios.tcsetattr(self._slave, termios.TCSANOW, settings)
 
     def fileno(self) -> int:
         """For select."""
@@ -44,6 +47,12 @@ class Port:
         """Hang up."""
         os.close(self._master)
         os.close(self._slave)
+
+    def clear(self) -> None:
+        """Drop what is on the line, both ways; set it to the robot's rate again."""
+        termios.tcflush(self._slave, termios.TCIOFLUSH)
+        termios.tcflush(self._master, termios.TCIOFLUSH)
+        self._tune()
 
     def read(self, count: int) -> bytes:
         """At most so many bytes, those that are there; at a wrong rate noise."""

@@ -47,6 +47,13 @@ class TwinProcess:
         """Write where the robot is, every 20 ms, into a sealed file for the camera; None ends it."""
         self._tell(f"film {Path(states).resolve()}" if states is not None else "film")
 
+    def renew(self, seed: int) -> None:
+        """Switch the robot off and one on whose noise is of another seed, as a fresh process would be.
+
+        Drivers and clocks of before must be closed.
+        """
+        self._tell(f"renew {seed}")
+
     @property
     def pid(self) -> int:
         """Of the twin's process."""

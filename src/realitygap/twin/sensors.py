@@ -25,7 +25,7 @@ from realitygap.twin.noise import (
 from realitygap.twin.rays import Scene
 from realitygap.twin.unit import SENSORS_MM_DEG, Unit
 
-__all__ = ["Sensors"]
+__all__ = ["CYCLE_MS", "PHASE_MS", "Sensors"]
 
 Array = NDArray[np.float64]
 

@@ -3,7 +3,9 @@
 On the pseudo-terminal there is the robot's protocol and nothing else. A second channel, a Unix
 socket, takes lines of text: `run` from a virtual clock (realitygap.robot.clock says how), and from
 the experimenter `place X_CM Y_CM HEADING_RAD`, `film FILE` (write where the robot is every 20 ms,
-for the camera; `film` alone ends it) and `quit`. Each is answered with one line.
+for the camera; `film` alone ends it), `renew SEED` (switch this robot off and another on: all that a
+fresh process would make of that seed, so that many trials need one process) and `quit`. Each is answered
+with one line.
 """
 
 from __future__ import annotations
@@ -53,13 +55,15 @@ class Server:
     """Serves one robot. As a context it opens and closes the device and the channel.
 
     Args:
-        firmware: the robot.
+        switch_on: makes the robot, its noise from a seed.
+        seed: of the first one.
         virtual: whether its time runs only as a clock allows.
     """
 
-    def __init__(self, firmware: Firmware, *, virtual: bool) -> None:
-        self.firmware = firmware
+    def __init__(self, switch_on: Callable[[int], Firmware], *, seed: int, virtual: bool) -> None:
+        self.firmware = switch_on(seed)
         self.virtual = virtual
+        self._switch_on = switch_on
         self._film: IO[str] | None = None
         self._running = True
         self._buffers: dict[socket.socket, bytes] = {}
@@ -83,7 +87,7 @@ class Server:
 
     def serve(self, leash: int | None = None) -> None:
         """Serve until told to quit, or until the descriptor `leash` closes."""
-        self._start = time.monotonic_ns() - self.firmware.now
+        self._begin()
         watched: list[Any] = [self._listener, *([] if leash is None else [leash])]
         if not self.virtual:
             watched.append(self._port)
@@ -98,6 +102,10 @@ class Server:
                     self._hear(source)
                 elif source == leash and not os.read(source, CHUNK):
                     self._running = False
+
+    def _begin(self) -> None:
+        """Under the real clock the robot's time begins now."""
+        self._start = time.monotonic_ns() - self.firmware.now
 
     def _nap(self) -> float | None:
         """How long nothing happens, real time in s."""
@@ -144,12 +152,18 @@ class Server:
                 if rest:
                     self._start_film(Path(rest))
                 return "ok"
+            if word == "renew":
+                self._end_film()
+                self.firmware = self._switch_on(int(rest))
+                self._port.clear()
+                self._begin()
+                return "ok"
         except (ValueError, OSError, RealityGapError) as error:
             return f"error {' '.join(str(error).split())}"
         if word == "quit":
             self._running = False
             return "ok"
-        return f"error expected run, place, film or quit; got {line!r}"
+        return f"error expected run, place, film, renew or quit; got {line!r}"
 
     def _allow(self, until: int, written: int, lines: int) -> str:
         """Let time run; under the real clock it runs by itself."""
@@ -183,18 +197,21 @@ class Server:
 def serving(settings: Mapping[str, Any]) -> Iterator[Server]:
     """A server of a twin's settings: arena, unit, noise, seed, baud, clock, pose, body."""
     unit = int(settings["unit"])
-    body = make_body(
-        settings["arena"],
-        unit=unit,
-        noise=float(settings["noise"]),
-        seed=int(settings["seed"]),
-        body=settings.get("body", BODY),
-    )
-    if settings.get("pose"):
-        body.place(*settings["pose"])
     banner = (f"Khepera, twin unit {unit}: pseudo-reality, no robot", "bios 5.02, serial protocol 5.01")
-    firmware = Firmware(body, baud=int(settings["baud"]), banner=banner)
-    with Server(firmware, virtual=settings["clock"] == "virtual") as server:
+
+    def switch_on(seed: int) -> Firmware:
+        body = make_body(
+            settings["arena"],
+            unit=unit,
+            noise=float(settings["noise"]),
+            seed=seed,
+            body=settings.get("body", BODY),
+        )
+        if settings.get("pose"):
+            body.place(*settings["pose"])
+        return Firmware(body, baud=int(settings["baud"]), banner=banner)
+
+    with Server(switch_on, seed=int(settings["seed"]), virtual=settings["clock"] == "virtual") as server:
         yield server
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.kernels.params import LANES, MAX_DELAY, STEP_S, UPDATES, Robot
+from realitygap.kernels.params import LANES, MAX_DELAY, RAYS, STEP_S, UPDATES, Robot
 from realitygap.world.files import Value, load, require, shipped, to_toml
 from realitygap.world.provenance import Provenance
 from realitygap.world.rays import RAY_ANGLES_DEG, ray_weights, rays, unit
@@ -138,6 +138,9 @@ class Profile(Value):
         """The robot as the kernels' arrays."""
         wheels, infrared, ambient = self.wheels, self.infrared, self.ambient
         near, lit = infrared.sensors, ambient.sensors
+        shifts = ambient.shifts_deg()
+        per_fan = round(ambient.rays) // len(shifts)
+        thrown_back = ambient.reflectance * RAYS / ambient.rays
         return Robot(
             radius=self.body.radius_cm,
             track=wheels.track_cm,
@@ -153,13 +156,13 @@ class Profile(Value):
             proximity_top=infrared.top,
             ambient_place=np.array([(s.x_cm, s.y_cm) for s in lit]).reshape(-1, 2),
             ambient_facing=np.array([unit(s.direction_deg) for s in lit]).reshape(-1, 2),
-            ambient_ray=rays([s.direction_deg + shift for s in lit for shift in ambient.shifts_deg()]),
+            ambient_ray=rays([s.direction_deg + shift for s in lit for shift in shifts], per_fan),
             ambient_weight=np.concatenate(
                 [np.zeros((0, LANES))]
                 + [
-                    ray_weights(1, ambient.exponent, ambient.reflectance / len(ambient.shifts_deg()), shift)
+                    ray_weights(1, ambient.exponent, thrown_back, shift, per_fan)
                     for _ in lit
-                    for shift in ambient.shifts_deg()
+                    for shift in shifts
                 ]
             ),
             ambient_gain=np.array([s.gain for s in lit]),

@@ -15,7 +15,13 @@ from realitygap.kernels.params import LANES, RAYS
 
 __all__ = ["RAY_ANGLES_DEG", "ray_weights", "rays", "unit"]
 
-RAY_ANGLES_DEG = tuple(180.0 / RAYS * (i + 0.5) - 90.0 for i in range(RAYS))
+
+def ray_angles(number: int) -> tuple[float, ...]:
+    """Middles of so many equal parts of 180°, degrees from the sensor's direction."""
+    return tuple(180.0 / number * (i + 0.5) - 90.0 for i in range(number))
+
+
+RAY_ANGLES_DEG = ray_angles(RAYS)
 """β of each ray, −81 … +81: the middles of ten equal parts of 180° (a reading of §3.2.3)."""
 
 
@@ -25,9 +31,9 @@ def unit(direction_deg: float) -> tuple[float, float]:
     return round(math.cos(turned), 15) + 0.0, round(math.sin(turned), 15) + 0.0
 
 
-def rays(directions_deg: list[float]) -> NDArray[np.float64]:
-    """Unit vectors [n, 2, LANES] of each sensor's rays; pad lanes point along the sensor."""
-    angles = (*RAY_ANGLES_DEG, *(0.0,) * (LANES - RAYS))
+def rays(directions_deg: list[float], number: int = RAYS) -> NDArray[np.float64]:
+    """Unit vectors [n, 2, LANES] of `number` rays for each sensor; pad lanes point along the sensor."""
+    angles = (*ray_angles(number), *(0.0,) * (LANES - number))
     out = np.empty((len(directions_deg), 2, LANES))
     for i, direction in enumerate(directions_deg):
         out[i] = np.array([unit(direction + beta) for beta in angles]).T
@@ -35,9 +41,9 @@ def rays(directions_deg: list[float]) -> NDArray[np.float64]:
 
 
 def ray_weights(
-    sensors: int, exponent: float, factor: float = 1.0, shift_deg: float = 0.0
+    sensors: int, exponent: float, factor: float = 1.0, shift_deg: float = 0.0, number: int = RAYS
 ) -> NDArray[np.float64]:
     """factor · cos^m β of each ray [sensors, LANES] of a fan turned by a shift; 0 in the pad lanes."""
-    angles = [beta + shift_deg for beta in RAY_ANGLES_DEG]
+    angles = [beta + shift_deg for beta in ray_angles(number)]
     row = [factor * round(math.cos(math.radians(beta)) ** exponent, 15) for beta in angles]
-    return np.tile(np.array(row + [0.0] * (LANES - RAYS)), (sensors, 1))
+    return np.tile(np.array(row + [0.0] * (LANES - number)), (sensors, 1))

@@ -9,10 +9,12 @@ from realitygap.errors import ConfigError
 from realitygap.kernels.params import RAYS
 from realitygap.world.files import Value, require
 
-__all__ = ["RESPONSES", "Ambient", "AmbientSensor", "Infrared", "ProximitySensor"]
+__all__ = ["RAY_NUMBERS", "RESPONSES", "Ambient", "AmbientSensor", "Infrared", "ProximitySensor"]
 
 RESPONSES = ("paper", "linear")
 """Laws from illumination to counts."""
+RAY_NUMBERS = (10, 16, 18, 20, 24, 27, 30, 32, 36, 40, 45, 48, 50, 54, 60)
+"""How many rays reflected light may come in by: up to six fans of eight to ten each."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,9 +78,9 @@ class Ambient(Value):
     Beyond the paper, all neutral by default: `response` "linear" reads V = dark − A, down to floor;
     direct light falls in by cos^facing of its angle; the lamp hangs `lamp_height_cm` above the
     sensors, its points drawn to its centre by the share `lamp_narrow`, and at least `lamp_proud_cm`
-    off the walls. Reflected light falls off as 1/d² (falloff 2) or 1/(d + near_cm) (falloff 1); with
+    off the walls. Reflected light falls off as 1/d² (falloff 2) or 1/√(d² + near_cm²) (falloff 1); with
     matt 1 surfaces are lit by the cosine of the angle under which light meets them (Lambert); it comes
-    in by 10, 30 or 50 rays.
+    in by 10 rays or more (RAY_NUMBERS).
     """
 
     floor: float
@@ -113,14 +115,15 @@ class Ambient(Value):
         require(self.falloff in (1.0, 2.0), "falloff", "2 (as in the paper) or 1", self.falloff)
         require(self.near_cm >= 0, "near_cm", "0 or more", self.near_cm)
         require(self.matt in (0.0, 1.0), "matt", "0 (as in the paper) or 1", self.matt)
-        require(self.rays in (10.0, 30.0, 50.0), "rays", "10 (as in the paper), 30 or 50", self.rays)
+        known = ", ".join(map(str, RAY_NUMBERS))
+        require(self.rays in RAY_NUMBERS, "rays", f"10 (as in the paper) or one of {known}", self.rays)
         for i, (floor, dark) in enumerate(self.ranges()):
             key = f"sensors[{i}].floor_shift"
             require(0 <= floor < dark <= self.top, key, "0 ≤ floor < dark ≤ top", (floor, dark))
 
     def shifts_deg(self) -> tuple[float, ...]:
-        """By how much each fan of ten rays is turned off the sensor's direction."""
-        fans = round(self.rays / RAYS)
+        """By how much each fan of at most ten rays is turned off the sensor's direction."""
+        fans = -(-round(self.rays) // RAYS)
         return tuple((i - (fans - 1) / 2) * 180.0 / self.rays for i in range(fans))
 
     def ranges(self) -> tuple[tuple[float, float], ...]:

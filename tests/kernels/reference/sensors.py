@@ -114,7 +114,7 @@ def illumination(profile: Profile, arena: Arena, pose, k: int) -> float:
         for lamp in lamps:
             cosine = incidence(lamp, end, normal_at(arena, end, ray), law.lamp_height_cm) if law.matt else 1.0
             light += cosine * light_on_surface(arena, lamp, end, body, law.lamp_height_cm)
-        reached = 1 / d**2 if law.falloff == 2 else 1 / (d + law.near_cm)
+        reached = 1 / d**2 if law.falloff == 2 else 1 / math.hypot(d, law.near_cm)
         total += light * math.cos(beta) ** law.exponent * law.reflectance * reached * 10 / len(angles)
     return total * sensor.gain
 

@@ -1,0 +1,111 @@
+"""A form's fit: what is free, where the search begins, and how it does on places held out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.calibration.rows import FOLDS, Rows
+from realitygap.calibration.solve import Fit, Free, Model, Values, solve
+
+if TYPE_CHECKING:
+    from realitygap.world.profile import Profile
+
+__all__ = ["Problem", "fit_forms", "solve_form"]
+
+Array = NDArray[np.float64]
+
+NEUTRAL = {"offset_cm": np.zeros(1), "exponent": np.ones(1)}
+SCANS_DEG, FINE_DEG, SCAN = (12.0, 3.0), (3.0, 1.0, 0.3), 17
+"""How far directions are looked for on either side, one search after another, and in how many steps:
+from nothing, and from values that are nearly right."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Problem:
+    """One form's fit: what is free, the model, the profile it starts from, whether it has to be looked
+    for step by step, and values to begin at."""
+
+    frees: list[Free]
+    model: Model
+    base: Profile
+    steep: bool = False
+    begin: Values | None = None
+
+
+def fit_forms(
+    rows: Rows, problems: Mapping[str, Problem], form: str, noise: float
+) -> tuple[dict[str, Fit], dict[str, float]]:
+    """Every form's fit, and the RMSE on places held out of the form that was asked for."""
+    fits: dict[str, Fit] = {}
+    for name, problem in problems.items():
+        fits[name] = solve_form(rows, problem, noise, intervals=name == form)
+        simpler = list(fits.values())[:-1]
+        if simpler and _lost(rows, fits[name], simpler[-1]):
+            # A sensor fell silent on the way, where nothing leads back: begin where the simpler form ended.
+            start = {f.key: NEUTRAL.get(f.key, f.start) for f in problem.frees} | simpler[-1].values
+            again = solve_form(rows, problem, noise, start=start, intervals=name == form)
+            if rows.rmse(again.model) < rows.rmse(fits[name].model):
+                fits[name] = again
+    folds, off = rows.folds(), np.zeros(rows.counts.shape)
+    for fold in range(FOLDS):
+        out = folds == fold
+        if not out.any() or out.all():
+            continue
+        some = solve_form(rows, problems[form], noise, start=fits[form].values, without=out, intervals=False)
+        off[out] = some.model[out] - rows.counts[out]
+    return fits, {form: float(np.sqrt((off[rows.use] ** 2).mean()))}
+
+
+def _lost(rows: Rows, fit: Fit, simpler: Fit) -> bool:
+    """Whether any sensor is fitted much worse than by the form before."""
+    live = rows.use.any(axis=0)
+    now, before = (np.sqrt(((one.model - rows.counts) ** 2).mean(axis=0))[live] for one in (fit, simpler))
+    return bool((now > 1.3 * before).any())
+
+
+def solve_form(
+    rows: Rows,
+    problem: Problem,
+    noise: float,
+    *,
+    start: Values | None = None,
+    without: NDArray[np.bool_] | None = None,
+    intervals: bool,
+) -> Fit:
+    use = rows.use if without is None else rows.use & ~without[:, None]
+
+    def once(begin: Values | None, intervals: bool) -> Fit:
+        return solve(
+            problem.frees, problem.model, rows.counts, noise=noise, use=use, clusters=rows.block,
+            start=begin, intervals=intervals,
+        )  # fmt: skip
+
+    if not problem.steep or without is not None:
+        return once(start or problem.begin, intervals)
+    begin = start or problem.begin
+    values: Values = begin or {f.key: f.start for f in problem.frees}
+    for reach in FINE_DEG if begin else SCANS_DEG:
+        values = once(_scan(problem, values, rows.counts, use, noise, reach), False).values
+    return once(values, intervals)
+
+
+def _scan(
+    problem: Problem, values: Values, counts: Array, use: NDArray[np.bool_], noise: float, reach: float
+) -> dict[str, Array]:
+    """The values, with each sensor's direction where it leaves least over within `reach` degrees.
+
+    Where direct light is bright a sensor's reading drops within a degree, and no derivative sees it come.
+    """
+    best, chosen = np.full(counts.shape[1], np.inf), values["direction_deg"].copy()
+    for off in np.linspace(-reach, reach, SCAN):
+        turned = {**values, "direction_deg": values["direction_deg"] + off}
+        z = np.where(use, (problem.model(turned) - counts) / noise, 0.0)
+        cost = np.sqrt(1.0 + (z / 5.0) ** 2).sum(axis=0)
+        chosen = np.where(cost < best, turned["direction_deg"], chosen)
+        best = np.minimum(cost, best)
+    return {**values, "direction_deg": chosen}

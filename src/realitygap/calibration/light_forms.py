@@ -1,0 +1,88 @@
+"""The ambient sensors' forms for recordings (§3.3): which of them there are, and which light they have."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from realitygap.calibration.forms import Problem, solve_form
+from realitygap.calibration.light import LIGHT_FORMS, LightMemory, light_frees, light_model
+from realitygap.calibration.rows import Rows
+from realitygap.world.sensors import RAY_NUMBERS
+
+if TYPE_CHECKING:
+    from realitygap.world.profile import Profile
+
+__all__ = ["AMBIENT_COUNTS", "light_problems"]
+
+AMBIENT_COUNTS = 4.5
+"""Noise that residuals are weighed by before it is measured."""
+FIRST_RAYS = 30.0
+"""By so many rays reflected light comes in while its kind is looked for: ten see a shadow in steps of 18°."""
+FEWEST_RAYS, PROMISING = 20, 3
+"""Fewer rays are not tried for a room; of the others so many are fitted."""
+
+
+def light_problems(rows: Rows, base: Profile, form: str, *, room: bool, beside: bool) -> dict[str, Problem]:
+    """The forms to be fitted.
+
+    Args:
+        form: the one that is asked for.
+        room: whether the walls are known, so that reflected light can tell something.
+        beside: whether all other forms are wanted too.
+    """
+    names = LIGHT_FORMS if beside else (form,)
+    problems = {name: _problem(name, rows, base, room=room) for name in names}
+    if room and "linear" in names:
+        flat = _problem("linear", rows, base, room=True, falloff=1.0)
+        problems["linear"] = _best(rows, [problems["linear"], flat])
+    if room and "extended" in names:
+        problems["extended"] = _best_light(rows, base, problems["extended"])
+    return problems
+
+
+def _problem(
+    form: str, rows: Rows, base: Profile, *, room: bool, falloff: float = 2.0, **light: float
+) -> Problem:
+    """A form's fit with reflected light of one kind; `light` are keys of [ambient]."""
+    law = base.ambient
+    reflectance = law.reflectance if falloff == law.falloff else law.reflectance / 30.0
+    changes = {"falloff": falloff, "reflectance": reflectance, **light}
+    start = replace(base, ambient=replace(law, **changes))  # type: ignore[arg-type]
+    memory = LightMemory()
+    return Problem(
+        frees=light_frees(form, start, rows.scenes, rows.counts, room=room),
+        model=lambda values: light_model(start, values, rows.scenes, form, memory),
+        base=start,
+        steep=room and form == "extended",
+    )
+
+
+def _best(rows: Rows, problems: Sequence[Problem]) -> Problem:
+    """Whichever leaves least over; it begins where it ended here."""
+    fits = [solve_form(rows, problem, AMBIENT_COUNTS, intervals=False) for problem in problems]
+    left = [rows.rmse(fit.model) for fit in fits]
+    k = left.index(min(left))
+    return replace(problems[k], begin=fits[k].values)
+
+
+def _best_light(rows: Rows, base: Profile, paper: Problem) -> Problem:
+    """Reflected light as the paper has it or off walls of some height, and a lamp as wide as the arena
+    has it or narrow: whichever leaves least over; and then by how many rays.
+
+    What a point of a lamp is hidden by, and what a ray meets, changes in jumps that no derivative sees:
+    so these are tried, not fitted.
+    """
+
+    def walls(narrow: float, rays: float) -> Problem:
+        return _problem(
+            "extended", rows, base, room=True, falloff=1.0, matt=1.0, lamp_narrow=narrow, rays=rays
+        )
+
+    best = _best(rows, [paper, walls(0.0, FIRST_RAYS), walls(1.0, FIRST_RAYS)])
+    if best.base.ambient.falloff == 2.0 or best.begin is None:
+        return best
+    many = [walls(best.base.ambient.lamp_narrow, n) for n in RAY_NUMBERS if n >= FEWEST_RAYS]
+    many.sort(key=lambda problem: rows.rmse(problem.model(best.begin)))  # type: ignore[arg-type]
+    return _best(rows, [replace(problem, begin=best.begin) for problem in many[:PROMISING]])

@@ -1,0 +1,71 @@
+"""All that was read of one kind of sensor: several recordings' rows, one after another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.calibration.checks import dead_sensors, refuse_swapped, refuse_units
+from realitygap.calibration.forward import scene_of
+
+if TYPE_CHECKING:
+    from realitygap.calibration.recording import SensorRecording
+    from realitygap.world.profile import Profile
+
+__all__ = ["FOLDS", "Rows"]
+
+Array = NDArray[np.float64]
+
+FOLDS = 4
+
+
+class Rows:
+    """The rows of several recordings of one kind, one after another."""
+
+    def __init__(self, recordings: Sequence[SensorRecording], base: Profile) -> None:
+        self.recordings = recordings
+        self.dead: dict[int, str] = {}
+        warned: list[str] = []
+        for recording in recordings:
+            refuse_units(recording)
+            dead = dead_sensors(recording)
+            warned += [f"{recording.source}: {reason}" for reason in dead.values()]
+            warned += refuse_swapped(recording, base, dead)
+            self.dead |= dead
+        self.warnings = tuple(warned)
+        self.counts = np.concatenate([r.counts for r in recordings])
+        self.distance = np.concatenate([r.distance_cm for r in recordings])
+        self.bearing = np.concatenate([r.bearing_deg for r in recordings])
+        self.scenes = [(f"turn_{i}_deg", scene_of(r)) for i, r in enumerate(recordings)]
+        places, first = [], 0
+        for recording in recordings:
+            places.append(recording.place() + first)
+            first = int(places[-1].max()) + 1
+        self.place = np.concatenate(places)
+        self.use = np.ones(self.counts.shape, bool)
+        self.use[:, list(self.dead)] = False
+        self.block = self._blocks()
+
+    def _blocks(self) -> NDArray[np.int64]:
+        """[n] patches of neighbouring distances and bearings: what errs, and is held out, together."""
+        known = np.isfinite(self.distance) & np.isfinite(self.bearing)
+        if not known.all() or self.recordings[0].pose is not None:
+            return self.place
+        _, rank = np.unique(self.distance, return_inverse=True)
+        thick = max(1, (int(rank.max()) + 1) // 6)
+        patch = (rank // thick) * 18 + ((self.bearing + 180.0) // 20.0).astype(np.int64)
+        of = np.concatenate([np.full(len(r.counts), i) for i, r in enumerate(self.recordings)])
+        return np.asarray(of * 10_000 + patch, np.int64)
+
+    def folds(self) -> NDArray[np.int64]:
+        """[n] which fold a row is held out with."""
+        numbers = np.unique(self.block, return_inverse=True)[1]
+        order = np.random.default_rng(0).permutation(int(numbers.max()) + 1)
+        return np.asarray(order[numbers] % FOLDS)
+
+    def rmse(self, model: Array, rows: NDArray[np.bool_] | None = None) -> float:
+        use = self.use if rows is None else self.use & rows[:, None]
+        return float(np.sqrt(((model - self.counts)[use] ** 2).mean()))

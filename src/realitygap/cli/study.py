@@ -1,0 +1,111 @@
+"""`realitygap study`: studies of a question, from the first recording to the answer."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from realitygap.cli.failure import StoppedError
+from realitygap.cli.kinds import SECONDS, Finite, Whole
+from realitygap.cli.options import as_json, evaluations_option, runs_option, seed_option, workers_option
+from realitygap.cli.output import print_json
+from realitygap.cli.progress import ProgressLine
+from realitygap.errors import RobotStoppedError, StudyInterruptedError
+
+if TYPE_CHECKING:
+    from realitygap.study.noise.config import NoiseConfig
+
+__all__ = ["study"]
+
+
+@click.group()
+def study() -> None:
+    """Answer a question with as many runs as it takes.
+
+    \b
+    Example: does a simulation as noisy as the robot cross the gap best?
+        realitygap study noise
+    """
+
+
+@study.command()
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("out/noise"),
+    show_default=True,
+    metavar="DIR",
+    help="The study's folder.",
+)
+@click.option(
+    "--levels",
+    metavar="L,L,…",
+    help="Levels of noise (1 = observed), to evolve at and to compare with [default: 0,0.5,1,2,4].",
+)
+@runs_option("Runs for each task and level, over all seed sets [default: 40].")
+@click.option(
+    "--seed-sets",
+    type=Whole(1, 100),
+    metavar="N",
+    help="Sets of runs, each with seeds of its own [default: 2].",
+)
+@click.option("--units", type=Whole(1, 100), metavar="N", help="Units of the twin [default: 3].")
+@click.option(
+    "--starts", type=Whole(2, 1000), metavar="N", help="Trials of each controller on each unit [default: 8]."
+)
+@evaluations_option
+@click.option("--twin-noise", type=Finite(0, 10), help="Dial on the twin's whole noise [default: 1].")
+@seed_option(None, " [default: 1995]")
+@click.option("--tasks", metavar="TASK|both", help="obstacle-avoidance or light-seeking [default: both].")
+@click.option("--seconds", type=SECONDS, metavar="S", help="Length of a trial [default: the task's own].")
+@workers_option
+@click.option("--resume", is_flag=True, help="Continue an interrupted study to exactly the same result.")
+@as_json
+def noise(out: Path, workers: int | None, resume: bool, json_output: bool, **options: Any) -> None:
+    """Ask which level of noise crosses the reality gap best.
+
+    Calibrates a simulation to each unit of the twin (pseudo-reality: a physics model behind the
+    robot's own serial protocol), evolves controllers in it at every level of noise, lets each drive
+    every unit from the same starts, and holds what it did there against the simulation at every
+    level. The claims that this is to judge were written down first. With --resume what is not
+    given is as it was.
+
+    \b
+    Examples: all of it; the same on a twin twice as noisy; a small one, to try
+        realitygap study noise
+        realitygap study noise --twin-noise 2 --out out/noise-2
+        realitygap study noise --levels 0,1,2 --runs 4 --units 1 --starts 4 --out out/small
+    """
+    from realitygap.report.noise import build_noise_report, noise_summary
+    from realitygap.study.noise.run import noise_study
+
+    config = _config(out, resume, options)
+    try:
+        with ProgressLine() as progress:
+            results = noise_study(out, config, workers=workers, resume=resume, on_progress=progress.noise)
+            page = build_noise_report(out, on_progress=progress.report)
+    except (KeyboardInterrupt, StudyInterruptedError, RobotStoppedError):
+        again = f"realitygap study noise --out {shlex.quote(str(out))} --resume"
+        raise StoppedError(f"stopped; what is done is kept in {out}; resume with `{again}`") from None
+    summary = noise_summary(out)
+    if json_output:
+        print_json({"study": str(out), "results": str(results), "report": str(page), **summary})
+        return
+    click.echo(f"{summary['paragraph']}\n\nresults {results}\nreport  {page}")
+
+
+def _config(out: Path, resume: bool, options: dict[str, Any]) -> NoiseConfig:
+    """The usual study with what was given; or, resumed, the one that is there."""
+    from dataclasses import replace
+
+    from realitygap.study.noise.config import CONFIG, NoiseConfig, levels_of, tasks_of
+
+    begun = NoiseConfig.from_folder(out) if resume and (out / CONFIG).is_file() else NoiseConfig()
+    given = {key: value for key, value in options.items() if value is not None}
+    for key, read in (("levels", levels_of), ("tasks", tasks_of)):
+        if key in given:
+            given[key] = read(given[key])
+    return replace(begun, **given)

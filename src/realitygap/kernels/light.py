@@ -1,0 +1,145 @@
+"""How light travels in the room (§3.3): from lamps to surfaces and sensors, and off the surfaces."""
+
+import math
+
+from realitygap.kernels.geometry import GRAZE, circle_blocks, see, segment_blocks
+from realitygap.kernels.jit import step
+from realitygap.kernels.params import LAMP_POINTS, LANES, RAYS
+
+LINEAR, FACING, HEIGHT2, FLAT, NEAR, MATT, NARROW, PROUD = 0, 1, 2, 3, 4, 5, 6, 7
+"""Places in robot.ambient_form: what goes beyond the paper, all 0 in it."""
+
+
+@step
+def look(robot, k, work):
+    """Place and direction of ambient sensor `k` in the room: (px, py, fx, fy)."""
+    x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
+    px = x + c * robot.ambient_place[k, 0] - s * robot.ambient_place[k, 1]
+    py = y + s * robot.ambient_place[k, 0] + c * robot.ambient_place[k, 1]
+    fx = c * robot.ambient_facing[k, 0] - s * robot.ambient_facing[k, 1]
+    fy = s * robot.ambient_facing[k, 0] + c * robot.ambient_facing[k, 1]
+    return px, py, fx, fy
+
+
+@step
+def lamp_point(arena, lamp, p, narrow, proud):
+    """Point `p` of a lamp, drawn towards the lamp's centre by the share `narrow`, and kept `proud` cm off
+    the room's walls: both 0 in the paper."""
+    x = arena.lamp_points[lamp, p, 0]
+    y = arena.lamp_points[lamp, p, 1]
+    x = x + narrow * (arena.lamp_centre[lamp, 0] - x)
+    y = y + narrow * (arena.lamp_centre[lamp, 1] - y)
+    return min(max(x, proud), arena.size[0] - proud), min(max(y, proud), arena.size[1] - proud)
+
+
+@step
+def light_on_surfaces(robot, arena, lamp, height2, narrow, proud, work):
+    """Direct illumination D_ij of the points where the rays end, by one lamp, into work.light.
+
+    D = (offset + Σ L_i k_i) / d², d the mean distance to the lamp's points; never below 0.
+    """
+    x, y = work.pose[0], work.pose[1]
+    for i in range(work.light.shape[0]):
+        work.light[i] = arena.lamp_offset[lamp]
+        work.far[i] = 0.0
+    for p in range(LAMP_POINTS):
+        lx, ly = lamp_point(arena, lamp, p, narrow, proud)
+        weight = arena.lamp_weights[lamp, p]
+        for i in range(work.light.shape[0]):
+            ex = lx - work.end_x[i]
+            ey = ly - work.end_y[i]
+            work.far[i] += math.sqrt(ex * ex + ey * ey + height2)
+            hidden = circle_blocks(x - work.end_x[i], y - work.end_y[i], ex, ey, robot.radius)
+            work.hidden[i] = hidden
+        hide_behind_obstacles(arena, lx, ly, work)
+        for i in range(work.light.shape[0]):
+            work.light[i] += weight * (1.0 - work.hidden[i])
+    for i in range(work.light.shape[0]):
+        d = work.far[i] * (1.0 / LAMP_POINTS)
+        work.light[i] = max(work.light[i], 0.0) / (d * d)
+
+
+@step
+def hide_behind_obstacles(arena, lx, ly, work):
+    """Mark the ray ends that cylinders and inner walls keep from the lamp point (lx, ly)."""
+    for j in range(arena.cylinders.shape[0]):
+        cx = arena.cylinders[j, 0]
+        cy = arena.cylinders[j, 1]
+        radius = arena.cylinders[j, 2]
+        for i in range(work.light.shape[0]):
+            hx = work.end_x[i]
+            hy = work.end_y[i]
+            hidden = circle_blocks(cx - hx, cy - hy, lx - hx, ly - hy, radius)
+            work.hidden[i] = max(work.hidden[i], hidden)
+    for j in range(arena.segments.shape[0]):
+        for i in range(work.light.shape[0]):
+            hx = work.end_x[i]
+            hy = work.end_y[i]
+            hidden = segment_blocks(arena, j, hx, hy, lx - hx, ly - hy)
+            work.hidden[i] = max(work.hidden[i], hidden)
+
+
+@step
+def light_on_sensor(arena, lamp, px, py, fx, fy):
+    """Direct illumination D_i of a sensor at (px, py) facing (fx, fy), by one lamp.
+
+    A point of the lamp more than 90° off the sensor's direction is behind the robot's own body.
+    """
+    total = arena.lamp_offset[lamp]
+    far = 0.0
+    for p in range(LAMP_POINTS):
+        ex = arena.lamp_points[lamp, p, 0] - px
+        ey = arena.lamp_points[lamp, p, 1] - py
+        far += math.sqrt(ex * ex + ey * ey)
+        hidden = 0.0 if ex * fx + ey * fy >= 0.0 else 1.0
+        for j in range(arena.cylinders.shape[0]):
+            wx = arena.cylinders[j, 0] - px
+            wy = arena.cylinders[j, 1] - py
+            hidden = max(hidden, circle_blocks(wx, wy, ex, ey, arena.cylinders[j, 2]))
+        for j in range(arena.segments.shape[0]):
+            hidden = max(hidden, segment_blocks(arena, j, px, py, ex, ey))
+        total += arena.lamp_weights[lamp, p] * (1.0 - hidden)
+    d = max(far * (1.0 / LAMP_POINTS), 1e-3)
+    return max(total, 0.0) / (d * d)
+
+
+@step
+def follow_rays(robot, arena, fans, work):
+    """Where the rays of all ambient sensors end, and the weight of the light reflected there.
+
+    All rays lie in one row, RAYS a sensor; a sensor's pad lanes are overwritten by the next one's
+    rays. Weights: 1.5 cos² β / d². Ends are drawn back by GRAZE, off their own wall.
+    """
+    x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
+    for k in range(robot.ambient_place.shape[0]):
+        px = x + c * robot.ambient_place[k, 0] - s * robot.ambient_place[k, 1]
+        py = y + s * robot.ambient_place[k, 0] + c * robot.ambient_place[k, 1]
+        for fan in range(k * fans, (k + 1) * fans):
+            a, b = fan * RAYS, fan * RAYS + LANES
+            ray_x, ray_y, inverse = work.ray_x[a:b], work.ray_y[a:b], work.inverse[a:b]
+            see(arena, robot.ambient_ray, fan, px, py, c, s, ray_x, ray_y, inverse)
+            for i in range(RAYS):
+                work.end_x[a + i] = px
+                work.end_y[a + i] = py
+                work.terms[a + i] = robot.ambient_weight[fan, i]
+    for i in range(work.light.shape[0]):
+        d = (1.0 - GRAZE) / work.inverse[i]
+        work.end_x[i] += work.ray_x[i] * d
+        work.end_y[i] += work.ray_y[i] * d
+    if robot.ambient_form[FLAT] > 0.0:
+        near = robot.ambient_form[NEAR]
+        for i in range(work.light.shape[0]):
+            close = near * work.inverse[i]
+            work.terms[i] *= work.inverse[i] / math.sqrt(1.0 + close * close)
+    else:
+        for i in range(work.light.shape[0]):
+            work.terms[i] *= work.inverse[i] * work.inverse[i]
+
+
+@step
+def reflected_light(a, work):
+    """Σ_j D_ij cos² β_ij · 1.5 / d_ij² over a fan's rays from lane `a`, outermost pairs first."""
+    t = work.far[a : a + RAYS]
+    for i in range(RAYS):
+        t[i] = work.light[a + i] * work.terms[a + i]
+    return (t[0] + t[9]) + (t[1] + t[8]) + ((t[2] + t[7]) + (t[3] + t[6])) + (t[4] + t[5])

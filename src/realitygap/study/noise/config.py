@@ -1,0 +1,155 @@
+"""What a study of the level of noise is to do: every setting that its results depend on."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Self
+
+from realitygap.errors import ConfigError, StudyError
+from realitygap.study.settings import whole
+from realitygap.tasks.load import TASKS, load_task
+from realitygap.world.files import Value, build, require
+from realitygap.world.files import to_toml as write_toml
+from realitygap.world.noise import noise_level
+
+__all__ = ["CONFIG", "NoiseConfig", "levels_of", "tasks_of"]
+
+CONFIG = "noise-study.toml"
+"""In the study's folder."""
+
+LARGEST_SEED = 2**63 - 1
+LOUDEST = 10.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseConfig(Value):
+    """The whole design.
+
+    Attributes:
+        levels: of noise: controllers evolve at each, and are compared with the simulation at each.
+        runs: controllers of each task and level, over all seed sets.
+        seed_sets: sets of runs with seeds of their own: each is a study for itself.
+        units: of the twin, 1 to this; a simulation is calibrated to each.
+        starts: of each controller on each unit.
+        evaluations: of each run.
+        twin_noise: the dial on the twin's noise.
+        seed: everything random follows from it.
+        tasks: the paper's, one or both: the score's exemplars are theirs.
+        seconds: length of a trial; the task's own if None.
+
+    Raises:
+        ConfigError: names the key, what was expected and what came.
+    """
+
+    levels: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0, 4.0)
+    runs: int = 40
+    seed_sets: int = 2
+    units: int = 3
+    starts: int = 8
+    evaluations: int = 1000
+    twin_noise: float = 1.0
+    seed: int = 1995
+    tasks: tuple[str, ...] = TASKS
+    seconds: float | None = None
+
+    def _check(self) -> None:
+        for key, largest in (("runs", 10**4), ("seed_sets", 100), ("units", 100), ("evaluations", 10**9)):
+            whole(key, getattr(self, key), 1, largest)
+        whole("starts", self.starts, 2, 1000)  # one start is not enough to compare by
+        whole("seed", self.seed, 0, LARGEST_SEED)
+        object.__setattr__(self, "levels", tuple(sorted(noise_level(level) for level in self.levels)))
+        different = len(set(self.levels)) == len(self.levels) >= 2
+        require(different, "levels", "two or more, all different", list(self.levels))
+        cure = f"Give a multiple of {self.seed_sets}."
+        require(self.runs % self.seed_sets == 0, "runs", f"as many in each of {self.seed_sets} seed sets",
+                self.runs, cure)  # fmt: skip
+        loud = f"a number from 0 to {LOUDEST:g} (1: as noisy as the robot's own)"
+        require(0 <= self.twin_noise <= LOUDEST, "twin_noise", loud, self.twin_noise)
+        known = bool(self.tasks) and len(set(self.tasks)) == len(self.tasks) and set(self.tasks) <= set(TASKS)
+        require(known, "tasks", f"different ones of {', '.join(TASKS)}", list(self.tasks))
+        if self.seconds is not None:
+            object.__setattr__(self, "seconds", _seconds(self.seconds))
+
+    @property
+    def runs_in_set(self) -> int:
+        """Runs of a task and level in one seed set."""
+        return self.runs // self.seed_sets
+
+    @property
+    def controllers(self) -> int:
+        """Runs in all."""
+        return self.runs * len(self.levels) * len(self.tasks)
+
+    @property
+    def twin_trials(self) -> int:
+        """Trials on the twin."""
+        return self.controllers * self.units * self.starts
+
+    def to_dict(self) -> dict[str, Any]:
+        """The settings, keys as in their file; what is None is left out."""
+        plain = {f.name: getattr(self, f.name) for f in fields(self)}
+        listed = {key: list(v) if isinstance(v, tuple) else v for key, v in plain.items()}
+        return {key: value for key, value in listed.items() if value is not None}
+
+    def to_toml(self) -> str:
+        """The settings as a file, which reads back to equal ones."""
+        return write_toml(self.to_dict())
+
+    @classmethod
+    def from_dict(cls, table: Mapping[str, Any]) -> Self:
+        """From a dictionary with a file's keys (`versions`, which a study adds, is left out)."""
+        return build(cls, {key: value for key, value in table.items() if key != "versions"})
+
+    @classmethod
+    def from_folder(cls, folder: Path) -> Self:
+        """The settings that the study in a folder was made with.
+
+        Raises:
+            StudyError: no such study there.
+            ConfigError: its file is broken.
+        """
+        path = folder / CONFIG
+        try:
+            return cls.from_dict(tomllib.loads(path.read_text("utf-8")))
+        except FileNotFoundError:
+            cure = "Give the folder of `realitygap study noise`."
+            raise StudyError(
+                f"{folder}: no study of the level of noise there ({CONFIG} is missing). {cure}"
+            ) from None
+        except OSError as error:
+            raise StudyError(f"{path}: cannot be read ({error.strerror}). Check its rights.") from None
+        except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            raise ConfigError(f"{path}: not a TOML file: {error}. Restore it from a copy.") from None
+        except ConfigError as error:
+            raise ConfigError(f"{path}: {error}") from None
+
+
+def levels_of(text: str) -> tuple[float, ...]:
+    """Noise levels as a person types them: "0,0.5,observed,2".
+
+    Raises:
+        ConfigError: names the one that is none.
+    """
+    return tuple(noise_level(part) for part in text.split(","))
+
+
+def tasks_of(text: str) -> tuple[str, ...]:
+    """The tasks that a person means: "both", or a paper's task by its name or a word of it.
+
+    Raises:
+        TaskError: names the one that is none.
+    """
+    return TASKS if text == "both" else tuple(load_task(word).name for word in text.split(","))
+
+
+def _seconds(value: object) -> float:
+    """A trial's length: whole steps, and long enough to be compared."""
+    number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    steps = round(float(value) * 10) if number else 0  # type: ignore[arg-type]
+    exact = number and abs(steps / 10 - float(value)) < 1e-6  # type: ignore[arg-type]
+    require(exact and steps >= 20, "seconds", "a multiple of 0.1 from 2 on", value)
+    return steps / 10

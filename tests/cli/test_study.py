@@ -1,0 +1,65 @@
+"""`study noise`: from words to tables, refusals, Ctrl-C."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from tests.study.noise_parts import quick_units
+
+from realitygap.study.noise.config import NoiseConfig
+
+SMALL = (
+    "--levels", "0,1", "--runs", 2, "--seed-sets", 2, "--units", 1, "--starts", 2, "--evaluations", 40,
+    "--seconds", 2, "--tasks", "avoidance", "--workers", 1,
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def units():
+    """Units that need neither recordings nor a twin."""
+    with quick_units() as patch:
+        yield patch
+
+
+def test_noise_comes_to_tables_and_a_report(units, json_of, call, refused, tmp_path):
+    """The command makes the study that its options say; --json has a paragraph and where things are."""
+    out = tmp_path / "study"
+    told = json_of("study", "noise", "--out", out, *SMALL)
+    assert told["study"] == str(out) and told["paragraph"]
+    assert (out / "results" / "cells.csv").is_file() and Path(told["report"]).exists()
+    made = NoiseConfig.from_folder(out)
+    assert made == NoiseConfig(
+        levels=(0, 1), runs=2, seed_sets=2, units=1, starts=2, evaluations=40, seconds=2.0,
+        tasks=("obstacle-avoidance",),
+    )  # fmt: skip
+    again = call("study", "noise", "--out", out, "--resume")  # what is not given is as it was
+    assert again.exit_code == 0 and told["paragraph"].split()[0] in again.stdout
+    assert "--resume" in refused("study", "noise", "--out", out, *SMALL)
+    other = refused("study", "noise", "--out", out, *SMALL, "--resume", "--seed", 7)
+    assert "made with seed = 1995, not 7" in other
+
+
+def test_what_cannot_be_done_is_refused(refused, tmp_path):
+    """Wrong levels, runs that do not divide, a task that is none: one line, before any work."""
+    out = ("study", "noise", "--out", tmp_path / "study")
+    assert "got 'loud'" in refused(*out, "--levels", "0,loud")
+    assert "Give a multiple of 2" in refused(*out, "--runs", 5)
+    assert "unknown task 'football'" in refused(*out, "--tasks", "football")
+    assert "--starts" in refused(*out, "--starts", 1)
+    assert not (tmp_path / "study").exists()
+
+
+def test_ctrl_c_says_how_to_go_on(units, call, tmp_path):
+    """Stopped by Ctrl-C the command says so in a line, with the command that goes on; exit code 130."""
+    import realitygap.study.situated
+
+    def stopped(*_, **__):
+        raise KeyboardInterrupt
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(realitygap.study.situated.Stand, "drive", stopped)
+        result = call("study", "noise", "--out", tmp_path / "study", *SMALL)
+    assert result.exit_code == 130 and result.stdout == ""
+    last = result.stderr.splitlines()[-1]
+    assert last.startswith("stopped; what is done is kept in") and "--resume" in last

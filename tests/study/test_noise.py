@@ -1,0 +1,253 @@
+"""The study of the level of noise: its design, its tables, interruptions, refusals."""
+
+from __future__ import annotations
+
+import csv
+import math
+import shutil
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from realitygap.errors import ConfigError, LineError, StudyBusyError, StudyError, StudyInterruptedError
+from realitygap.study.folder import lock
+from realitygap.study.load import load_study
+from realitygap.study.noise.config import NoiseConfig, levels_of, tasks_of
+from realitygap.study.noise.plan import controllers, evolved_folder, situated_file
+from realitygap.study.noise.run import noise_study
+from realitygap.study.noise.situated import read_situated
+from realitygap.study.noise.stage import Stage
+from tests.study.noise_parts import SimulatedStand, quick_units, tables, tiny
+
+
+@pytest.fixture(scope="module")
+def units():
+    """Quick units for all tests of this file."""
+    with quick_units() as patch:
+        yield patch
+
+
+@pytest.fixture(scope="module")
+def done(units, tmp_path_factory) -> Path:
+    """The folder of a finished tiny study; tests leave it as it is."""
+    folder = tmp_path_factory.mktemp("noise") / "study"
+    noise_study(folder, tiny(), workers=1)
+    return folder
+
+
+def rows(folder: Path, name: str) -> list[dict[str, str]]:
+    with (folder / "results" / name).open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_design_is_crossed():
+    """Every controller is there once; the runs of a set take turns with the units; sets are alike."""
+    config = NoiseConfig()
+    every = controllers(config)
+    assert len(every) == len({one.name for one in every}) == config.controllers == 400
+    assert config.twin_trials == 9600
+    first = [one for one in every if (one.task, one.seed_set, one.level) == ("light-seeking", 1, 0.5)]
+    assert sorted((one.run, one.home) for one in first)[:4] == [(1, 1), (2, 2), (3, 3), (4, 1)]
+    assert len(first) == 20
+
+
+def test_every_controller_meets_every_level(done):
+    """cells.csv has each controller at each level; controllers.csv has each once, with its home."""
+    made, cells = rows(done, "controllers.csv"), rows(done, "cells.csv")
+    who = ("task", "seed_set", "run", "evolved_level")
+    assert len(made) == 8 and len(cells) == 16
+    assert [[row[key] for key in who] for row in made for _ in (0, 1)] == [[r[k] for k in who] for r in cells]
+    assert [row["comparison_level"] for row in cells] == ["0", "1"] * 8
+    assert [row["home_unit"] for row in made] == ["1", "2"] * 4
+    for row in cells:
+        assert 0 <= float(row["score"]) <= 10 and math.isfinite(float(row["noisiness"]))
+    for row in made:
+        same = [cell for cell in cells if all(cell[key] == row[key] for key in who)]
+        own = [cell for cell in same if cell["comparison_level"] == row["evolved_level"]]
+        assert own[0]["fitness_simulated"] == row["fitness_simulated"]
+        drop = float(row["fitness_simulated"]) - float(row["fitness_situated"])
+        assert float(row["drop"]) == pytest.approx(drop, abs=1e-4 * float(row["fitness_simulated"]))
+        of_units = [float(row[f"fitness_situated_unit_{u}"]) for u in (1, 2)]
+        assert float(row["fitness_situated"]) == pytest.approx(sum(of_units) / 2, rel=1e-4)
+
+
+def test_the_settings_and_the_calibration_are_told(done):
+    """study.toml has the settings, the command and the versions; calibration.csv a row a channel."""
+    told = tomllib.loads((done / "results" / "study.toml").read_text())
+    assert NoiseConfig.from_folder(done) == tiny()
+    assert told["levels"] == [0, 1] and told["twin_trials"] == 48 and told["versions"]["mujoco"]
+    assert told["command"].startswith("realitygap study noise --levels 0,1 --runs 2 --seed-sets 1 --units 2")
+    assert list(told["seconds"]) == ["calibrate", "evolve", "situated", "simulated"]
+    assert [(row["unit"], row["channel"], row["ratio"]) for row in rows(done, "calibration.csv")] == [
+        ("1", "infrared", "0.45"), ("2", "infrared", "0.45"),
+    ]  # fmt: skip
+
+
+def test_all_levels_are_compared_on_the_same_starts(done):
+    """Controllers of a task start from the same places on every unit; no two trials share a stream."""
+    stage = Stage(done, tiny())
+    kept = [(one, read_situated(stage, one)) for one in controllers(tiny())]
+    for one, paths in kept:
+        starts = [(pose.x, pose.y) for pose in stage.starts(one.task, one.seed_set)]
+        for of_unit in paths.poses[:, :, 0, :2]:
+            assert of_unit == pytest.approx(np.array(starts), abs=1e-9)
+    streams = np.concatenate([paths.streams.ravel() for _, paths in kept])
+    assert len(np.unique(streams)) == len(streams) == 48
+
+
+def test_a_controller_keeps_its_bands_on_every_robot(done):
+    """In the simulation of another unit a network is fed as its home made it; the rest is the unit's."""
+    stage = Stage(done, tiny())
+    worn = stage.simulation("obstacle-avoidance", 2, 1, 1.0).profile
+    assert worn.name == "unit 2"
+    assert worn.infrared.bands == stage.profile(1).infrared.bands != stage.profile(2).infrared.bands
+
+
+def test_home_seeds_differ(done):
+    """No two studies of evolution begin alike: each has a seed and a profile of its own."""
+    made = [load_study(evolved_folder(done, 1, unit)) for unit in (1, 2)]
+    assert made[0].config.seed != made[1].config.seed
+    assert [study.profile.name for study in made] == ["unit 1", "unit 2"]
+    assert not np.array_equal(made[0].genotypes(1)[0], made[1].genotypes(1)[0])
+
+
+def test_a_study_that_is_stopped_in_every_phase_comes_to_the_same_bits(done, units, tmp_path):
+    """Ctrl-C at any moment, and half a file of a killed process, change nothing; files are kept."""
+    folder = tmp_path / "study"
+    for moment in (3, 5, 9, 14):
+        events = iter(range(1000))
+
+        def stop(event, events=events, moment=moment):
+            if next(events) == moment:
+                raise KeyboardInterrupt
+
+        with pytest.raises(StudyInterruptedError, match="kept"):
+            noise_study(folder, tiny(), workers=1, resume=(folder / "noise-study.toml").is_file(),
+                        on_progress=stop)  # fmt: skip
+    (folder / "situated").mkdir(exist_ok=True)
+    half = situated_file(folder, controllers(tiny())[-1]).with_suffix(".99.part")
+    half.write_bytes(b"half a")
+    results = noise_study(folder, None, workers=1, resume=True)
+    assert tables(results) == tables(done / "results")
+
+
+def test_a_finished_study_is_only_gathered_again(done, units, tmp_path):
+    """Resumed when all is done, nothing is made again, and the tables are the same."""
+    copy = Path(shutil.copytree(done, tmp_path / "copy"))
+    times = {path: path.stat().st_mtime_ns for path in copy.rglob("*.npz")}
+    assert tables(noise_study(copy, tiny(), resume=True)) == tables(done / "results")
+    assert {path: path.stat().st_mtime_ns for path in copy.rglob("*.npz")} == times
+
+
+def test_trials_that_the_camera_lost_are_left_out_and_counted(done, units, tmp_path):
+    """A lost trial is taken from both sides; a controller that is lost all over has no score."""
+    copy = Path(shutil.copytree(done, tmp_path / "copy"))
+    shutil.rmtree(copy / "simulated")
+    first, second = controllers(tiny())[:2]
+    for one, lost in ((first, np.s_[0, 1, 5:]), (second, np.s_[:, :, 5:])):
+        file = situated_file(copy, one)
+        with np.load(file) as kept:
+            poses, streams = kept["poses"], kept["streams"]
+        poses[lost] = np.nan
+        np.savez(file, poses=poses, streams=streams)
+    noise_study(copy, tiny(), workers=1, resume=True)
+    made = {(r["task"], r["run"], r["evolved_level"]): r for r in rows(copy, "controllers.csv")}
+    keys = [(one.task, str(one.run), f"{one.level:g}") for one in (first, second)]
+    assert [made[key]["trials"] for key in keys] == ["5", "0"]
+    assert made[keys[1]]["fitness_situated"] == made[keys[1]]["drop"] == ""
+    told = tomllib.loads((copy / "results" / "study.toml").read_text())
+    assert told["twin_trials_lost"] == 7
+
+
+def test_a_line_that_is_lost_is_taken_up_again(done, units, tmp_path):
+    """A trial whose line is lost is begun again and comes to the same bits; not for ever."""
+    copy = Path(shutil.copytree(done, tmp_path / "copy"))
+    first = controllers(tiny())[0]
+    lost = iter([True, True, False, True, True, True])
+
+    class Bad(SimulatedStand):
+        def drive(self, *words, **settings):
+            if next(lost, False):
+                raise LineError("no answer")
+            return super().drive(*words, **settings)
+
+    before = situated_file(copy, first).read_bytes()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("realitygap.study.situated.Stand", Bad)
+        situated_file(copy, first).unlink()
+        with pytest.raises(LineError):
+            noise_study(copy, tiny(), workers=1, resume=True)
+        noise_study(copy, tiny(), workers=1, resume=True)
+    assert situated_file(copy, first).read_bytes() == before
+
+
+def test_progress_ends_with_nothing_left(units, tmp_path):
+    """Each phase tells how far it is, and at the end no time is left."""
+    heard = []
+    noise_study(tmp_path / "study", tiny(tasks=("obstacle-avoidance",)), workers=1, on_progress=heard.append)
+    phases = list(dict.fromkeys(event.phase for event in heard))
+    assert phases == [
+        "calibrating to the units", "evolving", "on the twin", "comparing with the simulations",
+    ]  # fmt: skip
+    for phase in phases:
+        of_phase = [event for event in heard if event.phase == phase]
+        assert of_phase[-1].done == of_phase[-1].total
+        assert [event.done for event in of_phase] == sorted(event.done for event in of_phase)
+    assert heard[-1].seconds_left in (None, 0.0)
+
+
+def test_other_settings_are_refused_by_their_key(done):
+    """A study goes on only with the settings that it was made with."""
+    with pytest.raises(StudyError, match=r"made with starts = 3, not 4\. Leave it as it was"):
+        noise_study(done, tiny(starts=4), resume=True)
+    with pytest.raises(StudyError, match=r"levels = \[0.0, 1.0\], not \[0.0, 1.0, 2.0\]"):
+        noise_study(done, tiny(levels=(2, 0, 1)), resume=True)
+    with pytest.raises(StudyError, match=r"already holds a finished study .*--resume"):
+        noise_study(done, tiny())
+
+
+def test_a_folder_with_something_else_is_refused(tmp_path):
+    """Neither other files nor an empty folder are taken for a study."""
+    with pytest.raises(StudyError, match="no study of the level of noise there"):
+        noise_study(tmp_path / "none", None, resume=True)
+    (tmp_path / "letters.txt").write_text("dear")
+    with pytest.raises(StudyError, match=r"but other files \(letters.txt\)"):
+        noise_study(tmp_path, tiny())
+
+
+def test_a_second_process_is_refused(done):
+    """Whoever comes while another works on the folder is told so."""
+    with lock(done), pytest.raises(StudyBusyError, match="working on this study"):
+        noise_study(done, tiny(), resume=True)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ({"runs": 3, "seed_sets": 2}, r"runs: .* each of 2 seed sets, got 3\. Give a multiple of 2"),
+        ({"levels": (1, 1)}, "levels: expected two or more, all different"),
+        ({"levels": (0, 99)}, "noise: expected .* from 0 to 10"),
+        ({"starts": 1}, "starts: expected a whole number from 2"),
+        ({"units": 0}, "units: expected a whole number from 1"),
+        ({"twin_noise": 11.0}, "twin_noise: expected a number from 0 to 10"),
+        ({"tasks": ()}, "tasks: expected different ones of obstacle-avoidance, light-seeking"),
+        ({"seconds": 1.0}, r"seconds: expected a multiple of 0\.1 from 2 on, got 1\.0"),
+        ({"seed": -1}, "seed: expected a whole number, 0 or more"),
+    ],
+)
+def test_wrong_settings_are_refused_by_name(wrong, says):
+    """A setting that makes no sense is refused: what was expected, and what came."""
+    with pytest.raises(ConfigError, match=says):
+        tiny(**wrong)
+
+
+def test_levels_and_tasks_are_read_as_they_are_typed():
+    """Levels by name or number, sorted; tasks by a word; a study's file reads back to an equal one."""
+    assert levels_of("0, observed,0.25") == (0.0, 1.0, 0.25)
+    assert NoiseConfig(levels=levels_of("4,zero")).levels == (0.0, 4.0)
+    assert tasks_of("both") == ("obstacle-avoidance", "light-seeking")
+    assert tasks_of("light") == ("light-seeking",)
+    config = tiny(twin_noise=2.0)
+    assert NoiseConfig.from_dict(tomllib.loads(config.to_toml())) == config
