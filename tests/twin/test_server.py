@@ -84,10 +84,10 @@ def test_another_baud_rate_is_noise(bench: Bench) -> None:
 def test_the_channel_refuses_what_it_does_not_know(bench: Bench) -> None:
     """With one line each, and goes on."""
     twin = bench.twin()
-    answers = channel(twin, "fly", "place 1 2", "run x", "film /nowhere/at/all", "run 0 0 0")
+    answers = channel(twin, "fly", "place 1 2", "run x", "film /nowhere/at/all", "run 0 0 0", "renew it")
     assert answers[0] == "error expected run, place, film, renew or quit; got 'fly'"
     assert all(answer.startswith("error") for answer in answers[1:4])
-    assert answers[4] == "at 0 0"
+    assert answers[4] == "at 0 0" and answers[5].startswith("error")
 
 
 def test_a_clock_for_a_real_time_twin_is_refused(bench: Bench) -> None:
@@ -113,6 +113,33 @@ def test_virtual_time_stands_until_it_is_let_go(bench: Bench, tmp_path: Path) ->
     assert {(row["x_cm"], row["y_cm"], row["heading_deg"]) for row in rows} == {
         ("11.000000", "12.000000", "28.647890")
     }
+
+
+def test_a_renewed_twin_is_a_fresh_one(bench: Bench) -> None:
+    """Whatever the one before did, read or left on the line: banner, time, counters, place and noise
+    are those of a process started with the new seed, and so is every bit of the conversation."""
+
+    def life(twin: TwinProcess) -> tuple[object, ...]:
+        clock = VirtualClock(twin.channel)
+        khepera = bench.khepera(twin.device, clock)
+        said = [khepera.banner, khepera.counters(), khepera.proximity()]
+        khepera.command(7, -2)
+        clock.sleep_until(clock.now() + 0.7)
+        said += [khepera.ambient(), khepera.counters(), khepera.speeds(), clock.now()]
+        khepera.line.tell(b"N\nH\nD,1")  # left half said, its answers unheard
+        clock.sleep_until(clock.now() + 0.1)
+        clock.settle()
+        khepera.abandon()
+        clock.close()
+        return tuple(said)
+
+    for body in (BODY, "realitygap.twin.body:TwinBody"):
+        fresh = [life(bench.twin(seed=seed, body=body)) for seed in (4, 9)]
+        twin = bench.twin(seed=4, body=body)
+        one, two = life(twin), (twin.renew(9), life(twin))[1]
+        assert [one, two] == fresh and one != two
+        twin.renew(4)
+        assert life(twin) == one
 
 
 def test_a_twin_ends_with_its_parent(bench: Bench, tmp_path: Path) -> None:

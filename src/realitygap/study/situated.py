@@ -35,9 +35,7 @@ from realitygap.values import Pose, Readings
 from realitygap.world.profile import Profile
 
 if TYPE_CHECKING:
-    from realitygap.film.camera import CameraModel
-    from realitygap.film.track import Track
-    from realitygap.twin.camera import OverheadCamera
+    from realitygap.study.transfer_film import Watcher
     from realitygap.twin.process import TwinProcess
     from realitygap.twin.states import States
 
@@ -45,9 +43,6 @@ __all__ = ["Driven", "SituatedPath", "Stand", "driven"]
 
 TWIN_NOISE = 2
 """Name of the stream that a twin unit's noise is drawn from, under the trial's."""
-
-DRAWN = "drawn"
-"""How the camera that only watches gets its frames: the same bits on every computer."""
 
 Floats = NDArray[np.float64]
 
@@ -137,8 +132,7 @@ class Stand:
         self.camera_file = Path(folder_for_camera) / name if camera_file is None else camera_file
         self._arena = task.arena.plain()
         self._twin: TwinProcess | None = None
-        self._camera: CameraModel | None = None
-        self._eye: OverheadCamera | None = None
+        self._watcher: Watcher | None = None
 
     def drive(
         self, genes: Any, layout: Layout, stream: int, pose: Pose, seconds: float | None = None
@@ -160,7 +154,8 @@ class Stand:
         with tempfile.TemporaryDirectory(prefix="realitygap-sealed-") as folder:
             sealed = Path(folder) / "sealed.csv"
             recording = self.on_line(genes, layout, stream, pose, length, sealed=sealed).recording
-            table = of_track(self.watch(self.states(sealed, length), stream), round(length / STEP_S))
+            track = self.watcher.track(self.states(sealed, length), stream)
+        table = of_track(track, round(length / STEP_S))
         heading = np.radians(table["heading_deg"])
         return SituatedPath(
             t_s=table["t_s"],
@@ -183,9 +178,9 @@ class Stand:
         sealed: Path | None = None,
     ) -> Driven:
         """The drive alone; where the robot was goes into the file `sealed`, for the camera."""
-        twin = self._fresh(int(substream(np.uint64(stream), np.uint64(TWIN_NOISE))))
         settings: dict[str, Any] = {"task": self.task, "profile": self.profile, "seconds": seconds}
         try:
+            twin = self._fresh(int(substream(np.uint64(stream), np.uint64(TWIN_NOISE))))
             with closing(VirtualClock(twin.channel)) as clock:
                 khepera = Khepera.connect(twin.device, baud=self.baud, clock=clock)
                 try:
@@ -213,38 +208,20 @@ class Stand:
         in_time = states.time_ms <= states.time_ms[0] + round(seconds * 1000)
         return States(states.time_ms[in_time], states.pose[in_time])
 
-    def watch(self, states: States, stream: int) -> Track:
-        """The track of a drive, by the camera above and the tracker."""
-        from realitygap.study.transfer_film import watched
-        from realitygap.twin.camera import OverheadCamera
-
-        if self._eye is None:
-            self._eye = OverheadCamera(self._arena, unit=self.unit, noise=self.twin_noise, view=DRAWN)
-        return watched(states, self.camera(), eye=self._eye, first=stream)
-
     @property
-    def view(self) -> str:
-        """How the watching camera's frames are made, in words."""
-        assert self._eye is not None
-        return str(self._eye.metadata["view"])
+    def watcher(self) -> Watcher:
+        """The camera above, which is calibrated when it is first needed."""
+        from realitygap.study.transfer_film import Watcher
 
-    def camera(self) -> CameraModel:
-        """The camera over the arena, calibrated when it is first needed.
-
-        Raises:
-            FilmError: no camera explains what is seen.
-        """
-        from realitygap.study.transfer_film import calibrated
-
-        if self._camera is None:
-            self._camera = calibrated(
+        if self._watcher is None:
+            self._watcher = Watcher(
                 self.camera_file,
                 self.task.arena,
                 unit=self.unit,
                 noise=self.twin_noise,
                 radius_cm=self.profile.body.radius_cm,
             )
-        return self._camera
+        return self._watcher
 
     def _fresh(self, seed: int) -> TwinProcess:
         """The unit as a process of its own would make it: no trial leaves it a trace."""
@@ -260,9 +237,7 @@ class Stand:
     def close(self) -> None:
         """End the process and the camera."""
         self._leave()
-        if self._eye is not None:
-            self._eye.close()
-            self._eye = None
+        self._watcher = None
 
     def _leave(self) -> None:
         if self._twin is not None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,11 +32,11 @@ __all__ = [
     "TAILS",
     "TRACK",
     "WATCH_FPS",
+    "Watcher",
     "calibrated",
     "film_and_track",
     "keep_film",
     "known_poses",
-    "watched",
 ]
 
 FPS, WATCH_FPS = 25, 10
@@ -109,29 +110,59 @@ def calibrated(file: Path, arena: Arena, *, unit: int, noise: float, radius_cm: 
     return camera
 
 
-def watched(states: States, camera: CameraModel, *, eye: OverheadCamera, first: int) -> Track:
-    """The track of recorded states as the camera above sees them, ten times a second; no film is kept.
+class Watcher:
+    """The camera over a unit's arena, which watches trials and keeps no film.
 
     Of each frame only what the tracker looks at is made: a window where it saw the robot last, or all of
-    it. The track is that of whole frames, to the last bit. `first` is the first frame's number, which
-    names its pixels' noise.
+    it. The track is that of whole frames, to the last bit.
+
+    Args:
+        file: keeps the camera's calibration.
+        arena: what it looks at.
+        unit: whose arena.
+        noise: the dial on the twin's noise.
+        radius_cm: of the robot's body.
+
+    Raises:
+        FilmError: no camera explains what is seen.
     """
-    from realitygap.film.disk import load_disk
-    from realitygap.film.tracker import Tracker
 
-    seen = np.zeros((camera.height_px, camera.width_px), np.uint8)
-    whole = (slice(0, camera.height_px), slice(0, camera.width_px))
+    def __init__(self, file: Path, arena: Arena, *, unit: int, noise: float, radius_cm: float) -> None:
+        self.camera = calibrated(file, arena, unit=unit, noise=noise, radius_cm=radius_cm)
+        self._arena, self._unit, self._noise = arena.plain(), unit, noise
 
-    def look(show: Callable[[Window], Any]) -> Look:
+    @cached_property
+    def _eye(self) -> OverheadCamera:
+        from realitygap.twin.camera import OverheadCamera
+
+        return OverheadCamera(self._arena, unit=self._unit, noise=self._noise, view="drawn")
+
+    @property
+    def view(self) -> str:
+        """How its frames are made, in words."""
+        return str(self._eye.metadata["view"])
+
+    def track(self, states: States, stream: int) -> Track:
+        """The track of recorded states as the camera sees them, ten times a second.
+
+        `stream` is the first frame's number, which names its pixels' noise.
+        """
+        from realitygap.film.disk import load_disk
+        from realitygap.film.tracker import Tracker
+
+        frames = self._eye.looks(states, fps=WATCH_FPS, first=stream)
+        return Tracker(self.camera, load_disk()).follow((t_s, self._look(show)) for t_s, show in frames)
+
+    def _look(self, show: Callable[[Window], Any]) -> Look:
+        height, width = self.camera.height_px, self.camera.width_px
+        seen = np.empty((height, width), np.uint8)
+
         def at(window: Window | None) -> Any:
-            part = whole if window is None else window
+            part = (slice(0, height), slice(0, width)) if window is None else window
             seen[part] = _grey(show(part))
             return seen
 
         return at
-
-    frames = eye.looks(states, fps=WATCH_FPS, first=first)
-    return Tracker(camera, load_disk()).follow((t_s, look(show)) for t_s, show in frames)
 
 
 def film_and_track(

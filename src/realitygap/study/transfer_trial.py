@@ -81,6 +81,10 @@ class Stage:
             )
         return self._stands[key]
 
+    def calibrate(self, one: Situation) -> None:
+        """The camera over the arena of a trial on the twin."""
+        self.stand(one).watcher  # noqa: B018 - it is calibrated when it is first asked for
+
     def close(self) -> None:
         """End the twins."""
         for stand in self._stands.values():
@@ -172,9 +176,9 @@ class Stage:
             with OverheadCamera(self.study.task(one.task).arena.plain(), **settings) as eye:
                 facts["view"] = eye.metadata["view"]
                 about = {"run": one.name, "start": one.start}
-                return film_and_track(folder, states, stand.camera(), eye=eye, facts=about, tell=tell)
-        track = stand.watch(states, one.stream)
-        facts["view"] = stand.view
+                return film_and_track(folder, states, stand.watcher.camera, eye=eye, facts=about, tell=tell)
+        track = stand.watcher.track(states, one.stream)
+        facts["view"] = stand.watcher.view
         track.write_csv(folder / TRACK)
         return track
 

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 __all__ = ["OnProgress", "TransferProgress", "by_hand", "on_twins"]
 
 CALIBRATION_COST = 6.0
-DRIVE_COST, DRIVE_COST_S = 0.6, 0.03
-FILM_COST_S, WATCH_COST_S = 0.8, 0.08
-"""About how long things take, s: a twin's start, a second of its time, of film, of being watched."""
+DRIVE_COST, DRIVE_COST_S = 0.05, 0.03
+FILM_COST_S, WATCH_COST_S = 0.8, 0.025
+"""About how long things take, s: to get a unit ready, a second of its time, of film, of being watched."""
 
 EVERY_S = 0.2
 
@@ -156,7 +156,7 @@ def _carry_out(stage: Stage, job: Job, tell: Callable[[float], None]) -> Done:
 
     with told(stage.study.folder / one.folder):
         if job.calibration:
-            stage.stand(one).camera()
+            stage.calibrate(one)
         else:
             stage.on_twin(one, share)
     return Done(job.cost - told_cost, not job.calibration)

@@ -220,8 +220,9 @@ class TwinBody:
 
     def truth(self) -> tuple[float, float, float]:
         """x, y (cm) and heading (rad, −π to π) as they are: for tests and the sealed file only."""
-        pose = self._qpos[:7]
-        return float(pose[0]) * 100.0, float(pose[1]) * 100.0, float(heading_of(pose))
+        px, py, _, w, x, y, z = self._qpos[:7].tolist()
+        heading = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        return px * 100.0, py * 100.0, float(heading)
 
     def states(self) -> States:
         """Everything recorded so far, a state each 10 ms and at each placing."""

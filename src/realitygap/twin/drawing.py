@@ -18,7 +18,8 @@ from realitygap.twin.lens import HEIGHT, WIDTH, Lens
 from realitygap.twin.model import BODY_RADIUS, BODY_TOP, WALL_HEIGHT
 
 __all__ = [
-    "DISK_HEIGHT", "DISK_RADIUS", "FRONT_AHEAD", "FRONT_RADIUS", "MIDDLE_RADIUS", "WHOLE", "Drawing", "Window",
+    "DISK_HEIGHT", "DISK_RADIUS", "FRONT_AHEAD", "FRONT_RADIUS", "MIDDLE_RADIUS", "WHOLE",
+    "Drawing", "Window",
 ]  # fmt: skip
 
 Array = NDArray[np.float32]
@@ -59,7 +60,8 @@ class Drawing:
         grid = np.meshgrid(columns, rows)
         floor, slope = lens.floor(*grid)
         # [2, ...]: x and y apart, each in one piece
-        self._floor, self._slope = (np.moveaxis(a, -1, 0).astype(np.float32, order="C") for a in (floor, slope))
+        self._floor = np.moveaxis(floor, -1, 0).astype(np.float32, order="C")
+        self._slope = np.moveaxis(slope, -1, 0).astype(np.float32, order="C")
         self._lens = lens
         self._samples = SUB * lens.focal / lens.position[2]  # a metre
         self._fine = np.moveaxis(self._still(arena), -1, 0).copy()  # [3, ...] one colour after another
@@ -76,7 +78,9 @@ class Drawing:
     def _at(self, z: float, window: Window = (slice(None), slice(None))) -> Array:
         """[2, ...] x and y of the samples' rays at a height (m)."""
         part = (slice(None), *window)
-        return np.asarray(self._floor[part] + np.float32(z) * self._slope[part])
+        there = self._slope[part] * np.float32(z)
+        there += self._floor[part]
+        return np.asarray(there)
 
     def _still(self, arena: Mapping[str, Any]) -> Array:
         """What does not move, from the floor up."""
@@ -114,7 +118,7 @@ class Drawing:
         middles = np.rint(self._lens.pixels(np.array([circle[:3] for circle in circles]))).astype(np.int64)
         reach = [math.ceil(SPREAD * self._samples / SUB * circle[3]) + EDGE for circle in circles]
         ends = middles[:, 1::-1, None] + np.array(reach)[:, None, None] * np.array([-1, 1])
-        return np.clip(ends, 0, [[HEIGHT], [WIDTH]]).reshape(-1, 4)
+        return np.asarray(np.clip(ends, 0, [[HEIGHT], [WIDTH]]).reshape(-1, 4), np.int64)
 
     def _paint(self, fine: Array, window: Window, circle: Circle, colour: Array) -> None:
         """A circle, its edge as soft as a sample is wide."""
@@ -125,9 +129,12 @@ class Drawing:
         """How far samples are from a circle's middle: to the last bit near its edge, where it matters."""
         there = self._at(circle[2], window)
         x, y = there[0] - circle[0], there[1] - circle[1]
-        off = np.sqrt(x * x + y * y)
-        edge = np.flatnonzero(np.abs(off - circle[3]) * self._samples < 1.0)
-        off.flat[edge] = np.hypot(x.flat[edge], y.flat[edge])
+        off = x * x
+        off += y * y
+        np.sqrt(off, out=off)
+        near = off - circle[3]
+        edge = (np.abs(near, out=near) < 1.0 / self._samples).nonzero()
+        off[edge] = np.hypot(x[edge], y[edge])
         return np.asarray(off)
 
     def frame(self, x: float, y: float, heading: float, window: Window = WHOLE) -> Array:
@@ -137,38 +144,41 @@ class Drawing:
             [rows, columns, 3] of the window.
         """
         picture = self.background[window].copy()
-        robot, (top, left) = self._robot(x, y, heading)
-        (t, b), (le, r) = ((part.start, part.stop) for part in window)
-        t, b = max(t, top), min(b, top + robot.shape[1])
-        le, r = max(le, left), min(r, left + robot.shape[2])
-        if t < b and le < r:
-            seen = robot[:, t - top : b - top, le - left : r - left]
-            picture[
-                t - window[0].start : b - window[0].start, le - window[1].start : r - window[1].start
-            ] = np.moveaxis(seen, 0, -1)
+        robot, whole = self._robot(x, y, heading)
+        both = tuple(
+            slice(max(a.start, b.start), min(a.stop, b.stop)) for a, b in zip(window, whole, strict=True)
+        )
+        if all(part.start < part.stop for part in both):
+            picture[_within(both, window)] = np.moveaxis(robot[:, *_within(both, whole)], 0, -1)
         return picture
 
-    def _robot(self, x: float, y: float, heading: float) -> tuple[Array, tuple[int, int]]:
-        """[3, rows, columns] of the picture where the robot is, and the upper left pixel's row and column."""
+    def _robot(self, x: float, y: float, heading: float) -> tuple[Array, Window]:
+        """[3, rows, columns] the window of the picture that shows the robot, and where it is."""
         ahead_x, ahead_y = x + FRONT_AHEAD * np.cos(heading), y + FRONT_AHEAD * np.sin(heading)
         sides = [(x, y, z, BODY_RADIUS) for z in SIDES]  # the body's side, as far as the camera sees it
         marks = [(x, y, DISK_HEIGHT, DISK_RADIUS), (x, y, DISK_HEIGHT, MIDDLE_RADIUS),
                  (ahead_x, ahead_y, DISK_HEIGHT, FRONT_RADIUS)]  # fmt: skip
         boxes = self._boxes([*sides, *marks])
-        top, left = (int(v) for v in boxes[:, ::2].min(axis=0))
-        bottom, right = (int(v) for v in boxes[:, 1::2].max(axis=0))
-        whole = (slice(top * SUB, bottom * SUB), slice(left * SUB, right * SUB))
-        fine = self._fine[:, *whole].copy()
-        body = np.zeros(fine.shape[1:], np.bool_)
-        parts = []
-        for t, b, le, r in boxes.tolist():
-            samples = (slice(t * SUB, b * SUB), slice(le * SUB, r * SUB))
-            parts.append((samples, tuple(slice(s.start - w.start, s.stop - w.start)
-                                         for s, w in zip(samples, whole, strict=True))))  # fmt: skip
-        for (samples, here), side in zip(parts[:LAYERS], sides, strict=True):
-            body[here] |= self._off(side, samples) < side[3]
+        top, left = boxes[:, ::2].min(axis=0).tolist()
+        bottom, right = boxes[:, 1::2].max(axis=0).tolist()
+        whole = _samples(top, bottom, left, right)
+        fine, body = self._fine[:, *whole].copy(), np.zeros(self._over[whole].shape, np.bool_)
+        parts = [_samples(*box) for box in boxes.tolist()]
+        for part, side in zip(parts, sides, strict=False):
+            body[_within(part, whole)] |= self._off(side, part) < side[3]
         np.copyto(fine, BODY[:, None, None], where=body)
-        for (samples, here), mark, colour in zip(parts[LAYERS:], marks, (BLACK, WHITE, WHITE), strict=True):
-            self._paint(fine[:, *here], samples, mark, colour)
+        for part, mark, colour in zip(parts[LAYERS:], marks, (BLACK, WHITE, WHITE), strict=True):
+            self._paint(fine[:, *_within(part, whole)], part, mark, colour)
         np.copyto(fine, self._fine[:, *whole], where=self._over[whole])
-        return self._coarse(fine), (top, left)
+        return self._coarse(fine), (slice(top, bottom), slice(left, right))
+
+
+def _samples(top: int, bottom: int, left: int, right: int) -> Window:
+    """The samples of some pixels."""
+    return slice(top * SUB, bottom * SUB), slice(left * SUB, right * SUB)
+
+
+def _within(part: Sequence[slice], whole: Sequence[slice]) -> Window:
+    """A window in the coordinates of one round it."""
+    rows, columns = (slice(a.start - b.start, a.stop - b.start) for a, b in zip(part, whole, strict=True))
+    return rows, columns
