@@ -16,6 +16,7 @@ from realitygap.study.folder import lock
 from realitygap.study.load import load_study
 from realitygap.study.noise.config import NoiseConfig, levels_of, tasks_of
 from realitygap.study.noise.plan import controllers, evolved_folder, situated_file
+from realitygap.study.noise.progress import COMPARING
 from realitygap.study.noise.run import noise_study
 from realitygap.study.noise.situated import read_situated
 from realitygap.study.noise.stage import Stage
@@ -116,17 +117,19 @@ def test_home_seeds_differ(done):
 def test_a_study_that_is_stopped_in_every_phase_comes_to_the_same_bits(done, units, tmp_path):
     """Ctrl-C at any moment, and half a file of a killed process, change nothing; files are kept."""
     folder = tmp_path / "study"
-    for moment in (3, 5, 9, 14):
-        events = iter(range(1000))
+    moments = (("calibrating to the units", 1), ("evolving", 1), ("on the twin", 2), (COMPARING, 3))
+    for phase, least in moments:
 
-        def stop(event, events=events, moment=moment):
-            if next(events) == moment:
+        def stop(event, phase=phase, least=least):
+            if event.phase == phase and event.done >= least:
                 raise KeyboardInterrupt
 
-        with pytest.raises(StudyInterruptedError, match="kept"):
-            noise_study(folder, tiny(), workers=1, resume=(folder / "noise-study.toml").is_file(),
-                        on_progress=stop)  # fmt: skip
-    (folder / "situated").mkdir(exist_ok=True)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("realitygap.study.noise.progress.EVERY_S", 0.0)  # no event is left out
+            begun = (folder / "noise-study.toml").is_file()
+            with pytest.raises(StudyInterruptedError, match="kept"):
+                noise_study(folder, tiny(), workers=1, resume=begun, on_progress=stop)
+    assert 2 <= len(list(folder.glob("simulated/*.json"))) < 8 == len(list(folder.glob("situated/*.npz")))
     half = situated_file(folder, controllers(tiny())[-1]).with_suffix(".99.part")
     half.write_bytes(b"half a")
     results = noise_study(folder, None, workers=1, resume=True)
