@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable
 from dataclasses import replace
@@ -94,13 +95,18 @@ def recorded(robot: Profile) -> Callable[..., SensorRecording]:
 def driven(robot: Profile) -> Callable[..., WheelRecording]:
     """Record a robot's wheels: constants as given, counters, and a camera that sees them slip."""
 
-    def make(*, slip: float = 0.06, camera: bool = True, seed: int = 2, **wheels: object) -> WheelRecording:
+    def make(
+        *, slip: float = 0.06, camera: bool = True, seed: int = 2, each: bool = False, keep: float = 0.0,
+        **wheels: object,
+    ) -> WheelRecording:
+        """`each`: a camera sees every step; `keep`: how much of a step's slip the next one has."""
         made = replace(robot, wheels=replace(robot.wheels, **wheels))  # type: ignore[arg-type]
         random = np.random.default_rng(seed)
         commands, trial = [], []
         for k in range(40):
             pair = (k % 10 + 1, k % 10 + 1) if k % 2 else tuple(random.integers(-10, 11, 2))
-            commands += [pair] * 30 + [(0, 0)] * 6
+            back = (-pair[0], -pair[1]) if k % 3 == 2 else pair
+            commands += [pair] * 20 + [back] * 10 + [(0, 0)] * 6
             trial += [k] * 36
         n = len(commands)
         blank = WheelRecording(
@@ -110,16 +116,17 @@ def driven(robot: Profile) -> Callable[..., WheelRecording]:
         )  # fmt: skip
         speeds = wheel_speeds(made, blank)
         counters, pose = np.zeros((n, 2)), np.full((n, 3), np.nan)
-        x = np.zeros(3)
+        x, lost = np.zeros(3), np.zeros(2)
         way = np.zeros(2)
         for i in range(n):
             if i % 36 == 0:
                 x, way = np.zeros(3), np.zeros(2)
             counters[i] = np.rint(way * 120.0)
-            if i % 5 == 0:
+            if each or i % 5 == 0:
                 pose[i] = x + random.normal(size=3) * [0.01, 0.01, 0.003]
             step = speeds[i] * 0.1
-            ground = step * (1 + slip * random.normal(size=2))
+            lost = keep * lost + math.sqrt(1 - keep**2) * random.normal(size=2)
+            ground = step * (1 + slip * lost)
             way = way + step
             turn = (ground[1] - ground[0]) / made.wheels.track_cm
             mean = x[2] + turn / 2

@@ -9,6 +9,7 @@ import pytest
 
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.judge import judge
+from realitygap.calibration.odometry import measure_odometry
 from realitygap.calibration.recording import load_recording
 from realitygap.errors import CalibrationError
 from realitygap.world.profile import load_profile
@@ -58,6 +59,7 @@ def test_wheels_come_back(driven):
     truth = {
         "speed_per_unit_cm_s": (0.84, 0.83), "track_cm": 5.2, "kp": 4500.0, "ki": 0.0, "kd": 200.0,
         "lag": 0.3, "friction_cm_s2": 0.0,
+        "play_cm": 0.08,
     }  # fmt: skip
     made = calibrate([driven(slip=0.06, **truth)], PAPER)
     wheels = made.profile.wheels
@@ -65,8 +67,24 @@ def test_wheels_come_back(driven):
     assert wheels.track_cm == pytest.approx(5.2, rel=0.01)
     assert made.profile.provenance.pulses_per_mm == pytest.approx((12, 12), rel=0.01)
     assert (wheels.lag, wheels.kp) == pytest.approx((0.3, 4500), rel=0.1)
+    assert wheels.play_cm == pytest.approx(0.08, rel=0.1)
     assert made.profile.noise.wheel == pytest.approx(0.06, rel=0.15)
     assert made.wheels.rmse["refitted"] < 0.05 < made.wheels.rmse["printed"]
+
+
+def test_slip_is_that_of_one_step(driven):
+    """Slip that hangs together over steps is measured over one, where a camera saw each."""
+    made = driven(slip=0.06, each=True, keep=0.5, speed_per_unit_cm_s=(0.84, 0.83))
+    every, rare = measure_odometry(made, 120.0, 5.3), measure_odometry(_seldom(made), 120.0, 5.3)
+    assert every is not None and every.slip == pytest.approx(0.06, rel=0.1)
+    assert rare is not None and rare.slip > 0.075
+
+
+def _seldom(made):
+    """The same, seen at every fifth step only."""
+    pose = made.pose.copy()
+    pose[np.arange(len(pose)) % 5 != 0] = np.nan
+    return replace(made, pose=pose)
 
 
 def test_the_printed_gains_are_found_where_they_are(driven):

@@ -82,6 +82,15 @@ def test_agrees_with_the_reference():
     assert rested > 100, "friction held no wheel: nothing was judged"
 
 
+def test_turning_round_loses_the_play_and_nothing_else_does():
+    """Half the play at the first start, all of it at each turning round, with or without a rest."""
+    law = replace(NO_FRICTION.wheels, kp=5000, ki=0, kd=0, play_cm=0.09)
+    made = replace(NO_FRICTION, wheels=law)
+    targets = np.repeat([4.0, 2.0, 0.0, 2.0, 0.0, -4.0, 4.0], 40)
+    missing = (targets - speeds(made, targets)).reshape(7, 40).sum(axis=1) * 0.1
+    np.testing.assert_allclose(missing, [0.045, 0, 0, 0, 0, -0.09, 0.09], atol=2e-3)
+
+
 def test_slip_is_seen_by_the_controller():
     """Noise is on the achieved speed itself: the next step's P is taken from the slipped speed."""
     got = speeds(NO_FRICTION, [4.0, 4.0], slips=[0.1, 0.0])

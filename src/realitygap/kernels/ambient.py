@@ -16,7 +16,7 @@ from realitygap.kernels.params import RAYS
 
 
 @step
-def illuminate(robot, arena, work, out):
+def illuminate(robot, arena, enough, work, out):
     """Illumination of all ambient sensors into `out`: A_i = D_i + Σ_j D_ij cos² β_ij · 1.5 / d_ij².
 
     The paper's law has a path of its own, which pays nothing for what goes beyond it.
@@ -24,11 +24,11 @@ def illuminate(robot, arena, work, out):
     for k in range(out.shape[0]):
         out[k] = 0.0
     if goes_beyond(robot):
-        illuminate_beyond(robot, arena, work, out)
+        illuminate_beyond(robot, arena, enough, work, out)
         return
-    follow_rays(robot, arena, 1, work)
+    follow_rays(robot, arena, work)
     for lamp in range(arena.lamp_points.shape[0]):
-        light_on_surfaces(robot, arena, lamp, 0.0, 0.0, 0.0, work)
+        light_on_surfaces(robot, arena, lamp, work)
         for k in range(out.shape[0]):
             px, py, fx, fy = look(robot, k, work)
             out[k] += light_on_sensor(arena, lamp, px, py, fx, fy) + reflected_light(k * RAYS, work)
@@ -40,7 +40,7 @@ def ambient(robot, arena, work, out):
 
     V = 55 + 1/√A, clipped at the dark reading; or, linear in the light, V = dark − A, clipped at 55.
     """
-    illuminate(robot, arena, work, out)
+    illuminate(robot, arena, True, work, out)
     linear = robot.ambient_form[LINEAR] > 0.0
     for k in range(out.shape[0]):
         total = out[k] * robot.ambient_gain[k]

@@ -22,18 +22,7 @@ def look(robot, k, work):
 
 
 @step
-def lamp_point(arena, lamp, p, narrow, proud):
-    """Point `p` of a lamp, drawn towards the lamp's centre by the share `narrow`, and kept `proud` cm off
-    the room's walls: both 0 in the paper."""
-    x = arena.lamp_points[lamp, p, 0]
-    y = arena.lamp_points[lamp, p, 1]
-    x = x + narrow * (arena.lamp_centre[lamp, 0] - x)
-    y = y + narrow * (arena.lamp_centre[lamp, 1] - y)
-    return min(max(x, proud), arena.size[0] - proud), min(max(y, proud), arena.size[1] - proud)
-
-
-@step
-def light_on_surfaces(robot, arena, lamp, height2, narrow, proud, work):
+def light_on_surfaces(robot, arena, lamp, work):
     """Direct illumination D_ij of the points where the rays end, by one lamp, into work.light.
 
     D = (offset + Σ L_i k_i) / d², d the mean distance to the lamp's points; never below 0.
@@ -43,15 +32,16 @@ def light_on_surfaces(robot, arena, lamp, height2, narrow, proud, work):
         work.light[i] = arena.lamp_offset[lamp]
         work.far[i] = 0.0
     for p in range(LAMP_POINTS):
-        lx, ly = lamp_point(arena, lamp, p, narrow, proud)
+        lx = arena.lamp_points[lamp, p, 0]
+        ly = arena.lamp_points[lamp, p, 1]
         weight = arena.lamp_weights[lamp, p]
         for i in range(work.light.shape[0]):
             ex = lx - work.end_x[i]
             ey = ly - work.end_y[i]
-            work.far[i] += math.sqrt(ex * ex + ey * ey + height2)
+            work.far[i] += math.sqrt(ex * ex + ey * ey)
             hidden = circle_blocks(x - work.end_x[i], y - work.end_y[i], ex, ey, robot.radius)
             work.hidden[i] = hidden
-        hide_behind_obstacles(arena, lx, ly, work)
+        hide_behind_obstacles(arena, lx, ly, 0, work.light.shape[0], work)
         for i in range(work.light.shape[0]):
             work.light[i] += weight * (1.0 - work.hidden[i])
     for i in range(work.light.shape[0]):
@@ -60,23 +50,22 @@ def light_on_surfaces(robot, arena, lamp, height2, narrow, proud, work):
 
 
 @step
-def hide_behind_obstacles(arena, lx, ly, work):
-    """Mark the ray ends that cylinders and inner walls keep from the lamp point (lx, ly)."""
+def hide_behind_obstacles(arena, lx, ly, a, b, work):
+    """Mark the ray ends from lane `a` to `b` that obstacles keep from a lamp's point (lx, ly)."""
+    end_x, end_y, hidden = work.end_x[a:b], work.end_y[a:b], work.hidden[a:b]
     for j in range(arena.cylinders.shape[0]):
         cx = arena.cylinders[j, 0]
         cy = arena.cylinders[j, 1]
         radius = arena.cylinders[j, 2]
-        for i in range(work.light.shape[0]):
-            hx = work.end_x[i]
-            hy = work.end_y[i]
-            hidden = circle_blocks(cx - hx, cy - hy, lx - hx, ly - hy, radius)
-            work.hidden[i] = max(work.hidden[i], hidden)
+        for i in range(b - a):
+            hx = end_x[i]
+            hy = end_y[i]
+            hidden[i] = max(hidden[i], circle_blocks(cx - hx, cy - hy, lx - hx, ly - hy, radius))
     for j in range(arena.segments.shape[0]):
-        for i in range(work.light.shape[0]):
-            hx = work.end_x[i]
-            hy = work.end_y[i]
-            hidden = segment_blocks(arena, j, hx, hy, lx - hx, ly - hy)
-            work.hidden[i] = max(work.hidden[i], hidden)
+        for i in range(b - a):
+            hx = end_x[i]
+            hy = end_y[i]
+            hidden[i] = max(hidden[i], segment_blocks(arena, j, hx, hy, lx - hx, ly - hy))
 
 
 @step
@@ -104,36 +93,45 @@ def light_on_sensor(arena, lamp, px, py, fx, fy):
 
 
 @step
-def follow_rays(robot, arena, fans, work):
-    """Where the rays of all ambient sensors end, and the weight of the light reflected there.
+def follow_fan(robot, arena, k, fan, work):
+    """Where the rays of one fan of ambient sensor `k` end, as 1/d, and their weights, from lane fan·RAYS.
 
-    All rays lie in one row, RAYS a sensor; a sensor's pad lanes are overwritten by the next one's
-    rays. Weights: 1.5 cos² β / d². Ends are drawn back by GRAZE, off their own wall.
+    A fan's pad lanes are overwritten by the next one's rays.
     """
     x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
+    px = x + c * robot.ambient_place[k, 0] - s * robot.ambient_place[k, 1]
+    py = y + s * robot.ambient_place[k, 0] + c * robot.ambient_place[k, 1]
+    a, b = fan * RAYS, fan * RAYS + LANES
+    ray_x, ray_y, inverse = work.ray_x[a:b], work.ray_y[a:b], work.inverse[a:b]
+    see(arena, robot.ambient_ray, fan, px, py, c, s, ray_x, ray_y, inverse)
+    for i in range(RAYS):
+        work.end_x[a + i] = px
+        work.end_y[a + i] = py
+        work.terms[a + i] = robot.ambient_weight[fan, i]
+
+
+@step
+def go_to_ends(a, b, work):
+    """Where the rays from lane `a` to `b` end: drawn back by GRAZE, off their own wall."""
+    ray_x, ray_y, inverse = work.ray_x[a:b], work.ray_y[a:b], work.inverse[a:b]
+    end_x, end_y = work.end_x[a:b], work.end_y[a:b]
+    for i in range(b - a):
+        d = (1.0 - GRAZE) / inverse[i]
+        end_x[i] += ray_x[i] * d
+        end_y[i] += ray_y[i] * d
+
+
+@step
+def follow_rays(robot, arena, work):
+    """Where the rays of all ambient sensors end, and the weight of the light reflected there.
+
+    All rays lie in one row, RAYS a sensor. Weights: 1.5 cos² β / d².
+    """
     for k in range(robot.ambient_place.shape[0]):
-        px = x + c * robot.ambient_place[k, 0] - s * robot.ambient_place[k, 1]
-        py = y + s * robot.ambient_place[k, 0] + c * robot.ambient_place[k, 1]
-        for fan in range(k * fans, (k + 1) * fans):
-            a, b = fan * RAYS, fan * RAYS + LANES
-            ray_x, ray_y, inverse = work.ray_x[a:b], work.ray_y[a:b], work.inverse[a:b]
-            see(arena, robot.ambient_ray, fan, px, py, c, s, ray_x, ray_y, inverse)
-            for i in range(RAYS):
-                work.end_x[a + i] = px
-                work.end_y[a + i] = py
-                work.terms[a + i] = robot.ambient_weight[fan, i]
+        follow_fan(robot, arena, k, k, work)
+    go_to_ends(0, work.light.shape[0], work)
     for i in range(work.light.shape[0]):
-        d = (1.0 - GRAZE) / work.inverse[i]
-        work.end_x[i] += work.ray_x[i] * d
-        work.end_y[i] += work.ray_y[i] * d
-    if robot.ambient_form[FLAT] > 0.0:
-        near = robot.ambient_form[NEAR]
-        for i in range(work.light.shape[0]):
-            close = near * work.inverse[i]
-            work.terms[i] *= work.inverse[i] / math.sqrt(1.0 + close * close)
-    else:
-        for i in range(work.light.shape[0]):
-            work.terms[i] *= work.inverse[i] * work.inverse[i]
+        work.terms[i] *= work.inverse[i] * work.inverse[i]
 
 
 @step

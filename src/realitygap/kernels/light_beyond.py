@@ -1,6 +1,6 @@
 """Light beyond the paper's law (§3.3): what a calibration may fit, all neutral in the paper.
 
-It is asked for once a sensor or once a robot, never once a ray.
+It goes from sensor to sensor, for one that the lamp alone brings to its floor need not look round.
 """
 
 import math
@@ -11,20 +11,25 @@ from realitygap.kernels.geometry import circle_blocks, from_segment, segment_blo
 from realitygap.kernels.jit import step
 from realitygap.kernels.light import (
     FACING,
+    FLAT,
     HEIGHT2,
+    LINEAR,
     MATT,
     NARROW,
+    NEAR,
     PROUD,
-    follow_rays,
-    lamp_point,
+    follow_fan,
+    go_to_ends,
+    hide_behind_obstacles,
     light_on_sensor,
-    light_on_surfaces,
     look,
     reflected_light,
 )
 from realitygap.kernels.params import LAMP_POINTS, RAYS
 from realitygap.kernels.rng import log
 
+SERIES = tuple(1.0 / math.factorial(i) for i in range(13, -1, -1))
+"""Of eˣ, the highest power first."""
 
 @step
 def power(x, p):
@@ -32,11 +37,37 @@ def power(x, p):
     y = p * log(min(max(x, 1e-300), 1.0))
     k = math.floor(y * 1.4426950408889634 + 0.5)
     r = (y - k * 0.6931471803691238) - k * 1.9082149292705877e-10
-    t = 1.0
-    for i in range(13, 0, -1):
-        t = 1.0 + t * r / i
+    t = SERIES[0]
+    for i in range(1, len(SERIES)):
+        t = t * r + SERIES[i]
     scale = np.float64(np.int64(1) << np.int64(min(-k, 62)))
     return t / scale if y > -40.0 else 0.0
+
+
+@step
+def lamp_points(robot):
+    """How many points of a lamp differ."""
+    return 1 if robot.ambient_form[NARROW] >= 1.0 else LAMP_POINTS
+
+
+@step
+def lamp_point(robot, arena, lamp, p):
+    """Place (x, y) and weight of a lamp's point `p`: drawn towards the lamp's centre by the share NARROW,
+    and kept PROUD cm off the room's walls. Of a lamp of one point all weights are its."""
+    narrow, proud = robot.ambient_form[NARROW], robot.ambient_form[PROUD]
+    x = arena.lamp_points[lamp, p, 0]
+    y = arena.lamp_points[lamp, p, 1]
+    weight = arena.lamp_weights[lamp, p]
+    if narrow >= 1.0:
+        x = arena.lamp_centre[lamp, 0]
+        y = arena.lamp_centre[lamp, 1]
+        for q in range(1, LAMP_POINTS):
+            weight += arena.lamp_weights[lamp, q]
+    x = x + narrow * (arena.lamp_centre[lamp, 0] - x)
+    y = y + narrow * (arena.lamp_centre[lamp, 1] - y)
+    x = min(max(x, proud), arena.size[0] - proud)
+    y = min(max(y, proud), arena.size[1] - proud)
+    return x, y, weight
 
 
 @step
@@ -47,8 +78,9 @@ def light_under_an_angle(robot, arena, lamp, px, py, fx, fy):
     ahead = 0.0
     seen = 0.0
     far = 0.0
-    for p in range(LAMP_POINTS):
-        lx, ly = lamp_point(arena, lamp, p, robot.ambient_form[NARROW], robot.ambient_form[PROUD])
+    points = lamp_points(robot)
+    for p in range(points):
+        lx, ly, weight = lamp_point(robot, arena, lamp, p)
         ex = lx - px
         ey = ly - py
         d = max(math.sqrt(ex * ex + ey * ey + height2), 1e-3)
@@ -61,80 +93,114 @@ def light_under_an_angle(robot, arena, lamp, px, py, fx, fy):
             hidden = max(hidden, circle_blocks(wx, wy, ex, ey, arena.cylinders[j, 2]))
         for j in range(arena.segments.shape[0]):
             hidden = max(hidden, segment_blocks(arena, j, px, py, ex, ey))
-        total += arena.lamp_weights[lamp, p] * (1.0 - hidden)
+        total += weight * (1.0 - hidden)
         ahead += (1.0 - hidden) * cosine
         seen += 1.0 - hidden
-    d = far * (1.0 / LAMP_POINTS)
+    if seen == 0.0 and robot.ambient_form[FACING] > 0.0:
+        return 0.0
+    d = far / points
     return max(total, 0.0) / (d * d) * power(ahead / max(seen, 1.0), robot.ambient_form[FACING])
 
 
 @step
-def find_normals(arena, work):
-    """The surfaces' normals, towards the robot's side, where the rays end: of whatever is nearest there."""
-    for i in range(work.light.shape[0]):
-        ex = work.end_x[i]
-        ey = work.end_y[i]
-        near = ex
-        nx = 1.0
-        ny = 0.0
-        if arena.size[0] - ex < near:
-            near = arena.size[0] - ex
-            nx = -1.0
-        if ey < near:
-            near = ey
-            nx = 0.0
-            ny = 1.0
-        if arena.size[1] - ey < near:
-            near = arena.size[1] - ey
-            nx = 0.0
-            ny = -1.0
-        for j in range(arena.cylinders.shape[0]):
-            dx = ex - arena.cylinders[j, 0]
-            dy = ey - arena.cylinders[j, 1]
+def find_normals(arena, a, b, work):
+    """The surfaces' normals, towards the robot's side, where the rays from lane `a` to `b` end: of whatever
+    is nearest there."""
+    end_x, end_y, near = work.end_x[a:b], work.end_y[a:b], work.hidden[a:b]
+    normal_x, normal_y = work.normal_x[a:b], work.normal_y[a:b]
+    width, depth = arena.size[0], arena.size[1]
+    for i in range(b - a):
+        ex, ey = end_x[i], end_y[i]
+        aside, along = min(ex, width - ex), min(ey, depth - ey)
+        near[i] = min(aside, along)
+        across = aside <= along
+        sign_x = 1.0 if 2.0 * ex <= width else -1.0
+        sign_y = 1.0 if 2.0 * ey <= depth else -1.0
+        normal_x[i] = sign_x if across else 0.0
+        normal_y[i] = 0.0 if across else sign_y
+    for j in range(arena.cylinders.shape[0]):
+        for i in range(b - a):
+            dx = end_x[i] - arena.cylinders[j, 0]
+            dy = end_y[i] - arena.cylinders[j, 1]
             d = math.sqrt(dx * dx + dy * dy)
-            if abs(d - arena.cylinders[j, 2]) < near:
-                near = abs(d - arena.cylinders[j, 2])
-                nx = dx / max(d, 1e-12)
-                ny = dy / max(d, 1e-12)
-        for j in range(arena.segments.shape[0]):
-            dx, dy = from_segment(arena, j, ex, ey)
-            d = math.sqrt(dx * dx + dy * dy)
-            if d < near:
-                near = d
-                ax = arena.segments[j, 2] - arena.segments[j, 0]
-                ay = arena.segments[j, 3] - arena.segments[j, 1]
-                length = max(math.sqrt(ax * ax + ay * ay), 1e-12)
-                side = -1.0 if ay * work.ray_x[i] - ax * work.ray_y[i] > 0.0 else 1.0
-                nx = side * ay / length
-                ny = -side * ax / length
-        work.normal_x[i] = nx
-        work.normal_y[i] = ny
+            gap = abs(d - arena.cylinders[j, 2])
+            if gap < near[i]:
+                near[i] = gap
+                normal_x[i] = dx / max(d, 1e-12)
+                normal_y[i] = dy / max(d, 1e-12)
+    lean_on_segments(arena, a, b, work)
 
 
 @step
-def lean(robot, arena, lamp, work):
-    """Weaken work.light by the mean cosine under which the lamp's points light each surface."""
-    height2 = robot.ambient_form[HEIGHT2]
-    for i in range(work.light.shape[0]):
-        work.far[i] = 0.0
-    for p in range(LAMP_POINTS):
-        lx, ly = lamp_point(arena, lamp, p, robot.ambient_form[NARROW], robot.ambient_form[PROUD])
-        for i in range(work.light.shape[0]):
-            ex = lx - work.end_x[i]
-            ey = ly - work.end_y[i]
-            d = max(math.sqrt(ex * ex + ey * ey + height2), 1e-3)
-            work.far[i] += max(ex * work.normal_x[i] + ey * work.normal_y[i], 0.0) / d
-    for i in range(work.light.shape[0]):
-        work.light[i] *= work.far[i] * (1.0 / LAMP_POINTS)
+def lean_on_segments(arena, a, b, work):
+    """Of the rays from lane `a` to `b` those that end on an inner wall: its normal."""
+    end_x, end_y, near = work.end_x[a:b], work.end_y[a:b], work.hidden[a:b]
+    ray_x, ray_y = work.ray_x[a:b], work.ray_y[a:b]
+    normal_x, normal_y = work.normal_x[a:b], work.normal_y[a:b]
+    for j in range(arena.segments.shape[0]):
+        ax = arena.segments[j, 2] - arena.segments[j, 0]
+        ay = arena.segments[j, 3] - arena.segments[j, 1]
+        length = max(math.sqrt(ax * ax + ay * ay), 1e-12)
+        for i in range(b - a):
+            dx, dy = from_segment(arena, j, end_x[i], end_y[i])
+            d = math.sqrt(dx * dx + dy * dy)
+            if d < near[i]:
+                near[i] = d
+                side = -1.0 if ay * ray_x[i] - ax * ray_y[i] > 0.0 else 1.0
+                normal_x[i] = side * ay / length
+                normal_y[i] = -side * ax / length
 
 
 @step
-def goes_beyond(robot):
-    """Whether anything but the paper's law decides the illumination."""
-    total = 0.0
-    for i in range(FACING, PROUD + 1):
-        total += robot.ambient_form[i]
-    return total > 0.0 or robot.ambient_ray.shape[0] > robot.ambient_place.shape[0]
+def look_round(robot, arena, k, fans, work):
+    """Follow all rays of ambient sensor `k`; the weight of the light reflected there, as the form has it."""
+    for fan in range(k * fans, (k + 1) * fans):
+        follow_fan(robot, arena, k, fan, work)
+    a, b = k * fans * RAYS, (k + 1) * fans * RAYS
+    go_to_ends(a, b, work)
+    terms, inverse = work.terms[a:b], work.inverse[a:b]
+    if robot.ambient_form[FLAT] > 0.0:
+        near = robot.ambient_form[NEAR]
+        for i in range(b - a):
+            close = near * inverse[i]
+            terms[i] *= inverse[i] / math.sqrt(1.0 + close * close)
+    else:
+        for i in range(b - a):
+            terms[i] *= inverse[i] * inverse[i]
+    if robot.ambient_form[MATT] > 0.0:
+        find_normals(arena, a, b, work)
+
+
+@step
+def light_walls(robot, arena, lamp, a, b, work):
+    """As light_on_surfaces for lanes `a` to `b`, from a lamp at a height; a matt surface takes the mean
+    cosine of the angles under which the lamp's points light it."""
+    end_x, end_y, normal_x = work.end_x[a:b], work.end_y[a:b], work.normal_x[a:b]
+    normal_y, light, far = work.normal_y[a:b], work.light[a:b], work.far[a:b]
+    slant, hidden = work.slant[a:b], work.hidden[a:b]
+    x, y = work.pose[0], work.pose[1]
+    form, points = robot.ambient_form, lamp_points(robot)
+    for i in range(b - a):
+        light[i] = arena.lamp_offset[lamp]
+        far[i] = 0.0
+        slant[i] = 0.0
+    for p in range(points):
+        lx, ly, weight = lamp_point(robot, arena, lamp, p)
+        for i in range(b - a):
+            ex = lx - end_x[i]
+            ey = ly - end_y[i]
+            d = max(math.sqrt(ex * ex + ey * ey + form[HEIGHT2]), 1e-3)
+            far[i] += d
+            slant[i] += max(ex * normal_x[i] + ey * normal_y[i], 0.0) / d
+            hidden[i] = circle_blocks(x - end_x[i], y - end_y[i], ex, ey, robot.radius)
+        hide_behind_obstacles(arena, lx, ly, a, b, work)
+        for i in range(b - a):
+            light[i] += weight * (1.0 - hidden[i])
+    matt = form[MATT] > 0.0
+    for i in range(b - a):
+        d = far[i] / points
+        leaning = slant[i] / points if matt else 1.0
+        light[i] = max(light[i], 0.0) / (d * d) * leaning
 
 
 @step
@@ -148,18 +214,31 @@ def direct_light(robot, arena, lamp, k, work):
 
 
 @step
-def illuminate_beyond(robot, arena, work, out):
-    """As illuminate, with everything that robot.ambient_form asks for."""
-    form = robot.ambient_form
+def goes_beyond(robot):
+    """Whether anything but the paper's law decides the illumination."""
+    total = 0.0
+    for i in range(FACING, PROUD + 1):
+        total += robot.ambient_form[i]
+    return total > 0.0 or robot.ambient_ray.shape[0] > robot.ambient_place.shape[0]
+
+
+@step
+def illuminate_beyond(robot, arena, enough, work, out):
+    """As illuminate, with everything that robot.ambient_form asks for.
+
+    With `enough`, a sensor that the lamps alone bring to its floor is told no more than that light.
+    """
     fans = robot.ambient_ray.shape[0] // max(robot.ambient_place.shape[0], 1)
-    follow_rays(robot, arena, fans, work)
-    find_normals(arena, work)
-    for lamp in range(arena.lamp_points.shape[0]):
-        light_on_surfaces(robot, arena, lamp, form[HEIGHT2], form[NARROW], form[PROUD], work)
-        if form[MATT] > 0.0:
-            lean(robot, arena, lamp, work)
-        for k in range(out.shape[0]):
-            total = direct_light(robot, arena, lamp, k, work)
-            for fan in range(k * fans, (k + 1) * fans):
-                total += reflected_light(fan * RAYS, work)
-            out[k] += total
+    for k in range(out.shape[0]):
+        total = 0.0
+        for lamp in range(arena.lamp_points.shape[0]):
+            total += direct_light(robot, arena, lamp, k, work)
+        span = robot.ambient_range[k, 1] - robot.ambient_range[k, 0]
+        full = total * robot.ambient_gain[k] >= span
+        if not (enough and full and robot.ambient_form[LINEAR] > 0.0):
+            look_round(robot, arena, k, fans, work)
+            for lamp in range(arena.lamp_points.shape[0]):
+                light_walls(robot, arena, lamp, k * fans * RAYS, (k + 1) * fans * RAYS, work)
+                for fan in range(k * fans, (k + 1) * fans):
+                    total += reflected_light(fan * RAYS, work)
+        out[k] = total

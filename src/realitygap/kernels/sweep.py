@@ -24,7 +24,7 @@ def sweep_light(robot, arena, poses, work, out):
     """Illumination of the ambient sensors at poses [n, 3] into out [n, A], before their gains."""
     for i in range(poses.shape[0]):
         stand(poses[i], work)
-        illuminate(robot, arena, work, out[i])
+        illuminate(robot, arena, False, work, out[i])
 
 
 @kernel
