@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from realitygap.errors import FilmError
 from realitygap.film.files import read_text
-from realitygap.film.lens import bent, straightened
+from realitygap.film.lens import bend, straightened
 
 __all__ = ["CameraModel", "load_camera"]
 
@@ -121,16 +121,23 @@ class CameraModel:
 
     def to_pixels(self, places: ArrayLike, height_cm: float | None = None) -> Array:
         """Where places [..., 2] (cm) at a height (default: the plane's) are in the picture, [..., 2] px."""
-        flat = self._shifted(np.asarray(places, float), height_cm, self.plane_cm)
-        h = self.homography
-        x, y = flat[..., 0], flat[..., 1]
+        points = np.asarray(places, float)
+        return np.stack(self.columns_rows(points[..., 0], points[..., 1], height_cm), -1)
+
+    def columns_rows(self, x: Array, y: Array, height_cm: float | None = None) -> tuple[Array, Array]:
+        """The same of x and y apart, which are broadcast: a grid is quicker so."""
+        (x, y), h = self._moved((x, y), height_cm, self.plane_cm), self.homography
         depth = h[2, 0] * x + h[2, 1] * y + h[2, 2]
         seen = depth > 1e-12
-        depth = np.where(seen, depth, 1.0)
-        ideal = np.stack(
-            [(h[0, 0] * x + h[0, 1] * y + h[0, 2]) / depth, (h[1, 0] * x + h[1, 1] * y + h[1, 2]) / depth], -1
-        )
-        return np.where(seen[..., None], self._bent(ideal), OUTSIDE)
+        if not seen.all():
+            depth = np.where(seen, depth, 1.0)
+        columns = (h[0, 0] * x + h[0, 1] * y + h[0, 2]) / depth
+        rows = (h[1, 0] * x + h[1, 1] * y + h[1, 2]) / depth
+        if self.radial != (0.0, 0.0):
+            columns, rows = self._bent(columns, rows)
+        if not seen.all():
+            columns, rows = (np.where(seen, side, OUTSIDE) for side in (columns, rows))
+        return columns, rows
 
     def to_floor(self, pixels: ArrayLike, height_cm: float | None = None) -> Array:
         """The places [..., 2] (cm) at a height (default: the plane's) that pixels [..., 2] show."""
@@ -138,7 +145,7 @@ class CameraModel:
         inverse = np.linalg.inv(self.homography)
         flat = ideal @ inverse[:2, :2].T + inverse[:2, 2]
         flat /= (ideal @ inverse[2, :2] + inverse[2, 2])[..., None]
-        return self._shifted(flat, self.plane_cm, height_cm)
+        return np.stack(self._moved((flat[..., 0], flat[..., 1]), self.plane_cm, height_cm), -1)
 
     def pixels_per_cm(self, place: ArrayLike, height_cm: float | None = None) -> float:
         """The picture's scale at a place (cm): the root of how much larger an area becomes."""
@@ -195,22 +202,30 @@ class CameraModel:
         """Write the camera as JSON."""
         Path(path).write_text(json.dumps(self.to_dict(), indent=2) + "\n", "utf-8")
 
-    def _shifted(self, places: Array, from_cm: float | None, to_cm: float | None) -> Array:
-        """Places at one height, moved along the rays to the lens to another height."""
+    def _moved(
+        self, sides: tuple[Array, Array], from_cm: float | None, to_cm: float | None
+    ) -> tuple[Array, Array]:
+        """x and y of places at one height, moved along the rays to the lens to another height."""
         low = self.plane_cm if from_cm is None else from_cm
         high = self.plane_cm if to_cm is None else to_cm
         if abs(low - high) <= 1e-9:
-            return places
+            return sides
         self.check_height(low if to_cm == self.plane_cm else high)
-        lens = np.array(self.lens_cm)
-        return np.asarray(lens[:2] + (places - lens[:2]) * (lens[2] - high) / (lens[2] - low))
+        assert self.lens_cm is not None
+        *lens, above = self.lens_cm
+        x, y = (at + (side - at) * (above - high) / (above - low) for side, at in zip(sides, lens, strict=True))
+        return x, y
 
-    def _bent(self, ideal: Array) -> Array:
+    def _bent(self, columns: Array, rows: Array) -> tuple[Array, Array]:
         """What the lens makes of ideal pixels."""
-        if self.radial == (0.0, 0.0):
-            return ideal
-        v = bent((ideal - self.middle) / self.half_diagonal, *self.radial)
-        return np.where(np.isnan(v), OUTSIDE, self.middle + self.half_diagonal * v)
+        (middle_x, middle_y), half = self.middle, self.half_diagonal
+        x, y = (columns - middle_x) / half, (rows - middle_y) / half
+        factor = bend(x * x + y * y, *self.radial)
+        x, y = middle_x + half * (x * factor), middle_y + half * (y * factor)
+        folded = np.isnan(factor)
+        if folded.any():
+            x, y = np.where(folded, OUTSIDE, x), np.where(folded, OUTSIDE, y)
+        return x, y
 
     def _straightened(self, pixels: Array) -> Array:
         """The ideal pixels that the lens bent to these."""

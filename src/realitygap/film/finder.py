@@ -124,21 +124,22 @@ class Finder:
     ) -> Picture:
         """A square of the disk's plane about a place, `half` steps to each side."""
         axis = np.arange(-half, half + 1) * self._step
-        x, y = np.meshgrid(place[0] + axis, place[1] + axis)
-        pixels = self.camera.to_pixels(np.stack([x, y], -1), self.disk.height_cm).astype(np.float32)
+        x, y = place[0] + axis, (place[1] + axis)[:, None]
+        sides = self.camera.columns_rows(x, y, self.disk.height_cm)
+        columns, rows = (side.astype(np.float32) for side in sides)
         if callable(picture):
-            picture = picture(self._window(pixels))
-        return _sampled(picture, pixels[..., 0], pixels[..., 1]).astype(np.float32)
+            picture = picture(self._window(columns, rows))
+        return _sampled(picture, columns, rows).astype(np.float32)
 
-    def _window(self, pixels: Picture) -> tuple[slice, slice]:
-        """The part of the picture that is looked at if places [..., 2] are: with the pixels about them."""
+    def _window(self, columns: Picture, rows: Picture) -> tuple[slice, slice]:
+        """The part of the picture that is looked at if these places are: with the pixels about them."""
 
         def about(side: Picture, most: int) -> slice:
             low, high = math.floor(side.min()) - 1, math.ceil(side.max()) + 1
             return slice(min(max(low, 0), most), min(max(high, 0), most) + 1)
 
         width, height = self.camera.width_px, self.camera.height_px
-        return about(pixels[..., 1], height - 1), about(pixels[..., 0], width - 1)
+        return about(rows, height - 1), about(columns, width - 1)
 
     def _front(self, response: Picture, centre: tuple[float, float]) -> tuple[float, float] | None:
         """The front patch on its ring about the centre, in steps."""

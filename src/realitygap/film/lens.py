@@ -19,9 +19,14 @@ _ROUNDS = 20
 
 def bent(v: Array, k1: float, k2: float) -> Array:
     """Where the lens puts ideal points [..., 2]; NaN beyond where it would fold the picture back."""
-    square = np.einsum("...i,...i->...", v, v)
+    return np.asarray(v * bend(np.einsum("...i,...i->...", v, v), k1, k2)[..., None])
+
+
+def bend(square: Array, k1: float, k2: float) -> Array:
+    """What the lens multiplies points with whose squared distances these are; NaN beyond its fold."""
     factor = 1 + k1 * square + k2 * square * square
-    return np.asarray(v * np.where(square < _turning_point(k1, k2), factor, np.nan)[..., None])
+    limit = _turning_point(k1, k2)
+    return np.asarray(factor if math.isinf(limit) else np.where(square < limit, factor, np.nan))
 
 
 def straightened(v: Array, k1: float, k2: float) -> Array:

@@ -45,7 +45,7 @@ WHITE = np.array([243, 243, 241], np.float32)
 LAYERS = 5
 SIDES = [0.003 + (BODY_TOP - 0.003) * layer / (LAYERS - 1) for layer in range(LAYERS)]
 """Heights at which the body's side is drawn (m)."""
-SPREAD, EDGE = 1.08, 3
+SPREAD, EDGE = 1.05, 2
 """A circle's box in the picture: its radius over the middle of the floor, with this factor for what is
 higher or nearer and so many pixels more."""
 
@@ -125,6 +125,20 @@ class Drawing:
         inside = np.clip((circle[3] - self._off(circle, window)) * self._samples + 0.5, 0.0, 1.0)
         fine += (colour[:, None, None] - fine) * inside.astype(np.float32)
 
+    def _inside(self, circle: Circle, window: Window) -> NDArray[np.bool_]:
+        """Whether samples lie in a circle: squares tell, but for those on its very edge."""
+        x, y, z, radius = circle
+        there = self._at(z, window)
+        there[0] -= x
+        there[1] -= y
+        square = np.square(there).sum(axis=0)
+        square -= radius * radius
+        inside = square < 0.0
+        doubtful = np.abs(square, out=square) < 1e-5 * radius * radius
+        if doubtful.any():
+            inside[doubtful] = np.hypot(there[0][doubtful], there[1][doubtful]) < radius
+        return np.asarray(inside)
+
     def _off(self, circle: Circle, window: Window) -> Array:
         """How far samples are from a circle's middle: to the last bit near its edge, where it matters."""
         there = self._at(circle[2], window)
@@ -165,7 +179,7 @@ class Drawing:
         fine, body = self._fine[:, *whole].copy(), np.zeros(self._over[whole].shape, np.bool_)
         parts = [_samples(*box) for box in boxes.tolist()]
         for part, side in zip(parts, sides, strict=False):
-            body[_within(part, whole)] |= self._off(side, part) < side[3]
+            body[_within(part, whole)] |= self._inside(side, part)
         np.copyto(fine, BODY[:, None, None], where=body)
         for part, mark, colour in zip(parts[LAYERS:], marks, (BLACK, WHITE, WHITE), strict=True):
             self._paint(fine[:, *_within(part, whole)], part, mark, colour)
