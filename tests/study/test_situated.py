@@ -63,13 +63,13 @@ def test_a_path_has_a_row_a_step(used: SimpleNamespace) -> None:
 
 def test_a_trial_does_not_know_what_was_before_it(used: SimpleNamespace, folder: Path) -> None:
     """On a used stand and on a fresh one: the same bits; another stream: others. One process does all."""
-    pid = used.stand._twin.pid
+    pid = used.stand.twin.pid
     second = used.stand.drive(GENES, LAYOUT, 8, POSE, 2.0)
     with stand(folder) as fresh:
         assert same(fresh.drive(GENES, LAYOUT, 8, POSE, 2.0), second)
         assert same(fresh.drive(GENES, LAYOUT, 7, POSE, 2.0), used.first)
     assert not same(used.first, second)
-    assert used.stand._twin.pid == pid
+    assert used.stand.twin.pid == pid
 
 
 def test_the_track_is_that_of_whole_frames(used: SimpleNamespace, tmp_path: Path) -> None:

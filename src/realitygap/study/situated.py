@@ -223,6 +223,11 @@ class Stand:
             )
         return self._watcher
 
+    @property
+    def twin(self) -> TwinProcess | None:
+        """Its process, if there is one yet."""
+        return self._twin
+
     def _fresh(self, seed: int) -> TwinProcess:
         """The unit as a process of its own would make it: no trial leaves it a trace."""
         from realitygap.twin.process import start_twin
