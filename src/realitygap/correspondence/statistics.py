@@ -33,9 +33,7 @@ class Correlation(NamedTuple):
     controllers: int
 
 
-def resampled_weights(
-    distances: Distances, draw: np.random.Generator
-) -> tuple[Floats, Floats]:
+def resampled_weights(distances: Distances, draw: np.random.Generator) -> tuple[Floats, Floats]:
     """Weights [n] of both sides in one resample: starts drawn with replacement, and units likewise.
 
     Matched starts are drawn together for both sides.
