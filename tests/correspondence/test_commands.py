@@ -74,10 +74,15 @@ def test_folders_json_and_units(json_of, tracks, trials, tmp_path, call):
 
 
 def test_classify_names_every_trial(json_of, tracks):
-    """One entry a trial with start, name and confidence; names as in the paper."""
+    """One entry a trial with start, name and confidence; names as in the paper, and the robot's own.
+
+    In its third trial this robot meets everything at one side: nothing there tells that it turns both ways.
+    """
     made = json_of("classify", tracks, "--task", "avoidance")
+    assert made["name"] == "two way turner"
     assert [entry["start"] for entry in made["tracks"]] == [str(k) for k in range(1, 7)]
-    assert {entry["name"] for entry in made["tracks"]} == {"two way turner"}
+    names = [entry["name"] for entry in made["tracks"]]
+    assert names.count("two way turner") >= 5 and set(names) <= {"two way turner", "one way turner"}
     assert all(0 < entry["confidence"] <= 1 for entry in made["tracks"])
 
 

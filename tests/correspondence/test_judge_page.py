@@ -28,7 +28,8 @@ PROBE = """
 <script>
 const seen = { errors: [] };
 addEventListener("error", e => seen.errors.push(e.message));
-const key = (k, at) => (at || document.body).dispatchEvent(new KeyboardEvent("keydown", { key: k, bubbles: true }));
+const key = (k, at) => (at || document.body).dispatchEvent(
+  new KeyboardEvent("keydown", { key: k, bubbles: true }));
 const look = () => ({ title: $("title").textContent, frame: +$("time").value, playing: $("play").textContent,
   mark: (document.querySelector("#marks :checked") || {}).value, done: $("done").textContent,
   wide: document.documentElement.scrollWidth > innerWidth });

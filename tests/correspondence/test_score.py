@@ -73,7 +73,7 @@ def test_the_ladder_of_response_goes_down(robot):
     assert made.spearman > 0.9
     assert made.scores[0] >= 9.5 and made.scores[-1] < 6
     if robot.task == "obstacle-avoidance":
-        assert "less responsive" in made.rungs[2].differences
+        assert "less responsive" in made.rungs[3].differences
 
 
 @pytest.mark.parametrize("kind", ["three point turner", "straight looper"])

@@ -19,7 +19,8 @@ from realitygap.correspondence.trials import STEP_S, Trial
 from realitygap.world.arena import Arena
 
 __all__ = [
-    "DESCRIPTORS", "Descriptor", "chosen", "describe", "describe_all", "in_units", "jitter", "mirrored", "table",
+    "DESCRIPTORS", "Descriptor", "chosen", "describe", "describe_all", "in_units", "jitter", "mirrored",
+    "table",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -101,7 +102,7 @@ def describe_all(trials: Sequence[Trial], arena: Arena | None) -> dict[str, Floa
     made = {d.name: np.empty(len(trials)) for d in chosen(arena)}
     sizes = np.array([len(t) for t in trials])
     for size in np.unique(sizes):
-        rows = np.flatnonzero(sizes == size)
+        rows = [int(i) for i in np.flatnonzero(sizes == size)]
         x, y, heading = np.stack([(trials[i].x, trials[i].y, trials[i].heading) for i in rows], axis=1)
         for name, values in _of_one_length(x, y, heading, arena).items():
             made[name][rows] = values
@@ -172,7 +173,7 @@ def _turn_events(calm: Floats) -> dict[str, Floats]:
     sizes, owner = whole[kept], edges[kept] // (steps + 2)
 
     def total(values: Floats) -> Floats:
-        return np.bincount(owner, values, minlength=n)
+        return np.asarray(np.bincount(owner, values, minlength=n), np.float64)
 
     count = np.bincount(owner, minlength=n)
     counted = np.clip(sizes, -180, 180)

@@ -32,7 +32,7 @@ NONE = "none of these"
 NEIGHBOURS = 3
 UNSEEN, LEAST, MOST = 0.1, 0.3, 9.0
 """A variance that nobody sees (in just-noticeable amounts); bounds of what a descriptor counts."""
-SLACK = 1.5
+SLACK = 1.75
 """A trial may be so many times farther from its kind than the kind's loneliest exemplar."""
 
 

@@ -48,7 +48,8 @@ class Scale:
 
     def part(self, name: str, distance: float) -> float:
         """A part's score, 0 to 10: a straight line from floor to ceiling, and a little beyond both."""
-        floor, ceiling = getattr(self, f"{name}_floor"), getattr(self, f"{name}_ceiling")
+        floor: float = getattr(self, f"{name}_floor")
+        ceiling: float = getattr(self, f"{name}_ceiling")
         if distance <= floor:
             return 10 - EDGE * (distance / floor) ** 2 if floor > 0 else 10.0
         if distance >= ceiling:

@@ -60,7 +60,11 @@ def climb(behaviour: Behaviour, what: str, *, starts: int = STARTS) -> Ladder:
     ours = behaviour.trials(starts)
     rungs = []
     for step in steps:
-        rungs.append(against(behaviour, ours, behaviour.trials(starts, again=5, **{what: step})))
+        worse = {"noise": 1.0, "gain": 1.0, "steering": 1.0, what: step}
+        theirs = behaviour.trials(
+            starts, again=5, noise=worse["noise"], gain=worse["gain"], steering=worse["steering"]
+        )
+        rungs.append(against(behaviour, ours, theirs))
     return Ladder(behaviour=behaviour, what=what, steps=steps, rungs=tuple(rungs))
 
 
