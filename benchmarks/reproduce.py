@@ -103,7 +103,7 @@ def main() -> None:
         again, peak = whole(folder, *half, str(folder / "again"))
         print(f"the simulated half, first time: {first:.1f} s; compiled: {again:.1f} s; memory {peak:.0f} MB")
         rest, peak = whole(folder, "reproduce", "--resume", "--out", str(folder / "again"))
-        print(f"240 transfers, six films, the scores and the report after it: {rest:.1f} s; memory {peak:.0f} MB")
+        print(f"240 transfers, six films, scores and report after it: {rest:.1f} s; memory {peak:.0f} MB")
         short = ("--evaluations", "200", "--set", "task.seconds=2.0", "--json")
         for runs in (30, 300):
             out = str(folder / f"runs{runs}")
