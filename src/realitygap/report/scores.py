@@ -177,7 +177,7 @@ def _write_class(writer: csv.DictWriter[str], table: ScoreTable, one: ScoreClass
     if one.marks:
         mean = one.mean("correspondence")
         ends = {"low": mean.value - mean.half, "high": mean.value + mean.half} if mean else {}
-        known = {key: value for key, value in ends.items() if math.isfinite(value)}
+        known = {key: min(max(value, 0.0), 10.0) for key, value in ends.items() if math.isfinite(value)}
         average = {key: value for key, value in _average(one).items() if value is not None}
         average = {key: average[key] for key in ("behaviour", "correspondence") if key in average}
         writer.writerow({**facts, "row": "average", "kind": table.kind, "individual": table.individual,
