@@ -6,6 +6,7 @@ side by side, by conditions that are never wrong in saying no.
 """
 
 from realitygap.kernels.geometry import CONE, see
+from realitygap.kernels.incidence import lean_on_surfaces
 from realitygap.kernels.jit import step
 from realitygap.kernels.params import LANES
 
@@ -76,17 +77,21 @@ def notice(robot, arena, work):
 
 
 @step
-def reflected(robot, k, inverse, t):
+def reflected(robot, k, inverse, slant, t):
     """Σ over the rays of cos^m β (a/(d + offset)² + b), outermost pairs first.
 
-    The order makes mirror-image sensors add mirror-image rays in the same order.
+    Off matt surfaces a is times the cosine under which a ray meets them (`slant`). The order makes mirror-image sensors add mirror-image rays in the same order.
     """
     a, b, offset = robot.proximity_law[k, 0], robot.proximity_law[k, 1], robot.proximity_law[k, 2]
     if offset != 0.0:
         for i in range(inverse.shape[0]):
             inverse[i] = inverse[i] / (1.0 + offset * inverse[i])
-    for i in range(inverse.shape[0]):
-        t[i] = robot.proximity_weight[k, i] * (a * (inverse[i] * inverse[i]) + b)
+    if robot.proximity_matt > 0.0:
+        for i in range(inverse.shape[0]):
+            t[i] = robot.proximity_weight[k, i] * (a * (inverse[i] * inverse[i]) * slant[i] + b)
+    else:
+        for i in range(inverse.shape[0]):
+            t[i] = robot.proximity_weight[k, i] * (a * (inverse[i] * inverse[i]) + b)
     return (t[0] + t[9]) + (t[1] + t[8]) + ((t[2] + t[7]) + (t[3] + t[6])) + (t[4] + t[5])
 
 
@@ -116,5 +121,7 @@ def infrared(robot, arena, work, out):
         px = x + c * robot.proximity_place[k, 0] - s * robot.proximity_place[k, 1]
         py = y + s * robot.proximity_place[k, 0] + c * robot.proximity_place[k, 1]
         see(arena, robot.proximity_ray, k, px, py, c, s, ray_x, ray_y, inverse)
-        total = reflected(robot, k, inverse, work.terms)
+        if robot.proximity_matt > 0.0:
+            lean_on_surfaces(arena, px, py, work)
+        total = reflected(robot, k, inverse, work.slant, work.terms)
         out[k] = min(max(total, 0.0), robot.proximity_top)
