@@ -1,75 +1,90 @@
-"""Under which angle rays meet the surfaces where they end: for walls that are matt (Lambert).
+"""Rays against a room whose surfaces are matt: how far, and under which angle they meet them.
 
 Beyond the paper, for calibrated robots: a matt surface throws back what falls on it by the cosine
-of the angle to its normal.
+of the angle to its normal (Lambert). As geometry.see, with that cosine kept beside 1/d.
 """
 
 import math
 
-from realitygap.kernels.geometry import GRAZE, from_segment
+from realitygap.kernels.geometry import NARROW, TOUCHING
 from realitygap.kernels.jit import step
-from realitygap.kernels.params import LANES
+from realitygap.kernels.params import RAYS
 
 
 @step
-def find_normals(arena, a, b, work):
-    """The surfaces' normals, towards the robot's side, where the rays from lane `a` to `b` end: of whatever
-    is nearest there."""
-    end_x, end_y, near = work.end_x[a:b], work.end_y[a:b], work.hidden[a:b]
-    normal_x, normal_y = work.normal_x[a:b], work.normal_y[a:b]
-    width, depth = arena.size[0], arena.size[1]
-    for i in range(b - a):
-        ex, ey = end_x[i], end_y[i]
-        aside, along = min(ex, width - ex), min(ey, depth - ey)
-        near[i] = min(aside, along)
-        across = aside <= along
-        sign_x = 1.0 if 2.0 * ex <= width else -1.0
-        sign_y = 1.0 if 2.0 * ey <= depth else -1.0
-        normal_x[i] = sign_x if across else 0.0
-        normal_y[i] = 0.0 if across else sign_y
-    for j in range(arena.cylinders.shape[0]):
-        for i in range(b - a):
-            dx = end_x[i] - arena.cylinders[j, 0]
-            dy = end_y[i] - arena.cylinders[j, 1]
-            d = math.sqrt(dx * dx + dy * dy)
-            gap = abs(d - arena.cylinders[j, 2])
-            if gap < near[i]:
-                near[i] = gap
-                normal_x[i] = dx / max(d, 1e-12)
-                normal_y[i] = dy / max(d, 1e-12)
-    lean_on_segments(arena, a, b, work)
+def lean_on_room(arena, rays, k, px, py, c, s, ray_x, ray_y, inverse, slant):
+    """As see_room; the cosine under which each ray meets its wall."""
+    west = 1.0 / max(px, TOUCHING)
+    south = 1.0 / max(py, TOUCHING)
+    east = 1.0 / max(arena.size[0] - px, TOUCHING)
+    north = 1.0 / max(arena.size[1] - py, TOUCHING)
+    for i in range(inverse.shape[0]):
+        x = c * rays[k, 0, i] - s * rays[k, 1, i]
+        y = s * rays[k, 0, i] + c * rays[k, 1, i]
+        ray_x[i] = x
+        ray_y[i] = y
+        across = max(x * east, -x * west)
+        along = max(y * north, -y * south)
+        inverse[i] = max(across, along)
+        slant[i] = abs(x) if across >= along else abs(y)
 
 
 @step
-def lean_on_segments(arena, a, b, work):
-    """Of the rays from lane `a` to `b` those that end on an inner wall: its normal."""
-    end_x, end_y, near = work.end_x[a:b], work.end_y[a:b], work.hidden[a:b]
-    ray_x, ray_y = work.ray_x[a:b], work.ray_y[a:b]
-    normal_x, normal_y = work.normal_x[a:b], work.normal_y[a:b]
+def lean_on_cylinder(qx, qy, radius, ray_x, ray_y, inverse, slant):
+    """As see_cylinder; the half chord over the radius is the cosine to the normal."""
+    square = qx * qx + qy * qy
+    k = max(square - radius * radius, TOUCHING * TOUCHING)
+    inverse_k = 1.0 / k
+    inverse_radius = 1.0 / radius
+    if radius * radius < NARROW * square:
+        leftward = ray_x[RAYS] * qy - ray_y[RAYS] * qx
+        a = 2 if leftward > 0.0 else 0
+        b = a + 8
+        ray_x, ray_y, inverse, slant = ray_x[a:b], ray_y[a:b], inverse[a:b], slant[a:b]
+    for i in range(inverse.shape[0]):
+        t = qx * ray_x[i] + qy * ray_y[i]
+        under = t * t - k
+        half = math.sqrt(max(under, 0.0))
+        met = (t + half) * inverse_k
+        met = met if under > 0.0 else 0.0
+        met = met if t > 0.0 else 0.0
+        slant[i] = min(half * inverse_radius, 1.0) if met > inverse[i] else slant[i]
+        inverse[i] = max(inverse[i], met)
+
+
+@step
+def lean_on_segments(arena, px, py, ray_x, ray_y, inverse, slant):
+    """As see_segments; the cosine under which each ray meets an inner wall."""
     for j in range(arena.segments.shape[0]):
-        ax = arena.segments[j, 2] - arena.segments[j, 0]
-        ay = arena.segments[j, 3] - arena.segments[j, 1]
-        length = max(math.sqrt(ax * ax + ay * ay), 1e-12)
-        for i in range(b - a):
-            dx, dy = from_segment(arena, j, end_x[i], end_y[i])
-            d = math.sqrt(dx * dx + dy * dy)
-            if d < near[i]:
-                near[i] = d
-                side = -1.0 if ay * ray_x[i] - ax * ray_y[i] > 0.0 else 1.0
-                normal_x[i] = side * ay / length
-                normal_y[i] = -side * ax / length
+        ax = arena.segments[j, 0] - px
+        ay = arena.segments[j, 1] - py
+        bx = arena.segments[j, 2] - px
+        by = arena.segments[j, 3] - py
+        area = ax * by - ay * bx
+        sign = 1.0 if area >= 0.0 else -1.0
+        length = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
+        inverse_area = 1.0 / (sign * max(abs(area), TOUCHING * length))
+        inverse_length = 1.0 / max(length, TOUCHING)
+        for i in range(ray_x.shape[0]):
+            from_a = (ax * ray_y[i] - ay * ray_x[i]) * sign
+            to_b = (ray_x[i] * by - ray_y[i] * bx) * sign
+            through = ray_x[i] * (by - ay) - ray_y[i] * (bx - ax)
+            met = through * inverse_area
+            met = met if from_a >= 0.0 else 0.0
+            met = met if to_b >= 0.0 else 0.0
+            slant[i] = abs(through) * inverse_length if met > inverse[i] else slant[i]
+            inverse[i] = max(inverse[i], met)
 
 
 @step
-def lean_on_surfaces(arena, px, py, work):
-    """The cosine of the angle under which each ray from (px, py) meets what is nearest, into work.slant."""
-    ray_x, ray_y, inverse = work.ray_x[:LANES], work.ray_y[:LANES], work.inverse[:LANES]
-    end_x, end_y, slant = work.end_x[:LANES], work.end_y[:LANES], work.slant[:LANES]
-    normal_x, normal_y = work.normal_x[:LANES], work.normal_y[:LANES]
-    for i in range(LANES):
-        d = (1.0 - GRAZE) / inverse[i]
-        end_x[i] = px + ray_x[i] * d
-        end_y[i] = py + ray_y[i] * d
-    find_normals(arena, 0, LANES, work)
-    for i in range(LANES):
-        slant[i] = max(-(ray_x[i] * normal_x[i] + ray_y[i] * normal_y[i]), 0.0)
+def lean(arena, rays, k, px, py, c, s, ray_x, ray_y, inverse, slant):
+    """1/d from (px, py) to whatever is nearest along each ray of sensor `k`, and the cosine of the
+    angle between the ray and the normal there."""
+    lean_on_room(arena, rays, k, px, py, c, s, ray_x, ray_y, inverse, slant)
+    for j in range(arena.cylinders.shape[0]):
+        qx = arena.cylinders[j, 0] - px
+        qy = arena.cylinders[j, 1] - py
+        radius = arena.cylinders[j, 2]
+        if qx * ray_x[RAYS] + qy * ray_y[RAYS] > -radius:
+            lean_on_cylinder(qx, qy, radius, ray_x, ray_y, inverse, slant)
+    lean_on_segments(arena, px, py, ray_x, ray_y, inverse, slant)

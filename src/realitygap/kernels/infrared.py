@@ -6,7 +6,7 @@ side by side, by conditions that are never wrong in saying no.
 """
 
 from realitygap.kernels.geometry import CONE, see
-from realitygap.kernels.incidence import lean_on_surfaces
+from realitygap.kernels.incidence import lean
 from realitygap.kernels.jit import step
 from realitygap.kernels.params import LANES
 
@@ -80,7 +80,8 @@ def notice(robot, arena, work):
 def reflected(robot, k, inverse, slant, t):
     """Σ over the rays of cos^m β (a/(d + offset)² + b), outermost pairs first.
 
-    Off matt surfaces a is times the cosine under which a ray meets them (`slant`). The order makes mirror-image sensors add mirror-image rays in the same order.
+    Off matt surfaces a is times the cosine under which a ray meets them (`slant`).
+    The order makes mirror-image sensors add mirror-image rays in the same order.
     """
     a, b, offset = robot.proximity_law[k, 0], robot.proximity_law[k, 1], robot.proximity_law[k, 2]
     if offset != 0.0:
@@ -113,6 +114,7 @@ def infrared(robot, arena, work, out):
     """Noise-free readings of all proximity sensors into `out` ([P], counts, unrounded)."""
     x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
     ray_x, ray_y, inverse = work.ray_x[:LANES], work.ray_y[:LANES], work.inverse[:LANES]
+    slant = work.slant[:LANES]
     notice(robot, arena, work)
     for k in range(out.shape[0]):
         out[k] = 0.0
@@ -120,8 +122,9 @@ def infrared(robot, arena, work, out):
         k = work.listed[n]
         px = x + c * robot.proximity_place[k, 0] - s * robot.proximity_place[k, 1]
         py = y + s * robot.proximity_place[k, 0] + c * robot.proximity_place[k, 1]
-        see(arena, robot.proximity_ray, k, px, py, c, s, ray_x, ray_y, inverse)
         if robot.proximity_matt > 0.0:
-            lean_on_surfaces(arena, px, py, work)
-        total = reflected(robot, k, inverse, work.slant, work.terms)
+            lean(arena, robot.proximity_ray, k, px, py, c, s, ray_x, ray_y, inverse, slant)
+        else:
+            see(arena, robot.proximity_ray, k, px, py, c, s, ray_x, ray_y, inverse)
+        total = reflected(robot, k, inverse, slant, work.terms)
         out[k] = min(max(total, 0.0), robot.proximity_top)

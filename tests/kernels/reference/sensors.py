@@ -35,8 +35,7 @@ def proximity_sum(profile: Profile, arena: Arena, pose, k: int) -> float:
 
 def cosine_of_incidence(arena: Arena, place: Point, ray: Point, d: float) -> float:
     """Cosine of the angle between a ray of length `d` and the normal of the surface where it ends."""
-    back = d * (1 - DRAWN_BACK)
-    normal = normal_at(arena, (place[0] + back * ray[0], place[1] + back * ray[1]), ray)
+    normal = normal_at(arena, (place[0] + d * ray[0], place[1] + d * ray[1]), ray)
     return max(-(ray[0] * normal[0] + ray[1] * normal[1]), 0.0)
 
 
