@@ -68,8 +68,15 @@ def recorded(robot: Profile) -> Callable[..., SensorRecording]:
     """Record that robot before a wall, a cylinder or a lamp, with noise."""
 
     def make(
-        object: str = "wall", *, noise: float = 21.0, turn: float = 0.0, repeats: int = 4, seed: int = 1
+        object: str = "wall",
+        *,
+        noise: float = 21.0,
+        turn: float = 0.0,
+        repeats: int = 4,
+        seed: int = 1,
+        matt: float = 0.0,
     ) -> SensorRecording:
+        made = replace(robot, infrared=replace(robot.infrared, matt=matt))
         distance, bearing, repeat = places(repeats)
         kind = "ambient" if object == "lamp" else "infrared"
         blank = SensorRecording(
@@ -80,7 +87,7 @@ def recorded(robot: Profile) -> Callable[..., SensorRecording]:
         if kind == "ambient":
             clean = light_readings(robot, illumination(robot, scene, turn))
         else:
-            clean = proximity(robot, scene, turn)
+            clean = proximity(made, scene, turn)
         deviation = noise if kind == "ambient" else np.where(clean > 0, noise, 0.0)
         random = np.random.default_rng(seed)
         drawn = clean + deviation * random.normal(size=clean.shape)
@@ -96,7 +103,12 @@ def driven(robot: Profile) -> Callable[..., WheelRecording]:
     """Record a robot's wheels: constants as given, counters, and a camera that sees them slip."""
 
     def make(
-        *, slip: float = 0.06, camera: bool = True, seed: int = 2, each: bool = False, keep: float = 0.0,
+        *,
+        slip: float = 0.06,
+        camera: bool = True,
+        seed: int = 2,
+        each: bool = False,
+        keep: float = 0.0,
         **wheels: object,
     ) -> WheelRecording:
         """`each`: a camera sees every step; `keep`: how much of a step's slip the next one has."""

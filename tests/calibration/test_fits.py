@@ -32,6 +32,22 @@ def test_the_extended_form_finds_the_robot(robot, recorded):
     assert max(fit.by_form, key=fit.by_form.__getitem__) == "paper"
 
 
+@pytest.mark.parametrize("matt", [0.0, 1.0])
+def test_a_wall_tells_whether_it_is_matt(recorded, matt):
+    """A wall read well tells whether it is matt, so that a cylinder nobody fitted is predicted too."""
+    made = calibrate([recorded("wall", matt=matt, noise=5.0)], PAPER)
+    assert made.profile.infrared.matt == matt and made.warnings == ()
+    other = recorded("cylinder:2.7", matt=matt, noise=5.0, seed=9)
+    assert judge(other, made.profile).rmse < 1.5 * made.infrared.rmse
+
+
+def test_a_surface_is_taken_for_matt(recorded):
+    """Where noise hides whether a surface is matt, it is taken to be, and that is said."""
+    made = calibrate([recorded("wall", matt=0.0, noise=21.0)], PAPER)
+    assert made.profile.infrared.matt == 1.0
+    assert any("do not decide whether surfaces are matt" in warning for warning in made.warnings)
+
+
 @pytest.mark.parametrize("size", [10.5, 21.0, 42.0])
 def test_noise_is_measured_within_a_tenth(recorded, size):
     """Repeated readings give the deviation that was put in, with an interval about it."""

@@ -92,7 +92,9 @@ def random_profile(random: np.random.Generator) -> Profile:
         "matt": random.choice([0.0, 1.0]),
         "rays": random.choice([10.0, 27.0, 32.0, 50.0]),
     }
-    infrared = replace(PAPER.infrared, sensors=seen, exponent=random.choice([0.0, 1.0, 2.6]))
+    infrared = replace(
+        PAPER.infrared, sensors=seen, exponent=random.choice([0.0, 1.0, 2.6]), matt=random.choice([0.0, 1.0])
+    )
     ambient = replace(
         PAPER.ambient, sensors=lit, exponent=random.uniform(0, 3), reflectance=random.uniform(0, 2), **beyond
     )

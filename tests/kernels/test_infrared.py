@@ -66,6 +66,29 @@ def test_single_cylinder(gap):
     assert got[2] == pytest.approx(law(d), rel=1e-12)
 
 
+@pytest.mark.parametrize("shape", ["wall", "pole"])
+def test_matt_surfaces_reflect_by_the_cosine(shape):
+    """A matt wall throws back by cos β, a matt pole by half the chord that a ray cuts, over the radius."""
+    matt = replace(PAPER, infrared=replace(PAPER.infrared, matt=1.0))
+    gap, radius = (4.0 if shape == "wall" else 3.0), 4.0
+    d, cosine = gap / np.cos(BETAS), np.cos(BETAS)
+    arena, pose = EMPTY, (100 - 2.45 - gap, 50.55, 0.0)
+    if shape == "pole":
+        centre = gap + radius
+        arena = replace(EMPTY, cylinders=(Cylinder(x_cm=50 + centre, y_cm=50, radius_cm=radius),))
+        pose = (50 - 2.45, 50 - 0.55, 0.0)
+        half = np.sqrt(np.maximum(radius**2 - (centre * np.sin(BETAS)) ** 2, 0.0))
+        hit = half > 0
+        d = np.minimum(50 / np.cos(BETAS), 50 / np.abs(np.sin(BETAS)))
+        cosine = np.maximum(np.cos(BETAS), np.abs(np.sin(BETAS)))
+        d[hit], cosine[hit] = (centre * np.cos(BETAS) - half)[hit], half[hit] / radius
+    got, _ = readings(matt, arena, pose)
+    expected = (np.cos(BETAS) * (A * cosine / d**2 + B)).sum()
+    assert 0 < expected < 1023
+    assert got[2] == pytest.approx(expected, rel=1e-12)
+    assert readings(PAPER, arena, pose)[0][2] > expected + 20, "it would show if incidence did not count"
+
+
 def test_open_space_reads_zero():
     """Nothing within reach: all sensors read exactly 0, for all ten terms are negative and count."""
     got, _ = readings(PAPER, EMPTY, (50, 50, 0.3))
@@ -105,6 +128,8 @@ def test_reads_1023_at_most():
 
 def test_mirror_sensors_read_alike():
     """On the arena's middle line, facing along it, mirror-image sensors agree to the last bit."""
-    for x in np.linspace(3, 47, 60):
-        got, _ = readings(PAPER, AVOIDANCE, (x, 25, 0.0))
-        assert got[:6].tolist() == got[5::-1].tolist() and got[6] == got[7]
+    for matt in (0.0, 1.0):
+        robot = replace(PAPER, infrared=replace(PAPER.infrared, matt=matt))
+        for x in np.linspace(3, 47, 60):
+            got, _ = readings(robot, AVOIDANCE, (x, 25, 0.0))
+            assert got[:6].tolist() == got[5::-1].tolist() and got[6] == got[7]

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.checks import refuse_nonsense
-from realitygap.calibration.forms import Problem, fit_forms
-from realitygap.calibration.infrared import INFRARED_FORMS, infrared_frees, infrared_model, with_infrared
+from realitygap.calibration.forms import fit_forms
+from realitygap.calibration.infrared import PROXIMITY_COUNTS, infrared_problems, with_infrared
 from realitygap.calibration.judge import LIMITS, Misfit, measure_noise, misfits
 from realitygap.calibration.light import as_bright_as_the_paper, with_light
 from realitygap.calibration.light_forms import AMBIENT_COUNTS, light_problems
@@ -30,8 +30,6 @@ Array = NDArray[np.float64]
 
 OVERFITTED = 1.3
 """Held-out RMSE over the fitted one, from which on a form is said to fit more than the robot."""
-PROXIMITY_COUNTS = 21.0
-"""Noise that residuals are weighed by before it is measured."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,18 +81,12 @@ def fit_infrared(recordings: Sequence[SensorRecording], base: Profile, form: str
         CalibrationError: the recordings are no robot's.
     """
     rows = Rows(recordings, base)
-    rigs = [name for name, _ in rows.scenes]
-    problems = {
-        name: Problem(
-            frees=infrared_frees(name, base, rigs),
-            model=lambda values: infrared_model(base, values, rows.scenes),
-            base=base,
-        )
-        for name in INFRARED_FORMS
-    }
+    problems, doubt = infrared_problems(rows, base)
     fits, held_out = fit_forms(rows, problems, form, PROXIMITY_COUNTS)
     values = _mend_dead(fits[form].values, problems[form].frees, rows.dead)
-    return _channel("infrared", form, rows, fits, held_out, with_infrared(base, values))
+    made = with_infrared(problems[form].base, values)
+    found = _channel("infrared", form, rows, fits, held_out, made)
+    return replace(found, warnings=(*found.warnings, doubt)) if doubt and form == "extended" else found
 
 
 def fit_light(

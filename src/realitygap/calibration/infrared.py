@@ -9,23 +9,72 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.calibration.forms import Problem, solve_form
 from realitygap.calibration.forward import Scene, proximity
-from realitygap.calibration.solve import Free, Values
+from realitygap.calibration.rows import Rows
+from realitygap.calibration.solve import ROBUST_AT, Fit, Free, Values
 
 if TYPE_CHECKING:
     from realitygap.world.profile import Profile
 
-__all__ = ["INFRARED_FORMS", "infrared_frees", "infrared_model", "with_infrared"]
+__all__ = ["INFRARED_FORMS", "PROXIMITY_COUNTS", "infrared_problems", "with_infrared"]
 
 Array = NDArray[np.float64]
 
 INFRARED_FORMS = ("paper", "individual", "extended")
-"""Common a and b; a and b for each sensor; also directions, distance offset, exponent of the cosine."""
+"""Common a and b; a and b for each sensor; also directions, distance offset, exponent of the cosine, and
+surfaces that are matt."""
+
+PROXIMITY_COUNTS = 21.0
+"""Noise that residuals are weighed by before it is measured."""
 
 DIRECTION_PRIOR_DEG = 5.0
 """How straight sensors are soldered in: keeps a turned rig and eight turned sensors apart."""
 TURN_DEG, TURN_PRIOR_DEG = 10.0, 2.0
 """How far a rig may be turned, and how far it is likely to be."""
+AGAINST, DECIDED = -1.5, 2.0
+"""Standard errors: surfaces are taken for matt unless the readings are this much against it; whether they
+are is called decided from there on. Walls alone tell little of it, and a cylinder then tells plainly."""
+
+
+def infrared_problems(rows: Rows, base: Profile) -> tuple[dict[str, Problem], str]:
+    """The forms to be fitted; and what the readings do not decide about them, in words, if anything.
+
+    Surfaces are matt or not: tried, not fitted, for fitted to walls such an exponent wanders.
+    """
+    problems = {form: _problem(form, rows, base) for form in INFRARED_FORMS}
+    tried = [
+        _problem("extended", rows, replace(base, infrared=replace(base.infrared, matt=matt)))
+        for matt in (0.0, 1.0)
+    ]
+    glossy, matt = (solve_form(rows, problem, PROXIMITY_COUNTS, intervals=False) for problem in tried)
+    for_matt = preference(rows, matt, over=glossy)
+    if for_matt <= AGAINST:
+        problems["extended"] = replace(tried[0], begin=glossy.values)
+    else:
+        problems["extended"] = replace(tried[1], begin=matt.values)
+    chosen = "are not matt" if for_matt <= AGAINST else "are matt"
+    doubt = f"infrared: the readings do not decide whether surfaces are matt; it is taken that they {chosen}"
+    return problems, "" if abs(for_matt) >= DECIDED else doubt + " (readings before a cylinder would tell)"
+
+
+def preference(rows: Rows, one: Fit, *, over: Fit) -> float:
+    """By how many standard errors readings speak for one fit over another with as many constants.
+
+    Vuong's statistic (1989), its standard error robust against errors that neighbouring places share.
+    """
+    z = [np.where(rows.use, fit.model - rows.counts, 0.0) / PROXIMITY_COUNTS for fit in (one, over)]
+    left = [np.sqrt(1.0 + (off / ROBUST_AT) ** 2).sum(axis=1) for off in z]
+    gain = np.bincount(np.unique(rows.block, return_inverse=True)[1], left[1] - left[0])
+    return float(gain.sum() / max(np.sqrt((gain**2).sum()), 1e-12))
+
+
+def _problem(form: str, rows: Rows, base: Profile) -> Problem:
+    return Problem(
+        frees=infrared_frees(form, base, [name for name, _ in rows.scenes]),
+        model=lambda values: infrared_model(base, values, rows.scenes),
+        base=base,
+    )
 
 
 def infrared_frees(form: str, profile: Profile, rigs: Sequence[str]) -> list[Free]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Constant", "Fit", "Free", "Values", "blind_pairs", "solve"]
+__all__ = ["ROBUST_AT", "Constant", "Fit", "Free", "Values", "blind_pairs", "solve"]
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Array]

@@ -68,7 +68,7 @@ def calibrate(
     A RECORDING is a folder made by `realitygap record` (or a folder of several), or a .sam table.
     Forms: paper has the paper's laws with common constants and its printed gains; individual has
     constants for each sensor, light read linearly, and refitted gains; extended also directions,
-    distance offset, exponents, and the lamp's height.
+    distance offset, exponents, surfaces that are matt, and the lamp's height.
 
     \b
     Examples: a profile from two tables, and its judge on a third

@@ -6,6 +6,7 @@ side by side, by conditions that are never wrong in saying no.
 """
 
 from realitygap.kernels.geometry import CONE, see
+from realitygap.kernels.incidence import lean
 from realitygap.kernels.jit import step
 from realitygap.kernels.params import LANES
 
@@ -76,17 +77,22 @@ def notice(robot, arena, work):
 
 
 @step
-def reflected(robot, k, inverse, t):
+def reflected(robot, k, inverse, slant, t):
     """Σ over the rays of cos^m β (a/(d + offset)² + b), outermost pairs first.
 
+    Off matt surfaces a is times the cosine under which a ray meets them (`slant`).
     The order makes mirror-image sensors add mirror-image rays in the same order.
     """
     a, b, offset = robot.proximity_law[k, 0], robot.proximity_law[k, 1], robot.proximity_law[k, 2]
     if offset != 0.0:
         for i in range(inverse.shape[0]):
             inverse[i] = inverse[i] / (1.0 + offset * inverse[i])
-    for i in range(inverse.shape[0]):
-        t[i] = robot.proximity_weight[k, i] * (a * (inverse[i] * inverse[i]) + b)
+    if robot.proximity_matt > 0.0:
+        for i in range(inverse.shape[0]):
+            t[i] = robot.proximity_weight[k, i] * (a * (inverse[i] * inverse[i]) * slant[i] + b)
+    else:
+        for i in range(inverse.shape[0]):
+            t[i] = robot.proximity_weight[k, i] * (a * (inverse[i] * inverse[i]) + b)
     return (t[0] + t[9]) + (t[1] + t[8]) + ((t[2] + t[7]) + (t[3] + t[6])) + (t[4] + t[5])
 
 
@@ -108,6 +114,7 @@ def infrared(robot, arena, work, out):
     """Noise-free readings of all proximity sensors into `out` ([P], counts, unrounded)."""
     x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
     ray_x, ray_y, inverse = work.ray_x[:LANES], work.ray_y[:LANES], work.inverse[:LANES]
+    slant = work.slant[:LANES]
     notice(robot, arena, work)
     for k in range(out.shape[0]):
         out[k] = 0.0
@@ -115,6 +122,9 @@ def infrared(robot, arena, work, out):
         k = work.listed[n]
         px = x + c * robot.proximity_place[k, 0] - s * robot.proximity_place[k, 1]
         py = y + s * robot.proximity_place[k, 0] + c * robot.proximity_place[k, 1]
-        see(arena, robot.proximity_ray, k, px, py, c, s, ray_x, ray_y, inverse)
-        total = reflected(robot, k, inverse, work.terms)
+        if robot.proximity_matt > 0.0:
+            lean(arena, robot.proximity_ray, k, px, py, c, s, ray_x, ray_y, inverse, slant)
+        else:
+            see(arena, robot.proximity_ray, k, px, py, c, s, ray_x, ray_y, inverse)
+        total = reflected(robot, k, inverse, slant, work.terms)
         out[k] = min(max(total, 0.0), robot.proximity_top)

@@ -56,6 +56,8 @@ class Robot(NamedTuple):
     """[P] distance beyond which every ray's term is ≤ 0, √(a/−b) − offset; inf where b ≥ 0."""
     proximity_top: float
     """The converter's highest count: 1023."""
+    proximity_matt: float
+    """1 = surfaces throw back by the cosine of the angle under which a ray meets them; 0 in the paper."""
 
     ambient_place: F
     """[A, 2] as for proximity."""

@@ -154,6 +154,7 @@ class Profile(Value):
             proximity_law=np.array([(s.a, s.b, s.offset_cm) for s in near]).reshape(-1, 3),
             proximity_reach=np.array([s.reach_cm() for s in near]),
             proximity_top=infrared.top,
+            proximity_matt=infrared.matt,
             ambient_place=np.array([(s.x_cm, s.y_cm) for s in lit]).reshape(-1, 2),
             ambient_facing=np.array([unit(s.direction_deg) for s in lit]).reshape(-1, 2),
             ambient_ray=rays([s.direction_deg + shift for s in lit for shift in shifts], per_fan),

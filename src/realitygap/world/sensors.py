@@ -39,16 +39,22 @@ class ProximitySensor(Value):
 
 @dataclass(frozen=True, kw_only=True)
 class Infrared(Value):
-    """Proximity (§3.2.3): I = Σ cos^m β (a/(d + offset)² + b), clipped to 0 … top."""
+    """Proximity (§3.2.3): I = Σ cos^m β (a/(d + offset)² + b), clipped to 0 … top.
+
+    Beyond the paper: with matt 1 surfaces throw a back by the cosine of the angle under which a ray
+    meets them (Lambert).
+    """
 
     exponent: float
     top: float
     bands: tuple[float, float]
     sensors: tuple[ProximitySensor, ...]
+    matt: float = 0.0
 
     def _check(self) -> None:
         require(self.exponent >= 0, "exponent", "0 or more", self.exponent)
         require(self.top > 0, "top", "more than 0", self.top)
+        require(self.matt in (0.0, 1.0), "matt", "0 (as in the paper) or 1", self.matt)
         _check_bands(self.bands)
 
 

@@ -16,16 +16,27 @@ itself hides nothing that is on the ray's side of it."""
 
 
 def proximity_sum(profile: Profile, arena: Arena, pose, k: int) -> float:
-    """I = Σ cos^m β (a/(d + offset)² + b) of sensor `k`, before clipping."""
+    """I = Σ cos^m β (a/(d + offset)² + b) of sensor `k`, before clipping.
+
+    Beyond the paper: a times the cosine of the angle between a ray and the normal where it ends.
+    """
     sensor = profile.infrared.sensors[k]
     place, direction = place_and_direction(sensor, pose)
     total = 0.0
     for degrees in ANGLES:
         beta = math.radians(degrees)
-        d = distance(arena, place, (math.cos(direction + beta), math.sin(direction + beta)))
+        ray = (math.cos(direction + beta), math.sin(direction + beta))
+        d = distance(arena, place, ray)
         weight = math.cos(beta) ** profile.infrared.exponent
-        total += weight * (sensor.a / (d + sensor.offset_cm) ** 2 + sensor.b)
+        slant = cosine_of_incidence(arena, place, ray, d) if profile.infrared.matt else 1.0
+        total += weight * (sensor.a * slant / (d + sensor.offset_cm) ** 2 + sensor.b)
     return total
+
+
+def cosine_of_incidence(arena: Arena, place: Point, ray: Point, d: float) -> float:
+    """Cosine of the angle between a ray of length `d` and the normal of the surface where it ends."""
+    normal = normal_at(arena, (place[0] + d * ray[0], place[1] + d * ray[1]), ray)
+    return max(-(ray[0] * normal[0] + ray[1] * normal[1]), 0.0)
 
 
 def proximity(profile: Profile, arena: Arena, pose) -> list[float]:
