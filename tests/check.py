@@ -1,7 +1,7 @@
 """Everything that a change must pass, in order: style, types, import rules, tests.
 
 Run from anywhere with the environment's own Python: `python tests/check.py`. Words after it go
-to pytest. Stops at the first that fails; the last line is pytest's summary.
+to pytest, which runs on two cores. Stops at the first that fails; the last line is pytest's summary.
 """
 
 import subprocess
@@ -12,7 +12,7 @@ CHECKS = (
     ("ruff", ["-m", "ruff", "check", "."]),
     ("mypy", ["-m", "mypy"]),
     ("import-linter", ["-c", "from importlinter.cli import lint_imports_command as check; check()"]),
-    ("pytest", ["-m", "pytest", *sys.argv[1:]]),
+    ("pytest", ["-m", "pytest", "-n", "2", "--dist", "loadfile", *sys.argv[1:]]),
 )
 
 
