@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numba
 import pytest
 
 from realitygap.twin.body import TwinBody
 from realitygap.twin.compiled import CompiledBody, body_for_many
 from tests.twin.rooms import CROWDED
+
+compiler = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="the compiler is off")
 
 ORDERS: tuple[Callable[[TwinBody], None], ...] = (
     lambda body: body.set_speed(12, 9),
@@ -41,6 +44,7 @@ def lived(body: TwinBody, milliseconds: int) -> Numbers:
     return [*known, (states.time_ms.tobytes(), states.pose.tobytes())]
 
 
+@compiler
 def test_compiled_as_plain() -> None:
     """The compiled loop lives as the plain one, to the last bit, whatever is asked of it."""
     for settings, part in (({"unit": 1, "seed": 5}, 61), ({"unit": 4, "noise": 2.0, "substeps": 2}, 17)):
@@ -49,9 +53,10 @@ def test_compiled_as_plain() -> None:
         assert lived(compiled, part) == lived(TwinBody(CROWDED, **settings), part)  # type: ignore[arg-type]
 
 
+@compiler
 def test_answers_are_whole_numbers() -> None:
     """What the protocol puts into its answers is Python's own integers in both bodies."""
-    body = CompiledBody(CROWDED, unit=1)
+    body = body_for_many(CROWDED, unit=1)
     body.set_speed(5, 5)
     body.advance(30)
     for number in (*body.pulses(), *body.speeds(), *body.errors()):

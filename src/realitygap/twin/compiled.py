@@ -1,14 +1,13 @@
 """The body's millisecond loop, compiled: for a twin that drives many trials.
 
 `realitygap.twin.body` and `realitygap.twin.wheels` have the same loop in Python and are its judge: the
-same arithmetic in the same order gives the same bits. Every constant comes in as a value, so that the
-compiled code hangs on this file alone, and Numba sees for itself when what it keeps is out of date.
+same arithmetic in the same order gives the same bits.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from realitygap.twin.body import REFRESHED_MS, TwinBody
+from realitygap.twin.jit import jit
 from realitygap.twin.model import NOMINAL_VOLT
 from realitygap.twin.sensors import CYCLE_MS
 from realitygap.twin.wheels import MAX_PWM, PULSES_PER_RADIAN, WINDOW_MS, Wheel
@@ -38,19 +38,10 @@ POSITION_VOLTS = SPEED_VOLTS + 3
 REALS = POSITION_VOLTS + 3
 
 
-def _jit(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compiled, and kept for the next process where that can be written."""
-    try:
-        compiled: Callable[..., Any] = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
-    except RuntimeError:
-        compiled = numba.njit(error_model="numpy", nogil=True)(function)
-    return compiled
-
-
 _step = types.ExternalFunction("mj_step", types.void(types.uintp, types.uintp))
 
 
-@_jit
+@jit
 def _pid(real: Any, gains: int, error: float) -> Any:
     """`Wheel._pid`."""
     total = real[ERROR_SUM] + error
@@ -62,7 +53,7 @@ def _pid(real: Any, gains: int, error: float) -> Any:
     return math.copysign(real[VOLT], volt)
 
 
-@_jit
+@jit
 def _follow_profile(whole: Any, real: Any) -> Any:
     """`Wheel._follow_profile`."""
     fastest, quickest = float(whole[FASTEST]), whole[QUICKEST] / 256.0
@@ -77,7 +68,7 @@ def _follow_profile(whole: Any, real: Any) -> Any:
     return real[REFERENCE]
 
 
-@_jit
+@jit
 def _voltage(whole: Any, real: Any, angle: float) -> Any:
     """`Wheel.voltage`."""
     slot = whole[SLOT]
@@ -91,7 +82,7 @@ def _voltage(whole: Any, real: Any, angle: float) -> Any:
     return real[VOLT] * whole[PWM] / whole[FULL_PWM]
 
 
-@_jit
+@jit
 def _run(
     first: int, count: int, model: int, data: int, substeps: int, qpos: Any, ctrl: Any, whole: Any,
     real: Any, turned: Any, history: Any, kept: Any,
