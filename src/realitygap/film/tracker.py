@@ -8,10 +8,12 @@ in which the disk is not seen is reported as lost, never guessed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -66,7 +68,8 @@ class Tracker:
 
     def follow(self, frames: Iterable[tuple[float, Picture | Look]]) -> Track:
         """The track of pictures with their times (s), one after the other; none is kept."""
-        rows = [(t_s, *_row(self.see(picture))) for t_s, picture in frames]
+        with _one_thread():
+            rows = [(t_s, *_row(self.see(picture))) for t_s, picture in frames]
         return Track(**dict(zip(COLUMNS, np.array(rows).T, strict=True)))
 
     def _believed(self, seen: Sighting | None, least: float) -> Sighting | None:
@@ -115,6 +118,17 @@ def track_film(
             "that --camera was calibrated for this film, and that --disk has the disk's true size."
         )
     return Tracked(track=track, last_frame=last, trouble=trouble)
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """OpenCV's work on windows as small as the tracker's: waking its threads costs more than they do."""
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(threads)
 
 
 def _row(seen: tuple[Pose, float] | None) -> tuple[float, float, float, float]:

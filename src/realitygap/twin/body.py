@@ -58,34 +58,48 @@ class TwinBody:
             build_xml(self.arena, self.unit, timestep=0.001 / substeps)
         )
         self._data = mujoco.MjData(self._model)
-        self._wheels = (Wheel(NOMINAL_VOLT), Wheel(NOMINAL_VOLT))
+        self._wheels = self._two_wheels()
         self._qpos, self._ctrl = self._data.qpos, self._data.ctrl
         self._states: list[tuple[int, NDArray[np.float64]]] = []
-        self._slipped, self._angles, self._creeps = [0.0, 0.0], [0.0, 0.0], (0.0, 0.0)
+        self._turned = np.zeros((3, 2))
+        rows: list[Any] = [row.data for row in self._turned]
+        self._creeps, self._angles, self._slipped = rows
+        self._history = np.zeros((HISTORY_MS, 7))
         self.place(*self._somewhere(), 0.0)
+
+    def _two_wheels(self) -> tuple[Wheel, Wheel]:
+        return Wheel(NOMINAL_VOLT), Wheel(NOMINAL_VOLT)
 
     # physics
 
     def advance(self, milliseconds: int) -> None:
         """Let time pass: physics, and the robot's own control of its wheels each millisecond."""
+        end = self.time_ms + milliseconds
+        while self.time_ms < end:
+            into = self.time_ms % CREEP_MS
+            if into == 0:
+                self._feel_ground()
+            self._run(min(end - self.time_ms, CREEP_MS - into))
+            if self.time_ms % RECORD_MS == 0:
+                self._record()
+
+    def _run(self, milliseconds: int) -> None:
+        """A few milliseconds of unchanging ground (`realitygap.twin.compiled` has the same, compiled)."""
         model, data, step, substeps = self._model, self._data, mujoco.mj_step, self._substeps
-        qpos, ctrl, slipped, last = self._qpos.data, self._ctrl.data, self._slipped, self._angles
+        qpos, ctrl = self._qpos.data, self._ctrl.data
+        creeps, last, slipped = self._creeps, self._angles, self._slipped
         left, right = self._wheels[0].voltage, self._wheels[1].voltage
         for now in range(self.time_ms + 1, self.time_ms + 1 + milliseconds):
-            if now % CREEP_MS == 1:
-                self._feel_ground()
             a, b = qpos[7], qpos[8]
-            slipped[0] += self._creeps[0] * (a - last[0])
-            slipped[1] += self._creeps[1] * (b - last[1])
+            slipped[0] += creeps[0] * (a - last[0])
+            slipped[1] += creeps[1] * (b - last[1])
             last[0], last[1] = a, b
             ctrl[0] = left(a + slipped[0])
             ctrl[1] = right(b + slipped[1])
             step(model, data, substeps)
             self.time_ms = now
             if now % CYCLE_MS in REFRESHED_MS:
-                self._history[now % HISTORY_MS] = self._qpos[:7].copy()
-            if now % RECORD_MS == 0:
-                self._record()
+                self._history[now % HISTORY_MS] = self._qpos[:7]
 
     def _feel_ground(self) -> None:
         x, y = float(self._qpos[0]), float(self._qpos[1])
@@ -93,10 +107,8 @@ class TwinBody:
         half = self.unit.track / 2.0
         dx, dy = -2.0 * w * z * half, (w * w - z * z) * half
         angles = self._angles
-        self._creeps = (
-            self._creep.at(0, x + dx, y + dy, angles[0]),
-            self._creep.at(1, x - dx, y - dy, angles[1]),
-        )
+        self._creeps[0] = self._creep.at(0, x + dx, y + dy, angles[0])
+        self._creeps[1] = self._creep.at(1, x - dx, y - dy, angles[1])
 
     def _record(self) -> None:
         self._states.append((self.time_ms, self._qpos[:7].copy()))
@@ -138,7 +150,7 @@ class TwinBody:
         data.qpos[:7] = (x_cm / 100.0, y_cm / 100.0, 0.0, math.cos(heading / 2), 0, 0, math.sin(heading / 2))
         data.qpos[7:9] = angles
         mujoco.mj_forward(self._model, data)
-        self._history = [data.qpos[:7].copy() for _ in range(HISTORY_MS)]
+        self._history[:] = data.qpos[:7]
         self._record()
 
     # wheels
@@ -201,7 +213,7 @@ class TwinBody:
     def _seen(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """When each sensor was refreshed last, and the poses [8, 3] (x, y in m, heading) of then."""
         refreshed = self._sensors.refreshed(self.time_ms)
-        poses = np.array([self._history[t % HISTORY_MS] for t in refreshed])
+        poses = self._history[refreshed % HISTORY_MS]
         return refreshed, np.stack([poses[:, 0], poses[:, 1], heading_of(poses)], axis=1)
 
     def proximity(self) -> list[int]:

@@ -7,7 +7,7 @@ where it is in the picture.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from realitygap.twin.arena import WALL_HALF
 from realitygap.twin.lens import HEIGHT, WIDTH, Lens
 from realitygap.twin.model import BODY_RADIUS, BODY_TOP, WALL_HEIGHT
+from realitygap.twin.painting import paint_robot
 
 __all__ = [
     "DISK_HEIGHT", "DISK_RADIUS", "FRONT_AHEAD", "FRONT_RADIUS", "MIDDLE_RADIUS", "WHOLE",
@@ -23,8 +24,6 @@ __all__ = [
 ]  # fmt: skip
 
 Array = NDArray[np.float32]
-Circle = tuple[float, float, float, float]
-"""x, y, height and radius (m)."""
 Window = tuple[slice, slice]
 """Rows and columns of a picture."""
 WHOLE = (slice(0, HEIGHT), slice(0, WIDTH))
@@ -44,9 +43,15 @@ BLACK = np.array([14, 14, 15], np.float32)
 WHITE = np.array([243, 243, 241], np.float32)
 LAYERS = 5
 SIDES = [0.003 + (BODY_TOP - 0.003) * layer / (LAYERS - 1) for layer in range(LAYERS)]
-"""Heights at which the body's side is drawn (m)."""
+"""Heights at which the body's side is drawn (m), as far as the camera sees it."""
+LOOKS = (
+    np.array([*SIDES, DISK_HEIGHT], np.float32),
+    (BODY_RADIUS, DISK_RADIUS, MIDDLE_RADIUS, FRONT_RADIUS),
+    np.array([BODY, BLACK, WHITE, WHITE]),
+)
+"""The robot: the heights of its sides and of its disk, radii, colours; the body first, then the marks."""
 SPREAD, EDGE = 1.05, 2
-"""A circle's box in the picture: its radius over the middle of the floor, with this factor for what is
+"""The robot's box in the picture: its radius over the middle of the floor, with this factor for what is
 higher or nearer and so many pixels more."""
 
 
@@ -63,7 +68,7 @@ class Drawing:
         self._floor = np.moveaxis(floor, -1, 0).astype(np.float32, order="C")
         self._slope = np.moveaxis(slope, -1, 0).astype(np.float32, order="C")
         self._lens = lens
-        self._samples = SUB * lens.focal / lens.position[2]  # a metre
+        self._samples = float(SUB * lens.focal / lens.position[2])  # a metre
         self._fine = np.moveaxis(self._still(arena), -1, 0).copy()  # [3, ...] one colour after another
         self.background = np.moveaxis(self._coarse(self._fine), 0, -1).copy()
 
@@ -75,12 +80,9 @@ class Drawing:
             total += fine[:, k // SUB :: SUB, k % SUB :: SUB]
         return np.asarray(total * np.float32(1.0 / SUB**2))
 
-    def _at(self, z: float, window: Window = (slice(None), slice(None))) -> Array:
+    def _at(self, z: float) -> Array:
         """[2, ...] x and y of the samples' rays at a height (m)."""
-        part = (slice(None), *window)
-        there = self._slope[part] * np.float32(z)
-        there += self._floor[part]
-        return np.asarray(there)
+        return np.asarray(self._slope * np.float32(z) + self._floor)
 
     def _still(self, arena: Mapping[str, Any]) -> Array:
         """What does not move, from the floor up."""
@@ -113,43 +115,14 @@ class Drawing:
             picture[np.hypot(x - cx, y - cy) < 0.008] = LAMP
         return picture
 
-    def _boxes(self, circles: Sequence[Circle]) -> NDArray[np.int64]:
-        """[n, 4] pixels top, bottom, left, right of what shows circles; not all in the picture."""
-        middles = np.rint(self._lens.pixels(np.array([circle[:3] for circle in circles]))).astype(np.int64)
-        reach = [math.ceil(SPREAD * self._samples / SUB * circle[3]) + EDGE for circle in circles]
-        ends = middles[:, 1::-1, None] + np.array(reach)[:, None, None] * np.array([-1, 1])
-        return np.asarray(np.clip(ends, 0, [[HEIGHT], [WIDTH]]).reshape(-1, 4), np.int64)
-
-    def _paint(self, fine: Array, window: Window, circle: Circle, colour: Array) -> None:
-        """A circle, its edge as soft as a sample is wide."""
-        inside = np.clip((circle[3] - self._off(circle, window)) * self._samples + 0.5, 0.0, 1.0)
-        fine += (colour[:, None, None] - fine) * inside.astype(np.float32)
-
-    def _inside(self, circle: Circle, window: Window) -> NDArray[np.bool_]:
-        """Whether samples lie in a circle: squares tell, but for those on its very edge."""
-        x, y, z, radius = circle
-        there = self._at(z, window)
-        there[0] -= x
-        there[1] -= y
-        square = np.square(there).sum(axis=0)
-        square -= radius * radius
-        inside = square < 0.0
-        doubtful = np.abs(square, out=square) < 1e-5 * radius * radius
-        if doubtful.any():
-            inside[doubtful] = np.hypot(there[0][doubtful], there[1][doubtful]) < radius
-        return np.asarray(inside)
-
-    def _off(self, circle: Circle, window: Window) -> Array:
-        """How far samples are from a circle's middle: to the last bit near its edge, where it matters."""
-        there = self._at(circle[2], window)
-        x, y = there[0] - circle[0], there[1] - circle[1]
-        off = x * x
-        off += y * y
-        np.sqrt(off, out=off)
-        near = off - circle[3]
-        edge = (np.abs(near, out=near) < 1.0 / self._samples).nonzero()
-        off[edge] = np.hypot(x[edge], y[edge])
-        return np.asarray(off)
+    def _about(self, x: float, y: float, window: Window) -> list[tuple[int, int]]:
+        """Rows and columns (first, end) of a window in which the robot may be seen."""
+        ends = self._lens.pixels(np.array([(x, y, SIDES[0]), (x, y, DISK_HEIGHT)]))
+        reach = math.ceil(SPREAD * self._samples / SUB * BODY_RADIUS) + EDGE
+        first = (np.rint(ends.min(axis=0)).astype(int) - reach).tolist()
+        end = (np.rint(ends.max(axis=0)).astype(int) + reach).tolist()
+        sides = zip(window, reversed(first), reversed(end), strict=True)
+        return [(max(side.start, low), min(side.stop, high)) for side, low, high in sides]
 
     def frame(self, x: float, y: float, heading: float, window: Window = WHOLE) -> Array:
         """The picture with the robot at x, y (m): grey levels as floats, without the camera's noise.
@@ -158,41 +131,9 @@ class Drawing:
             [rows, columns, 3] of the window.
         """
         picture = self.background[window].copy()
-        robot, whole = self._robot(x, y, heading)
-        both = tuple(
-            slice(max(a.start, b.start), min(a.stop, b.stop)) for a, b in zip(window, whole, strict=True)
-        )
-        if all(part.start < part.stop for part in both):
-            picture[_within(both, window)] = np.moveaxis(robot[:, *_within(both, whole)], 0, -1)
+        ahead = x + FRONT_AHEAD * float(np.cos(heading)), y + FRONT_AHEAD * float(np.sin(heading))
+        rows, columns = self._about(x, y, window)
+        corner = window[0].start, window[1].start
+        still = self._floor, self._slope, self._fine, self._over
+        paint_robot(picture, corner, rows, columns, still, (x, y), ahead, SUB, self._samples, *LOOKS)
         return picture
-
-    def _robot(self, x: float, y: float, heading: float) -> tuple[Array, Window]:
-        """[3, rows, columns] the window of the picture that shows the robot, and where it is."""
-        ahead_x, ahead_y = x + FRONT_AHEAD * np.cos(heading), y + FRONT_AHEAD * np.sin(heading)
-        sides = [(x, y, z, BODY_RADIUS) for z in SIDES]  # the body's side, as far as the camera sees it
-        marks = [(x, y, DISK_HEIGHT, DISK_RADIUS), (x, y, DISK_HEIGHT, MIDDLE_RADIUS),
-                 (ahead_x, ahead_y, DISK_HEIGHT, FRONT_RADIUS)]  # fmt: skip
-        boxes = self._boxes([*sides, *marks])
-        top, left = boxes[:, ::2].min(axis=0).tolist()
-        bottom, right = boxes[:, 1::2].max(axis=0).tolist()
-        whole = _samples(top, bottom, left, right)
-        fine, body = self._fine[:, *whole].copy(), np.zeros(self._over[whole].shape, np.bool_)
-        parts = [_samples(*box) for box in boxes.tolist()]
-        for part, side in zip(parts, sides, strict=False):
-            body[_within(part, whole)] |= self._inside(side, part)
-        np.copyto(fine, BODY[:, None, None], where=body)
-        for part, mark, colour in zip(parts[LAYERS:], marks, (BLACK, WHITE, WHITE), strict=True):
-            self._paint(fine[:, *_within(part, whole)], part, mark, colour)
-        np.copyto(fine, self._fine[:, *whole], where=self._over[whole])
-        return self._coarse(fine), (slice(top, bottom), slice(left, right))
-
-
-def _samples(top: int, bottom: int, left: int, right: int) -> Window:
-    """The samples of some pixels."""
-    return slice(top * SUB, bottom * SUB), slice(left * SUB, right * SUB)
-
-
-def _within(part: Sequence[slice], whole: Sequence[slice]) -> Window:
-    """A window in the coordinates of one round it."""
-    rows, columns = (slice(a.start - b.start, a.stop - b.start) for a, b in zip(part, whole, strict=True))
-    return rows, columns
