@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import signal
-import threading
 import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
@@ -12,12 +10,11 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from realitygap.errors import RealityGapError
 from realitygap.study.load import Study, load_study
 from realitygap.study.schema import told
 from realitygap.study.transfer_plan import Situation
 from realitygap.study.transfer_trial import Carry, Stage
-from realitygap.study.workers import Pool, die_with_parent
+from realitygap.study.workers import Pool, at_work
 
 if TYPE_CHECKING:
     from realitygap.study.transfer_overhead import Overhead
@@ -163,18 +160,11 @@ def _carry_out(stage: Stage, job: Job, tell: Callable[[float], None]) -> Done:
 
 
 def _serve(connection: Connection, folder: str) -> None:
-    """A worker's life: take a job, say how it comes on, until the parent is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
-    threading.Thread(target=die_with_parent, daemon=True).start()
-    try:
-        with closing(Stage(load_study(folder))) as stage:
-            while True:
-                done = _carry_out(stage, connection.recv(), lambda cost: connection.send(Worked(cost)))
-                connection.send(done)
-    except RealityGapError as error:
-        connection.send(error)
-    except (EOFError, OSError):
-        pass
+    """Take a job, say how it comes on, until the parent is gone."""
+    with at_work(connection), closing(Stage(load_study(folder))) as stage:
+        while True:
+            done = _carry_out(stage, connection.recv(), lambda cost: connection.send(Worked(cost)))
+            connection.send(done)
 
 
 class Reporter:

@@ -10,6 +10,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from types import TracebackType
@@ -19,7 +20,7 @@ from realitygap.errors import RealityGapError, StudyError
 from realitygap.study.folder import read_materials
 from realitygap.study.jobs import Finished, Workshop
 
-__all__ = ["Pool", "cores", "die_with_parent", "refuse_unguarded_script"]
+__all__ = ["Pool", "at_work", "cores", "refuse_unguarded_script"]
 
 Life = Callable[[Connection, str], None]
 
@@ -126,19 +127,26 @@ class Pool:
         )
 
 
-def serve(connection: Connection, folder: str) -> None:
-    """A worker's life: take a job, send its messages, until the parent is gone."""
+@contextmanager
+def at_work(connection: Connection) -> Iterator[None]:
+    """A worker's life around its jobs: it ends with the parent, and sends the error that stops it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
-    threading.Thread(target=die_with_parent, daemon=True).start()
+    threading.Thread(target=_die_with_parent, daemon=True).start()
     try:
-        workshop = Workshop(read_materials(Path(folder)))
-        while True:
-            for message in workshop.carry_out(connection.recv()):
-                connection.send(message)
+        yield
     except RealityGapError as error:
         connection.send(error)
     except (EOFError, OSError):
         pass
+
+
+def serve(connection: Connection, folder: str) -> None:
+    """Take a run, send its messages, until the parent is gone."""
+    with at_work(connection):
+        workshop = Workshop(read_materials(Path(folder)))
+        while True:
+            for message in workshop.carry_out(connection.recv()):
+                connection.send(message)
 
 
 def refuse_unguarded_script() -> None:
@@ -151,7 +159,7 @@ def refuse_unguarded_script() -> None:
         raise StudyError('call run_study under `if __name__ == "__main__":`, or with workers=1.')
 
 
-def die_with_parent() -> None:
+def _die_with_parent() -> None:
     """Wait for the parent's end, then end this process."""
     parent = multiprocessing.parent_process()
     assert parent is not None

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import signal
-import threading
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import NamedTuple
 
-from realitygap.errors import RealityGapError
 from realitygap.study.noise.config import NoiseConfig
 from realitygap.study.noise.plan import Controller
 from realitygap.study.noise.simulated import compare_all
 from realitygap.study.noise.situated import Stands, situate
 from realitygap.study.noise.stage import Stage
 from realitygap.study.schema import told
-from realitygap.study.workers import Pool, die_with_parent
+from realitygap.study.workers import Pool, at_work
 
 __all__ = ["Done", "Job", "Worked", "carry_out"]
 
@@ -80,15 +77,8 @@ class Bench:
 
 
 def _serve(connection: Connection, folder: str) -> None:
-    """A worker's life: take a job, say how it comes on, until the parent is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
-    threading.Thread(target=die_with_parent, daemon=True).start()
-    try:
-        with closing(Bench(Path(folder))) as bench:
-            while True:
-                bench.carry_out(connection.recv(), connection.send)
-                connection.send(Done())
-    except RealityGapError as error:
-        connection.send(error)
-    except (EOFError, OSError):
-        pass
+    """Take a job, say how it comes on, until the parent is gone."""
+    with at_work(connection), closing(Bench(Path(folder))) as bench:
+        while True:
+            bench.carry_out(connection.recv(), connection.send)
+            connection.send(Done())
