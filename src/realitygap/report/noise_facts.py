@@ -14,6 +14,7 @@ from realitygap.correspondence.claims import RESAMPLES, Finding, judge_claims
 from realitygap.correspondence.contrasts import crossing, interval, peak, unpaired
 from realitygap.correspondence.crossed import Crossed
 from realitygap.correspondence.statistics import Correlation, correlation
+from realitygap.report.paper_tables import PAPER_ROWS
 
 __all__ = [
     "BOTH", "PAPER", "Curve", "FitnessRow", "NoiseFacts", "Scope", "Span", "gather_facts", "heat", "points",
@@ -24,9 +25,9 @@ Find = Callable[[Floats, Floats], Floats]
 
 BOTH = "both tasks"
 
-PAPER: dict[str, dict[float, tuple[int, ...]]] = {
-    "obstacle-avoidance": {0: (8, 7, 5, 7, 4), 1: (8, 9, 7, 9, 7), 2: (8, 8, 5, 6, 7)},
-    "light-seeking": {0: (4, 6, 8, 4, 6), 1: (8, 6, 9, 6, 10), 2: (2, 6, 7, 6, 6)},
+PAPER = {
+    task: {level: tuple(row.correspondence for row in rows) for level, rows in levels.items()}
+    for task, levels in PAPER_ROWS.items()
 }
 """Tables 1 and 2: correspondence scores of the five runs of each noise class."""
 
