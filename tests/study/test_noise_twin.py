@@ -20,7 +20,9 @@ def test_the_number_of_workers_changes_no_bit(tmp_path):
     with quick_units(stand=False):
         one = noise_study(tmp_path / "one", small, workers=1)
         folder = Path(shutil.copytree(tmp_path / "one", tmp_path / "two"))
-        for path in (*folder.glob("situated/*.npz"), *folder.glob("simulated/*")):
+        made = [*folder.glob("situated/*.npz"), *folder.glob("simulated/*.json")]
+        assert len(made) == 2 * len(controllers(small))  # all of it is made again
+        for path in made:
             path.unlink()
         shutil.rmtree(folder / "results")
         two = noise_study(folder, small, workers=2, resume=True)
