@@ -166,6 +166,23 @@ def test_broken_results_are_refused(
     assert not (tmp_path / "report").exists()
 
 
+def test_a_controller_that_was_lost_is_left_out_and_said(built: Path, tmp_path: Path) -> None:
+    """Where the camera lost all of a controller's trials its figures are empty: the others are reported."""
+    folder = shutil.copytree(built / "results", tmp_path / "results")
+    who = read_results(folder).data
+    key = f"{who.task[0]},{who.seed_set[0]},{who.run[0]},{float(who.evolved[0])}"
+
+    def without(kept: int) -> Callable[[list[str]], list[str]]:
+        empty = lambda row: ",".join([f if k < kept else "" for k, f in enumerate(row.split(","))])  # noqa: E731
+        return lambda rows: [empty(row) if row.startswith(key) else row for row in rows]
+
+    lines("cells.csv", without(5))(folder)
+    lines("controllers.csv", without(7))(folder)
+    report = noise.NoiseReport(read_results(folder))
+    assert len(report.results.data) == len(who) - 1 and report.results.lost == 1
+    assert "One controller has no score" in report.paragraph
+
+
 def test_what_is_read_is_what_was_written(tmp_path: Path) -> None:
     """Reading a study's tables gives its scores back."""
     data = study(flat, runs=2)

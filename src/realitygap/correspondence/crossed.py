@@ -96,6 +96,10 @@ class Crossed:
             keep &= self.task == task
         if seed_set is not None:
             keep &= self.seed_set == seed_set
+        return self.only(keep)
+
+    def only(self, keep: NDArray[np.bool_]) -> Crossed:
+        """Only the controllers that are marked [n]."""
         names = [f.name for f in fields(self) if f.name not in ("levels", "robot")]
         return replace(self, **{name: getattr(self, name)[keep] for name in names})
 

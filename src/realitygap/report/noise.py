@@ -121,10 +121,10 @@ class NoiseReport:
 
     @property
     def warnings(self) -> list[str]:
-        """Where the calibration is too far off for the level of noise to mean anything."""
+        """Where the calibration is too far off for the level of noise to mean anything; who is missing."""
         from realitygap.report.noise_words import warnings
 
-        return warnings(self.results.calibration, self.facts.data.tasks)
+        return warnings(self.results.calibration, self.facts.data.tasks, self.results.lost)
 
     def save_figure(self, which: str, folder: Path, name: str, *, dpi: int = 200) -> str:
         """Write one of FIGURES as NAME.png and NAME.svg; its SVG."""

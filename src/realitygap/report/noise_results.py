@@ -17,10 +17,9 @@ from realitygap.errors import StudyError
 
 __all__ = ["Misfit", "NoiseResults", "read_results"]
 
-CONTROLLERS = ("home_unit", "name", "fitness_simulated", "fitness_situated")
 PARTS = ("score", "behaviour", "layout", "noisiness", "responsiveness")
-MAY_LACK = {"noisiness", "responsiveness"}
-"""Figures that some controllers have none of."""
+NEEDED = 3
+"""Of these the first so many; a controller whose trials were all lost has none of them."""
 AGAIN = "Let the study finish (realitygap study noise --resume), or copy its results again."
 
 Key = tuple[str, int, float, int]
@@ -44,10 +43,15 @@ class Misfit(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NoiseResults:
-    """All that a study found: scores and fitness, how well it was calibrated, and its settings."""
+    """All that a study found: scores and fitness, how well it was calibrated, and its settings.
+
+    Attributes:
+        lost: how many controllers are not in `data`, for the camera lost them too often.
+    """
 
     folder: Path
     data: Crossed
+    lost: int
     calibration: tuple[Misfit, ...]
     settings: Mapping[str, Any]
 
@@ -116,15 +120,18 @@ def read_results(folder: str | Path) -> NoiseResults:
         raise StudyError(f"{folder / 'controllers.csv'}: expected each controller once. {AGAIN}")
     scores = _cells(folder / "cells.csv", levels, known)
     task, seed_set, evolved, run = (np.array(column) for column in zip(*known, strict=True))
-    _refuse_holes(folder, set(known), levels)
     home, name, simulated, situated = (np.array(c) for c in zip(*(facts for _, facts in who), strict=True))
-    data = Crossed(
+    whole = Crossed(
         levels=np.array(levels), robot=robot_level(levels, settings["twin_noise"]), task=task,
         seed_set=seed_set, run=run, evolved=evolved, home=home, name=name, simulated=simulated,
         situated=situated, **{part: scores[:, :, k] for k, part in enumerate(PARTS)},
     )  # fmt: skip
+    seen = np.isfinite(scores[:, :, :NEEDED]).all(axis=(1, 2)) & np.isfinite(situated)
+    data = whole.only(seen)
+    _refuse_holes(folder, data, levels)
     calibration = tuple(_calibration(folder / "calibration.csv"))
-    return NoiseResults(folder=folder, data=data, settings=settings, calibration=calibration)
+    lost = len(whole) - len(data)
+    return NoiseResults(folder=folder, data=data, lost=lost, settings=settings, calibration=calibration)
 
 
 def _settings(file: Path) -> dict[str, Any]:
@@ -164,14 +171,14 @@ def _controllers(file: Path, levels: list[float]) -> Iterator[tuple[Key, tuple[i
     empty = True
     for row in _rows(file):
         empty = False
-        fitness = row.number("fitness_simulated"), row.number("fitness_situated")
+        fitness = row.number("fitness_simulated"), row.number("fitness_situated", may_lack=True)
         yield row.key(levels), (int(row.number("home_unit")), row.text("name"), *fitness)
     if empty:
         raise StudyError(f"{file}: expected a row for each controller, got none. {AGAIN}")
 
 
 def _cells(file: Path, levels: list[float], known: Mapping[Key, int]) -> np.ndarray:
-    """Scores [controllers, levels, parts]: every one of them must be there."""
+    """Scores [controllers, levels, parts]: a row for every one of them must be there."""
     found = np.full((len(known), len(levels), len(PARTS)), np.nan)
     seen = np.zeros(found.shape[:2], bool)
     for row in _rows(file):
@@ -179,7 +186,7 @@ def _cells(file: Path, levels: list[float], known: Mapping[Key, int]) -> np.ndar
         if key not in known or seen[known[key], at]:
             word = "twice" if key in known else "but not in controllers.csv"
             raise StudyError(f"{row.where}: expected each controller once a level, got {_who(key)} {word}.")
-        found[known[key], at] = [row.number(part, may_lack=part in MAY_LACK) for part in PARTS]
+        found[known[key], at] = [row.number(part, may_lack=True) for part in PARTS]
         seen[known[key], at] = True
     if not seen.all():
         missing, at = map(int, np.argwhere(~seen)[0])
@@ -190,15 +197,15 @@ def _cells(file: Path, levels: list[float], known: Mapping[Key, int]) -> np.ndar
     return found
 
 
-def _refuse_holes(folder: Path, known: set[Key], levels: list[float]) -> None:
-    """Every task and seed set must have controllers of every level."""
-    there = {key[:3] for key in known}
+def _refuse_holes(folder: Path, data: Crossed, levels: list[float]) -> None:
+    """Every task and seed set must have controllers of every level, with a score."""
+    there = set(zip(data.task.tolist(), data.seed_set.tolist(), data.evolved.tolist(), strict=True))
     for task, seed_set, _ in sorted(there):
         for level in levels:
             if (task, seed_set, level) not in there:
                 raise StudyError(
-                    f"{folder / 'controllers.csv'}: expected controllers of every level, got none evolved at "
-                    f"{level:g} for {task}, seed set {seed_set}. {AGAIN}"
+                    f"{folder / 'controllers.csv'}: expected controllers of every level that the camera saw, "
+                    f"got none evolved at {level:g} for {task}, seed set {seed_set}. {AGAIN}"
                 )
 
 

@@ -62,9 +62,12 @@ def thoughts(facts: NoiseFacts, settings: Mapping[str, Any], scales: Scales) -> 
     return [thought.strip() for thought in said if thought]
 
 
-def warnings(calibration: Sequence[Misfit], tasks: Sequence[str]) -> list[str]:
-    """Where the model's error is too large for the level of noise to mean anything."""
+def warnings(calibration: Sequence[Misfit], tasks: Sequence[str], lost: int = 0) -> list[str]:
+    """Where the model's error is too large for the level of noise to mean anything; who is missing."""
     said = []
+    if lost:
+        who = f"{lost} controllers have" if lost > 1 else "One controller has"
+        said.append(f"{who} no score and no part in all this: the camera lost the robot too often.")
     for channel, task in CHANNEL_TASKS.items():
         far = [m for m in calibration if m.channel == channel and m.too_far]
         if far and task in tasks:
