@@ -17,30 +17,32 @@ __all__ = ["score"]
 
 @click.command()
 @click.argument("a", type=click.Path())
-@click.argument("b", type=click.Path())
+@click.argument("b", type=click.Path(), required=False)
 @click.option("--task", metavar="TASK", help="Whose arena they were made in [default: guessed].")
 @click.option(
     "--ceiling", type=click.Path(), metavar="PATH", help="Tracks of another behaviour: what scores 0."
 )
 @as_json
-def score(a: str, b: str, task: str | None, ceiling: str | None, json_output: bool) -> None:
+def score(a: str, b: str | None, task: str | None, ceiling: str | None, json_output: bool) -> None:
     """Score how alike two sets of tracks are.
 
     A (say, simulated) and B (situated) are CSV files with columns t_s, x_cm, y_cm, heading_deg, where
     a column start separates several trials and a column unit several robots; what `realitygap track`
-    or `realitygap simulate --json` wrote; or folders of such files. 10 is the same robot again, 0 is
-    another behaviour; the output says what these ends were measured on.
+    or `realitygap simulate --json` wrote; or folders of such files. A folder that `realitygap transfer`
+    made needs no B: its own simulated trials are held against the situated ones. 10 is the same robot
+    again, 0 is another behaviour; the output says what these ends were measured on.
 
     \b
     Example:
         realitygap score simulated.csv filmed/ --task avoidance
+        realitygap score out/reproduce/transfer/twin-1/obstacle-avoidance-observed-1
     """
-    from realitygap.correspondence.reading import read_trials
+    from realitygap.correspondence.reading import read_transfer, read_trials
     from realitygap.correspondence.score import compare
     from realitygap.correspondence.setting import setting_of
     from realitygap.tasks.load import load_task
 
-    sets = [read_trials(path) for path in (a, b)]
+    sets = read_transfer(a) if b is None else (read_trials(a), read_trials(b))
     others = read_trials(ceiling) if ceiling is not None else None
     every = [trial for trials in (*sets, others or []) for trial in trials]
     setting = setting_of(every, load_task(task) if task else None)

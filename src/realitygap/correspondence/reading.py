@@ -5,16 +5,21 @@ from __future__ import annotations
 import csv
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from realitygap.correspondence.trials import Trial, resampled
 from realitygap.errors import TrackError
 from realitygap.film.tables import read_table
 
-__all__ = ["COLUMNS", "read_trials"]
+__all__ = ["COLUMNS", "read_transfer", "read_trials"]
 
 COLUMNS = ("t_s", "x_cm", "y_cm", "heading_deg")
 OPTIONAL = ("start", "unit", "quality")
+SIMULATED, SITUATED = "simulated.csv", "situated.csv"
+TRANSFER = "transfer.toml"
+"""A folder that holds this is a trial of `realitygap transfer`, in which several files have tracks."""
 Row = tuple[float, float, float, float]
 
 
@@ -24,7 +29,8 @@ def read_trials(path: str | Path) -> list[Trial]:
     A CSV file has columns t_s, x_cm, y_cm, heading_deg (empty or NaN where the robot was lost) and may
     have start (separates several trials), unit (which robot) and quality (0: lost), as `realitygap
     track` writes them. A JSON file is what `realitygap simulate --json` prints. In a folder every such
-    file counts, its name is the start; folders in it are units.
+    file counts, its name is the start; folders in it are units. Of a trial of `realitygap transfer` the
+    situated track counts, its folder's name is the start.
 
     Raises:
         TrackError, FilmError: names the file, the line and the column.
@@ -35,21 +41,52 @@ def read_trials(path: str | Path) -> list[Trial]:
     if not place.is_dir():
         return _read_file(place, start="1", unit="")
     found = sorted(p for p in place.rglob("*") if p.suffix.lower() in (".csv", ".json") and _is_track(p))
+    found = [p for p in found if p.name == SITUATED or not (p.parent / TRANSFER).exists()]
     if not found:
         raise TrackError(
             f"{path}: expected CSV files with columns {', '.join(COLUMNS)} in this folder, got none."
         )
-    trials = []
-    for file in found:
-        unit = str(file.parent.relative_to(place)) if file.parent != place else ""
-        trials += _read_file(file, start=file.stem, unit=unit)
-    return trials
+    read = [(file, _read_in(place, file)) for file in found]
+    keys = [(t.unit, t.start) for _, trials in read for t in trials]
+    if len(set(keys)) == len(keys):
+        return [t for _, trials in read for t in trials]
+    return [replace(t, start=f"{file.name}:{t.start}") for file, trials in read for t in trials]
+
+
+def read_transfer(path: str | Path) -> tuple[list[Trial], list[Trial]]:
+    """The simulated and the situated trials of a folder that `realitygap transfer` made.
+
+    Raises:
+        TrackError, FilmError: no such folder; names the file, the line and the column.
+    """
+    place = Path(path)
+    folders = sorted(file.parent for file in place.rglob(TRANSFER)) if place.is_dir() else []
+    if not folders:
+        raise TrackError(
+            f"{path}: expected a folder of trials that `realitygap transfer` made, as there is no second "
+            "set of tracks. Give that too."
+        )
+    simulated, situated = (
+        [t for folder in folders for t in _read_in(place, folder / name)] for name in (SIMULATED, SITUATED)
+    )
+    return simulated, situated
+
+
+def _read_in(place: Path, file: Path) -> list[Trial]:
+    """A file's trials, named after where in a folder it is."""
+    own = (file.parent / TRANSFER).exists()
+    start, above = (file.parent.name, file.parent.parent) if own else (file.stem, file.parent)
+    inside = above != place and above.is_relative_to(place)
+    return _read_file(file, start=start, unit=str(above.relative_to(place)) if inside else "")
 
 
 def _is_track(path: Path) -> bool:
+    """Whether a file is meant as a track; a broken one is, and is refused when it is read."""
     if path.suffix.lower() == ".json":
-        return isinstance(_json(path), dict) and all(name in _json(path) for name in COLUMNS)
-    return all(name in _head(path) for name in COLUMNS)
+        told = _json(path)
+        return told is None or (isinstance(told, dict) and all(name in told for name in COLUMNS))
+    head = _head(path)
+    return not head or (COLUMNS[0] in head and any(name in head for name in COLUMNS[1:]))
 
 
 def _read_file(path: Path, *, start: str, unit: str) -> list[Trial]:
@@ -80,7 +117,7 @@ def _from_json(path: Path, start: str, unit: str) -> Trial:
     data = _json(path)
     try:
         columns = [[math.nan if v is None else float(v) for v in data[name]] for name in COLUMNS]
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         raise TrackError(
             f"{path}: expected JSON with lists {', '.join(COLUMNS)}, as `realitygap simulate --json` prints."
         ) from None
@@ -89,12 +126,12 @@ def _from_json(path: Path, start: str, unit: str) -> Trial:
     return resampled(*columns, start=start, unit=unit, source=str(path))
 
 
-def _json(path: Path) -> dict[str, list[float | None]]:
+def _json(path: Path) -> Any:
+    """What is in a file; None if it cannot be read."""
     try:
-        data: dict[str, list[float | None]] = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, ValueError):
-        return {}
-    return data
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, ValueError, RecursionError):
+        return None
 
 
 def _head(path: Path) -> list[str]:
