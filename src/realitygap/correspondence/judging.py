@@ -81,8 +81,9 @@ def blind_pairs(
     for number, i in enumerate(draw.permutation(len(pairs)), start=1):
         pair = pairs[int(i)]
         swapped = bool(draw.random() < 0.5)
-        left, right = (pair.b, pair.a) if swapped else (pair.a, pair.b)
-        shown.append({"pair": number, "left": _films(left), "right": _films(right)})
+        both = _side_by_side(pair)
+        left, right = ([_film(two[side]) for two in both] for side in (swapped, not swapped))
+        shown.append({"pair": number, "left": left, "right": right})
         key.append({"pair": number, "name": pair.name, "left": "b" if swapped else "a", "score": pair.score})
     return {"arena": _room(setting), "rate": FRAMES_HZ, "pairs": shown}, key
 
@@ -166,15 +167,27 @@ def _rows(file: Path) -> list[tuple[int, dict[str, str]]]:
             if not set(MARKS) <= set(reader.fieldnames or ()):
                 raise TrackError(f"{file}, line 1: expected columns {', '.join(MARKS)}.")
             return [(reader.line_num, {k: (v or "").strip() for k, v in row.items() if k}) for row in reader]
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise TrackError(f"{file}: cannot be read ({error}). Give a CSV file of marks.") from None
 
 
-def _films(trials: Sequence[Trial]) -> list[dict[str, list[float]]]:
-    return [
-        {"x": t.x.round(2).tolist(), "y": t.y.round(2).tolist(), "h": t.heading.round(3).tolist()}
-        for t in sorted(trials, key=lambda t: (t.start, t.unit))
-    ]
+def _side_by_side(pair: Pair) -> list[tuple[Trial, Trial]]:
+    """Trials of a and b that are shown together: of one start, or one after the other if none is shared."""
+
+    def of(trials: Sequence[Trial], start: str | None = None) -> list[Trial]:
+        return sorted((t for t in trials if start in (None, t.start)), key=lambda t: (t.start, t.unit))
+
+    shared = sorted({t.start for t in pair.a} & {t.start for t in pair.b})
+    made = []
+    for start in shared or (None,):
+        a, b = of(pair.a, start), of(pair.b, start)
+        made += [(a[k % len(a)], b[k % len(b)]) for k in range(max(len(a), len(b)))]
+    return made
+
+
+def _film(trial: Trial) -> dict[str, list[float]]:
+    x, y, heading = trial.x.round(2), trial.y.round(2), trial.heading.round(3)
+    return {"x": x.tolist(), "y": y.tolist(), "h": heading.tolist()}
 
 
 def _room(setting: Setting) -> dict[str, Any]:
