@@ -1,10 +1,13 @@
 """`score`, `classify`, `judge`: a person's files in, figures or one clear refusal out."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
+from realitygap.correspondence.judging import Pair, blind_pairs
 from realitygap.correspondence.ladders import Behaviour
+from realitygap.correspondence.setting import setting_of
 from tests.correspondence.tracks import write
 
 ROBOT = Behaviour(task="obstacle-avoidance", kind="two way turner", seed=1)
@@ -71,6 +74,57 @@ def test_folders_json_and_units(json_of, tracks, trials, tmp_path, call):
         words = ("simulate", "avoidance", "--controller", "braitenberg", "--pose", 25, 25, 90 * seed)
         (tmp_path / "j" / f"{seed}.json").write_text(call(*words, "--seed", seed, "--json").stdout)
     assert len(json_of("classify", tmp_path / "j")["tracks"]) == 2
+
+
+def test_files_that_name_their_starts_alike_are_kept_apart(json_of, trials, tmp_path):
+    """Two files of a folder that both have starts 1 to 3 hold six starts, named after their files."""
+    (tmp_path / "days").mkdir()
+    write(tmp_path / "days" / "mon.csv", trials[:3])
+    write(tmp_path / "days" / "tue.csv", ROBOT.trials(3, again=7))
+    starts = [entry["start"] for entry in json_of("classify", tmp_path / "days")["tracks"]]
+    assert starts == [f"{day}.csv:{k}" for day in ("mon", "tue") for k in (1, 2, 3)]
+
+
+def test_a_broken_track_in_a_folder_is_refused(refused, tmp_path, trials):
+    """In a folder a file that was meant as a track is not passed over; other tables are."""
+    write(tmp_path / "good.csv", trials[:1])
+    (tmp_path / "counts.csv").write_text("t_s,left,right\n0,1,2\n")
+    for text in (b"", b"t_s,x_cm,y_cm,heading\n0,1,2,3\n", b"t_s,\xff\n"):
+        (tmp_path / "odd.csv").write_bytes(text)
+        assert "odd.csv" in refused("classify", tmp_path)
+    (tmp_path / "odd.csv").unlink()
+    for text in ("[" * 99999, '{"t_s": ', json.dumps({name: [10**400] for name in HEAD.strip().split(",")})):
+        (tmp_path / "odd.json").write_text(text)
+        assert "odd.json" in refused("classify", tmp_path)
+    (tmp_path / "odd.json").unlink()
+    write(tmp_path / "huge.csv", [replace(trials[0], x=trials[0].x * 1e9)])
+    assert "in cm" in refused("classify", tmp_path)
+
+
+def test_a_transfers_folder_is_scored_by_itself(json_of, refused, tmp_path, trials):
+    """Of a transfer's trials the situated tracks count, never the sealed ones; alone it is scored inside."""
+    for sim, real in zip(trials, ROBOT.trials(6, again=7), strict=True):
+        folder = tmp_path / "run" / f"start-{sim.start}"
+        folder.mkdir(parents=True)
+        (folder / "transfer.toml").write_text("")
+        for name, trial in (("simulated", sim), ("situated", real), ("track", real), ("sealed", real)):
+            write(folder / f"{name}.csv", [trial], named=False)
+    named = json_of("classify", tmp_path / "run")["tracks"]
+    assert [entry["start"] for entry in named] == [f"start-{k}" for k in range(1, 7)]
+    made = json_of("score", tmp_path / "run")
+    assert made["trials"] == [6, 6] and made["matched"] and made["score"] > 9
+    assert json_of("score", tmp_path / "run", tmp_path / "run")["score"] == 10
+    (tmp_path / "other").mkdir()
+    assert "transfer" in refused("score", tmp_path / "other")
+
+
+def test_judges_see_one_start_side_by_side(trials):
+    """Both films of a row set out from one pose, however many units drove and whichever start is missing."""
+    units = [replace(t, unit=unit) for unit in ("1", "2") for t in trials if t.start != "3"]
+    data, _ = blind_pairs([Pair(name="x", a=trials, b=units, score=5)], setting_of(trials))
+    (shown,) = data["pairs"]
+    places = [[(film["x"][0], film["y"][0]) for film in shown[side]] for side in ("left", "right")]
+    assert places[0] == places[1] and len(places[0]) == 10
 
 
 def test_classify_names_every_trial(json_of, tracks):

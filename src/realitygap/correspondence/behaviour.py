@@ -12,13 +12,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.correspondence.trials import STEP_S, Trial
+from realitygap.correspondence.trials import STEP_S
 from realitygap.errors import UsageError
-from realitygap.kernels.params import Path
 from realitygap.tasks.task import Task
 from realitygap.world.profile import Profile
 
-__all__ = ["behaviour_score", "ends_of", "fitness_of"]
+__all__ = ["behaviour_score", "ends_of"]
 
 
 def behaviour_score(scores: Sequence[float] | NDArray[np.float64], ends: tuple[float, float]) -> float:
@@ -58,16 +57,3 @@ def ends_of(task: Task, profile: Profile) -> tuple[float, float]:
     away = min(math.hypot(x - task.start.x_cm, y - task.start.y_cm) for x, y in room.lamps)
     far = np.maximum(room.radius, away - room.top_speed * STEP_S * np.arange(1, n + 1))
     return 1 / (n * away**2), float(1 / (far**2).sum())
-
-
-def fitness_of(trial: Trial, task: Task, profile: Profile) -> float:
-    """A task's score of a track: ground speeds of the wheels are those that the track needs."""
-    x, y, heading = trial.x, trial.y, trial.heading
-    turn, middle = np.diff(heading) / STEP_S, (heading[:-1] + heading[1:]) / 2
-    forward = (np.diff(x) * np.cos(middle) + np.diff(y) * np.sin(middle)) / STEP_S
-    half = turn * profile.wheels.track_cm / 2
-    path = Path(
-        x=x[1:].copy(), y=y[1:].copy(), heading=heading[1:].copy(), left=forward - half, right=forward + half,
-        contact=np.zeros(len(turn)),
-    )  # fmt: skip
-    return float(task.compiled_score()(path, task.room(profile)))

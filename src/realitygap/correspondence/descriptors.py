@@ -19,8 +19,7 @@ from realitygap.correspondence.trials import STEP_S, Trial
 from realitygap.world.arena import Arena
 
 __all__ = [
-    "DESCRIPTORS", "Descriptor", "chosen", "describe", "describe_all", "in_units", "jitter", "mirrored",
-    "table",
+    "DESCRIPTORS", "Descriptor", "chosen", "describe_all", "in_units", "jitter", "mirrored", "table",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -90,11 +89,6 @@ def table(trials: Sequence[Trial], arena: Arena | None) -> Floats:
 def in_units(told: dict[str, Floats], arena: Arena | None) -> Floats:
     """What `describe_all` told, a row a trial, in units of what can just be noticed: [n, d]."""
     return np.stack([told[d.name] / d.noticeable for d in chosen(arena)], axis=1)
-
-
-def describe(trial: Trial, arena: Arena | None) -> dict[str, float]:
-    """A trial's descriptors by name, in their own units."""
-    return {name: float(values[0]) for name, values in describe_all([trial], arena).items()}
 
 
 def describe_all(trials: Sequence[Trial], arena: Arena | None) -> dict[str, Floats]:

@@ -145,12 +145,16 @@ class Distances:
         return made / (2 * np.pi * BLUR_CM**2)
 
 
-def matched_starts(a: Sequence[Trial], b: Sequence[Trial]) -> bool:
-    """Whether the starts of two sets that have one name have one pose too, and all have a partner."""
+def matched_starts(a: Sequence[Trial], b: Sequence[Trial]) -> frozenset[str]:
+    """The starts that are pairs: in both sets, of one name and one pose.
+
+    All starts in common are, or none: where a name has two poses, or fewer than half have a partner.
+    """
     first = {t.start: t for t in a}
-    if not first or {t.start for t in b} != set(first):
-        return False
-    return all(_near(first[t.start], t) for t in [*a, *b])
+    others = {t.start for t in b}
+    common = frozenset(first) & others
+    near = all(_near(first[t.start], t) for t in [*a, *b] if t.start in common)
+    return common if near and 2 * len(common) >= len(others | set(first)) else frozenset()
 
 
 def _near(one: Trial, other: Trial) -> bool:
@@ -160,4 +164,5 @@ def _near(one: Trial, other: Trial) -> bool:
 
 
 def _root(square: float) -> float:
-    return float(np.sqrt(square)) if square > ROUNDING else 0.0
+    """√, of rounding errors 0; NaN stays NaN: there was nothing to compare."""
+    return float(np.sqrt(square)) if not square <= ROUNDING else 0.0

@@ -18,9 +18,14 @@ from realitygap.errors import TrackError
 
 __all__ = ["Comparison", "comparable", "compare"]
 
+NEARLY = 0.9
+"""Rates of rows are as good as one from this share on."""
 PIECES = 4
 """A lone trial is cut into so many, to show how much it varies."""
-RESAMPLES = 200
+RESAMPLES = 1000
+"""Of the bootstrap: the ends of an interval are then sure to a tenth or two."""
+LEAST_STARTS = 3
+"""For an interval: of two starts every other resample would hold one only, and nothing to compare."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +34,7 @@ class Comparison:
 
     Attributes:
         behaviour, layout: the two parts; score: their weighted mean.
-        interval: of the score, 95 %, by bootstrap over starts and units; None with one start.
+        interval: of the score, 95 %, by bootstrap over starts and units; None with one start or two.
         differences: what b is beside a, in the paper's words.
         noisiness, responsiveness: log2 ratios, b to a; looping: a difference of shares of time.
         matched: whether the starts are pairs; parting_s: the median time at which pairs have parted
@@ -86,26 +91,30 @@ def compare(
     """
     others = list(ceiling or [])
     given = [a, b, others] if others else [a, b]
+    counted = len(a), len(b)
     cut, notes = comparable(given)
-    ours, theirs = cut[0], cut[1]
-    between = Distances(a=ours, b=theirs, arena=setting.arena, matched=matched_starts(ours, theirs))
+    pairs = matched_starts(cut[0], cut[1])
+    ours, theirs = (_partners(trials, pairs, notes) for trials in cut[:2])
+    swapped = _order(theirs) < _order(ours)  # no figure depends on which of the two is named first
+    a, b = (theirs, ours) if swapped else (ours, theirs)
+    between = Distances(a=a, b=b, arena=setting.arena, matched=bool(pairs))
     lone = min(map(len, given)) < 2
     ends = scale or scale_of(
         between, task=setting.exemplars, ceiling=cut[2] if others else None, whole=not lone
     )
     far = {name: getattr(between, name)() for name in PARTS}
     score, behaviour = ends.score(far), ends.part("behaviour", far["behaviour"])
-    noisy, response, loops = signed(*between.told)
-    alone = min(len({t.start for t in trials}) for trials in (a, b)) < 2
+    noisy, response, loops = signed(*(between.told[::-1] if swapped else between.told))
+    few = lone or min(len({t.start for t in trials}) for trials in (a, b)) < LEAST_STARTS
     parted = parting_s(ours, theirs) if between.matched else []
     return Comparison(
         behaviour=behaviour, layout=ends.part("layout", far["layout"]), score=score,
-        interval=None if alone else _interval(between, ends, resamples),
+        interval=None if few else _interval(between, ends, resamples),
         differences=differences(score, behaviour, noisy, response, loops),
         noisiness=noisy, responsiveness=response, looping=loops, matched=between.matched,
         parting_s=_median(parted), transferability=transferability(ours, theirs) if parted else None,
         p=two_sample_p(between), distances=far, scale=ends, setting=setting.name,
-        trials=(len(a), len(b)), notes=tuple(notes),
+        trials=counted, notes=tuple(notes),
     )  # fmt: skip
 
 
@@ -125,6 +134,12 @@ def comparable(sets: Sequence[Sequence[Trial]]) -> tuple[list[list[Trial]], list
             f"all trials are cut to {shortest.seconds:.1f} s, the shortest "
             f"({shortest.source}, start {shortest.start})"
         )
+    slowest, fastest = (of(every, key=lambda t: t.rate_hz) for of in (min, max))
+    if slowest.rate_hz < NEARLY * fastest.rate_hz:
+        notes.append(
+            f"{slowest.source} has {slowest.rate_hz:.1f} rows a second, {fastest.source} more: it shows less "
+            "of quick turns, and may seem less noisy than it was"
+        )
     bridged = sum(t.bridged_s > 0 for t in every)
     if bridged:
         notes.append(f"{bridged} tracks had short losses, which were bridged")
@@ -140,7 +155,21 @@ def comparable(sets: Sequence[Sequence[Trial]]) -> tuple[list[list[Trial]], list
     return [[piece for t in trials for piece in t.pieces(PIECES)] for trials in made], notes
 
 
-def _interval(between: Distances, scale: Scale, resamples: int) -> tuple[float, float]:
+def _partners(trials: list[Trial], pairs: frozenset[str], notes: list[str]) -> list[Trial]:
+    """A set without the starts that have no partner in the other, if starts are pairs."""
+    if not pairs:
+        return trials
+    alone = dict.fromkeys(t.start for t in trials if t.start not in pairs)
+    if alone:
+        notes.append(f"starts {', '.join(alone)} of {trials[0].source} left out: in one of the sets only")
+    return [t for t in trials if t.start in pairs]
+
+
+def _order(trials: Sequence[Trial]) -> list[list[float]]:
+    return [t.x.tolist() for t in trials]
+
+
+def _interval(between: Distances, scale: Scale, resamples: int) -> tuple[float, float] | None:
     draw = np.random.default_rng(0)
     scores = []
     for _ in range(resamples):
@@ -148,7 +177,9 @@ def _interval(between: Distances, scale: Scale, resamples: int) -> tuple[float, 
         far = {name: getattr(between, name)(wa, wb) for name in PARTS}
         if np.isfinite(list(far.values())).all():
             scores.append(scale.score(far))
-    low, high = np.quantile(scores, [0.025, 0.975]) if scores else (0.0, 10.0)
+    if not scores:
+        return None
+    low, high = np.quantile(scores, [0.025, 0.975])
     return float(low), float(high)
 
 

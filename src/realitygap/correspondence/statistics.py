@@ -57,8 +57,9 @@ def resampled_weights(distances: Distances, draw: np.random.Generator) -> tuple[
 def two_sample_p(distances: Distances, *, permutations: int = 199, seed: int = 0) -> float:
     """Permutation p of a classifier two-sample test: can a neighbour tell which set a trial is of?
 
-    Yes or no only, never a scale: it saturates. Matched starts are swapped within their pair, and a
-    trial's neighbours are never of its own start. (Lopez-Paz and Oquab, ICLR 2017.)
+    Yes or no only, never a scale: it saturates. Matched starts are swapped within their pair, others
+    change sides with all their trials, and a trial's neighbours are never of its own start.
+    (Lopez-Paz and Oquab, ICLR 2017.)
     """
     far = np.where(distances.counts, distances._between, np.inf)
     order = np.argsort(far, axis=1)[:, :NEIGHBOURS]
@@ -74,7 +75,9 @@ def two_sample_p(distances: Distances, *, permutations: int = 199, seed: int = 0
         swapped = draw.random((permutations, starts.max() + 1)) < 0.5
         labels = truth ^ swapped[:, starts]
     else:
-        labels = draw.permuted(np.tile(truth, (permutations, 1)), axis=1)
+        side = np.zeros(starts.max() + 1, dtype=bool)
+        side[starts] = truth  # trials of one start are alike: they change sides together
+        labels = draw.permuted(np.tile(side, (permutations, 1)), axis=1)[:, starts]
     at_least = int((right(labels) >= right(truth[None]) - 1e-12).sum())
     return (1 + at_least) / (1 + permutations)
 

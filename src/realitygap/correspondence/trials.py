@@ -23,6 +23,8 @@ SHORTEST_S = 2.0
 """Shorter tracks show too little behaviour to speak of."""
 LONGEST_GAP_S = 1.0
 """A robot that was lost for longer may have done anything."""
+FARTHEST_CM = 1e5
+"""No robot is so far from its arena's corner: such a track is in other units."""
 SLOWEST_HZ = 4.5
 """Tracks with fewer rows a second do not show a turn."""
 
@@ -36,6 +38,7 @@ class Trial:
         unit: which robot unit it was, "" where nobody said.
         source: the file, for messages.
         bridged_s: how much of it was lost and bridged.
+        rate_hz: rows a second that it was made of, 10 where there were more.
     """
 
     x: Floats
@@ -45,6 +48,7 @@ class Trial:
     unit: str = ""
     source: str = "track"
     bridged_s: float = 0.0
+    rate_hz: float = RATE_HZ
 
     def __len__(self) -> int:
         return len(self.x)
@@ -103,6 +107,8 @@ def resampled(
     rows = np.array([t_s, x_cm, y_cm, heading_deg], np.float64)
     if not np.isfinite(rows[0]).all() or np.isinf(rows).any():
         raise TrackError(f"{where}: expected finite numbers (empty or NaN where the robot was lost).")
+    if (np.abs(rows[1:3]) > FARTHEST_CM).any():
+        raise TrackError(f"{where}: expected x_cm and y_cm in cm, got {np.nanmax(np.abs(rows[1:3])):.3g}.")
     if (np.diff(rows[0]) <= 0).any():
         at = float(rows[0][int(np.argmax(np.diff(rows[0]) <= 0)) + 1])
         raise TrackError(
@@ -119,7 +125,7 @@ def resampled(
     x, y, heading = (np.interp(grid, t, values) for values in (rows[1], rows[2], angle))
     return Trial(
         x=x, y=y, heading=heading, start=start, unit=unit, source=source,
-        bridged_s=float((gaps - usual).sum()),
+        bridged_s=float((gaps - usual).sum()), rate_hz=min(RATE_HZ, 1 / usual),
     )  # fmt: skip
 
 

@@ -19,7 +19,7 @@ from realitygap.correspondence.score import Comparison, compare
 from realitygap.correspondence.setting import Setting, setting_of
 from realitygap.correspondence.statistics import correlation
 from realitygap.correspondence.trials import Trial
-from realitygap.correspondence.words import PAPER_SCORES
+from realitygap.correspondence.words import ANOTHER, PAPER_SCORES
 from realitygap.tasks.load import load_task
 
 __all__ = ["Ladder", "against", "climb", "held_out", "order_of_phrases", "phrase_scores"]
@@ -80,10 +80,10 @@ def setting_for(task: str) -> Setting:
 
 
 def phrase_scores(comparisons: Iterable[Comparison]) -> dict[str, tuple[float, int]]:
-    """Mean score and count of each of the paper's phrases that was said, alone or first."""
+    """Mean score and count of each of the paper's phrases that was said first, be it of another behaviour."""
     found = defaultdict(list)
     for made in comparisons:
-        phrase = made.differences.split(",")[0]
+        phrase = made.differences.removeprefix(f"{ANOTHER}, ").split(",")[0]
         if phrase in PAPER_SCORES:
             found[phrase].append(made.score)
     return {phrase: (float(np.mean(scores)), len(scores)) for phrase, scores in found.items()}

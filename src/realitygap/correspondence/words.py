@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.correspondence.descriptors import describe_all
+from realitygap.correspondence.scale import EDGE
 from realitygap.correspondence.trials import Trial
-from realitygap.world.arena import Arena
 
-__all__ = ["PAPER_SCORES", "differences", "looping", "noisiness", "responsiveness", "signed"]
+__all__ = ["ANOTHER", "PAPER_SCORES", "differences", "noisiness", "signed"]
 
 Told = dict[str, NDArray[np.float64]]
 """Descriptors of a set's trials, by name (`describe_all`)."""
@@ -27,6 +27,7 @@ LOOPS = 0.15
 """Share of time from which more or less looping is seen."""
 ALIKE = ((9.7, "observably identical"), (8.8, "very similar"))
 """Scores from which no difference is worth a word."""
+ANOTHER = "another behaviour"
 
 PAPER_SCORES = {
     "observably identical": 10.0,
@@ -59,21 +60,13 @@ def noisiness(a: Sequence[Trial], b: Sequence[Trial]) -> float:
     return signed(describe_all(a, None), describe_all(b, None))[0]
 
 
-def responsiveness(a: Sequence[Trial], b: Sequence[Trial], arena: Arena | None) -> float | None:
-    """log2 of how much sooner b answers to what it meets; None without an arena.
-
-    Without a lamp: how far from a surface ahead it turns. With one: how squarely it faces the lamp.
-    """
-    return signed(describe_all(a, arena), describe_all(b, arena))[1]
-
-
-def looping(a: Sequence[Trial], b: Sequence[Trial]) -> float:
-    """How much larger a share of its time b goes round in loops."""
-    return signed(describe_all(a, None), describe_all(b, None))[2]
-
-
 def signed(a: Told, b: Told) -> tuple[float, float | None, float]:
-    """Noisiness, responsiveness and looping of b beside a, from what was told of both sets' trials."""
+    """Noisiness, responsiveness and looping of b beside a, from what was told of both sets' trials.
+
+    Responsiveness is the log2 of how much sooner b answers to what it meets: how far from a surface
+    ahead it turns; with a lamp how squarely it faces that; None without an arena. Looping is how much
+    larger a share of its time b goes round in loops.
+    """
     response = None
     if "light bearing" in a:
         response = -_ratio(a, b, "light bearing", ASKEW_DEG)
@@ -86,6 +79,8 @@ def signed(a: Told, b: Told) -> tuple[float, float | None, float]:
 def differences(score: float, behaviour: float, noisy: float, responsive: float | None, loops: float) -> str:
     """What b is beside a, in the paper's words, the largest difference first.
 
+    A behaviour beyond the scale's ceiling is another, whatever else differs.
+
     Args:
         score, behaviour: 0 to 10.
         noisy, responsive, loops: signed, as above.
@@ -93,12 +88,12 @@ def differences(score: float, behaviour: float, noisy: float, responsive: float 
     for least, phrase in ALIKE:
         if score >= least:
             return phrase
-    if behaviour <= 0 and score <= 2:
-        return "another behaviour"
     found = [_word(noisy, _NOISE, NOISE_STEPS), _word(responsive, _RESPONSE, RESPONSE_STEPS)]
     if abs(loops) >= LOOPS:
         found.append((abs(loops) / LOOPS, "loops more" if loops > 0 else "loops less"))
     said = [phrase for _, phrase in sorted((f for f in found if f), key=lambda f: -f[0])]
+    if behaviour <= EDGE:
+        said.insert(0, ANOTHER)
     if said:
         return ", ".join(said)
     return "similar" if score >= 7 else "qualitatively similar" if score >= 4 else "different"

@@ -154,7 +154,7 @@ class Job:
         from realitygap.correspondence.score import compare
 
         bench = self.bench
-        scale = bench.scale(self.kind, self.individual, matched=matched_starts(simulated, situated))
+        scale = bench.scale(self.kind, self.individual, matched=bool(matched_starts(simulated, situated)))
         made = compare(simulated, situated, bench.setting, scale=scale)
         low, high = made.interval or (None, None)
         return replace(
