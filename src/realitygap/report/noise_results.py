@@ -17,7 +17,6 @@ from realitygap.errors import StudyError
 
 __all__ = ["Misfit", "NoiseResults", "read_results"]
 
-CONTROLLERS = ("home_unit", "name", "fitness_simulated", "fitness_situated")
 PARTS = ("score", "behaviour", "layout", "noisiness", "responsiveness")
 MAY_LACK = {"noisiness", "responsiveness"}
 """Figures that some controllers have none of."""
