@@ -1,20 +1,25 @@
-"""The thirty runs as a whole: time first and once compiled, memory, and the serial algorithm's share.
+"""The reproduction as a whole and by phase, time first and once compiled, memory, the serial share.
 
     python benchmarks/reproduce.py
+    python benchmarks/reproduce.py --runs 1 --evaluations 64 --starts 1     # see that it works
 
 Runs `realitygap reproduce` in fresh processes with a compilation cache of its own, then times the
 parts of one evaluation in this process, and memory against the number of runs and cost against trials.
+A phase lasts from its first line of progress to the next phase's.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,18 +34,49 @@ from realitygap.tasks import load_task
 from realitygap.tasks.simulation import Simulation, batch_streams
 from realitygap.world.profile import load_profile
 
+PHASES = {
+    "recording": "recording and fitting unit 1", "fitting": "recording and fitting unit 1",
+    "compiling": "runs", "evolving": "runs", "testing": "runs", "finished": "runs",
+    "transferring": "transfers, films, scores", "scoring": "transfers, films, scores",
+    "making": "report",
+}  # fmt: skip
+"""The phase that a line of progress belongs to, by its first word."""
 
-def whole(folder: Path, *words: str) -> tuple[float, float]:
-    """Seconds and peak memory (MB, all processes added up) of one command."""
+
+class Cost(NamedTuple):
+    """What a command took: seconds, peak memory (MB, all processes added up), seconds of each phase."""
+
+    seconds: float
+    peak_mb: float
+    phases: dict[str, float]
+
+
+def whole(folder: Path, *words: str) -> Cost:
+    """One command's cost."""
     environment = os.environ | {"XDG_CACHE_HOME": str(folder / "cache")}
     command = [sys.executable, "-m", "realitygap", *words]
-    start, peak = time.perf_counter(), 0.0
-    process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    start, peak, began = time.perf_counter(), 0.0, {}
+    process = subprocess.Popen(
+        command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
+
+    def listen() -> None:
+        for line in process.stderr:
+            phase = PHASES.get(line.split(maxsplit=1)[0].rstrip(":")) if line.strip() else None
+            if phase is not None:
+                began.setdefault(phase, time.perf_counter())
+
+    listener = threading.Thread(target=listen)
+    listener.start()
     while process.poll() is None:
         peak = max(peak, sum(map(proportional_mb, family(process.pid))))
         time.sleep(0.1)
+    end = time.perf_counter()
+    listener.join()
     assert process.returncode == 0, command
-    return time.perf_counter() - start, peak
+    ends = [*list(began.values())[1:], end]
+    phases = {phase: to - since for (phase, since), to in zip(began.items(), ends, strict=True)}
+    return Cost(end - start, peak, phases)
 
 
 def family(pid: int) -> list[int]:
@@ -95,20 +131,42 @@ def seconds_for_trials(trials: int) -> float:
     return time.thread_time() - start
 
 
+def sized() -> list[str]:
+    """The options of `reproduce` that make it smaller, as they were given."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    for name in ("runs", "evaluations", "starts"):
+        parser.add_argument(f"--{name}", help="as of `realitygap reproduce`")
+    given = vars(parser.parse_args()).items()
+    return [word for key, value in given if value is not None for word in (f"--{key}", value)]
+
+
+def reproductions(folder: Path, size: list[str]) -> None:
+    """The simulated half twice, the transfers after it, and all of it at once."""
+    half = ("reproduce", "--no-transfer", "--profile", "paper", *size, "--out")
+    first = whole(folder, *half, str(folder / "first"))
+    again = whole(folder, *half, str(folder / "again"))
+    print(
+        f"the simulated half, first time: {first.seconds:.1f} s; compiled: {again.seconds:.1f} s; "
+        f"memory {again.peak_mb:.0f} MB"
+    )
+    rest = whole(folder, "reproduce", "--resume", "--out", str(folder / "again"))
+    print(f"transfers, films, scores and report after it: {rest.seconds:.1f} s; memory {rest.peak_mb:.0f} MB")
+    full = whole(folder, "reproduce", *size, "--out", str(folder / "whole"))
+    print(f"the whole of it, once compiled: {full.seconds:.1f} s; memory {full.peak_mb:.0f} MB; of it:")
+    for phase, seconds in full.phases.items():
+        print(f"  {phase}: {seconds:.1f} s")
+
+
 def main() -> None:
+    size = sized()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        half = ("reproduce", "--no-transfer", "--profile", "paper", "--out")
-        first, _ = whole(folder, *half, str(folder / "first"))
-        again, peak = whole(folder, *half, str(folder / "again"))
-        print(f"the simulated half, first time: {first:.1f} s; compiled: {again:.1f} s; memory {peak:.0f} MB")
-        rest, peak = whole(folder, "reproduce", "--resume", "--out", str(folder / "again"))
-        print(f"240 transfers, six films, scores and report after it: {rest:.1f} s; memory {peak:.0f} MB")
+        reproductions(folder, size)
         short = ("--evaluations", "200", "--set", "task.seconds=2.0", "--json")
-        for runs in (30, 300):
+        for runs in (30, 300) if not size else (3,):
             out = str(folder / f"runs{runs}")
-            seconds, peak = whole(folder, "evolve", "avoidance", "--runs", str(runs), "--out", out, *short)
-            print(f"a study of {runs} short runs: {seconds:.1f} s, memory {peak:.0f} MB")
+            cost = whole(folder, "evolve", "avoidance", "--runs", str(runs), "--out", out, *short)
+            print(f"a study of {runs} short runs: {cost.seconds:.1f} s, memory {cost.peak_mb:.0f} MB")
     for task in ("obstacle-avoidance", "light-seeking"):
         total, compiled = serial_share(task)
         print(f"{task}: {total:.0f} µs an evaluation, serial share {100 * (1 - compiled / total):.0f} %")

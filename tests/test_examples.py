@@ -1,12 +1,17 @@
 """The examples work as their page says: a task, an arena and a robot of one's own."""
 
 import json
+import re
 from pathlib import Path
 
 from click.testing import CliRunner
 
 from realitygap import load_study
+from realitygap.calibration.recording import load_recording
+from realitygap.calibration.recording_files import STEP_COLUMNS
 from realitygap.cli import realitygap
+from realitygap.study.config import StudyConfig
+from realitygap.study.runner import run_study
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 
@@ -33,3 +38,37 @@ def test_a_robot_and_an_arena_of_ones_own():
     pose = ("--pose", "20", "20", "-90", "--noise", "zero", "--json")
     read = json.loads(run("probe", "avoidance", "--profile", robot, "--arena", arena, *pose))
     assert len(read["proximity"][0]) == 6 and len(read["ambient"][0]) == 2
+
+
+def test_the_guides_network_drives_any_robot(tmp_path, monkeypatch):
+    """What the guide shows runs as it stands, and is told speeds in cm/s."""
+    config = StudyConfig.single("avoidance", runs=1, evaluations=64, fresh_trials=2, retest_trials=2)
+    study = run_study(tmp_path / "out" / "reproduce", config.with_settings(["task.seconds=2"]), workers=1)
+    text = (EXAMPLES.parent / "docs" / "guide.md").read_text("utf-8")
+    shown = next(
+        block for block in re.findall(r"```python\n(.*?)```", text, re.S) if "NetworkController" in block
+    )
+    speeds = []
+    yours = {
+        "read_counts": lambda feeds: [900] * len(study.profile.infrared.sensors),
+        "set_speeds": lambda left, right: speeds.append((left, right)),
+    }
+    monkeypatch.chdir(tmp_path)
+    exec(compile(shown, "guide.md", "exec"), yours)
+    assert len(speeds) == 20 + 1 and speeds[-1] == (0.0, 0.0)
+    units = {speed / 0.8 for pair in speeds for speed in pair}
+    assert len(units) > 1 and all(-10 <= unit <= 10 and unit == round(unit) for unit in units)
+
+
+def test_the_guides_recording_can_be_calibrated(tmp_path):
+    """A folder with the columns of the guide's table is a recording, of any number of sensors."""
+    text = (EXAMPLES.parent / "docs" / "guide.md").read_text("utf-8")
+    columns = re.search(r'`kind = "wheels"` \| `steps.csv` \| (.*?);', text)
+    assert columns and re.findall(r"`(\w+)`", columns[1]) == list(STEP_COLUMNS)
+    facts = 'kind = "infrared"\nobject = "wall"\nsensors = 2\nbody_radius_cm = 3.5\n'
+    (tmp_path / "recording.toml").write_text(facts)
+    (tmp_path / "readings.csv").write_text(
+        "distance_cm,bearing_deg,repeat,s0,s1\n1,0,0,500,40\n1,0,1,512,42\n"
+    )
+    recording = load_recording(tmp_path)
+    assert recording.sensors == 2 and recording.body_radius_cm == 3.5 and recording.warnings == ()

@@ -63,6 +63,13 @@ PROBE = ("probe", "avoidance", "--pose", 25, 25, 0)
         (("report", "no/such/study"), "no/such/study"),
         (("replay", "no/such/study", 1), "no/such/study"),
         (("bench", "--seconds", 0), "--seconds"),
+        ((*PROBE, "--arena", "no/such.toml"), "Give the path of an arena's .toml file"),
+        ((*PROBE, "--profile", "no/such.toml"), "Give the path of a profile's .toml file"),
+        (("twin", "serve", "--arena", "light", "--twin-noise", 11), "at most 10"),
+        (("twin", "serve", "--arena", "light", "--noise", 11), "--noise"),
+        (("twin", "serve", "--arena", "light", "--baud", "any"), "--baud"),
+        (("record", "--robot", "twin", "--plan", "all", "--out", "x", "--twin-noise", 11), "at most 10"),
+        (("study", "noise", "--twin-noise", 11), "at most 10"),
     ],
     ids=lambda value: " ".join(map(str, value)) if isinstance(value, tuple) else None,
 )

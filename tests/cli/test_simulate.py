@@ -1,9 +1,11 @@
 """`simulate`: a whole trial, step by step, in the units that people read."""
 
 import math
+from pathlib import Path
 
 import pytest
 
+EXAMPLE = Path(__file__).parents[2] / "examples" / "follow_the_wall.py"
 KEYS = {
     "t_s", "x_cm", "y_cm", "heading_deg", "proximity", "ambient", "inputs", "commands", "wheels", "contact",
 }  # fmt: skip
@@ -51,6 +53,16 @@ def test_the_same_seed_is_the_same_trial(json_of):
     """A seed names a trial; another seed is another one."""
     assert json_of(*FORWARD, "--seed", 4) == json_of(*FORWARD, "--seed", 4)
     assert json_of(*FORWARD, "--seed", 4)["x_cm"] != json_of(*FORWARD, "--seed", 5)["x_cm"]
+
+
+def test_a_trial_lasts_as_long_as_the_task(json_of, tmp_path):
+    """Unless another length is given."""
+    text = EXAMPLE.read_text("utf-8").replace("two_rooms.toml", "light-seeking")
+    task = tmp_path / "short.py"
+    task.write_text(text.replace("seconds=20", "seconds=1.5"))
+    words = ("simulate", task, "--controller", "constant:1,1", "--pose", 15, 35, 0)
+    assert len(json_of(*words)["t_s"]) == 15
+    assert len(json_of(*words, "--seconds", 0.5)["t_s"]) == 5
 
 
 def test_braitenberg_reaches_the_lamp(json_of):

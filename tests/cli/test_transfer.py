@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -81,6 +82,10 @@ def test_a_run_by_name_with_its_own_length(study, json_of):
         (("--robot", "serial:/dev/null", "--camera", "camera.json"), "--eye DEVICE"),
         (("--robot", "serial:/dev/null", "--camera", "no.json", "--eye", "0"), "no.json"),
         (("--robot", "twin", "--camera", "camera.json", "--eye", "0"), "camera of its own"),
+        (("--robot", "twin", "--disk", "mine.toml"), "disk of its own"),
+        (("--robot", "serial:/dev/null", "--disk", "mine.toml"), "--eye DEVICE"),
+        (("--robot", "serial:/dev/null", "--twin-noise", "2"), "--twin-noise is a dial of the twin"),
+        (("--robot", "twin", "--twin-noise", "11"), "--twin-noise"),
         (("--robot", "twin", "--starts", "0"), "--starts"),
         (("--robot", "twin", "--seconds", "0.25"), "--seconds"),
         (("--robot", "twin", "--twin-noise", "-1"), "--twin-noise"),
@@ -111,7 +116,7 @@ def test_a_person_is_told_where_to_put_the_robot(study):
     """x, y and the heading in numbers and words; Enter starts; without a person nothing moves."""
     with start_twin({"size_cm": [60, 60]}, unit=1, clock="real", pose=Pose(x=30, y=30, heading=0)) as twin:
         robot = f"serial:{twin.device}"
-        words = ["transfer", str(study), "1", "--robot", robot, "--seconds", "0.5"]
+        words = ["transfer", str(study), "1", "--robot", robot, "--seconds", "0.5", "--baud", "any"]
         nobody = CliRunner().invoke(realitygap, words, input="")
         assert nobody.exit_code == 130
         assert "finished trials are kept" in nobody.stderr
@@ -119,6 +124,9 @@ def test_a_person_is_told_where_to_put_the_robot(study):
     assert result.exit_code == 0, result.output
     assert "Put the robot at x = 2" in result.stderr and "counter-clockwise from +x" in result.stderr
     assert "counters" in result.stdout
+    assert CliRunner().invoke(realitygap, words).stdout == result.stdout  # it is there already
+    file = next(study.glob("transfer/serial-*/*/start-1/transfer.toml"))
+    assert tomllib.loads(file.read_text())["baud"] == 38400  # the one that answered
 
 
 def test_a_person_is_told_where_the_camera_sees_the_robot(study, tmp_path):

@@ -77,7 +77,10 @@ def test_cut_off_film_is_told(tmp_path, clean_film, camera_file):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("track", "none.mp4", "--camera", "none.json", "--out", "t.csv"), "none.json: no such file"),
+        (
+            ("track", "none.mp4", "--camera", "none.json", "--out", "t.csv"),
+            "error: none.json: no such file. Make it with",
+        ),
         (("track", "none.mp4", "--camera", "none.json"), "Missing option '--out'"),
         (("track", "none.mp4", "--camera", "none.json", "--out", "t.txt"), "ending in .csv"),
         (("camera", "calibrate", "--frames", "no", "--poses", "p", "--out", "c.json"), "no: no such folder"),
@@ -88,5 +91,5 @@ def test_mistakes_end_in_one_line(words, says):
     with CliRunner().isolated_filesystem():
         result = run(*words)
     assert result.exit_code == 2
-    assert says in result.stderr
+    assert says in result.stderr and result.stderr.count("no such") <= 1
     assert len(result.stderr.splitlines()) == 1

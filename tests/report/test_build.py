@@ -83,6 +83,7 @@ def test_the_page_is_self_contained_and_well_formed(paper: Study) -> None:
             assert target[1:] in ids
         elif tag == "a":
             assert (folder / target).is_file()
+        assert tag not in ("p", "span") or "aria-label" not in attrs  # which have no role to be named
         if tag == "svg":
             named = attrs.get("role") in ("img", "group") and attrs.get("aria-label")
             assert named or attrs.get("aria-hidden") == "true"

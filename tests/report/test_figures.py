@@ -132,7 +132,7 @@ def test_statistics_agree_with_scipy() -> None:
 def test_noise_levels_keep_their_look() -> None:
     """Zero, observed and double look the same whatever else is shown, and nothing is told by colour alone."""
     shown = style.noise_styles([0, 0.5, 1, 1.5, 2])
-    assert all(shown[level] == style.noise_style(level) for level in (0.0, 1.0, 2.0))
+    assert all(shown[level] == style.noise_styles([level])[level] for level in (0.0, 1.0, 2.0))
     assert len({(s.colour) for s in shown.values()}) == len({s.marker for s in shown.values()}) == 5
     assert len({str(s.line) for s in shown.values()}) == 5
 

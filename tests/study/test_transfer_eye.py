@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.errors import FilmError, UsageError
+from realitygap.errors import FilmError, StudyError, UsageError
 from realitygap.film.camera import CameraModel
+from realitygap.film.disk import load_disk
 from realitygap.film.eye import Eye
 from realitygap.film.track import read_track
 from realitygap.film.video import FilmReader, FilmWriter
@@ -19,6 +20,7 @@ from realitygap.study.load import Study, load_study
 from realitygap.study.transfer import load_transfers, transfer
 from realitygap.study.transfer_film import calibrated
 from realitygap.study.transfer_paths import lost_steps
+from realitygap.twin import drawing
 from realitygap.twin.camera import OverheadCamera
 from realitygap.twin.process import start_twin
 from realitygap.twin.states import States
@@ -53,9 +55,13 @@ def camera(arena, tmp_path_factory) -> CameraModel:
 
 @pytest.fixture(scope="module")
 def video(arena, tmp_path_factory) -> Path:
-    """What the eye sees: nobody for three frames, then a robot that turns."""
-    file, turn = tmp_path_factory.mktemp("eye") / "eye.mp4", math.radians(90.0) / FPS
-    count = 3 * FPS
+    """What the eye sees."""
+    return seen_by_the_eye(tmp_path_factory.mktemp("eye") / "eye.mp4", arena)
+
+
+def seen_by_the_eye(file: Path, arena) -> Path:
+    """A film of nobody for three frames, then of a robot that turns."""
+    turn, count = math.radians(90.0) / FPS, 3 * FPS
     heading = STANDS.heading + turn * np.arange(count)
     states = States.standing(
         np.arange(count) * 40, np.full(count, STANDS.x), np.full(count, STANDS.y), heading
@@ -125,6 +131,28 @@ def test_an_eye_that_only_watches_keeps_no_film(study, robot, camera, video):
     assert len(load_transfers(study.folder)) == 1
 
 
+def test_a_robot_may_wear_a_disk_of_its_own(study, robot, camera, arena, tmp_path, monkeypatch):
+    """The eye looks for it, with the film it is kept, and the trial cannot be taken for one with another.
+
+    Its patches are the shipped disk's, exchanged: a tracker of that one would see the robot look back.
+    """
+    heights, (body, disk, middle, front), colours = drawing.LOOKS
+    monkeypatch.setattr(drawing, "LOOKS", (heights, (body, disk, front, middle), colours))
+    video, mine = seen_by_the_eye(tmp_path / "eye.mp4", arena), tmp_path / "mine.toml"
+    mine.write_text("centre_radius_cm = 0.45\nfront_radius_cm = 0.7\n")
+    port, carry = robot
+    settings = {"robots": (port,), "seconds": SECONDS, "carry": carry, "camera": camera, "eye": str(video)}
+    settings["found"] = lambda one, wished, seen: seen is not None
+    for film in (False, True):
+        one = transfer(study, [1], disk=mine, film=film, **settings)[0]
+        assert one.pose.heading_deg == pytest.approx(STANDS.heading_deg, abs=1.0) and one.lost_steps == 0
+        assert np.hypot(one.situated["x_cm"] - STANDS.x, one.situated["y_cm"] - STANDS.y).max() < 0.1
+    assert load_disk(one.folder / "disk.toml") == load_disk(mine)
+    assert transfer(study, [1], disk=mine, **settings)[0] == one  # it is there already
+    with pytest.raises(StudyError, match=r"made with disk\.centre_radius_cm = 0\.45, not 0\.7"):
+        transfer(study, [1], **settings)
+
+
 def test_a_start_that_is_not_seen_may_be_taken_on_a_persons_word(study, robot, camera, video):
     """With a person's word from the wished pose; with nobody to ask it is refused."""
     port, carry = robot
@@ -157,6 +185,12 @@ def test_an_eye_that_cannot_be_used_is_refused(study, camera, video, tmp_path):
         transfer(study, camera=camera, **settings)
     with pytest.raises(UsageError, match="a twin has a camera of its own"):
         transfer(study, camera=camera, eye=0)
+    with pytest.raises(UsageError, match="disk: expected eye beside it"):
+        transfer(study, disk="mine.toml", **settings)
+    with pytest.raises(UsageError, match="a twin has a disk of its own"):
+        transfer(study, disk="mine.toml")
+    with pytest.raises(FilmError, match=r"mine\.toml: no such file"):
+        transfer(study, camera=camera, eye=0, disk="mine.toml", **settings)
     with pytest.raises(FilmError, match="nothing opens there"):
         transfer(study, camera=camera, eye=str(tmp_path / "none.mp4"), **settings)
     with pytest.raises(FilmError, match="nothing opens there"):

@@ -38,7 +38,7 @@ def lived(body: TwinBody, milliseconds: int) -> Numbers:
         order(body)
         for part in (1, milliseconds, 3):
             body.advance(part)
-            asked = body.pulses(), body.speeds(), body.errors(), body.on_target(), body.modes()
+            asked = body.pulses(), body.speeds(), body.errors(), body.on_target()
             known.append((body.time_ms, *asked, body.proximity(), body.ambient(), body.truth()))
     states = body.states()
     return [*known, (states.time_ms.tobytes(), states.pose.tobytes())]

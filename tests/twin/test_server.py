@@ -14,7 +14,9 @@ import time
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from realitygap.cli import realitygap
 from realitygap.errors import RobotError, UsageError
 from realitygap.robot.clock import VirtualClock
 from realitygap.twin.process import TwinProcess, start_twin
@@ -168,6 +170,20 @@ def _alive(pid: str) -> bool:
         return bool(os.listdir(f"/proc/{pid}/fd"))
     except OSError:
         return False
+
+
+def test_a_system_without_pseudo_terminals_is_told_so(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """As Windows: one line that a person can act on, whoever asks for the twin."""
+    for module in ("port", "server", "process"):
+        monkeypatch.delitem(sys.modules, f"realitygap.twin.{module}", raising=False)
+    monkeypatch.setitem(sys.modules, "fcntl", None)
+    for words in ("twin serve --arena light", f"record --robot twin --plan wheels --out {tmp_path}"):
+        made = CliRunner().invoke(realitygap, words.split())
+        assert made.exit_code == 2
+        assert made.stderr.startswith("error: the twin needs pseudo-terminals") and "WSL" in made.stderr
+        assert len(made.stderr.splitlines()) == 1
 
 
 @pytest.mark.parametrize(

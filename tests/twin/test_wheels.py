@@ -32,7 +32,6 @@ def test_reaches_a_position() -> None:
     body.set_position(700, 550)
     body.advance(200)
     assert body.on_target() == (False, False)
-    assert body.modes() == ("position", "position")
     body.advance(4000)
     assert body.on_target() == (True, True)
     assert body.pulses() == pytest.approx((700, 550), abs=3)

@@ -20,6 +20,7 @@ __all__ = [
     "Numbers",
     "arena_option",
     "as_json",
+    "baud_option",
     "checked_pose",
     "evaluations_option",
     "noise_option",
@@ -27,8 +28,13 @@ __all__ = [
     "profile_option",
     "runs_option",
     "seed_option",
+    "twin_noise_option",
     "workers_option",
 ]
+
+BAUDS = ("9600", "19200", "38400", "57600", "115200")
+LARGEST_DIAL = 10.0
+"""A twin that is noisier than that can hardly be steered."""
 
 Numbers = tuple[float, float, float]
 """A pose as it is typed: x and y in cm, heading in degrees."""
@@ -86,9 +92,7 @@ def pose_option(required: bool = True) -> Callable[[Decorated], Decorated]:
     )
 
 
-def profile_option(
-    default: str | None = "paper", says: str = ""
-) -> Callable[[Decorated], Decorated]:
+def profile_option(default: str | None = "paper", says: str = "") -> Callable[[Decorated], Decorated]:
     """`--profile P`."""
     return click.option(
         "--profile",
@@ -104,6 +108,31 @@ def arena_option(command: Decorated) -> Decorated:
     return click.option(
         "--arena", metavar="A", help="Another arena than the task's: a shipped one's name or a TOML file."
     )(command)
+
+
+def twin_noise_option(*aliases: str) -> Callable[[Decorated], Decorated]:
+    """`--twin-noise X`; None if it is not given."""
+    return click.option(
+        "--twin-noise",
+        *aliases,
+        "twin_noise",
+        type=Finite(0, LARGEST_DIAL),
+        metavar="X",
+        help="Dial on a twin's whole noise, 0 to 10 [default: 1].",
+    )
+
+
+def baud_option(
+    says: str = "Rate that a robot's jumper is set to; any: try them all.", *, any_rate: bool = True
+) -> Callable[[Decorated], Decorated]:
+    """`--baud B`; with `any_rate` also "any"."""
+    return click.option(
+        "--baud",
+        type=click.Choice([*BAUDS, "any"] if any_rate else BAUDS),
+        default="38400",
+        show_default=True,
+        help=says,
+    )
 
 
 def workers_option(command: Decorated) -> Decorated:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from realitygap.cli.failure import StoppedError
-from realitygap.cli.kinds import SEED, Finite, Whole
-from realitygap.cli.options import as_json, seed_option
+from realitygap.cli.kinds import SEED, Whole
+from realitygap.cli.options import as_json, baud_option, seed_option, twin_noise_option
 from realitygap.cli.output import print_json
 from realitygap.cli.progress import ProgressLine
 
@@ -62,14 +62,8 @@ class RobotKind(click.ParamType):
     help="Readings at each place: they measure the noise.",
 )  # fmt: skip
 @seed_option(says=" A twin's constants follow from its unit alone.")
-@click.option("--twin-noise", type=Finite(0), metavar="X", help="Dial on a twin's whole noise [default: 1].")
-@click.option(
-    "--baud",
-    type=click.Choice(["9600", "19200", "38400", "57600", "115200", "any"]),
-    default="38400",
-    show_default=True,
-    help="Rate that a robot's jumper is set to; any: try them all.",
-)
+@twin_noise_option()
+@baud_option()
 @click.option("--notes", default="", metavar="TEXT", help="Kept with it: which robot, where, by whom.")
 @click.option("--resume", is_flag=True, help="Go on with recordings that were broken off.")
 @as_json

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from realitygap.cli.kinds import Finite
-from realitygap.cli.options import as_json
+from realitygap.cli.options import as_json, baud_option
 from realitygap.cli.output import print_json, print_table
 
 if TYPE_CHECKING:
@@ -41,13 +41,7 @@ def robot() -> None:
 
 @robot.command()
 @click.option("--port", required=True, metavar="P", help="Its serial device.")
-@click.option(
-    "--baud",
-    type=click.Choice(["9600", "19200", "38400", "57600", "115200", "any"]),
-    default="38400",
-    show_default=True,
-    help="Rate that its jumper is set to; any: try them all.",
-)
+@baud_option()
 @click.option(
     "--seconds", type=Finite(0.1, 3600), default=3.0, show_default=True, help="How long to show the sensors."
 )

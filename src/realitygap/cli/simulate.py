@@ -34,9 +34,7 @@ __all__ = ["simulate"]
 @arena_option
 @noise_option()
 @seed_option()
-@click.option(
-    "--seconds", type=SECONDS, default=20.0, show_default=True, metavar="S", help="Length of the trial."
-)
+@click.option("--seconds", type=SECONDS, metavar="S", help="Length of the trial [default: the task's own].")
 @click.option("--picture", type=PICTURE, metavar="FILE", help="Draw the path there (.png, .svg or .pdf).")
 @as_json
 def simulate(
@@ -47,7 +45,7 @@ def simulate(
     arena: str | None,
     noise: float,
     seed: int,
-    seconds: float,
+    seconds: float | None,
     picture: Path | None,
     json_output: bool,
 ) -> None:

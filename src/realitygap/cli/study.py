@@ -9,8 +9,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from realitygap.cli.failure import StoppedError
-from realitygap.cli.kinds import SECONDS, Finite, Whole
-from realitygap.cli.options import as_json, evaluations_option, runs_option, seed_option, workers_option
+from realitygap.cli.kinds import SECONDS, Whole
+from realitygap.cli.options import (
+    as_json,
+    evaluations_option,
+    runs_option,
+    seed_option,
+    twin_noise_option,
+    workers_option,
+)
 from realitygap.cli.output import print_json
 from realitygap.cli.progress import ProgressLine
 from realitygap.errors import RobotStoppedError, StudyInterruptedError
@@ -57,7 +64,7 @@ def study() -> None:
     "--starts", type=Whole(2, 1000), metavar="N", help="Trials of each controller on each unit [default: 8]."
 )
 @evaluations_option
-@click.option("--twin-noise", type=Finite(0, 10), help="Dial on the twin's whole noise [default: 1].")
+@twin_noise_option()
 @seed_option(None, " [default: 1995]")
 @click.option("--tasks", metavar="TASK|both", help="obstacle-avoidance or light-seeking [default: both].")
 @click.option("--seconds", type=SECONDS, metavar="S", help="Length of a trial [default: the task's own].")

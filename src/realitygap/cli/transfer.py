@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Self
 import click
 
 from realitygap.cli.failure import StoppedError
-from realitygap.cli.kinds import SECONDS, Finite, Whole
-from realitygap.cli.options import as_json, seed_option, workers_option
+from realitygap.cli.kinds import SECONDS, Whole
+from realitygap.cli.options import as_json, baud_option, seed_option, twin_noise_option, workers_option
 from realitygap.cli.output import print_json, print_table
 from realitygap.cli.progress import ProgressLine
 from realitygap.errors import RobotStoppedError, StudyInterruptedError
@@ -85,17 +85,12 @@ SIDES = (
     "--eye", metavar="DEVICE", help="Over a real robot: a camera's number, a video file or a stream."
 )
 @click.option(
-    "--twin-noise", type=Finite(0), default=1.0, show_default=True, help="Dial on the twin's whole noise."
+    "--disk", metavar="FILE", help="Over a real robot: its disk's TOML file [default: the shipped disk]."
 )
+@twin_noise_option()
 @seed_option(None, " [default: the study's]")
 @click.option("--seconds", type=SECONDS, metavar="S", help="Length of a trial [default: the task's own].")
-@click.option(
-    "--baud",
-    type=click.Choice(["9600", "19200", "38400", "57600", "115200"]),
-    default="38400",
-    show_default=True,
-    help="Rate of the robot's line.",
-)
+@baud_option()
 @workers_option
 @as_json
 def transfer(
@@ -108,7 +103,8 @@ def transfer(
     watch: bool,
     camera: str | None,
     eye: str | None,
-    twin_noise: float,
+    disk: str | None,
+    twin_noise: float | None,
     seed: int | None,
     seconds: float | None,
     baud: str,
@@ -143,11 +139,12 @@ def transfer(
                 twin_noise=twin_noise,
                 seed=seed,
                 seconds=seconds,
-                baud=int(baud),
+                baud=None if baud == "any" else int(baud),
                 workers=workers,
                 carry=partial(_carry, seen=eye is not None),
                 camera=camera,
                 eye=eye,
+                disk=disk,
                 found=_found,
                 on_progress=progress.transfer,
             )

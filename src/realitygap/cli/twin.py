@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from realitygap.cli.kinds import SEED, Finite, Whole
-from realitygap.cli.options import as_json, pose_option, seed_option
+from realitygap.cli.kinds import SEED, Whole
+from realitygap.cli.options import as_json, baud_option, pose_option, seed_option, twin_noise_option
 from realitygap.cli.output import print_json
 
 if TYPE_CHECKING:
@@ -32,15 +32,9 @@ def twin() -> None:
     "--arena", "arena_name", required=True, metavar="TASK", help="A task, or an arena's name or TOML file."
 )
 @click.option("--unit", type=Whole(0, SEED.high), default=1, show_default=True, help="Which robot.")
-@click.option("--noise", type=Finite(0), default=1.0, show_default=True, help="Dial on its whole noise.")
+@twin_noise_option("--noise")
 @seed_option(says=" The unit's constants follow from --unit alone.")
-@click.option(
-    "--baud",
-    type=click.Choice(["9600", "19200", "38400", "57600", "115200"]),
-    default="38400",
-    show_default=True,
-    help="Rate that its jumper is set to.",
-)
+@baud_option("Rate that its jumper is set to.", any_rate=False)
 @click.option(
     "--clock",
     type=click.Choice(["real", "virtual"]),
@@ -53,7 +47,7 @@ def twin() -> None:
 def serve(
     arena_name: str,
     unit: int,
-    noise: float,
+    twin_noise: float | None,
     seed: int,
     baud: str,
     clock: str,
@@ -73,6 +67,7 @@ def serve(
     arena, start = _arena(arena_name)
     if pose is not None:
         start = _free(arena, pose)
+    noise = 1.0 if twin_noise is None else twin_noise
     settings: dict[str, Any] = {"arena": plain_arena(arena), "unit": unit, "noise": noise, "seed": seed}
     settings |= {"baud": int(baud), "clock": clock}
     if start is not None:

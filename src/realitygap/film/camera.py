@@ -242,8 +242,9 @@ def load_camera(path: str | Path) -> CameraModel:
         FilmError: unreadable file, broken JSON, a key that is missing or refused.
     """
     cure = "Make it with `realitygap camera calibrate`."
+    text = read_text(path, cure)
     try:
-        table = json.loads(read_text(path, cure))
+        table = json.loads(text)
     except ValueError as error:
         raise FilmError(f"{path}: not a JSON file: {error}. {cure}") from None
     if not isinstance(table, dict) or table.get("format") != FORMAT:

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 F = NDArray[np.float64]
-I8 = NDArray[np.int8]
 I64 = NDArray[np.int64]
 
 STEP_S = 0.1

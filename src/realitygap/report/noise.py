@@ -88,17 +88,10 @@ class NoiseReport:
     @cached_property
     def scales(self) -> dict[str, tuple[float, str]]:
         """For each task what fitness is divided by, and the unit that remains."""
-        from realitygap.errors import TaskError
         from realitygap.tasks import load_task
 
-        found = {}
-        for name in self.results.data.tasks:
-            try:
-                task = load_task(name)
-                found[name] = (task.fitness_scale, task.fitness_unit)
-            except TaskError:  # a task of one's own, whose file is elsewhere
-                found[name] = (1.0, "")
-        return found
+        tasks = {name: load_task(name) for name in self.results.data.tasks}
+        return {name: (task.fitness_scale, task.fitness_unit) for name, task in tasks.items()}
 
     @cached_property
     def tables(self) -> dict[str, NoiseTable]:

@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from realitygap.report.gather import PER_CONDITION, TaskPart
+from realitygap.report.lead import is_paper, lead
 from realitygap.report.statistics import mean_of
 from realitygap.report.style import noise_styles
 from realitygap.report.tables import WHO, NoiseClass, Table
+from realitygap.study.reproduction import again
 
 if TYPE_CHECKING:
     from realitygap.report.calibrated import CalibratedPart
@@ -118,7 +120,10 @@ def render(
         key=[(name, styles[level].colour, GLYPHS[styles[level].marker]) for level, name in levels],
         total=len(runs),
         finished=sum(bool(run.finished) for run in runs),
-        paper=_is_paper(parts),
+        paper=is_paper(study, parts),
+        lead=lead(study, parts),
+        changes=", ".join(f"{key} = {value}" for key, value in study.config.task.to_dict().items()),
+        again=again(study),
         stand_in=_stand_in(sections),
         evaluations=sum(int(run.evaluations) for run in runs),
         settings=settings,
@@ -132,13 +137,6 @@ def _scripts() -> str:
     files = sorted((Path(__file__).parent / "assets").glob("*.js"))
     text = "\n".join(file.read_text("utf-8") for file in files)
     return f'"use strict";\n(() => {{\n{text}}})();'
-
-
-def _is_paper(parts: Sequence[TaskPart]) -> bool:
-    """Whether this is the paper's study: its two tasks, each at its three noise levels."""
-    return {p.task.name for p in parts} == {"obstacle-avoidance", "light-seeking"} and all(
-        p.task.source is None and [c.level for c in p.conditions] == [0.0, 1.0, 2.0] for p in parts
-    )
 
 
 def _stand_in(sections: Sequence[Section]) -> str:

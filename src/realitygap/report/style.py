@@ -29,7 +29,6 @@ __all__ = [
     "NoiseStyle",
     "inline_svg",
     "new_figure",
-    "noise_style",
     "noise_styles",
     "save_figure",
     "styled",
@@ -145,11 +144,6 @@ def noise_styles(levels: Iterable[float]) -> dict[float, NoiseStyle]:
     others = [level for level in levels if level not in _NAMED]
     spare = {level: _OTHERS[i % len(_OTHERS)] for i, level in enumerate(others)}
     return {level: _NAMED.get(level) or spare[level] for level in levels}
-
-
-def noise_style(level: float) -> NoiseStyle:
-    """The style of one noise level on its own."""
-    return noise_styles([level])[float(level)]
 
 
 def styled() -> AbstractContextManager[None]:

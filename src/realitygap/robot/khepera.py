@@ -30,7 +30,6 @@ STAND_S = 0.5
 ANSWER_S = 0.1
 
 STOP = request("D", 0, 0)
-MEASURED = request("E")
 
 
 class Versions(NamedTuple):

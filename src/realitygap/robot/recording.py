@@ -141,24 +141,6 @@ class Recording:
         rows = [_row(line, len(columns), f"{steps_file}, line {k}") for k, line in enumerate(lines[1:], 2)]
         return cls.from_rows(columns, rows, ended=ended, facts=facts)
 
-    def to_folder(self, folder: str | Path) -> None:
-        """Write the recording; `from_folder` reads it back, equal."""
-        recorder = Recorder(folder, facts=self.facts)
-        for k in range(len(self.t)):
-            nan = bool(np.isnan(self.counters[k, 0])), bool(np.isnan(self.speeds[k, 0]))
-            counters, speeds = self.counters[k].tolist(), self.speeds[k].tolist()
-            recorder.add(
-                Step(
-                    float(self.t[k]),
-                    float(self.late[k]),
-                    Readings(proximity=self.proximity[k], ambient=self.ambient[k]),
-                    self.inputs[k].tolist(),
-                    Command(left=int(self.commands[k, 0]), right=int(self.commands[k, 1])),
-                    Odometry(None if nan[0] else _whole(counters), None if nan[1] else _whole(speeds)),
-                )
-            )
-        recorder.finish(self.ended)
-
 
 class Recorder:
     """Keeps the steps of a drive, and writes each into `folder` if there is one.
@@ -217,10 +199,6 @@ class Recorder:
 
 def _pair_columns() -> list[str]:
     return [f"{name}_{side}" for name in _PAIRS for side in ("left", "right")]
-
-
-def _whole(pair: Sequence[float]) -> tuple[int, int]:
-    return int(pair[0]), int(pair[1])
 
 
 def _row(line: str, width: int, where: str) -> list[float]:

@@ -20,13 +20,14 @@ from realitygap.study.schema import told
 from realitygap.study.settings import difference, whole
 from realitygap.study.transfer import transfer
 from realitygap.study.transfer_choice import shown_runs
-from realitygap.study.transfer_load import Transferred
+from realitygap.study.transfer_load import Transferred, load_transfers
 from realitygap.study.transfer_work import OnProgress
 from realitygap.study.workers import cores
-from realitygap.world.files import Value, build, to_toml
+from realitygap.tasks import load_task
+from realitygap.world.files import Value, build, shipped, to_toml
 from realitygap.world.profile import load_profile
 
-__all__ = ["STARTS", "UNIT", "Reproduction", "begun", "configured", "transferred"]
+__all__ = ["STARTS", "UNIT", "Reproduction", "again", "begun", "configured", "transferred"]
 
 UNIT = 1
 """The twin's unit that is measured, and that the evolved controllers then drive."""
@@ -35,7 +36,7 @@ STARTS = 8
 
 ASKED = "reproduce.toml"
 CALIBRATION = f"calibration/unit-{UNIT}"
-HEADER = "# What `realitygap reproduce` was asked for; a profile of \"\" is calibrated to the twin's unit.\n"
+HEADER = '# What `realitygap reproduce` was asked for; a profile of "" is calibrated to the twin\'s unit.\n'
 
 Calibrating = Callable[[str, int, int], None]
 
@@ -134,6 +135,29 @@ def transferred(
     robots = (f"twin:{UNIT}",)
     transfer(study, robots=robots, film=film, workers=workers, on_progress=on_progress)
     return transfer(study, robots=robots, starts=starts, workers=workers, on_progress=on_progress)
+
+
+def again(study: Study) -> str:
+    """The options with which `realitygap reproduce` makes a study again; "" where it makes another."""
+    config, asked = study.config, study.folder / ASKED
+    plain = StudyConfig.reproduction(runs=config.runs, evaluations=config.evaluations, seed=config.seed)
+    free = {key: getattr(plain, key) for key in ("title", "checkpoint_every", "profile", "arenas")}
+    if replace(config, **free) != plain:
+        return ""
+    if any(study.task(one.task).arena != load_task(one.task).arena for one in plain.conditions):
+        return ""
+    wished = Reproduction.from_toml(asked) if asked.is_file() else None
+    words = ["--runs", config.runs, "--evaluations", config.evaluations, "--seed", config.seed]
+    if wished is None or wished.profile:
+        named = (name for name in shipped("profiles") if load_profile(name) == study.profile)
+        words += ["--profile", next(named, config.profile)]
+    driven = [one.start for one in load_transfers(study.folder) if one.robot == f"twin-{UNIT}"]
+    starts = max([*driven, wished.starts if wished is not None else 0])
+    if not driven:
+        words += ["--no-transfer"]
+    elif starts != STARTS:
+        words += ["--starts", starts]
+    return " ".join(map(str, words))
 
 
 def _begin(folder: Path, wished: Reproduction, *, resume: bool) -> None:

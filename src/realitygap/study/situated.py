@@ -28,7 +28,7 @@ from realitygap.robot.clock import VirtualClock
 from realitygap.robot.khepera import Khepera
 from realitygap.robot.loop import drive
 from realitygap.robot.recording import Recorder, Recording
-from realitygap.study.transfer_paths import Table, lost_steps, of_track
+from realitygap.study.transfer_paths import Table, of_track
 from realitygap.study.transfer_plan import Robot
 from realitygap.tasks.task import Task
 from realitygap.values import Pose, Readings
@@ -63,7 +63,6 @@ class SituatedPath:
         pose: [steps + 1, 3] x, y (cm) and heading (rad); NaN where the robot was not seen.
         readings: [steps, 8] counts of the sensors that the task feeds.
         commands: [steps, 2] Khepera units.
-        lost_frames: rows without a pose.
         table: the same path in the columns that `transfer_paths.score` takes.
     """
 
@@ -71,7 +70,6 @@ class SituatedPath:
     pose: Floats
     readings: Floats
     commands: NDArray[np.int64]
-    lost_frames: int
     table: Table
 
 
@@ -162,7 +160,6 @@ class Stand:
             pose=np.stack([table["x_cm"], table["y_cm"], heading], axis=1),
             readings=recording.proximity if self.task.feeds == "proximity" else recording.ambient,
             commands=recording.commands,
-            lost_frames=lost_steps(table),
             table=table,
         )
 

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from realitygap.errors import RobotStoppedError, StudyInterruptedError, UsageError
+from realitygap.film.disk import Disk, load_disk
 from realitygap.study.folder import lock
 from realitygap.study.load import Study
 from realitygap.study.schema import told
@@ -44,14 +45,15 @@ def transfer(
     individual: str = "champion",
     film: bool | Collection[int] = False,
     watch: bool = True,
-    twin_noise: float = 1.0,
+    twin_noise: float | None = None,
     seed: int | None = None,
     seconds: float | None = None,
-    baud: int = 38400,
+    baud: int | None = 38400,
     workers: int | None = None,
     carry: Carry | None = None,
     camera: CameraModel | str | Path | None = None,
     eye: str | int | None = None,
+    disk: Disk | str | Path | None = None,
     found: Found | None = None,
     on_progress: OnProgress | None = None,
 ) -> list[Transferred]:
@@ -69,14 +71,15 @@ def transfer(
         film: film all trials, none, or those of the runs with these ids.
         watch: take the paths of the others from the camera above too, without keeping a film; else,
             and where no camera sees a real robot, they are reckoned from the wheels' counters.
-        twin_noise: the dial on the twin's noise.
+        twin_noise: the dial on the twin's noise, 1 if None.
         seed: starts and noise follow from it; the study's own if None.
         seconds: length of a trial; the task's own if None.
-        baud: rate of the robots' lines.
+        baud: rate of the robots' lines; None tries them all on a port.
         workers: processes for trials on the twin, one a core if None.
         carry: carries a real robot to its start; needed for one.
         camera: of the eye over a real robot, as it was calibrated, or its file.
         eye: what looks down on a real robot: a camera's number, a video file, a stream.
+        disk: what a real robot wears, or its file; the shipped one if None.
         found: says whether a real robot starts where the eye sees it; else it has only to be seen.
         on_progress: called a few times a second.
 
@@ -94,7 +97,9 @@ def transfer(
     whole("workers", size, 1, 1024)
     refuse_unguarded_script()
     parsed = [Robot.parse(one) if isinstance(one, str) else one for one in robots]
-    check_eye(parsed, camera, eye)
+    _check_dial(parsed, twin_noise)
+    check_eye(parsed, camera, eye, disk)
+    worn = load_disk(disk) if disk is None or isinstance(disk, str | Path) else disk
     if any(robot.port is not None for robot in parsed):
         _check_real(carry, film, eye)
     chosen = chosen_runs(study, runs, individual)
@@ -108,8 +113,8 @@ def transfer(
                 individual=individual,
                 film=film,
                 watch=watch,
-                eye=eye is not None,
-                twin_noise=twin_noise,
+                disk=None if eye is None else worn,
+                twin_noise=1.0 if twin_noise is None else twin_noise,
                 seed=study.config.seed if seed is None else seed,
                 seconds=seconds,
                 baud=baud,
@@ -122,7 +127,7 @@ def transfer(
             real = [one for one in todo if one.robot.port is not None]
             if real:
                 assert carry is not None
-                with _overhead(camera, eye, found) as overhead:
+                with _overhead(camera, eye, worn, found) as overhead:
                     for robot in dict.fromkeys(one.robot for one in real):
                         by_hand(study, [one for one in real if one.robot == robot], carry, overhead)
             left = [one for one in todo if one.robot.port is None]
@@ -137,10 +142,10 @@ def transfer(
 
 
 def _overhead(
-    camera: CameraModel | str | Path | None, eye: str | int | None, found: Found | None
+    camera: CameraModel | str | Path | None, eye: str | int | None, disk: Disk, found: Found | None
 ) -> AbstractContextManager[Overhead | None]:
     """The camera over real robots, if there is one."""
-    return nullcontext() if camera is None or eye is None else open_overhead(camera, eye, found)
+    return nullcontext() if camera is None or eye is None else open_overhead(camera, eye, disk, found)
 
 
 def _check_real(carry: Carry | None, film: bool | Collection[int], eye: str | int | None) -> None:
@@ -152,6 +157,12 @@ def _check_real(carry: Carry | None, film: bool | Collection[int], eye: str | in
         )
     if carry is None:
         raise UsageError("carry: a real robot has to be carried to its starts: expected who does it.")
+
+
+def _check_dial(robots: list[Robot], twin_noise: float | None) -> None:
+    """Refuse a dial that would turn nothing."""
+    if twin_noise is not None and all(robot.port is not None for robot in robots):
+        raise UsageError("--twin-noise is a dial of the twin; a robot has its own noise. Leave it out.")
 
 
 def _interrupted(folder: Path) -> StudyInterruptedError:

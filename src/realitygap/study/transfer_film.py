@@ -15,9 +15,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from realitygap.values import Pose
+from realitygap.world.files import to_toml
 
 if TYPE_CHECKING:
     from realitygap.film.camera import CameraModel
+    from realitygap.film.disk import Disk
     from realitygap.film.finder import Look
     from realitygap.film.track import Track
     from realitygap.twin.camera import OverheadCamera
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CAMERA",
+    "DISK",
     "FILM",
     "FPS",
     "TAILS",
@@ -42,6 +45,8 @@ __all__ = [
 FPS, WATCH_FPS = 25, 10
 """Frames a second of a film, and of a camera that only watches: one a step."""
 FILM, CAMERA, TRACK, TAILS = "film.mp4", "camera.json", "track.csv", "tails.png"
+DISK = "disk.toml"
+"""Beside a film, if it is not the shipped disk."""
 
 LEAST_POSES, GRIDS = 16, range(4, 10)
 """Poses that a camera is calibrated with, on the coarsest grid that has so many free places."""
@@ -184,6 +189,7 @@ def film_and_track(
         facts: what else the film's metadata shall say.
         tell: is given the share of this work that was done since the last time.
     """
+    from realitygap.film.disk import load_disk
     from realitygap.film.video import FilmWriter
 
     total = int((states.time_ms[-1] - states.time_ms[0]) * FPS / 1000) + 1
@@ -200,13 +206,13 @@ def film_and_track(
         tell(0.5 * (done - last) / total)
         last = done
 
-    return keep_film(folder, camera, tracked_so_far)
+    return keep_film(folder, camera, load_disk(), tracked_so_far)
 
 
 def keep_film(
-    folder: Path, camera: CameraModel, tell: Callable[[int, int | None], None] | None = None
+    folder: Path, camera: CameraModel, disk: Disk, tell: Callable[[int, int | None], None] | None = None
 ) -> Track:
-    """Track the film in a trial's folder: camera, track and tails beside it.
+    """Track the film in a trial's folder: camera, track, tails and a disk of one's own beside it.
 
     Raises:
         FilmError: no film of this camera's, or no disk is seen in it.
@@ -215,9 +221,10 @@ def keep_film(
     from realitygap.film.tails import draw_tails, save_tails
     from realitygap.film.tracker import track_film
 
-    disk = load_disk()
     tracked = track_film(folder / FILM, camera, disk, tell)
     camera.save(folder / CAMERA)
+    if disk != load_disk():
+        (folder / DISK).write_text(to_toml(disk.to_dict()), "utf-8")
     tracked.track.write_csv(folder / TRACK)
     save_tails(folder / TAILS, draw_tails(tracked.last_frame, tracked.track, camera, disk))
     return tracked.track

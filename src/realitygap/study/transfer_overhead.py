@@ -19,6 +19,7 @@ from realitygap.values import Pose
 
 if TYPE_CHECKING:
     from realitygap.film.camera import CameraModel
+    from realitygap.film.disk import Disk
     from realitygap.film.eye import Filmed
 
 __all__ = ["Found", "Overhead", "check_eye", "open_overhead"]
@@ -35,6 +36,7 @@ class FilmOfDrive:
     situation: Situation
     folder: Path
     camera: CameraModel
+    disk: Disk
     source: str
     begun: float
     filmed: Filmed | None = None
@@ -45,15 +47,14 @@ class FilmOfDrive:
         Raises:
             FilmError: the robot is seen in no frame.
         """
-        from realitygap.film.disk import load_disk
         from realitygap.film.tracker import track_film
 
         assert self.filmed is not None
         one, folder, lead = self.situation, self.folder, self.begun - self.filmed.first_at
         if one.film:
-            track = keep_film(folder, self.camera)
+            track = keep_film(folder, self.camera, self.disk)
         else:
-            track = track_film(folder / FILM, self.camera, load_disk()).track
+            track = track_film(folder / FILM, self.camera, self.disk).track
             track.write_csv(folder / TRACK)
             (folder / FILM).unlink()
         facts |= {"view": f"camera {self.source}", "film_lead_s": round(lead, 6)}
@@ -67,16 +68,15 @@ class Overhead:
     Args:
         source: a camera's number, a video file or a stream.
         camera: as it was calibrated.
+        disk: what the robot wears.
         found: asks a person about the start; without one the robot has to be seen.
     """
 
-    def __init__(self, source: str | int, camera: CameraModel, found: Found | None) -> None:
-        from realitygap.film.disk import load_disk
+    def __init__(self, source: str | int, camera: CameraModel, disk: Disk, found: Found | None) -> None:
         from realitygap.film.eye import Eye
         from realitygap.film.tracker import Tracker
 
-        self.camera, self._found = camera, found or _must_be_seen
-        disk = load_disk()
+        self.camera, self._disk, self._found = camera, disk, found or _must_be_seen
         self._new_tracker = lambda: Tracker(camera, disk)
         self._new_tracker()  # a camera that cannot see this disk is refused now
         self._eye = Eye(source, size=(camera.width_px, camera.height_px))
@@ -104,7 +104,7 @@ class Overhead:
         """Film what happens in the block, which is the drive; its path is there afterwards."""
         self._eye.film(folder / FILM)
         settings: dict[str, Any] = {"situation": one, "folder": folder, "camera": self.camera}
-        film = FilmOfDrive(source=self._eye.source, begun=time.monotonic(), **settings)
+        film = FilmOfDrive(disk=self._disk, source=self._eye.source, begun=time.monotonic(), **settings)
         try:
             yield film
         except BaseException:
@@ -114,22 +114,31 @@ class Overhead:
         film.filmed = self._eye.finish(film.begun + one.seconds)
 
 
-def check_eye(robots: list[Robot], camera: object, eye: object) -> None:
-    """Refuse an eye without its calibration, the other way round, or either without a real robot.
+def check_eye(robots: list[Robot], camera: object, eye: object, disk: object) -> None:
+    """Refuse an eye without its calibration, the other way round, a disk without them, or a twin below.
 
     Raises:
         UsageError: says what is missing.
     """
+    if disk is not None and all(robot.port is None for robot in robots):
+        raise UsageError(
+            "disk: expected a robot on a serial port that wears it; a twin has a disk of its own."
+        )
     if (camera is None) != (eye is None):
         if camera is None:
             cure = "its camera.json, as `realitygap camera calibrate` makes it (--camera FILE)"
             raise UsageError(f"eye: expected camera beside it: {cure}.")
         raise UsageError("camera: expected eye beside it: what looks down on the robot (--eye DEVICE).")
+    if disk is not None and eye is None:
+        cure = "what looks down on the robot, and its camera (--eye DEVICE, --camera FILE)"
+        raise UsageError(f"disk: expected eye beside it: {cure}.")
     if eye is not None and all(robot.port is None for robot in robots):
         raise UsageError("eye: expected a robot on a serial port under it; a twin has a camera of its own.")
 
 
-def open_overhead(camera: CameraModel | str | Path, eye: str | int, found: Found | None) -> Overhead:
+def open_overhead(
+    camera: CameraModel | str | Path, eye: str | int, disk: Disk, found: Found | None
+) -> Overhead:
     """The camera over a real robot, opened.
 
     Raises:
@@ -138,7 +147,7 @@ def open_overhead(camera: CameraModel | str | Path, eye: str | int, found: Found
     from realitygap.film.camera import load_camera
 
     model = load_camera(camera) if isinstance(camera, str | Path) else camera
-    return Overhead(eye, model, found)
+    return Overhead(eye, model, disk, found)
 
 
 def _must_be_seen(one: Situation, wished: Pose, seen: Pose | None) -> bool:

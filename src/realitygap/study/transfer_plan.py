@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from realitygap.kernels.rng import substream
 from realitygap.study.load import Run, Study
 from realitygap.study.plan import run_stream
 from realitygap.study.run import WHO
+
+if TYPE_CHECKING:
+    from realitygap.film.disk import Disk
 
 __all__ = ["FOLDER", "SOURCES", "Robot", "Situation", "chosen_runs", "situations", "transfer_stream"]
 
@@ -26,6 +29,9 @@ TRANSFER = 6
 
 SENSORS, TOP_COMMAND = 8, 10
 """What a Khepera has: sensors of each kind; the largest command that networks give."""
+
+BAUD = 38400
+"""What a twin's jumper is set to, if nothing else is wished."""
 
 LARGEST_UNIT = 2**63 - 1
 
@@ -76,9 +82,11 @@ class Situation:
 
     Attributes:
         evaluation: the individual's number.
+        baud: rate of the line; None for the first of all that a robot on a port answers at.
         stream: the start and the simulated twin's noise follow from it, and so does the noise of a
             twin unit.
         film: the camera above films it; watch: it is seen by that camera, and no film is kept.
+        disk: what an eye over a real robot looks for; None where there is none, and on a twin.
         folder: from the study's folder.
     """
 
@@ -93,11 +101,12 @@ class Situation:
     seed: int
     start: int
     seconds: float
-    baud: int
+    baud: int | None
     stream: int
     film: bool
     watch: bool
     folder: str
+    disk: Disk | None = None
 
     @property
     def source(self) -> str:
@@ -122,6 +131,7 @@ class Situation:
             "start": self.start,
             "seconds": self.seconds,
             "baud": self.baud,
+            "disk": None if self.disk is None else self.disk.to_dict(),
         }
 
 
@@ -155,15 +165,16 @@ def situations(
     individual: str,
     film: bool | Collection[int],
     watch: bool,
-    eye: bool,
+    disk: Disk | None,
     twin_noise: float,
     seed: int,
     seconds: float | None,
-    baud: int,
+    baud: int | None,
 ) -> Iterator[Situation]:
     """All trials, robot by robot. `film`: of all runs, of none, or of those with these ids.
 
-    `watch`: let the camera above see those that are not filmed; `eye`: there is one over real robots.
+    `watch`: let the camera above see those that are not filmed; `disk`: what an eye over real robots
+    looks for, None where there is none.
 
     Raises:
         UsageError: a study whose robot is no Khepera.
@@ -188,10 +199,11 @@ def situations(
                     seed=seed,
                     start=start,
                     seconds=task.seconds if seconds is None else seconds,
-                    baud=baud,
+                    baud=BAUD if baud is None and robot.port is None else baud,
                     stream=transfer_stream(seed, run, start),
                     film=film if isinstance(film, bool) else run.id in film,
-                    watch=watch and (eye or robot.port is None),
+                    watch=watch and (disk is not None or robot.port is None),
+                    disk=None if robot.port is None else disk,
                     folder=f"{FOLDER}/{robot.folder(twin_noise)}/{name}/start-{start}",
                 )
 

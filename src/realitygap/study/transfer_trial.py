@@ -68,7 +68,7 @@ class Stage:
 
     def stand(self, one: Situation) -> Stand:
         """The unit and the arena of a trial on the twin; one for all trials of both."""
-        assert one.robot.unit is not None
+        assert one.robot.unit is not None and one.baud is not None
         key = (one.task, one.robot.unit, one.twin_noise, one.baud)
         if key not in self._stands:
             self._stands[key] = Stand(

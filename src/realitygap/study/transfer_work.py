@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -113,7 +113,7 @@ def by_hand(study: Study, todo: Sequence[Situation], carry: Carry, overhead: Ove
         khepera.stop()
         for one in todo:
             with told(study.folder / one.folder):
-                stage.on_serial(one, khepera, carry, overhead)
+                stage.on_serial(replace(one, baud=khepera.baud), khepera, carry, overhead)
     except BaseException:
         khepera.abandon()  # it was told to stand first, wherever this came from
         raise

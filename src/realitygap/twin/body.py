@@ -200,10 +200,6 @@ class TwinBody:
         """Whether each wheel has what it was asked for."""
         return self._wheels[0].on_target, self._wheels[1].on_target
 
-    def modes(self) -> tuple[str, str]:
-        """`speed`, `position` or `pwm` for each wheel."""
-        return self._wheels[0].mode, self._wheels[1].mode
-
     def errors(self) -> tuple[int, int]:
         """What is missing to the wanted speed or place."""
         return self._wheels[0].error, self._wheels[1].error

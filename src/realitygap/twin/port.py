@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
-import pty
 import select
-import termios
-import tty
+
+from realitygap.errors import UsageError
+
+try:
+    import fcntl
+    import pty
+    import termios
+    import tty
+except ModuleNotFoundError as missing:
+    raise UsageError(
+        f"the twin needs pseudo-terminals, which Linux and macOS have (no module {missing.name!r} here). "
+        "On Windows install realitygap in WSL."
+    ) from None
 
 __all__ = ["Port"]
 

@@ -85,11 +85,6 @@ class Wheel:
         return self._raw - self._ring[self._slot]
 
     @property
-    def mode(self) -> str:
-        """`speed`, `position` or `pwm`."""
-        return self._mode
-
-    @property
     def error(self) -> int:
         """What is missing to the wanted speed or place."""
         if self._mode == "position":

@@ -116,7 +116,7 @@ def _text(path: Path, kind: str, names: tuple[str, ...]) -> str:
         return path.read_text("utf-8")
     except FileNotFoundError:
         raise ConfigError(
-            f"{path}: no such file. Give the path of a {kind}'s .toml file, or one of: {', '.join(names)}."
+            f"{path}: no such file. Give the path of {_a(kind)}'s .toml file, or one of: {', '.join(names)}."
         ) from None
     except UnicodeDecodeError:
         raise ConfigError(f"{path}: not a text file in UTF-8, as TOML must be.") from None
@@ -157,6 +157,10 @@ def _convert_tuple(inner: tuple[Any, ...], value: Any, key: str) -> tuple[Any, .
     require(len(value) == len(inner), key, f"{len(inner)} values", value)
     pairs = enumerate(zip(inner, value, strict=True))
     return tuple(_convert(hint, v, f"{key}[{i}]") for i, (hint, v) in pairs)
+
+
+def _a(noun: str) -> str:
+    return f"an {noun}" if noun[0] in "aeiou" else f"a {noun}"
 
 
 def _shown(value: object) -> str:

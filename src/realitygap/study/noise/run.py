@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
+from realitygap.calibration.unit import PROFILE
 from realitygap.errors import StudyInterruptedError
 from realitygap.study.folder import exists, lock
 from realitygap.study.noise.config import NoiseConfig
@@ -29,7 +30,7 @@ from realitygap.study.noise.plan import (
     stream,
 )
 from realitygap.study.noise.progress import CALIBRATING, COMPARING, DRIVING, EVOLVING, OnProgress, Reporter
-from realitygap.study.noise.stage import PROFILE, Stage
+from realitygap.study.noise.stage import Stage
 from realitygap.study.noise.work import Done, Job, Worked, carry_out
 from realitygap.study.progress import Progress
 from realitygap.study.runner import run_study

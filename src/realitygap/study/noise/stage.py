@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+from realitygap.calibration.unit import PROFILE
 from realitygap.controller.layout import Genes, Layout
 from realitygap.study.load import Study, load_study
 from realitygap.study.noise.config import NoiseConfig
@@ -16,10 +17,7 @@ from realitygap.tasks.task import Task
 from realitygap.values import Pose
 from realitygap.world.profile import Profile, load_profile
 
-__all__ = ["PROFILE", "Stage"]
-
-PROFILE = "robot.toml"
-"""In a unit's folder of calibration."""
+__all__ = ["Stage"]
 
 
 class Stage:

@@ -1,0 +1,74 @@
+"""What a study's page may say of itself: whose experiment it is, and in the simulation of what."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from realitygap.report.gather import TaskPart
+from realitygap.study.parts import Encoding, Evolution
+from realitygap.tasks import load_task
+from realitygap.world.files import shipped
+from realitygap.world.noise import NOISE_LEVELS, noise_name
+from realitygap.world.profile import Profile, load_profile
+
+__all__ = ["is_paper", "lead"]
+
+FOUND = {
+    "torus": "evolved by the paper’s distributed genetic algorithm",
+    "panmictic": "evolved by a genetic algorithm in one well-mixed population",
+    "random": "found by random search",
+}
+
+
+def is_paper(study: Any, parts: Sequence[TaskPart]) -> bool:
+    """Whether this is the paper's study: its tasks, noise levels, robot, networks, genetic algorithm."""
+    tasks = {part.task.name: part.task for part in parts}
+    if set(tasks) != {"obstacle-avoidance", "light-seeking"}:
+        return False
+    config, levels = study.config, sorted(NOISE_LEVELS.values())
+    return (
+        all(task.source is None and task.arena == load_task(name).arena for name, task in tasks.items())
+        and all([c.level for c in part.conditions] == levels for part in parts)
+        and (config.evolution, config.encoding) == (Evolution(), Encoding())
+        and not _other_rates(config)
+        and _is_khepera(study.profile)
+    )
+
+
+def lead(study: Any, parts: Sequence[TaskPart]) -> str:
+    """What was evolved, how, in the simulation of which robot, and under what noise: by the settings."""
+    config = study.config
+    found = FOUND[config.evolution.algorithm]
+    if config.evolution.algorithm != "random" and _other_rates(config):
+        found += " (operators at other rates)"
+    levels = sorted({c.level for part in parts for c in part.conditions})
+    names = [noise_name(level) for level in levels]
+    listed = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+    noise = "without noise" if levels == [0.0] else f"at {listed} noise"
+    return f"Neural networks {found} in a simulation of {_robot(study.profile)}, {noise}"
+
+
+def _other_rates(config: Any) -> bool:
+    """Whether the operators' rates are not the usual ones."""
+    return bool(config.variation != type(config.variation)())
+
+
+def _is_khepera(profile: Profile) -> bool:
+    """Whether its constants are a Khepera's: shipped, or fitted to recordings from such ones on."""
+    if profile.name in shipped("profiles"):
+        return profile == load_profile(profile.name)
+    return bool(profile.provenance.fits) and profile.provenance.base in shipped("profiles")
+
+
+def _robot(profile: Profile) -> str:
+    """The robot in words: what is known of where its constants come from."""
+    name, unit = f"profile “{profile.name}”", profile.name.removeprefix("twin-")
+    if profile.name in shipped("profiles"):
+        constants = "the paper’s constants" if profile.name == "paper" else name
+        return f"a Khepera robot ({constants})" if _is_khepera(profile) else f"the robot of a changed {name}"
+    if not profile.provenance.fits:
+        return f"the robot of {name}"
+    if profile.name.startswith("twin-") and unit.isdecimal():
+        return f"a Khepera robot, calibrated to unit {unit} of its twin"
+    return f"the robot of {name}, calibrated to recordings of it"

@@ -1,0 +1,138 @@
+"""What a page says of itself: whose experiment it is, of which robot, and how to make it again."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from realitygap.report import build_report
+from realitygap.report.gather import parts_of
+from realitygap.report.lead import is_paper, lead
+from realitygap.study.config import StudyConfig
+from realitygap.study.load import Study
+from realitygap.study.reproduction import ASKED, Reproduction, again
+from realitygap.study.runner import run_study
+from realitygap.tasks import load_task
+from realitygap.world.arena import load_arena
+from realitygap.world.profile import Profile, load_profile
+from realitygap.world.provenance import FittedChannel, Provenance
+from tests.report.conftest import FIGURE
+from tests.report.situations import write_transfer
+
+HEXAGON = Path(__file__).parents[2] / "examples" / "hexagon.toml"
+
+
+@pytest.fixture(scope="module")
+def reproduced(tmp_path_factory) -> Study:
+    """What `realitygap reproduce --runs 1 --evaluations 64 --seed 3 --profile paper` evolves."""
+    config = StudyConfig.reproduction(runs=1, evaluations=64, seed=3)
+    return run_study(tmp_path_factory.mktemp("again") / "study", config, workers=1)
+
+
+def _page(study: Study, monkeypatch) -> str:
+    monkeypatch.setattr("realitygap.report.build.save_figure", lambda figure, folder, name: FIGURE)
+    monkeypatch.setattr("realitygap.report.build.marks_of", lambda study: [])  # other tests look at them
+    return " ".join(build_report(study.folder).read_text("utf-8").split())
+
+
+def _like(study: Study, folder: Path, **changes: object) -> SimpleNamespace:
+    """A study in another folder that differs so from the one that is there."""
+    same = {key: getattr(study, key) for key in ("config", "profile", "task", "runs")}
+    return SimpleNamespace(**{**same, "folder": folder, **changes})
+
+
+def _calibrated(name: str) -> Profile:
+    """A Khepera's profile that was fitted to recordings."""
+    fits = (FittedChannel(channel="infrared", form="paper", rmse=20.0),)
+    return replace(load_profile("paper"), name=name, provenance=Provenance(base="paper", fits=fits))
+
+
+def test_the_page_prints_the_command_that_makes_the_study_again(reproduced, monkeypatch):
+    """Its profile, which is not calibrated first, and no transfer where there was none."""
+    command = "realitygap reproduce --runs 1 --evaluations 64 --seed 3 --profile paper --no-transfer"
+    text = _page(reproduced, monkeypatch)
+    assert f"<code>{command}</code>" in text
+    assert "the same two tasks, robot, networks and genetic algorithm" in text
+
+
+def test_the_command_tells_what_is_not_usual(reproduced, tmp_path):
+    """A calibrated study needs no profile; another robot needs its file; other starts are named."""
+    usual = "--runs 1 --evaluations 64 --seed 3"
+    mine = _like(reproduced, tmp_path, profile=load_profile(HEXAGON))
+    assert again(mine) == f"{usual} --profile profile.toml --no-transfer"
+    (tmp_path / ASKED).write_text(Reproduction(runs=1, evaluations=64, seed=3, starts=3).to_toml())
+    study = _like(reproduced, tmp_path, profile=_calibrated("twin-1"))
+    assert again(study) == f"{usual} --no-transfer"
+    write_transfer(study, reproduced.runs[0])
+    assert again(study) == f"{usual} --starts 3"
+    write_transfer(study, reproduced.runs[1], start=8)
+    assert again(study) == usual
+    (tmp_path / ASKED).write_text(Reproduction(profile="khepera").to_toml())
+    assert again(_like(study, tmp_path, profile=load_profile("khepera"))) == f"{usual} --profile khepera"
+
+
+@pytest.mark.parametrize(
+    "setting",
+    ["task.seconds=2", "evolution.algorithm=random", "variation.mutation=0.1", "fresh_trials=3"],
+)
+def test_a_study_that_reproduce_does_not_make_has_no_such_command(reproduced, tmp_path, setting):
+    """Any other setting is another study."""
+    config = reproduced.config.with_settings([setting])
+    assert again(_like(reproduced, tmp_path, config=config)) == ""
+
+
+def test_another_arena_is_another_study(reproduced, tmp_path):
+    """It is neither the paper's nor made by `reproduce`."""
+    wide = load_arena("light-seeking")
+    study = _like(reproduced, tmp_path, task=lambda name: replace(load_task(name), arena=wide))
+    assert again(study) == "" and not is_paper(study, parts_of(study))
+
+
+@pytest.mark.parametrize(
+    ("settings", "profile", "says"),
+    [
+        (["evolution.algorithm=random"], None, "found by random search in a simulation of a Khepera"),
+        (["evolution.algorithm=panmictic"], None, "one well-mixed population"),
+        (["variation.mutation=0.1"], None, "genetic algorithm (operators at other rates) in"),
+        (
+            [],
+            load_profile(HEXAGON),
+            "genetic algorithm in a simulation of the robot of profile “hexagon”, at",
+        ),
+        ([], replace(load_profile("paper"), source="mine"), "the robot of a changed profile “paper”"),
+    ],
+)
+def test_a_study_that_is_not_the_papers_is_not_called_so(reproduced, tmp_path, settings, profile, says):
+    """Another algorithm, other rates or another robot are named."""
+    config = reproduced.config.with_settings(settings)
+    study = _like(reproduced, tmp_path, config=config, profile=profile or reproduced.profile)
+    parts = parts_of(study)
+    assert not is_paper(study, parts) and says in lead(study, parts)
+
+
+def test_a_calibrated_khepera_is_the_papers_robot(reproduced, tmp_path):
+    """Unit 1 of the twin, as `reproduce` measures it; a robot that a person measured."""
+    study = _like(reproduced, tmp_path, profile=_calibrated("twin-1"))
+    assert is_paper(study, parts_of(study))
+    assert "a Khepera robot, calibrated to unit 1 of its twin, at zero, observed and" in lead(
+        study, parts_of(study)
+    )
+    study = _like(reproduced, tmp_path, profile=_calibrated("mine"))
+    assert "the robot of profile “mine”, calibrated to recordings of it" in lead(study, parts_of(study))
+
+
+def test_the_lead_says_noise_and_length(reproduced, tmp_path, monkeypatch):
+    """Without noise it claims none; trials of another length are not the paper's tasks unsaid."""
+    config = StudyConfig.single("avoidance", 0.0, evaluations=64, seed=3, fresh_trials=2, retest_trials=2)
+    study = run_study(tmp_path / "still", config.with_settings(["task.seconds=0.5"]), workers=1)
+    text = _page(study, monkeypatch)
+    assert "in a simulation of a Khepera robot (the paper’s constants), without noise; after Jakobi" in text
+    assert "noisy" not in re.sub(r"<script.*", "", text) and "realitygap reproduce" not in text
+    changed = StudyConfig.reproduction(runs=1, evaluations=64, seed=3)
+    changed = changed.with_settings(["task.seconds=0.5", "fresh_trials=2", "retest_trials=2"])
+    text = _page(run_study(tmp_path / "short", changed, workers=1), monkeypatch)
+    assert "the same two tasks (with seconds = 0.5), robot, networks" in text
