@@ -209,10 +209,10 @@ def _wheel_warnings(wheels: WheelFit | None) -> list[str]:
         return []
     out = []
     if wheels.odometry is None:
+        seen = "a camera saw too little" if wheels.camera else "no camera saw the robot"
         out.append(
-            f"wheels: no camera saw the robot: {PULSES_PER_CM / 10:g} pulses per mm are assumed, "
-            f"track and noise "
-            "of the wheels are the base profile's"
+            f"wheels: {seen}: {PULSES_PER_CM / 10:g} pulses per mm are assumed, track and noise of the "
+            "wheels are the base profile's"
         )
     better = wheels.rmse["printed"] / max(wheels.rmse["refitted"], 1e-9)
     if wheels.form == "printed" and better > 1.5:

@@ -15,7 +15,7 @@ from realitygap.calibration.solve import SIGMAS, Constant
 if TYPE_CHECKING:
     from realitygap.calibration.recording import WheelRecording
 
-__all__ = ["Odometry", "measure_odometry"]
+__all__ = ["Odometry", "enough_pictures", "measure_odometry"]
 
 Array = NDArray[np.float64]
 
@@ -115,6 +115,11 @@ def measure_odometry(recording: WheelRecording, pulses_per_cm: float, track_cm: 
         ways=ways.pulses * theta[:2],
         beyond=beyond,
     )
+
+
+def enough_pictures(recording: WheelRecording, pulses_per_cm: float, track_cm: float) -> bool:
+    """Whether a camera saw so much that lengths should follow from it."""
+    return _between_pictures(recording, pulses_per_cm, track_cm, apart=APART) is not None
 
 
 def _of_one_step(
