@@ -7,7 +7,7 @@ pulses; only what is seen from outside tells pulses per millimetre, the track, a
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from realitygap.calibration.forward import wheel_speeds
 from realitygap.calibration.friction import Friction, measure_friction
 from realitygap.calibration.odometry import Odometry, enough_pictures, measure_odometry
-from realitygap.calibration.solve import SIGMAS, Constant
+from realitygap.calibration.solve import Constant
 from realitygap.calibration.wheel_checks import (
     refuse_camera,
     refuse_counters,
@@ -24,7 +24,9 @@ from realitygap.calibration.wheel_checks import (
     refuse_still,
     refuse_wheels,
 )
+from realitygap.calibration.wheel_intervals import at_bound, intervals, with_lengths
 from realitygap.kernels.params import STEP_S
+from realitygap.world.profile import largest_pole
 
 if TYPE_CHECKING:
     from realitygap.calibration.recording import WheelRecording
@@ -41,7 +43,10 @@ WHEEL_FORMS = ("printed", "refitted")
 SPEED_KEYS, SPEED_BOUNDS = ("speed_left", "speed_right"), (0.05, 20.0)
 """Speeds per unit, cm/s: a Khepera's is 0.8."""
 GAINS = ("kp", "ki", "kd", "lag")
-DIVISOR = 50000.0
+PRINTED = {"kp": 3800.0, "ki": 800.0, "kd": 100.0, "divisor": 50000.0, "lag": 0.0, "play_cm": 0.0}
+"""§3.2.2, whatever the base has; lag and play are beyond the paper."""
+ROBUST_AT, SETTLING = 0.5, 0.999
+"""cm/s from which on a step counts less than its square; the largest pole that is tried."""
 FIRST_STEPS = 2
 """A wheel's first start in a trial, from the rest before which nothing is known, shows for so many steps."""
 
@@ -54,6 +59,7 @@ class WheelFit:
         profile: the base with the wheels' constants in place.
         form: one of WHEEL_FORMS.
         constants: with their intervals.
+        alike: pairs that the counters do not tell apart, with their correlation.
         rmse: of each form's speeds against the counters', cm/s.
         friction: from the standing starts.
         odometry: what the camera told; None without one, or where it saw too little.
@@ -64,6 +70,7 @@ class WheelFit:
     profile: Profile
     form: str
     constants: tuple[Constant, ...]
+    alike: tuple[tuple[str, str, float], ...]
     rmse: dict[str, float]
     friction: Friction | None
     odometry: Odometry | None
@@ -98,7 +105,8 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str = "refitted")
     threshold = friction.value if friction else base.wheels.friction_cm_s2
     start = replace(base, wheels=replace(base.wheels, track_cm=track, friction_cm_s2=threshold))
     fits = {name: _fit(name, start, recording, measured) for name in WHEEL_FORMS}
-    profile, constants = fits[form]
+    profile, constants, alike = fits[form]
+    constants = with_lengths(constants, odometry)
     if odometry is not None:
         profile = replace(profile, noise=replace(profile.noise, wheel=odometry.slip))
         constants += odometry.constants
@@ -118,7 +126,8 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str = "refitted")
         profile=profile,
         form=form,
         constants=constants,
-        rmse={name: _rmse(wheel_speeds(made, recording) - measured) for name, (made, _) in fits.items()},
+        alike=alike,
+        rmse={name: _rmse(wheel_speeds(made, recording) - measured) for name, (made, _, _) in fits.items()},
         friction=friction,
         odometry=odometry,
         camera=recording.pose is not None and bool(np.isfinite(recording.pose).any()),
@@ -137,15 +146,22 @@ def _seen(recording: WheelRecording, base: Profile) -> Odometry | None:
     return odometry
 
 
-def _fit(
-    form: str, base: Profile, recording: WheelRecording, measured: Array
-) -> tuple[Profile, tuple[Constant, ...]]:
-    """Speed per unit of each wheel, and in the form "refitted" the gains and the lag too."""
+class _Fitted(NamedTuple):
+    """One form's wheels, their constants, and pairs that the counters do not tell apart."""
+
+    profile: Profile
+    constants: tuple[Constant, ...]
+    alike: tuple[tuple[str, str, float], ...]
+
+
+def _fit(form: str, base: Profile, recording: WheelRecording, measured: Array) -> _Fitted:
+    """Speed per unit of each wheel, and in the form "refitted" the gains, the lag and the play too."""
     from scipy.optimize import least_squares
 
     keys = [*SPEED_KEYS] + ([*GAINS, "play_cm"] if form == "refitted" else [])
     low = np.array([*SPEED_BOUNDS[:1] * 2, 100.0, 0.0, 0.0, 0.0, 0.0][: len(keys)])
     high = np.array([*SPEED_BOUNDS[1:] * 2, 9500.0, 4000.0, 40000.0, 1.0, 0.5][: len(keys)])
+    base = replace(base, wheels=replace(base.wheels, **PRINTED)) if form == "printed" else base
     use = _told(recording, measured)
     speeds = _steady(recording, measured)
 
@@ -153,7 +169,7 @@ def _fit(
         return _with(base, dict(zip(keys, theta.tolist(), strict=True)))
 
     def residuals(theta: Array) -> Array:
-        if not made_stable(theta, keys, base):
+        if not _stable(theta, keys, base):
             return np.full(int(use.sum()), 1e3)
         off = (wheel_speeds(made(theta), recording) - measured)[use]
         return np.asarray(np.clip(off, -1e3, 1e3))
@@ -164,21 +180,15 @@ def _fit(
         step = np.array([1e-4, 1e-4, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3][: len(keys)])
         one = least_squares(
             residuals, np.clip(begin, low, high), bounds=(low, high), x_scale=np.maximum(begin, 10.0 * step),
-            diff_step=step, loss="soft_l1", f_scale=0.5,
+            diff_step=step, loss="soft_l1", f_scale=ROBUST_AT,
         )  # fmt: skip
         found = one if found is None or one.cost < found.cost else found
         if form == "printed":
             break
     assert found is not None
-    jacobian = np.asarray(found.jac)
-    freedom = max(int(use.sum()) - len(keys), 1)
-    variance = float((found.fun**2).sum()) / freedom
-    deviation = np.sqrt(np.maximum(np.diag(np.linalg.pinv(jacobian.T @ jacobian)) * variance, 0.0))
-    constants = tuple(
-        Constant(key=key, value=float(v), low=float(v - SIGMAS * d), high=float(v + SIGMAS * d))
-        for key, v, d in zip(keys, found.x, deviation, strict=True)
-    )
-    return made(found.x), constants
+    trial = np.broadcast_to(recording.trial[:, None], use.shape)[use]
+    told = intervals(keys, found.x, (low, high), residuals, trial, robust_at=ROBUST_AT)
+    return _Fitted(made(found.x), *told)
 
 
 def _told(recording: WheelRecording, measured: Array) -> NDArray[np.bool_]:
@@ -195,12 +205,11 @@ def _told(recording: WheelRecording, measured: Array) -> NDArray[np.bool_]:
     return np.asarray(use)
 
 
-def made_stable(theta: Array, keys: list[str], base: Profile) -> bool:
+def _stable(theta: Array, keys: list[str], base: Profile) -> bool:
     """Whether a wheel with these gains settles at all."""
     law = dict(zip(keys, theta.tolist(), strict=True))
-    gains = [law.get(key, getattr(base.wheels, key)) / DIVISOR for key in ("kp", "ki", "kd")]
-    p, i, d = gains[0] / STEP_S, gains[1] / STEP_S, gains[2]
-    return float(np.abs(np.roots([1.0, p + i - 1 - d, i + d, i, i, i])).max()) < 0.999
+    gains = (law.get(key, getattr(base.wheels, key)) for key in ("kp", "ki", "kd"))
+    return largest_pole(*gains, base.wheels.divisor) < SETTLING
 
 
 def _with(base: Profile, values: dict[str, float]) -> Profile:
@@ -223,12 +232,6 @@ def _steady(recording: WheelRecording, measured: Array) -> list[float]:
             use = (command != 0) & np.isfinite(measured[:, w])
         out.append(float((measured[use, w] * command[use]).sum() / (command[use] ** 2).sum()))
     return out
-
-
-def at_bound(value: float, low: float, high: float) -> bool:
-    """Whether a fitted value is as low, or as high, as was tried."""
-    span = 1e-4 * (high - low)
-    return not low + span < value < high - span
 
 
 def _rmse(off: Array) -> float:

@@ -158,7 +158,11 @@ def _facts(made: Calibration) -> dict[str, object]:
             }
             for fit in made.channels
         },
-        "wheels": {"form": made.wheels.form, "rmse": made.wheels.rmse} if made.wheels else None,
+        "wheels": {
+            "form": made.wheels.form,
+            "rmse": made.wheels.rmse,
+            "cannot_tell_apart": [{"a": a, "b": b, "correlation": r} for a, b, r in made.wheels.alike],
+        } if made.wheels else None,
         "constants": [c.to_dict() for c in made.profile.provenance.constants],
         "warnings": list(made.warnings),
     }  # fmt: skip
@@ -176,10 +180,7 @@ def _tell(made: Calibration, target: Path, page: Path | None) -> None:
             click.echo(f"  noise, {e.channel}: {e.deviation:.2f} counts ({e.low:.2f} to {e.high:.2f}){tail}")
         ratios = ", ".join(f"{m.sensor} {m.ratio:.2f}" for m in fit.sensors)
         click.echo(f"  model error over noise deviation, sensor by sensor: {ratios}")
-        if fit.fit.alike:
-            pairs = "; ".join(f"{a} and {b} (ρ = {r:.2f})" for a, b, r in fit.fit.alike[:4])
-            more = f"; {len(fit.fit.alike) - 4} more" if len(fit.fit.alike) > 4 else ""
-            click.echo(f"  hard to tell apart: {pairs}{more}")
+        _tell_alike(fit.fit.alike)
     if made.wheels:
         forms = ", ".join(f"{name} {value:.3f}" for name, value in made.wheels.rmse.items())
         click.echo(f"wheels: RMSE by form, cm/s: {forms}")
@@ -187,9 +188,21 @@ def _tell(made: Calibration, target: Path, page: Path | None) -> None:
         click.echo(
             f"  speed per unit {left:.4f} and {right:.4f} cm/s, track {made.profile.wheels.track_cm:.3f} cm"
         )
+        vague = [c.key for c in made.wheels.constants if not c.told]
+        if vague:
+            click.echo(f"  not decided by these data: {', '.join(vague)}")
+        _tell_alike(made.wheels.alike)
     click.echo(f"profile {target}")
     if page:
         click.echo(f"report {page}")
+
+
+def _tell_alike(alike: tuple[tuple[str, str, float], ...]) -> None:
+    """Pairs of constants that the data hardly tell apart, the first four."""
+    if alike:
+        pairs = "; ".join(f"{a} and {b} (ρ = {r:.2f})" for a, b, r in alike[:4])
+        more = f"; {len(alike) - 4} more" if len(alike) > 4 else ""
+        click.echo(f"  hard to tell apart: {pairs}{more}")
 
 
 def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) -> None:
