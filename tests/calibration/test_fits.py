@@ -32,6 +32,13 @@ def test_the_extended_form_finds_the_robot(robot, recorded):
     assert max(fit.by_form, key=fit.by_form.__getitem__) == "paper"
 
 
+def test_the_body_is_that_of_the_distances(recorded):
+    """Distances count from a body's edge: the profile has that body, whether the recording states it or not."""
+    stated = replace(recorded("wall"), body_radius_cm=2.8, facts={"body_radius_cm": 2.8})
+    assert calibrate([recorded("wall")], PAPER, form="paper").profile.body.radius_cm == 2.75
+    assert calibrate([stated], PAPER, form="paper").profile.body.radius_cm == 2.8
+
+
 @pytest.mark.parametrize("matt", [0.0, 1.0])
 def test_a_wall_tells_whether_it_is_matt(recorded, matt):
     """A wall read well tells whether it is matt, so that a cylinder nobody fitted is predicted too."""
@@ -167,5 +174,6 @@ def test_the_shipped_khepera_comes_from_these_tables(tables):
     named = (("wall.sam", "wall"), ("light.sam", "lamp"))
     recordings = [load_recording(tables / name, object=what) for name, what in named]
     assert {f.sha256 for f in shipped.provenance.files} == {r.hash for r in recordings}
+    assert {r.body_radius_cm for r in recordings} == {shipped.body.radius_cm}
     assert judge(recordings[0], shipped).rmse < 30
     assert judge(recordings[1], shipped).rmse < 20

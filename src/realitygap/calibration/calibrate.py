@@ -96,12 +96,13 @@ def calibrate(
 
 
 def _of_its_size(recordings: Sequence[Recording], base: Profile) -> Profile:
-    """The base with the body that its recordings state; a .sam table states none."""
-    radii = {
-        float(r.facts["body_radius_cm"])
-        for r in recordings
-        if isinstance(r, SensorRecording) and "body_radius_cm" in r.facts
-    }
+    """The base with the body from whose edge its recordings' distances count.
+
+    A .sam table states none: there it is what the maker states. The sensors read by it.
+    """
+    seen = [r for r in recordings if isinstance(r, SensorRecording)]
+    radii = {r.body_radius_cm for r in seen if "body_radius_cm" in r.facts}
+    radii = radii or {r.body_radius_cm for r in seen}
     if len(radii) > 1:
         raise CalibrationError(
             f"body_radius_cm: expected one robot, got recordings with {sorted(radii)} cm. Correct them."

@@ -161,7 +161,8 @@ def _fit(form: str, base: Profile, recording: WheelRecording, measured: Array) -
     keys = [*SPEED_KEYS] + ([*GAINS, "play_cm"] if form == "refitted" else [])
     low = np.array([*SPEED_BOUNDS[:1] * 2, 100.0, 0.0, 0.0, 0.0, 0.0][: len(keys)])
     high = np.array([*SPEED_BOUNDS[1:] * 2, 9500.0, 4000.0, 40000.0, 1.0, 0.5][: len(keys)])
-    base = replace(base, wheels=replace(base.wheels, **PRINTED)) if form == "printed" else base
+    if form == "printed":
+        base = replace(base, wheels=replace(base.wheels, **PRINTED))  # type: ignore[arg-type]
     use = _told(recording, measured)
     speeds = _steady(recording, measured)
 
@@ -208,8 +209,8 @@ def _told(recording: WheelRecording, measured: Array) -> NDArray[np.bool_]:
 def _stable(theta: Array, keys: list[str], base: Profile) -> bool:
     """Whether a wheel with these gains settles at all."""
     law = dict(zip(keys, theta.tolist(), strict=True))
-    gains = (law.get(key, getattr(base.wheels, key)) for key in ("kp", "ki", "kd"))
-    return largest_pole(*gains, base.wheels.divisor) < SETTLING
+    kp, ki, kd = (law.get(key, getattr(base.wheels, key)) for key in ("kp", "ki", "kd"))
+    return largest_pole(kp, ki, kd, base.wheels.divisor) < SETTLING
 
 
 def _with(base: Profile, values: dict[str, float]) -> Profile:
