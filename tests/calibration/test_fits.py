@@ -77,6 +77,18 @@ def test_a_light_table_tells_gains_against_each_other(robot, recorded):
     assert made.ambient.by_form["linear"] < made.ambient.by_form["paper"] / 2
 
 
+def test_the_papers_form_is_the_papers_with_any_base(recorded, driven):
+    """What a base was fitted to beyond the paper does not come into the form that is called the paper's."""
+    base = load_profile("khepera")
+    base = replace(base, wheels=replace(base.wheels, kp=4500.0, ki=0.0, lag=0.3, play_cm=0.05))
+    recordings = [recorded("wall"), recorded("lamp", noise=4.5), driven(friction_cm_s2=0.0)]
+    found = [calibrate(recordings, one, form="paper", beside=False).profile for one in (PAPER, base)]
+    law, wheels = found[1].infrared, found[1].wheels
+    assert (law.exponent, law.matt, {s.offset_cm for s in law.sensors}) == (1.0, 0.0, {0.0})
+    assert (wheels.kp, wheels.ki, wheels.kd, wheels.lag, wheels.play_cm) == (3800, 800, 100, 0, 0)
+    assert found[0].infrared == law and found[0].ambient == found[1].ambient and found[0].wheels == wheels
+
+
 def test_wheels_come_back(driven):
     """Gains, lag, speed per unit of each wheel, track, pulses per mm and slip, lengths within 1 %."""
     truth = {

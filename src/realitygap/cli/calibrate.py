@@ -40,7 +40,7 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended")
 )  # fmt: skip
 @click.option(
     "--base", default="paper", show_default=True, metavar="P",
-    help="Profile that keeps what the recordings do not tell.",
+    help="Profile that keeps what the recordings do not tell; the form paper has the printed laws.",
 )  # fmt: skip
 @click.option(
     "--out", type=click.Path(), metavar="TOML", help="The profile to write; its report goes beside it."
