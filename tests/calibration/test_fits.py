@@ -33,7 +33,7 @@ def test_the_extended_form_finds_the_robot(robot, recorded):
 
 
 def test_the_body_is_that_of_the_distances(recorded):
-    """Distances count from a body's edge: the profile has that body, whether the recording states it or not."""
+    """Distances count from a body's edge: the profile has that body, stated in the recording or not."""
     stated = replace(recorded("wall"), body_radius_cm=2.8, facts={"body_radius_cm": 2.8})
     assert calibrate([recorded("wall")], PAPER, form="paper").profile.body.radius_cm == 2.75
     assert calibrate([stated], PAPER, form="paper").profile.body.radius_cm == 2.8
@@ -53,6 +53,14 @@ def test_a_surface_is_taken_for_matt(recorded):
     made = calibrate([recorded("wall", matt=0.0, noise=21.0)], PAPER)
     assert made.profile.infrared.matt == 1.0
     assert any("do not decide whether surfaces are matt" in warning for warning in made.warnings)
+
+
+def test_noise_that_was_not_measured_is_said(recorded):
+    """One reading at each place, bearings far apart: the base's deviation is taken, and called assumed."""
+    made = calibrate([recorded("wall", repeats=1)], PAPER, form="paper")
+    assert not made.infrared.measured and made.profile.provenance.fits[0].noise == 21.0
+    assert any("21 counts are assumed" in warning for warning in made.warnings)
+    assert any("21 counts are assumed" in note for note in made.profile.provenance.notes)
 
 
 @pytest.mark.parametrize("size", [10.5, 21.0, 42.0])
@@ -136,6 +144,11 @@ def test_a_dead_sensor_is_named_and_mended(recorded):
     counts[:, 3] = 17.0
     made = calibrate([replace(sound, counts=counts)], PAPER, form="individual")
     assert any("sensor 3 reads 17 everywhere" in warning for warning in made.warnings)
+    told = {c.key: c for c in made.profile.provenance.constants}
+    for key in ("a", "b"):
+        one = told[f"infrared.{key}[3]"]
+        assert one.value == getattr(made.profile.infrared.sensors[3], key) and not one.told
+        assert one.low < one.value < one.high and told[f"infrared.{key}[2]"].told
     others = [s.a for k, s in enumerate(made.profile.infrared.sensors) if k != 3]
     assert min(others) <= made.profile.infrared.sensors[3].a <= max(others)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from realitygap.calibration.channels import ChannelFit, fit_infrared, fit_light
+from realitygap.calibration.channels import ChannelFit, fit_infrared, fit_light, unmeasured
 from realitygap.calibration.recording import SensorRecording, WheelRecording
 from realitygap.calibration.wheels import PULSES_PER_CM, WheelFit, fit_wheels
 from realitygap.errors import CalibrationError
@@ -151,7 +151,11 @@ def _provenance(
         if fit is not None
         for c in fit.fit.constants
     ]
-    notes = []
+    notes = [
+        f"{fit.kind}: {unmeasured(fit)}"
+        for fit in (infrared, ambient)
+        if fit is not None and not fit.measured
+    ]
     if ambient is not None and not any(
         isinstance(r, SensorRecording) and r.kind == "ambient" and r.arena is not None for r in recordings
     ):
@@ -182,12 +186,11 @@ def _provenance(
 
 
 def _fitted(fit: ChannelFit) -> FittedChannel:
-    main = next((e.deviation for e in fit.noise if e.channel != "proximity_dark"), 0.0)
     errors = [m.error for m in fit.sensors]
     error = float(np.sqrt(np.mean(np.square(errors))))
     return FittedChannel(
         channel=fit.kind, form=fit.form, rmse=fit.rmse, held_out_rmse=fit.held_out[fit.form],
-        model_error=error, noise=main, ratio=error / main if main else 0.0,
+        model_error=error, noise=fit.deviation, ratio=error / fit.deviation,
     )  # fmt: skip
 
 

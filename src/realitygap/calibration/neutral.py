@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from realitygap.world.profile import load_profile
 from realitygap.world.sensors import Ambient, AmbientSensor, ProximitySensor
 
@@ -19,7 +21,8 @@ Sensors = Sequence[ProximitySensor] | Sequence[AmbientSensor]
 SAME_CM = 0.2
 """Sensors that sit within this are the paper's: a fit moves them by less."""
 BEYOND = (
-    "response", "facing", "lamp_height_cm", "lamp_narrow", "lamp_proud_cm", "falloff", "near_cm", "matt", "rays",
+    "response", "facing", "lamp_height_cm", "lamp_narrow", "lamp_proud_cm", "falloff", "near_cm",
+    "matt", "rays",
 )  # fmt: skip
 """Keys of [ambient] that the paper does not have: their defaults change nothing."""
 
@@ -45,7 +48,5 @@ def neutral_light(base: Profile) -> Profile:
 
 def _same(sensors: Sensors, paper: Sensors) -> bool:
     """Whether a robot's sensors sit where the paper's do."""
-    return len(sensors) == len(paper) and all(
-        abs(s.x_cm - p.x_cm) < SAME_CM and abs(s.y_cm - p.y_cm) < SAME_CM
-        for s, p in zip(sensors, paper, strict=True)
-    )
+    here, there = ([(s.x_cm, s.y_cm) for s in some] for some in (sensors, paper))
+    return len(here) == len(there) and bool(np.allclose(here, there, rtol=0, atol=SAME_CM))
