@@ -12,6 +12,7 @@ from realitygap.calibration.judge import judge
 from realitygap.calibration.odometry import measure_odometry
 from realitygap.calibration.recording import load_recording
 from realitygap.errors import CalibrationError
+from realitygap.report.calibration import write_calibration_page
 from realitygap.world.profile import load_profile
 
 PAPER = load_profile("paper")
@@ -55,12 +56,14 @@ def test_a_surface_is_taken_for_matt(recorded):
     assert any("do not decide whether surfaces are matt" in warning for warning in made.warnings)
 
 
-def test_noise_that_was_not_measured_is_said(recorded):
+def test_noise_that_was_not_measured_is_said(recorded, tmp_path):
     """One reading at each place, bearings far apart: the base's deviation is taken, and called assumed."""
     made = calibrate([recorded("wall", repeats=1)], PAPER, form="paper")
     assert not made.infrared.measured and made.profile.provenance.fits[0].noise == 21.0
     assert any("21 counts are assumed" in warning for warning in made.warnings)
     assert any("21 counts are assumed" in note for note in made.profile.provenance.notes)
+    page = write_calibration_page(made, tmp_path / "page.html")
+    assert "21 counts are assumed" in page.read_text("utf-8")
 
 
 @pytest.mark.parametrize("size", [10.5, 21.0, 42.0])
