@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from realitygap.calibration.checks import refuse_nonsense
 from realitygap.calibration.forms import fit_forms
 from realitygap.calibration.infrared import PROXIMITY_COUNTS, infrared_problems, with_infrared
-from realitygap.calibration.judge import LIMITS, Misfit, measure_noise, misfits
 from realitygap.calibration.light import as_bright_as_the_paper, with_light
 from realitygap.calibration.light_forms import AMBIENT_COUNTS, light_problems
+from realitygap.calibration.misfit import LIMITS, Misfit, measure_noise, misfits
 from realitygap.calibration.noise import NoiseEstimate
 from realitygap.calibration.rows import Rows
 from realitygap.calibration.solve import Fit, Free

@@ -77,6 +77,7 @@ def calibrate(
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads only wait for each other
     if check:
+        _refuse_unused()
         _check(recordings, objects, json_output)
         return
     if out is None:
@@ -205,6 +206,17 @@ def _tell_alike(alike: tuple[tuple[str, str, float], ...]) -> None:
         click.echo(f"  hard to tell apart: {pairs}{more}")
 
 
+def _refuse_unused() -> None:
+    """Refuse options that belong to a fit where a profile is only judged."""
+    from click.core import ParameterSource
+
+    given = click.get_current_context()
+    for name, option in (("form", "--form"), ("light", "--light"), ("base", "--base"), ("out", "--out"),
+                         ("page", "--report"), ("no_report", "--no-report")):  # fmt: skip
+        if given.get_parameter_source(name) is not ParameterSource.DEFAULT:
+            raise click.UsageError(f"{option}: belongs to a fit; --check only judges a profile. Leave it out.")
+
+
 def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) -> None:
     from realitygap.calibration.judge import judge
     from realitygap.world.profile import load_profile
@@ -213,13 +225,19 @@ def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) 
         raise click.UsageError("--check: expected recordings and, as the last argument, a profile.")
     profile = load_profile(words[-1])
     found = [judge(recording, profile) for recording in _load(words[:-1], objects)]
+    warnings = list(dict.fromkeys(warning for one in found for warning in one.warnings))
     if json_output:
         print_json(
-            {**found[0].to_dict(), "profile": profile.name, "recordings": [one.to_dict() for one in found]}
-        )
-        return
-    for one in found:
-        _tell_judgement(one)
+            {
+                **found[0].to_dict(), "profile": profile.name, "warnings": warnings,
+                "recordings": [one.to_dict() for one in found],
+            }
+        )  # fmt: skip
+    else:
+        for one in found:
+            _tell_judgement(one)
+    for warning in warnings:
+        click.echo(f"warning: {warning}", err=True)
 
 
 def _tell_judgement(one: Judgement) -> None:
