@@ -169,6 +169,7 @@ def _swapped(r):
         (lambda r: replace(r, distance_cm=r.distance_cm * 10), "too large. Are units mixed up"),
         (lambda r: replace(r, distance_cm=r.distance_cm / 10), "too small. Are units mixed up"),
         (lambda r: replace(r, counts=np.random.default_rng(1).permutation(r.counts)), "explains only|answer"),
+        (lambda r: replace(r, kind="ambient", object="lamp"), 'made: .* Is its kind "infrared"'),
     ],
 )
 def test_nonsense_is_refused(recorded, spoil, words):

@@ -116,6 +116,7 @@ def test_steps_come_back_equal(tmp_path_factory, pairs):
         ((HEAD.replace(",s7", ""), ROW[:-3]), "line 1: expected the sensors' columns s0 to s7"),
         ((HEAD.replace("_cm", "_mm"), ROW), "line 1: expected a column 'distance_cm'"),
         ((HEAD, ROW, ROW.replace("1.5", "60").replace("80", "800")), "line 3: distance_cm: 800 counts"),
+        ((HEAD, "1" * 200_000), "line 2: not a line of a table"),
     ],
 )
 def test_what_is_wrong_is_named_with_its_line(tmp_path, rows, says):
@@ -137,6 +138,10 @@ def test_what_is_wrong_is_named_with_its_line(tmp_path, rows, says):
         (FACTS + 'units = "mm"', "units: expected"),
         (FACTS + "body_radius_cm = -1", "body_radius_cm: expected cm above 0"),
         (FACTS + "sensors = 9", "s0 to s8"),
+        (FACTS + 'sensors = "eight"', "recording.toml: sensors: expected a whole number from 1 to 16"),
+        (FACTS + "sensors = []", "sensors: expected a whole number"),
+        (FACTS + "sensors = 0", "sensors: expected a whole number"),
+        (FACTS + "sensors = -3", "sensors: expected a whole number"),
     ],
 )
 def test_wrong_facts_are_named(tmp_path, facts, says):

@@ -18,7 +18,7 @@ from realitygap.calibration.misfit import LIMITS, Misfit, measure_noise, misfits
 from realitygap.calibration.noise import NoiseEstimate
 from realitygap.calibration.rows import Rows
 from realitygap.calibration.solve import Fit, Free
-from realitygap.errors import CalibrationError
+from realitygap.errors import CalibrationError, ConfigError
 
 if TYPE_CHECKING:
     from realitygap.calibration.recording import SensorRecording
@@ -110,8 +110,14 @@ def fit_light(
             "brightness: calibrate from one kind."
         )
     room = rooms.pop()
-    problems = light_problems(rows, base, form, room=room, beside=beside)
-    fits, held_out = fit_forms(rows, problems, form, AMBIENT_COUNTS)
+    try:
+        problems = light_problems(rows, base, form, room=room, beside=beside)
+        fits, held_out = fit_forms(rows, problems, form, AMBIENT_COUNTS)
+    except ConfigError as error:  # on its way the fit came to a robot that cannot be
+        named = ", ".join(r.source for r in recordings)
+        raise CalibrationError(
+            f"{named}: no ambient light's readings: {str(error).rstrip('.')}. Is its kind right?"
+        ) from None
     values = _mend_dead(fits[form].values, problems[form].frees, rows.dead)
     fits[form] = _mended(fits[form], values, rows.dead)
     profile = with_light(problems[form].base, values, form)

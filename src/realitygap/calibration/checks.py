@@ -17,11 +17,13 @@ if TYPE_CHECKING:
     from realitygap.calibration.recording import SensorRecording
     from realitygap.world.profile import Profile
 
-__all__ = ["dead_sensors", "refuse_nonsense", "refuse_swapped", "refuse_units"]
+__all__ = ["dead_sensors", "refuse_nonsense", "refuse_other_kind", "refuse_swapped", "refuse_units"]
 
 Array = NDArray[np.float64]
 
 FULL = 1023.0
+DARKEST = 10.0
+"""Ambient light reads more, counts, however bright: a Khepera's sensors end at about 50."""
 STILL = 30.0
 """A sensor whose readings span less than this, counts, shows nothing."""
 SATURATED_SHARE = 0.8
@@ -114,6 +116,20 @@ def refuse_units(recording: SensorRecording) -> None:
             f"{recording.source}: hardly anything is seen at {last:g} cm, where an object "
             f"dazzles: the distances "
             "are too small. Are units mixed up?"
+        )
+
+
+def refuse_other_kind(recording: SensorRecording) -> None:
+    """Refuse ambient light whose readings lie where proximity's do: at the converter's ends.
+
+    Raises:
+        CalibrationError: says how many do.
+    """
+    ends = ((recording.counts >= FULL) | (recording.counts < DARKEST)).mean()
+    if recording.kind == "ambient" and ends > 0.5:
+        raise CalibrationError(
+            f"{recording.source}: {ends:.0%} of the readings lie at the ends 0 and {FULL:g}, as proximity's "
+            'do, and no ambient light\'s. Is its kind "infrared"?'
         )
 
 

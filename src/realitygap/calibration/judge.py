@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.checks import dead_sensors, refuse_swapped, refuse_units
+from realitygap.calibration.checks import dead_sensors, refuse_other_kind, refuse_swapped, refuse_units
 from realitygap.calibration.forward import (
     Scene,
     illumination,
@@ -135,6 +135,7 @@ def _doubts(recording: SensorRecording, profile: Profile) -> tuple[dict[int, str
     dead: dict[int, str] = {}
     said = list(recording.warnings)
     try:
+        refuse_other_kind(recording)
         refuse_units(recording)
         dead = dead_sensors(recording)
         said += [f"{recording.source}: {reason}" for reason in dead.values()]
