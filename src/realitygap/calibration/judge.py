@@ -211,9 +211,7 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
     )  # fmt: skip
 
 
-def _wheel_doubts(
-    recording: WheelRecording, profile: Profile, odometry: Odometry | None
-) -> tuple[str, ...]:
+def _wheel_doubts(recording: WheelRecording, profile: Profile, odometry: Odometry | None) -> tuple[str, ...]:
     """What a calibration would warn of or refuse, in words."""
     said = list(recording.warnings)
     try:

@@ -214,7 +214,7 @@ def _refuse_unused() -> None:
     for name, option in (("form", "--form"), ("light", "--light"), ("base", "--base"), ("out", "--out"),
                          ("page", "--report"), ("no_report", "--no-report")):  # fmt: skip
         if given.get_parameter_source(name) is not ParameterSource.DEFAULT:
-            raise click.UsageError(f"{option}: belongs to a fit; --check only judges a profile. Leave it out.")
+            raise click.UsageError(f"{option}: belongs to a fit; --check only judges. Leave it out.")
 
 
 def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) -> None:
