@@ -88,6 +88,25 @@ def test_a_light_table_tells_gains_against_each_other(robot, recorded):
     assert made.ambient.by_form["linear"] < made.ambient.by_form["paper"] / 2
 
 
+@pytest.mark.parametrize("unit", [10.0, 0.3937])
+def test_light_in_another_unit_is_doubted(recorded, unit):
+    """Distances in mm or inches still fit somehow: the lobe, or what is left over, tells."""
+    table = recorded("lamp", noise=4.5)
+    made = calibrate(
+        [replace(table, distance_cm=table.distance_cm * unit)], PAPER, light="linear", beside=False
+    )
+    assert any("are distances in cm" in warning for warning in made.warnings)
+
+
+def test_recordings_of_several_robots_are_refused(recorded):
+    """Two units are no robot, nor does a recording given twice tell more than once."""
+    one, two = (replace(recorded("wall"), source=name, hash=name) for name in "ab")
+    with pytest.raises(CalibrationError, match="a has unit 7, b has unit 8"):
+        calibrate([replace(one, facts={"unit": 7}), replace(two, facts={"unit": 8})], PAPER)
+    with pytest.raises(CalibrationError, match="b: the same recording as a"):
+        calibrate([one, replace(two, hash="a")], PAPER)
+
+
 def test_the_papers_form_is_the_papers_with_any_base(recorded, driven):
     """What a base was fitted to beyond the paper does not come into the form that is called the paper's."""
     base = load_profile("khepera")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from realitygap.calibration.channels import ChannelFit, fit_infrared, fit_light, unmeasured
+from realitygap.calibration.checks import refuse_mixed
 from realitygap.calibration.recording import SensorRecording, WheelRecording
 from realitygap.calibration.wheels import PULSES_PER_CM, WheelFit, fit_wheels
 from realitygap.errors import CalibrationError
@@ -73,6 +74,7 @@ def calibrate(
     """
     if not recordings:
         raise CalibrationError("no recordings: give folders made by `realitygap record`, or .sam tables.")
+    refuse_mixed(recordings)
     infrared_form, light_form, wheel_form = FORMS[form]
     base = _of_its_size(recordings, base)
     seen = [r for r in recordings if isinstance(r, SensorRecording)]

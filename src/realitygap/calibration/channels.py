@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.checks import refuse_nonsense
+from realitygap.calibration.checks import doubtful_light, refuse_nonsense
 from realitygap.calibration.forms import fit_forms
 from realitygap.calibration.infrared import PROXIMITY_COUNTS, infrared_problems, with_infrared
 from realitygap.calibration.light import as_bright_as_the_paper, with_light
@@ -200,6 +200,7 @@ def _warnings(made: ChannelFit) -> list[str]:
     vague = [c.key for c in made.fit.constants if not c.told and not c.key.endswith(dead)]
     if vague:
         out.append(f"{kind}: the data do not decide {', '.join(vague)}: bounds or a mild prior do")
+    out += doubtful_light(made)
     if not made.measured:
         out.append(
             f"{kind}: {unmeasured(made)}. Several readings at each place, or bearings close together, "
