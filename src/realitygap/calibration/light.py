@@ -146,6 +146,9 @@ def with_light(profile: Profile, values: Values, form: str) -> Profile:
         for key in ("direction_deg", "floor_shift", "dark_shift")
         if key in values
     }
+    if "floor_shift" in values:  # no sensor reads below 0, where few places are bright enough to tell
+        lowest = np.maximum(values["floor_shift"], -values["floor"])
+        columns["floor_shift"] = np.broadcast_to(lowest, (n,)).tolist()
     if "log_gain" in values:
         columns["gain"] = np.broadcast_to(np.exp(values["log_gain"]), (n,)).tolist()
     for key, axis in (("x_cm", "forward_cm"), ("y_cm", "left_cm")):
