@@ -9,6 +9,7 @@ import pytest
 
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.judge import judge
+from realitygap.calibration.noise import lit_noise, sample_noise
 from realitygap.calibration.odometry import measure_odometry
 from realitygap.calibration.recording import load_recording
 from realitygap.errors import CalibrationError
@@ -54,6 +55,19 @@ def test_a_surface_is_taken_for_matt(recorded):
     made = calibrate([recorded("wall", matt=0.0, noise=21.0)], PAPER)
     assert made.profile.infrared.matt == 1.0
     assert any("do not decide whether surfaces are matt" in warning for warning in made.warnings)
+
+
+@pytest.mark.parametrize("repeats", [1, 10])
+def test_tails_are_those_of_one_reading(repeats):
+    """Of Student's noise with an excess kurtosis of 2, by repeats or by sums over neighbouring bearings."""
+    bearing = np.tile(np.arange(-178.0, 182.0, 2.0), 30)
+    distance = np.repeat(np.arange(30) * 0.2, 180)
+    model = np.full((len(bearing), 8), 400.0)
+    counts = model + 21.0 * np.random.default_rng(0).standard_t(7, size=model.shape) / np.sqrt(7 / 5)
+    place = np.arange(len(bearing)) // repeats
+    sample = sample_noise(counts, model, place, distance=distance, bearing=bearing)
+    estimate = lit_noise(sample, "proximity")
+    assert estimate.heavy and estimate.kurtosis == pytest.approx(1.8, abs=0.6)
 
 
 def test_noise_that_was_not_measured_is_said(recorded, tmp_path):

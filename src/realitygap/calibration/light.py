@@ -23,7 +23,6 @@ __all__ = [
     "as_bright_as_the_paper",
     "light_frees",
     "light_model",
-    "spread_gains",
     "with_light",
 ]
 
@@ -195,11 +194,6 @@ class LightMemory:
                 [illumination(profile, scene, turn) for (_, scene), turn in pairs]
             )
         return self._kept[key]
-
-
-def spread_gains(values: Values) -> Array:
-    """Gains [S or 1] of fitted values."""
-    return np.asarray(np.exp(values["log_gain"]))
 
 
 def as_bright_as_the_paper(profile: Profile) -> Profile:

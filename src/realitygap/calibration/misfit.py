@@ -56,6 +56,7 @@ def measure_noise(recordings: Sequence[SensorRecording], models: Sequence[Array]
         level=np.concatenate([s.level for s, _ in samples]),
         model=np.concatenate([s.model for s, _ in samples]),
         group=np.concatenate([s.group + shift for s, shift in samples]),
+        tails=float(np.average([s.tails for s, _ in samples], weights=[len(s.z) + 1 for s, _ in samples])),
     )
     if recordings[0].kind == "ambient":
         found = [lit_noise(joined, "ambient")]
