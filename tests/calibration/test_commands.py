@@ -31,6 +31,7 @@ def test_a_profile_with_its_history_and_its_page(folder, tmp_path):
     out = tmp_path / "robot.toml"
     result = call("calibrate", folder, "--form", "individual", "--out", out, "--json")
     assert result.exit_code == 0, result.output
+    assert "fitting the simulation to the recordings: 0/8" in result.stderr and ": 8/8" in result.stderr
     said = json.loads(result.stdout)
     assert said["channels"]["infrared"]["form"] == "individual"
     profile = load_profile(out)
@@ -43,6 +44,15 @@ def test_a_profile_with_its_history_and_its_page(folder, tmp_path):
     told = json.loads(judged.stdout)
     assert set(told) >= {"rmse", "bias", "per_sensor", "noise"} and len(told["per_sensor"]) == 8
     assert told["rmse"] == pytest.approx(said["channels"]["infrared"]["rmse"], rel=0.05)
+
+
+def test_a_folder_where_a_file_should_go_is_refused_first(tmp_path):
+    """Before anything is read or fitted."""
+    (tmp_path / "x.toml").mkdir()
+    (tmp_path / "y.html").mkdir()
+    for name in ("x.toml", "y.toml"):
+        result = call("calibrate", "nowhere.sam", "--out", tmp_path / name)
+        assert result.exit_code == 2 and "is a folder" in result.stderr
 
 
 def test_a_judge_warns_of_doubtful_recordings(folder, tmp_path, recorded, driven):
@@ -90,6 +100,9 @@ def test_a_judge_refuses_what_belongs_to_a_fit(words):
         (("nowhere.sam",), "--out"),
         (("nowhere.sam", "--out", "x.html"), ".toml"),
         (("--check", "nowhere.sam"), "--check"),
+        (("nowhere.sam", "--out", "x.toml", "--report", "x.toml"), "expected a file name ending in .html"),
+        (("nowhere.sam", "--out", "no/x.toml"), "the folder 'no' does not exist"),
+        (("nowhere.sam", "--out", "x.toml", "--report", "no/x.html"), "the folder 'no' does not exist"),
     ],
 )
 def test_refusals(words, expected):

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from realitygap.calibration.channels import ChannelFit, fit_infrared, fit_light, unmeasured
+from realitygap.calibration.channels import ChannelFit, fit_infrared, fit_light, ticks, unmeasured
 from realitygap.calibration.checks import refuse_mixed
+from realitygap.calibration.forms import Tick
 from realitygap.calibration.recording import SensorRecording, WheelRecording
 from realitygap.calibration.wheels import PULSES_PER_CM, WheelFit, fit_wheels
 from realitygap.errors import CalibrationError
@@ -57,6 +59,7 @@ def calibrate(
     beside: bool = True,
     name: str = "calibrated",
     date: str | None = None,
+    on_progress: Callable[[int, int], None] | None = None,
 ) -> Calibration:
     """Fit a profile to recordings; what none of them tells stays as the base has it.
 
@@ -68,6 +71,7 @@ def calibrate(
         beside: fit ambient light in all other forms too, for comparison.
         name: of the new profile.
         date: to be written into it (default: today's); "" for none.
+        on_progress: is told how many of all fits are done.
 
     Raises:
         CalibrationError: recordings that no sensible profile can be made from.
@@ -82,9 +86,15 @@ def calibrate(
     driven = [r for r in recordings if isinstance(r, WheelRecording)]
     if len(driven) > 1:
         raise CalibrationError(f"expected one recording of wheels, got {len(driven)}. Give the best one.")
-    infrared = fit_infrared(near, base, infrared_form) if near else None
-    ambient = fit_light(lit, base, light or light_form, beside=beside) if lit else None
-    wheels = fit_wheels(driven[0], base, wheel_form) if driven else None
+    total = ticks("infrared") * bool(near) + ticks("ambient", beside=beside) * bool(lit) + len(driven)
+    tick = _counter(on_progress, total)
+    infrared = fit_infrared(near, base, infrared_form, tick=tick) if near else None
+    ambient = fit_light(lit, base, light or light_form, beside=beside, tick=tick) if lit else None
+    wheels = None
+    if driven:
+        tick()
+        wheels = fit_wheels(driven[0], base, wheel_form)
+    tick()
     warnings = [w for r in recordings for w in r.warnings]
     warnings += [w for fit in (infrared, ambient) if fit for w in fit.warnings]
     warnings += _wheel_warnings(wheels)
@@ -95,6 +105,18 @@ def calibrate(
         profile=made, infrared=infrared, ambient=ambient, wheels=wheels,
         recordings=tuple(recordings), warnings=tuple(dict.fromkeys(warnings)),
     )  # fmt: skip
+
+
+def _counter(report: Callable[[int, int], None] | None, total: int) -> Tick:
+    """Tells, each time that it is called, that one more of all fits is begun."""
+    done = count()
+
+    def tick() -> None:
+        begun = next(done)
+        if report is not None:
+            report(begun, total)
+
+    return tick
 
 
 def _of_its_size(recordings: Sequence[Recording], base: Profile) -> Profile:

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.checks import doubtful_light, refuse_nonsense
-from realitygap.calibration.forms import fit_forms
-from realitygap.calibration.infrared import PROXIMITY_COUNTS, infrared_problems, with_infrared
-from realitygap.calibration.light import as_bright_as_the_paper, with_light
+from realitygap.calibration.forms import Tick, fit_forms
+from realitygap.calibration.infrared import INFRARED_FORMS, PROXIMITY_COUNTS, infrared_problems, with_infrared
+from realitygap.calibration.light import LIGHT_FORMS, as_bright_as_the_paper, with_light
 from realitygap.calibration.light_forms import AMBIENT_COUNTS, light_problems
 from realitygap.calibration.misfit import LIMITS, Misfit, measure_noise, misfits
 from realitygap.calibration.noise import NoiseEstimate
-from realitygap.calibration.rows import Rows
+from realitygap.calibration.rows import FOLDS, Rows
 from realitygap.calibration.solve import Fit, Free
 from realitygap.errors import CalibrationError, ConfigError
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from realitygap.calibration.recording import SensorRecording
     from realitygap.world.profile import Profile
 
-__all__ = ["ChannelFit", "fit_infrared", "fit_light", "unmeasured"]
+__all__ = ["ChannelFit", "fit_infrared", "fit_light", "ticks", "unmeasured"]
 
 Array = NDArray[np.float64]
 
@@ -78,7 +78,14 @@ class ChannelFit:
         return self.by_form[self.form]
 
 
-def fit_infrared(recordings: Sequence[SensorRecording], base: Profile, form: str) -> ChannelFit:
+def ticks(kind: str, *, beside: bool = True) -> int:
+    """How often the fit of a kind of sensor says that it goes on."""
+    return FOLDS + (len(INFRARED_FORMS) if kind == "infrared" else len(LIGHT_FORMS) if beside else 1)
+
+
+def fit_infrared(
+    recordings: Sequence[SensorRecording], base: Profile, form: str, *, tick: Tick = lambda: None
+) -> ChannelFit:
     """Fit the proximity sensors to all recordings at once.
 
     Raises:
@@ -86,7 +93,7 @@ def fit_infrared(recordings: Sequence[SensorRecording], base: Profile, form: str
     """
     rows = Rows(recordings, base)
     problems, doubt = infrared_problems(rows, base)
-    fits, held_out = fit_forms(rows, problems, form, PROXIMITY_COUNTS)
+    fits, held_out = fit_forms(rows, problems, form, PROXIMITY_COUNTS, tick)
     values = _mend_dead(fits[form].values, problems[form].frees, rows.dead)
     fits[form] = _mended(fits[form], values, rows.dead)
     made = with_infrared(problems[form].base, values)
@@ -95,7 +102,12 @@ def fit_infrared(recordings: Sequence[SensorRecording], base: Profile, form: str
 
 
 def fit_light(
-    recordings: Sequence[SensorRecording], base: Profile, form: str, *, beside: bool = True
+    recordings: Sequence[SensorRecording],
+    base: Profile,
+    form: str,
+    *,
+    beside: bool = True,
+    tick: Tick = lambda: None,
 ) -> ChannelFit:
     """Fit the ambient sensors to all recordings at once; `beside` the form all others for comparison.
 
@@ -112,7 +124,7 @@ def fit_light(
     room = rooms.pop()
     try:
         problems = light_problems(rows, base, form, room=room, beside=beside)
-        fits, held_out = fit_forms(rows, problems, form, AMBIENT_COUNTS)
+        fits, held_out = fit_forms(rows, problems, form, AMBIENT_COUNTS, tick)
     except ConfigError as error:  # on its way the fit came to a robot that cannot be
         named = ", ".join(r.source for r in recordings)
         raise CalibrationError(

@@ -119,9 +119,7 @@ def enough_pictures(recording: WheelRecording, pulses_per_cm: float, track_cm: f
     return _between_pictures(recording, pulses_per_cm, track_cm, apart=APART) is not None
 
 
-def _of_one_step(
-    recording: WheelRecording, pulses_per_cm: float, theta: Array
-) -> tuple[float, float] | None:
+def _of_one_step(recording: WheelRecording, pulses_per_cm: float, theta: Array) -> tuple[float, float] | None:
     """Slip over one step, and its relative deviation.
 
     From pictures of a steady drive at every step; None without enough of them. Slip hangs together

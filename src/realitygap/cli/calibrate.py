@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from realitygap.cli.kinds import FileToWrite
 from realitygap.cli.options import as_json
 from realitygap.cli.output import print_json, print_table
+from realitygap.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
@@ -43,9 +46,18 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended")
     help="Profile that keeps what the recordings do not tell; the form paper has the printed laws.",
 )  # fmt: skip
 @click.option(
-    "--out", type=click.Path(), metavar="TOML", help="The profile to write; its report goes beside it."
+    "--out",
+    type=FileToWrite(".toml"),
+    metavar="TOML",
+    help="The profile to write; its report goes beside it.",
 )
-@click.option("--report", "page", type=click.Path(), metavar="HTML", help="Another place for the report.")
+@click.option(
+    "--report",
+    "page",
+    type=FileToWrite(".html", ".htm"),
+    metavar="HTML",
+    help="Another place for the report.",
+)
 @click.option("--no-report", is_flag=True, help="Write no report.")
 @click.option(
     "--check", is_flag=True, help="Judge a profile, the last argument, by the recordings before it."
@@ -57,8 +69,8 @@ def calibrate(
     light: str | None,
     objects: tuple[str, ...],
     base: str,
-    out: str | None,
-    page: str | None,
+    out: Path | None,
+    page: Path | None,
     no_report: bool,
     check: bool,
     json_output: bool,
@@ -87,32 +99,35 @@ def calibrate(
     from realitygap.calibration.calibrate import calibrate as fit
     from realitygap.world.profile import load_profile
 
-    target = _target(out)
+    if page is None and not no_report:
+        page = _beside(out)
     start = load_profile(base)
-    made = fit(_load(recordings, objects), start, form=form, light=light, name=target.stem)
-    target.write_text(_header(made) + made.profile.to_toml(), "utf-8")
+    read = _load(recordings, objects)
+    with ProgressLine() as line:
+        report = partial(line.calibrating, "fit")
+        made = fit(read, start, form=form, light=light, name=out.stem, on_progress=report)
+    out.write_text(_header(made) + made.profile.to_toml(), "utf-8")
     where = None
-    if not no_report:
+    if page is not None and not no_report:
         from realitygap.report.calibration import write_calibration_page
 
-        where = write_calibration_page(made, Path(page) if page else target.with_suffix(".html"))
+        where = write_calibration_page(made, page)
     if json_output:
-        print_json({"profile": str(target), "report": str(where) if where else None, **_facts(made)})
+        print_json({"profile": str(out), "report": str(where) if where else None, **_facts(made)})
     else:
-        _tell(made, target, where)
+        _tell(made, out, where)
     for warning in made.warnings:
         click.echo(f"warning: {warning}", err=True)
 
 
-def _target(out: str) -> Path:
-    from realitygap.errors import CalibrationError
-
-    target = Path(out)
-    if target.suffix != ".toml":
-        raise CalibrationError(f"--out: expected a file that ends in .toml, got {out!r}.")
-    if not target.parent.is_dir():
-        raise CalibrationError(f"--out: {target.parent}: no such folder. Make it first.")
-    return target
+def _beside(out: Path) -> Path:
+    """Where the report of a profile goes if nothing is said."""
+    page = out.with_suffix(".html")
+    if page.is_dir():
+        raise click.UsageError(
+            f"--out: {str(page)!r}, where its report would go, is a folder. Give --report."
+        )
+    return page
 
 
 def _load(paths: tuple[str, ...], objects: tuple[str, ...]) -> list[Recording]:
