@@ -34,13 +34,6 @@ def test_the_extended_form_finds_the_robot(robot, recorded):
     assert max(fit.by_form, key=fit.by_form.__getitem__) == "paper"
 
 
-def test_the_body_is_that_of_the_distances(recorded):
-    """Distances count from a body's edge: the profile has that body, stated in the recording or not."""
-    stated = replace(recorded("wall"), body_radius_cm=2.8, facts={"body_radius_cm": 2.8})
-    assert calibrate([recorded("wall")], PAPER, form="paper").profile.body.radius_cm == 2.75
-    assert calibrate([stated], PAPER, form="paper").profile.body.radius_cm == 2.8
-
-
 @pytest.mark.parametrize("matt", [0.0, 1.0])
 def test_a_wall_tells_whether_it_is_matt(recorded, matt):
     """A wall read well tells whether it is matt, so that a cylinder nobody fitted is predicted too."""
@@ -73,6 +66,7 @@ def test_tails_are_those_of_one_reading(repeats):
 def test_noise_that_was_not_measured_is_said(recorded, tmp_path):
     """One reading at each place, bearings far apart: the base's deviation is taken, and called assumed."""
     made = calibrate([recorded("wall", repeats=1)], PAPER, form="paper")
+    assert made.profile.body.radius_cm == 2.75  # from whose edge its distances count
     assert not made.infrared.measured and made.profile.provenance.fits[0].noise == 21.0
     assert any("21 counts are assumed" in warning for warning in made.warnings)
     assert any("21 counts are assumed" in note for note in made.profile.provenance.notes)
@@ -125,7 +119,11 @@ def test_the_papers_form_is_the_papers_with_any_base(recorded, driven):
     """What a base was fitted to beyond the paper does not come into the form that is called the paper's."""
     base = load_profile("khepera")
     base = replace(base, wheels=replace(base.wheels, kp=4500.0, ki=0.0, lag=0.3, play_cm=0.05))
-    recordings = [recorded("wall"), recorded("lamp", noise=4.5), driven(friction_cm_s2=0.0)]
+    recordings = [
+        recorded("wall", repeats=1),
+        recorded("lamp", noise=4.5, repeats=1),
+        driven(friction_cm_s2=0.0),
+    ]
     found = [calibrate(recordings, one, form="paper", beside=False).profile for one in (PAPER, base)]
     law, wheels = found[1].infrared, found[1].wheels
     assert (law.exponent, law.matt, {s.offset_cm for s in law.sensors}) == (1.0, 0.0, {0.0})
