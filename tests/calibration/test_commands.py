@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 from click.testing import CliRunner
@@ -30,6 +31,7 @@ def test_a_profile_with_its_history_and_its_page(folder, tmp_path):
     out = tmp_path / "robot.toml"
     result = call("calibrate", folder, "--form", "individual", "--out", out, "--json")
     assert result.exit_code == 0, result.output
+    assert "fitting the simulation to the recordings: 0/8" in result.stderr and ": 8/8" in result.stderr
     said = json.loads(result.stdout)
     assert said["channels"]["infrared"]["form"] == "individual"
     profile = load_profile(out)
@@ -44,6 +46,53 @@ def test_a_profile_with_its_history_and_its_page(folder, tmp_path):
     assert told["rmse"] == pytest.approx(said["channels"]["infrared"]["rmse"], rel=0.05)
 
 
+def test_a_folder_where_a_file_should_go_is_refused_first(tmp_path):
+    """Before anything is read or fitted."""
+    (tmp_path / "x.toml").mkdir()
+    (tmp_path / "y.html").mkdir()
+    for name in ("x.toml", "y.toml"):
+        result = call("calibrate", "nowhere.sam", "--out", tmp_path / name)
+        assert result.exit_code == 2 and "is a folder" in result.stderr
+
+
+def test_a_judge_warns_of_doubtful_recordings(folder, tmp_path, recorded, driven):
+    """Dead sensors are named and left out, another side and swapped counters told: on stderr and in JSON."""
+    near, wheels = recorded("wall"), driven(friction_cm_s2=0.0)
+    counts = near.counts.copy()
+    counts[:, 3] = 17.0
+    save_recording(tmp_path / "dead", replace(near, counts=counts))
+    save_recording(tmp_path / "mirrored", replace(near, bearing_deg=-near.bearing_deg))
+    save_recording(tmp_path / "swapped", replace(wheels, counters=wheels.counters[:, ::-1]))
+    said = {}
+    for name in ("dead", "mirrored", "swapped"):
+        result = call("calibrate", "--check", tmp_path / name, "paper", "--json")
+        assert result.exit_code == 0, result.output
+        said[name] = json.loads(result.stdout)
+        assert said[name]["warnings"] and f"warning: {said[name]['warnings'][0]}" in result.stderr
+    assert [m["sensor"] for m in said["dead"]["per_sensor"]] == [0, 1, 2, 4, 5, 6, 7]
+    assert any("sensor 3 reads 17" in warning for warning in said["dead"]["warnings"])
+    assert "other way round" in said["mirrored"]["warnings"][0]
+    assert "columns swapped" in said["swapped"]["warnings"][0]
+
+
+def test_a_judge_refuses_steps_of_another_length(tmp_path, driven):
+    """Steps of 0.2 s tell no speed: no RMSE that is no number."""
+    slow = driven(friction_cm_s2=0.0)
+    save_recording(tmp_path / "slow", replace(slow, t_s=2 * slow.t_s))
+    result = call("calibrate", "--check", tmp_path / "slow", "paper")
+    assert result.exit_code == 2 and "expected 30 steps of 0.1 s" in result.stderr
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("--out", "x.toml"), ("--base", "paper"), ("--form", "paper"), ("--light", "paper"), ("--no-report",)],
+)
+def test_a_judge_refuses_what_belongs_to_a_fit(words):
+    """An option that would do nothing is named."""
+    result = call("calibrate", "--check", "x.sam", "paper", *words)
+    assert result.exit_code == 2 and f"{words[0]}: belongs to a fit" in result.stderr
+
+
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
@@ -51,6 +100,9 @@ def test_a_profile_with_its_history_and_its_page(folder, tmp_path):
         (("nowhere.sam",), "--out"),
         (("nowhere.sam", "--out", "x.html"), ".toml"),
         (("--check", "nowhere.sam"), "--check"),
+        (("nowhere.sam", "--out", "x.toml", "--report", "x.toml"), "expected a file name ending in .html"),
+        (("nowhere.sam", "--out", "no/x.toml"), "the folder 'no' does not exist"),
+        (("nowhere.sam", "--out", "x.toml", "--report", "no/x.html"), "the folder 'no' does not exist"),
     ],
 )
 def test_refusals(words, expected):

@@ -9,9 +9,11 @@ import pytest
 
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.judge import judge
+from realitygap.calibration.noise import lit_noise, sample_noise
 from realitygap.calibration.odometry import measure_odometry
 from realitygap.calibration.recording import load_recording
 from realitygap.errors import CalibrationError
+from realitygap.report.calibration import write_calibration_page
 from realitygap.world.profile import load_profile
 
 PAPER = load_profile("paper")
@@ -48,6 +50,30 @@ def test_a_surface_is_taken_for_matt(recorded):
     assert any("do not decide whether surfaces are matt" in warning for warning in made.warnings)
 
 
+@pytest.mark.parametrize("repeats", [1, 10])
+def test_tails_are_those_of_one_reading(repeats):
+    """Of Student's noise with an excess kurtosis of 2, by repeats or by sums over neighbouring bearings."""
+    bearing = np.tile(np.arange(-178.0, 182.0, 2.0), 30)
+    distance = np.repeat(np.arange(30) * 0.2, 180)
+    model = np.full((len(bearing), 8), 400.0)
+    counts = model + 21.0 * np.random.default_rng(0).standard_t(7, size=model.shape) / np.sqrt(7 / 5)
+    place = np.arange(len(bearing)) // repeats
+    sample = sample_noise(counts, model, place, distance=distance, bearing=bearing)
+    estimate = lit_noise(sample, "proximity")
+    assert estimate.heavy and estimate.kurtosis == pytest.approx(1.8, abs=0.6)
+
+
+def test_noise_that_was_not_measured_is_said(recorded, tmp_path):
+    """One reading at each place, bearings far apart: the base's deviation is taken, and called assumed."""
+    made = calibrate([recorded("wall", repeats=1)], PAPER, form="paper")
+    assert made.profile.body.radius_cm == 2.75  # from whose edge its distances count
+    assert not made.infrared.measured and made.profile.provenance.fits[0].noise == 21.0
+    assert any("21 counts are assumed" in warning for warning in made.warnings)
+    assert any("21 counts are assumed" in note for note in made.profile.provenance.notes)
+    page = write_calibration_page(made, tmp_path / "page.html")
+    assert "21 counts are assumed" in page.read_text("utf-8")
+
+
 @pytest.mark.parametrize("size", [10.5, 21.0, 42.0])
 def test_noise_is_measured_within_a_tenth(recorded, size):
     """Repeated readings give the deviation that was put in, with an interval about it."""
@@ -68,6 +94,41 @@ def test_a_light_table_tells_gains_against_each_other(robot, recorded):
     assert made.profile.noise.ambient == pytest.approx(4.5, rel=0.1)
     assert "brightness is unknown" in made.profile.provenance.notes[0]
     assert made.ambient.by_form["linear"] < made.ambient.by_form["paper"] / 2
+
+
+@pytest.mark.parametrize("unit", [10.0, 0.3937])
+def test_light_in_another_unit_is_doubted(recorded, unit):
+    """Distances in mm or inches still fit somehow: the lobe, or what is left over, tells."""
+    table = recorded("lamp", noise=4.5)
+    made = calibrate(
+        [replace(table, distance_cm=table.distance_cm * unit)], PAPER, light="linear", beside=False
+    )
+    assert any("are distances in cm" in warning for warning in made.warnings)
+
+
+def test_recordings_of_several_robots_are_refused(recorded):
+    """Two units are no robot, nor does a recording given twice tell more than once."""
+    one, two = (replace(recorded("wall"), source=name, hash=name) for name in "ab")
+    with pytest.raises(CalibrationError, match="a has unit 7, b has unit 8"):
+        calibrate([replace(one, facts={"unit": 7}), replace(two, facts={"unit": 8})], PAPER)
+    with pytest.raises(CalibrationError, match="b: the same recording as a"):
+        calibrate([one, replace(two, hash="a")], PAPER)
+
+
+def test_the_papers_form_is_the_papers_with_any_base(recorded, driven):
+    """What a base was fitted to beyond the paper does not come into the form that is called the paper's."""
+    base = load_profile("khepera")
+    base = replace(base, wheels=replace(base.wheels, kp=4500.0, ki=0.0, lag=0.3, play_cm=0.05))
+    recordings = [
+        recorded("wall", repeats=1),
+        recorded("lamp", noise=4.5, repeats=1),
+        driven(friction_cm_s2=0.0),
+    ]
+    found = [calibrate(recordings, one, form="paper", beside=False).profile for one in (PAPER, base)]
+    law, wheels = found[1].infrared, found[1].wheels
+    assert (law.exponent, law.matt, {s.offset_cm for s in law.sensors}) == (1.0, 0.0, {0.0})
+    assert (wheels.kp, wheels.ki, wheels.kd, wheels.lag, wheels.play_cm) == (3800, 800, 100, 0, 0)
+    assert found[0].infrared == law and found[0].ambient == found[1].ambient and found[0].wheels == wheels
 
 
 def test_wheels_come_back(driven):
@@ -117,6 +178,11 @@ def test_a_dead_sensor_is_named_and_mended(recorded):
     counts[:, 3] = 17.0
     made = calibrate([replace(sound, counts=counts)], PAPER, form="individual")
     assert any("sensor 3 reads 17 everywhere" in warning for warning in made.warnings)
+    told = {c.key: c for c in made.profile.provenance.constants}
+    for key in ("a", "b"):
+        one = told[f"infrared.{key}[3]"]
+        assert one.value == getattr(made.profile.infrared.sensors[3], key) and not one.told
+        assert one.low < one.value < one.high and told[f"infrared.{key}[2]"].told
     others = [s.a for k, s in enumerate(made.profile.infrared.sensors) if k != 3]
     assert min(others) <= made.profile.infrared.sensors[3].a <= max(others)
 
@@ -134,6 +200,7 @@ def _swapped(r):
         (lambda r: replace(r, distance_cm=r.distance_cm * 10), "too large. Are units mixed up"),
         (lambda r: replace(r, distance_cm=r.distance_cm / 10), "too small. Are units mixed up"),
         (lambda r: replace(r, counts=np.random.default_rng(1).permutation(r.counts)), "explains only|answer"),
+        (lambda r: replace(r, kind="ambient", object="lamp"), 'made: .* Is its kind "infrared"'),
     ],
 )
 def test_nonsense_is_refused(recorded, spoil, words):
@@ -167,5 +234,6 @@ def test_the_shipped_khepera_comes_from_these_tables(tables):
     named = (("wall.sam", "wall"), ("light.sam", "lamp"))
     recordings = [load_recording(tables / name, object=what) for name, what in named]
     assert {f.sha256 for f in shipped.provenance.files} == {r.hash for r in recordings}
+    assert {r.body_radius_cm for r in recordings} == {shipped.body.radius_cm}
     assert judge(recordings[0], shipped).rmse < 30
     assert judge(recordings[1], shipped).rmse < 20

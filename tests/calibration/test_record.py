@@ -9,7 +9,9 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ from click.testing import CliRunner
 
 from realitygap.calibration.plans import ambient_plan, infrared_plan, sensor_plans
 from realitygap.calibration.plans_wheels import FLOOR_CM, Trial, wheel_plan
-from realitygap.calibration.record import drive_trial
+from realitygap.calibration.record import drive_trial, record
 from realitygap.calibration.record_site import EnoughError, PersonSite, TwinSite
 from realitygap.calibration.recording import BODY_RADIUS_CM, SensorRecording, load_recording
 from realitygap.cli import realitygap
@@ -204,6 +206,44 @@ def test_a_person_measures_where_the_wheels_led(bench: Bench):
     assert seen[0].heading == pytest.approx(math.pi / 2) and (seen[1].x, seen[1].y) == (10, 22.5)
     with pytest.raises(EnoughError):
         site.begin(trial)
+
+
+class Still:
+    """A robot that stands in the dark, whose wheels must not turn."""
+
+    clock = SimpleNamespace(now=lambda: 0.0, sleep_until=lambda t: None)
+
+    def proximity(self):
+        return (3,) * 8
+
+    ambient = proximity
+
+
+def asked(folder, *answers, **options):
+    """What a person is asked in a recording of all plans, and what was made."""
+    left, says = list(answers), []
+    site = PersonSite(Still(), lambda words: says.append(words) or left.pop(0))
+    made = record("all", folder, open_site=lambda *room: nullcontext(site), facts={}, repeats=1, **options)
+    assert not left
+    return says, made
+
+
+def test_q_stops_all_parts(tmp_path):
+    """Whoever stops is not asked for the next part, neither at once nor after some places."""
+    says, made = asked(tmp_path / "a", "q")
+    assert len(says) == 1 and [one.finished for one in made] == [False]
+    assert not list(tmp_path.glob("a/*/recording.toml"))
+    says, made = asked(tmp_path / "b", "", "", "q")
+    assert len(says) == 3 and [(one.name, one.done) for one in made] == [("infrared-wall", 1)]
+
+
+def test_a_part_that_is_left_out_is_not_recorded(tmp_path):
+    """Nobody who says so at "clear a level floor" sees the robot move; no empty table stays behind."""
+    says, made = asked(tmp_path / "a", "s", "s", "s", "s")
+    assert len(says) == 4 and says[3].startswith("Clear a level floor")
+    assert [one.done for one in made] == [0] * 4 and not list(tmp_path.glob("a/*/recording.toml"))
+    says, made = asked(tmp_path / "a", "s", "s", "s", "q", resume=True)
+    assert made[-1].name == "wheels" and made[-1].stopped
 
 
 def test_a_slow_line_cannot_carry_the_wheels(bench: Bench):

@@ -49,6 +49,7 @@ def test_an_object_that_is_not_said_is_guessed_aloud(sam):
         (lambda t: t.replace("8 8 3 5 2", "8 8 3 0.05 0.02", 1), "Are these millimetres?"),
         (lambda t: t.replace("8 8 3 5 2", "hello", 1), "line 1: expected `sensors"),
         (lambda t: t.replace("8 8 3 5 2", "8 8 3 5", 1), "line 1: expected five numbers"),
+        (lambda t: t.replace("8 8 3 5 2", "8 999999999 3 5 2", 1), "the table ends here|expected 8 readings"),
         (lambda t: t[: len(t) // 2], "cut short|expected 8 readings"),
         (lambda t: t.replace("END\n", ""), "END is missing"),
         (lambda t: t.replace("0 0 7 0 1023 0 3 4", "0 0 7 0 1023 0 3"), "line 3: expected 8 readings, got 7"),

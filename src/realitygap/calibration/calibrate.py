@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from realitygap.calibration.channels import ChannelFit, fit_infrared, fit_light
+from realitygap.calibration.channels import ChannelFit, fit_infrared, fit_light, ticks, unmeasured
+from realitygap.calibration.checks import refuse_mixed
+from realitygap.calibration.forms import Tick
 from realitygap.calibration.recording import SensorRecording, WheelRecording
 from realitygap.calibration.wheels import PULSES_PER_CM, WheelFit, fit_wheels
 from realitygap.errors import CalibrationError
@@ -56,6 +59,7 @@ def calibrate(
     beside: bool = True,
     name: str = "calibrated",
     date: str | None = None,
+    on_progress: Callable[[int, int], None] | None = None,
 ) -> Calibration:
     """Fit a profile to recordings; what none of them tells stays as the base has it.
 
@@ -67,12 +71,14 @@ def calibrate(
         beside: fit ambient light in all other forms too, for comparison.
         name: of the new profile.
         date: to be written into it (default: today's); "" for none.
+        on_progress: is told how many of all fits are done.
 
     Raises:
         CalibrationError: recordings that no sensible profile can be made from.
     """
     if not recordings:
         raise CalibrationError("no recordings: give folders made by `realitygap record`, or .sam tables.")
+    refuse_mixed(recordings)
     infrared_form, light_form, wheel_form = FORMS[form]
     base = _of_its_size(recordings, base)
     seen = [r for r in recordings if isinstance(r, SensorRecording)]
@@ -80,9 +86,15 @@ def calibrate(
     driven = [r for r in recordings if isinstance(r, WheelRecording)]
     if len(driven) > 1:
         raise CalibrationError(f"expected one recording of wheels, got {len(driven)}. Give the best one.")
-    infrared = fit_infrared(near, base, infrared_form) if near else None
-    ambient = fit_light(lit, base, light or light_form, beside=beside) if lit else None
-    wheels = fit_wheels(driven[0], base, wheel_form) if driven else None
+    total = ticks("infrared") * bool(near) + ticks("ambient", beside=beside) * bool(lit) + len(driven)
+    tick = _counter(on_progress, total)
+    infrared = fit_infrared(near, base, infrared_form, tick=tick) if near else None
+    ambient = fit_light(lit, base, light or light_form, beside=beside, tick=tick) if lit else None
+    wheels = None
+    if driven:
+        tick()
+        wheels = fit_wheels(driven[0], base, wheel_form)
+    tick()
     warnings = [w for r in recordings for w in r.warnings]
     warnings += [w for fit in (infrared, ambient) if fit for w in fit.warnings]
     warnings += _wheel_warnings(wheels)
@@ -95,13 +107,26 @@ def calibrate(
     )  # fmt: skip
 
 
+def _counter(report: Callable[[int, int], None] | None, total: int) -> Tick:
+    """Tells, each time that it is called, that one more of all fits is begun."""
+    done = count()
+
+    def tick() -> None:
+        begun = next(done)
+        if report is not None:
+            report(begun, total)
+
+    return tick
+
+
 def _of_its_size(recordings: Sequence[Recording], base: Profile) -> Profile:
-    """The base with the body that its recordings state; a .sam table states none."""
-    radii = {
-        float(r.facts["body_radius_cm"])
-        for r in recordings
-        if isinstance(r, SensorRecording) and "body_radius_cm" in r.facts
-    }
+    """The base with the body from whose edge its recordings' distances count.
+
+    A .sam table states none: there it is what the maker states. The sensors read by it.
+    """
+    seen = [r for r in recordings if isinstance(r, SensorRecording)]
+    radii = {r.body_radius_cm for r in seen if "body_radius_cm" in r.facts}
+    radii = radii or {r.body_radius_cm for r in seen}
     if len(radii) > 1:
         raise CalibrationError(
             f"body_radius_cm: expected one robot, got recordings with {sorted(radii)} cm. Correct them."
@@ -150,7 +175,11 @@ def _provenance(
         if fit is not None
         for c in fit.fit.constants
     ]
-    notes = []
+    notes = [
+        f"{fit.kind}: {unmeasured(fit)}"
+        for fit in (infrared, ambient)
+        if fit is not None and not fit.measured
+    ]
     if ambient is not None and not any(
         isinstance(r, SensorRecording) and r.kind == "ambient" and r.arena is not None for r in recordings
     ):
@@ -181,12 +210,11 @@ def _provenance(
 
 
 def _fitted(fit: ChannelFit) -> FittedChannel:
-    main = next((e.deviation for e in fit.noise if e.channel != "proximity_dark"), 0.0)
     errors = [m.error for m in fit.sensors]
     error = float(np.sqrt(np.mean(np.square(errors))))
     return FittedChannel(
         channel=fit.kind, form=fit.form, rmse=fit.rmse, held_out_rmse=fit.held_out[fit.form],
-        model_error=error, noise=main, ratio=error / main if main else 0.0,
+        model_error=error, noise=fit.deviation, ratio=error / fit.deviation,
     )  # fmt: skip
 
 
@@ -209,10 +237,10 @@ def _wheel_warnings(wheels: WheelFit | None) -> list[str]:
         return []
     out = []
     if wheels.odometry is None:
+        seen = "a camera saw too little" if wheels.camera else "no camera saw the robot"
         out.append(
-            f"wheels: no camera saw the robot: {PULSES_PER_CM / 10:g} pulses per mm are assumed, "
-            f"track and noise "
-            "of the wheels are the base profile's"
+            f"wheels: {seen}: {PULSES_PER_CM / 10:g} pulses per mm are assumed, track and noise of the "
+            "wheels are the base profile's"
         )
     better = wheels.rmse["printed"] / max(wheels.rmse["refitted"], 1e-9)
     if wheels.form == "printed" and better > 1.5:

@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.checks import refuse_nonsense
-from realitygap.calibration.forms import fit_forms
-from realitygap.calibration.infrared import PROXIMITY_COUNTS, infrared_problems, with_infrared
-from realitygap.calibration.judge import LIMITS, Misfit, measure_noise, misfits
-from realitygap.calibration.light import as_bright_as_the_paper, with_light
+from realitygap.calibration.checks import doubtful_light, refuse_nonsense
+from realitygap.calibration.forms import Tick, fit_forms
+from realitygap.calibration.infrared import INFRARED_FORMS, PROXIMITY_COUNTS, infrared_problems, with_infrared
+from realitygap.calibration.light import LIGHT_FORMS, as_bright_as_the_paper, with_light
 from realitygap.calibration.light_forms import AMBIENT_COUNTS, light_problems
+from realitygap.calibration.misfit import LIMITS, Misfit, measure_noise, misfits
 from realitygap.calibration.noise import NoiseEstimate
-from realitygap.calibration.rows import Rows
+from realitygap.calibration.rows import FOLDS, Rows
 from realitygap.calibration.solve import Fit, Free
-from realitygap.errors import CalibrationError
+from realitygap.errors import CalibrationError, ConfigError
 
 if TYPE_CHECKING:
     from realitygap.calibration.recording import SensorRecording
     from realitygap.world.profile import Profile
 
-__all__ = ["ChannelFit", "fit_infrared", "fit_light"]
+__all__ = ["ChannelFit", "fit_infrared", "fit_light", "ticks", "unmeasured"]
 
 Array = NDArray[np.float64]
 
@@ -43,6 +43,8 @@ class ChannelFit:
         fit: constants, intervals, what cannot be told apart.
         by_form: RMSE of every form, counts; held_out: of those that were tried on places held out.
         noise: what could be measured of it.
+        deviation, measured: the noise's where sensors see something, counts, and whether it was measured
+            or is the base profile's.
         sensors: each sensor's misfit.
         dead: sensors that told nothing, and why.
         warnings: in words.
@@ -58,6 +60,8 @@ class ChannelFit:
     by_form: dict[str, float]
     held_out: dict[str, float]
     noise: tuple[NoiseEstimate, ...]
+    deviation: float
+    measured: bool
     sensors: tuple[Misfit, ...]
     dead: dict[int, str]
     warnings: tuple[str, ...]
@@ -74,7 +78,14 @@ class ChannelFit:
         return self.by_form[self.form]
 
 
-def fit_infrared(recordings: Sequence[SensorRecording], base: Profile, form: str) -> ChannelFit:
+def ticks(kind: str, *, beside: bool = True) -> int:
+    """How often the fit of a kind of sensor says that it goes on."""
+    return FOLDS + (len(INFRARED_FORMS) if kind == "infrared" else len(LIGHT_FORMS) if beside else 1)
+
+
+def fit_infrared(
+    recordings: Sequence[SensorRecording], base: Profile, form: str, *, tick: Tick = lambda: None
+) -> ChannelFit:
     """Fit the proximity sensors to all recordings at once.
 
     Raises:
@@ -82,15 +93,21 @@ def fit_infrared(recordings: Sequence[SensorRecording], base: Profile, form: str
     """
     rows = Rows(recordings, base)
     problems, doubt = infrared_problems(rows, base)
-    fits, held_out = fit_forms(rows, problems, form, PROXIMITY_COUNTS)
+    fits, held_out = fit_forms(rows, problems, form, PROXIMITY_COUNTS, tick)
     values = _mend_dead(fits[form].values, problems[form].frees, rows.dead)
+    fits[form] = _mended(fits[form], values, rows.dead)
     made = with_infrared(problems[form].base, values)
     found = _channel("infrared", form, rows, fits, held_out, made)
     return replace(found, warnings=(*found.warnings, doubt)) if doubt and form == "extended" else found
 
 
 def fit_light(
-    recordings: Sequence[SensorRecording], base: Profile, form: str, *, beside: bool = True
+    recordings: Sequence[SensorRecording],
+    base: Profile,
+    form: str,
+    *,
+    beside: bool = True,
+    tick: Tick = lambda: None,
 ) -> ChannelFit:
     """Fit the ambient sensors to all recordings at once; `beside` the form all others for comparison.
 
@@ -105,9 +122,16 @@ def fit_light(
             "brightness: calibrate from one kind."
         )
     room = rooms.pop()
-    problems = light_problems(rows, base, form, room=room, beside=beside)
-    fits, held_out = fit_forms(rows, problems, form, AMBIENT_COUNTS)
+    try:
+        problems = light_problems(rows, base, form, room=room, beside=beside)
+        fits, held_out = fit_forms(rows, problems, form, AMBIENT_COUNTS, tick)
+    except ConfigError as error:  # on its way the fit came to a robot that cannot be
+        named = ", ".join(r.source for r in recordings)
+        raise CalibrationError(
+            f"{named}: no ambient light's readings: {str(error).rstrip('.')}. Is its kind right?"
+        ) from None
     values = _mend_dead(fits[form].values, problems[form].frees, rows.dead)
+    fits[form] = _mended(fits[form], values, rows.dead)
     profile = with_light(problems[form].base, values, form)
     if not room:
         profile = as_bright_as_the_paper(profile)
@@ -127,6 +151,18 @@ def _mend_dead(values: dict[str, Array], frees: Sequence[Free], dead: dict[int, 
     return out
 
 
+def _mended(fit: Fit, values: dict[str, Array], dead: Collection[int]) -> Fit:
+    """The fit with dead sensors' constants as the profile has them: no reading told them."""
+    at = {f"{key}[{k}]": float(value[k]) for key, value in values.items() if len(value) > 1 for k in dead}
+    constants = tuple(
+        replace(c, value=at[c.key], low=min(c.low, at[c.key]), high=max(c.high, at[c.key]), told=False)
+        if c.key in at
+        else c
+        for c in fit.constants
+    )
+    return replace(fit, constants=constants)
+
+
 def _channel(
     kind: str, form: str, rows: Rows, fits: dict[str, Fit], held_out: dict[str, float], profile: Profile
 ) -> ChannelFit:
@@ -139,49 +175,55 @@ def _channel(
         [replace(r, counts=part) for r, part in zip(rows.recordings, np.split(live, ends), strict=True)],
         np.split(fit.model, ends),
     )
-    main = next((e.deviation for e in noise if e.channel in ("proximity", "ambient")), None)
-    deviation = main or (PROXIMITY_COUNTS if kind == "infrared" else AMBIENT_COUNTS)
+    main = next((e.deviation for e in noise if e.channel in ("proximity", "ambient")), 0.0)
+    deviation = main or (profile.noise.proximity if kind == "infrared" else profile.noise.ambient)
+    deviation = deviation or (PROXIMITY_COUNTS if kind == "infrared" else AMBIENT_COUNTS)
     sensors = tuple(
         m for m in misfits(rows.counts, fit.model, rows.place, kind, deviation) if m.sensor not in rows.dead
     )
     by_form = {name: rows.rmse(one.model) for name, one in fits.items()}
     span = np.stack([np.percentile(rows.counts, q, axis=0) for q in (0.5, 99.5)], 1)
-    return ChannelFit(
+    made = ChannelFit(
         kind=kind, form=form, profile=profile, fit=fit, by_form=by_form, held_out=held_out,
-        noise=tuple(noise), sensors=sensors, dead=rows.dead, source=source,
-        warnings=(
-            *rows.warnings,
-            *_warnings(kind, by_form[form], held_out[form], sensors, fit, noise, deviation),
-        ),
+        noise=tuple(noise), deviation=deviation, measured=main > 0, sensors=sensors, dead=rows.dead,
+        source=source, warnings=rows.warnings,
         distance_cm=rows.distance, bearing_deg=rows.bearing, counts=rows.counts, model=fit.model, span=span,
     )  # fmt: skip
+    return replace(made, warnings=(*made.warnings, *_warnings(made)))
 
 
-def _warnings(
-    kind: str,
-    rmse: float,
-    held_out: float,
-    sensors: Sequence[Misfit],
-    fit: Fit,
-    noise: Sequence[NoiseEstimate],
-    deviation: float,
-) -> list[str]:
-    limit, out = LIMITS[kind], []
-    over = [m for m in sensors if m.ratio > limit]
+def _warnings(made: ChannelFit) -> list[str]:
+    kind, limit, out = made.kind, LIMITS[made.kind], []
+    over = [m for m in made.sensors if m.ratio > limit]
     if over:
         which = ", ".join(f"{m.sensor} ({m.ratio:.1f})" for m in over)
         out.append(
-            f"{kind}: model error is more than {limit:g} noise deviations ({deviation:.3g} "
+            f"{kind}: model error is more than {limit:g} noise deviations ({made.deviation:.3g} "
             f"counts) for sensors "
             f"{which}: there the level of noise can explain nothing"
         )
-    if held_out > OVERFITTED * rmse:
+    held_out = made.held_out[made.form]
+    if held_out > OVERFITTED * made.rmse:
         out.append(
-            f"{kind}: RMSE {held_out:.3g} on places held out, {rmse:.3g} on those fitted: the form overfits"
+            f"{kind}: RMSE {held_out:.3g} on places held out, {made.rmse:.3g} on those fitted: the form "
+            "overfits"
         )
-    vague = [c.key for c in fit.constants if not c.told]
+    dead = tuple(f"[{k}]" for k in made.dead)
+    vague = [c.key for c in made.fit.constants if not c.told and not c.key.endswith(dead)]
     if vague:
         out.append(f"{kind}: the data do not decide {', '.join(vague)}: bounds or a mild prior do")
-    if not noise:
-        out.append(f"{kind}: too little to measure noise by; the base profile's is kept")
+    out += doubtful_light(made)
+    if not made.measured:
+        out.append(
+            f"{kind}: {unmeasured(made)}. Several readings at each place, or bearings close together, "
+            "measure it"
+        )
     return out
+
+
+def unmeasured(made: ChannelFit) -> str:
+    """What a noise that was not measured means, in words."""
+    return (
+        f"too little to measure noise by where sensors see something: {made.deviation:.3g} counts are "
+        "assumed, and model error over noise rests on them"
+    )

@@ -6,6 +6,7 @@ whole does is refused.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,14 +15,20 @@ from numpy.typing import NDArray
 from realitygap.errors import CalibrationError
 
 if TYPE_CHECKING:
-    from realitygap.calibration.recording import SensorRecording
+    from realitygap.calibration.channels import ChannelFit
+    from realitygap.calibration.recording import Recording, SensorRecording
     from realitygap.world.profile import Profile
 
-__all__ = ["dead_sensors", "refuse_nonsense", "refuse_swapped", "refuse_units"]
+__all__ = [
+    "dead_sensors", "doubtful_light", "refuse_mixed", "refuse_nonsense", "refuse_other_kind",
+    "refuse_swapped", "refuse_units",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
 FULL = 1023.0
+DARKEST = 10.0
+"""Ambient light reads more, counts, however bright: a Khepera's sensors end at about 50."""
 STILL = 30.0
 """A sensor whose readings span less than this, counts, shows nothing."""
 SATURATED_SHARE = 0.8
@@ -31,6 +38,8 @@ BLIND_CM, DAZZLED_CM, BRIGHT = 15.0, 1.0, 300.0
 """Beyond, and nearer than, which a Khepera's infrared sees nothing, and any object as bright."""
 FEWEST_LIT = 40
 EXPLAINED = 0.5
+FAR_OFF, NARROW = 10.0, 4.0
+"""Model error over noise, and an angular exponent, from which on a light's distances are doubted."""
 
 
 def dead_sensors(recording: SensorRecording) -> dict[int, str]:
@@ -117,6 +126,20 @@ def refuse_units(recording: SensorRecording) -> None:
         )
 
 
+def refuse_other_kind(recording: SensorRecording) -> None:
+    """Refuse ambient light whose readings lie where proximity's do: at the converter's ends.
+
+    Raises:
+        CalibrationError: says how many do.
+    """
+    ends = ((recording.counts >= FULL) | (recording.counts < DARKEST)).mean()
+    if recording.kind == "ambient" and ends > 0.5:
+        raise CalibrationError(
+            f"{recording.source}: {ends:.0%} of the readings lie at the ends 0 and {FULL:g}, as proximity's "
+            'do, and no ambient light\'s. Is its kind "infrared"?'
+        )
+
+
 def refuse_nonsense(where: str, counts: Array, model: Array, dead: dict[int, str]) -> None:
     """Refuse a fit that explains less than half of what the sensors did.
 
@@ -132,6 +155,46 @@ def refuse_nonsense(where: str, counts: Array, model: Array, dead: dict[int, str
             f"readings change: this "
             "is no recording of such an object, or its distances and bearings are not those of its rows."
         )
+
+
+def doubtful_light(made: ChannelFit) -> list[str]:
+    """A warning where a linear law of light is far off, or its lobe odd: as with distances in another unit.
+
+    The paper's law is far off on any sensor that reads light linearly: that says nothing of distances.
+    """
+    if made.kind != "ambient" or made.profile.ambient.response != "linear" or not made.sensors:
+        return []
+    error = float(np.sqrt(np.mean([m.ratio**2 for m in made.sensors])))
+    facing = made.profile.ambient.facing
+    if error < FAR_OFF and facing < NARROW:
+        return []
+    return [
+        f"ambient: model error of {error:.1f} noise deviations, sensors with an angular exponent of "
+        f"{facing:.1f} (a Khepera's is about 1.3): are distances in cm, from the body's edge to the lamp?"
+    ]
+
+
+def refuse_mixed(recordings: Sequence[Recording]) -> None:
+    """Refuse recordings of several robots, and one that is given twice.
+
+    Raises:
+        CalibrationError: names both.
+    """
+    by_hash: dict[str, str] = {}
+    for recording in recordings:
+        if recording.hash in by_hash:
+            other = by_hash[recording.hash]
+            raise CalibrationError(f"{recording.source}: the same recording as {other}. Give it once.")
+        if recording.hash:
+            by_hash[recording.hash] = recording.source
+    for key in ("unit", "port"):
+        said = {str(r.facts[key]): r.source for r in recordings if key in r.facts}
+        if len(said) > 1:
+            (one, here), (two, there) = list(said.items())[:2]
+            raise CalibrationError(
+                f"recordings of several robots: {here} has {key} {one}, {there} has {key} {two}. Calibrate "
+                f"each robot by itself, or correct {key} in recording.toml if it is the same."
+            )
 
 
 def _signal(recording: SensorRecording) -> Array:

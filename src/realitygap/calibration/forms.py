@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,9 +15,11 @@ from realitygap.calibration.solve import Fit, Free, Model, Values, solve
 if TYPE_CHECKING:
     from realitygap.world.profile import Profile
 
-__all__ = ["Problem", "fit_forms", "solve_form"]
+__all__ = ["Problem", "Tick", "fit_forms", "solve_form"]
 
 Array = NDArray[np.float64]
+
+Tick = Callable[[], None]
 
 NEUTRAL = {"offset_cm": np.zeros(1), "exponent": np.ones(1)}
 SCANS_DEG, FINE_DEG, SCAN = (12.0, 3.0), (3.0, 1.0, 0.3), 17
@@ -38,11 +40,15 @@ class Problem:
 
 
 def fit_forms(
-    rows: Rows, problems: Mapping[str, Problem], form: str, noise: float
+    rows: Rows, problems: Mapping[str, Problem], form: str, noise: float, tick: Tick
 ) -> tuple[dict[str, Fit], dict[str, float]]:
-    """Every form's fit, and the RMSE on places held out of the form that was asked for."""
+    """Every form's fit, and the RMSE on places held out of the form that was asked for.
+
+    `tick` is called before each fit.
+    """
     fits: dict[str, Fit] = {}
     for name, problem in problems.items():
+        tick()
         fits[name] = solve_form(rows, problem, noise, intervals=name == form)
         simpler = list(fits.values())[:-1]
         if simpler and _lost(rows, fits[name], simpler[-1]):
@@ -53,6 +59,7 @@ def fit_forms(
                 fits[name] = again
     folds, off = rows.folds(), np.zeros(rows.counts.shape)
     for fold in range(FOLDS):
+        tick()
         out = folds == fold
         if not out.any() or out.all():
             continue

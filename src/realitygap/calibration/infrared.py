@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.forms import Problem, solve_form
 from realitygap.calibration.forward import Scene, proximity
+from realitygap.calibration.neutral import neutral_infrared
 from realitygap.calibration.rows import Rows
 from realitygap.calibration.solve import ROBUST_AT, Fit, Free, Values
 
@@ -70,6 +71,7 @@ def preference(rows: Rows, one: Fit, *, over: Fit) -> float:
 
 
 def _problem(form: str, rows: Rows, base: Profile) -> Problem:
+    base = neutral_infrared(base) if form == "paper" else base
     return Problem(
         frees=infrared_frees(form, base, [name for name, _ in rows.scenes]),
         model=lambda values: infrared_model(base, values, rows.scenes),

@@ -1,14 +1,14 @@
-"""How far a model is from readings: RMSE, bias, and model error over noise, for each sensor."""
+"""A profile judged by recordings: RMSE, bias, and model error over noise, for each sensor."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.calibration.checks import dead_sensors, refuse_other_kind, refuse_swapped, refuse_units
 from realitygap.calibration.forward import (
     Scene,
     illumination,
@@ -17,45 +17,39 @@ from realitygap.calibration.forward import (
     scene_of,
     wheel_speeds,
 )
-from realitygap.calibration.noise import NoiseEstimate, dark_noise, lit_noise, sample_noise
-from realitygap.calibration.odometry import measure_odometry
+from realitygap.calibration.misfit import LIMITS, Misfit, measure_noise, misfits
+from realitygap.calibration.odometry import enough_pictures, measure_odometry
 from realitygap.calibration.recording import SensorRecording, WheelRecording
+from realitygap.calibration.wheel_checks import (
+    refuse_camera,
+    refuse_counters,
+    refuse_few_steps,
+    refuse_lengths,
+    refuse_still,
+)
 from realitygap.calibration.wheels import PULSES_PER_CM, measured_speeds
 from realitygap.errors import CalibrationError
 
 if TYPE_CHECKING:
+    from realitygap.calibration.odometry import Odometry
     from realitygap.calibration.recording import Recording
     from realitygap.world.profile import Profile
 
-__all__ = ["LIMITS", "Judgement", "Misfit", "judge", "measure_noise", "misfits"]
+__all__ = ["LIMITS", "Judgement", "judge"]
 
 Array = NDArray[np.float64]
 
-LIMITS = {"infrared": 2.0, "ambient": 1.0}
-"""Model error over noise deviation, beyond which the level of noise can explain nothing."""
 FITS = 1.25
 """A measured noise deviation within this factor of the profile's fits it."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Misfit:
-    """One sensor: model minus measured, counts.
-
-    `error` is what is left of the RMSE of each place's mean without the noise; `ratio` is that over the
-    noise's deviation, `lit_ratio` the same where readings are neither dark nor saturated.
-    """
-
-    sensor: int
-    rmse: float
-    bias: float
-    error: float
-    ratio: float
-    lit_ratio: float
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Judgement:
-    """A profile against one recording: counts, or cm/s for wheels."""
+    """A profile against one recording: counts, or cm/s for wheels.
+
+    `per_sensor` and all sums leave out sensors that tell nothing; `warnings` name them, and all else
+    that makes the recording doubtful.
+    """
 
     kind: str
     source: str
@@ -67,6 +61,7 @@ class Judgement:
     brightness: float
     counts: Array = field(repr=False)
     model: Array = field(repr=False)
+    warnings: tuple[str, ...] = ()
 
     @property
     def noise_fits(self) -> bool | None:
@@ -87,7 +82,7 @@ class Judgement:
         return {
             "kind": self.kind, "source": self.source, "rmse": self.rmse, "bias": self.bias,
             "per_sensor": sensors, "noise": {**noise, "fits": self.noise_fits},
-            "turn_deg": self.turn_deg, "brightness": self.brightness,
+            "turn_deg": self.turn_deg, "brightness": self.brightness, "warnings": list(self.warnings),
         }  # fmt: skip
 
 
@@ -105,9 +100,11 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
             f"{recording.source}: expected {len(part.sensors)} sensors, as profile {profile.name!r} has, "
             f"got {recording.sensors}."
         )
-    scene = scene_of(recording)
-    turn, brightness, model = _fitted_out(recording, profile, scene)
-    estimates = measure_noise([recording], [model])
+    dead, warnings = _doubts(recording, profile)
+    live = [k for k in range(recording.sensors) if k not in dead]
+    turn, brightness, model = _fitted_out(recording, profile, scene_of(recording), live)
+    known = np.where(np.isin(np.arange(recording.sensors), live), recording.counts, np.nan)
+    estimates = measure_noise([replace(recording, counts=known)], [model])
     stated = {
         "proximity": profile.noise.proximity,
         "proximity_dark": profile.noise.proximity_dark,
@@ -116,25 +113,42 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     noise = {e.channel: (e.deviation, stated[e.channel]) for e in estimates}
     main = "proximity" if recording.kind == "infrared" else "ambient"
     deviation = noise.get(main, (stated[main], 0.0))[0]
-    off = model - recording.counts
+    off = (model - recording.counts)[:, live]
+    found = misfits(recording.counts, model, recording.place(), recording.kind, deviation)
     return Judgement(
         kind=recording.kind,
         source=recording.source,
         rmse=float(np.sqrt((off**2).mean())),
         bias=float(off.mean()),
-        per_sensor=misfits(recording.counts, model, recording.place(), recording.kind, deviation),
+        per_sensor=tuple(m for m in found if m.sensor in live),
         noise=noise,
         turn_deg=turn,
         brightness=brightness,
         counts=recording.counts,
         model=model,
+        warnings=warnings,
     )
 
 
-def _fitted_out(recording: SensorRecording, profile: Profile, scene: Scene) -> tuple[float, float, Array]:
-    """The rig's turn (degrees), an unknown lamp's brightness, and the model's readings with both."""
-    from dataclasses import replace
+def _doubts(recording: SensorRecording, profile: Profile) -> tuple[dict[int, str], tuple[str, ...]]:
+    """Sensors that tell nothing, and in words what a calibration would warn of or refuse."""
+    dead: dict[int, str] = {}
+    said = list(recording.warnings)
+    try:
+        refuse_other_kind(recording)
+        refuse_units(recording)
+        dead = dead_sensors(recording)
+        said += [f"{recording.source}: {reason}" for reason in dead.values()]
+        said += refuse_swapped(recording, profile, dead)
+    except CalibrationError as error:
+        said.append(str(error))
+    return dead, tuple(dict.fromkeys(said))
 
+
+def _fitted_out(
+    recording: SensorRecording, profile: Profile, scene: Scene, live: list[int]
+) -> tuple[float, float, Array]:
+    """The rig's turn (degrees), an unknown lamp's brightness, and the model's readings with both."""
     from scipy.optimize import least_squares
 
     known = recording.pose is not None and recording.arena is not None
@@ -154,10 +168,11 @@ def _fitted_out(recording: SensorRecording, profile: Profile, scene: Scene) -> t
         return 0.0, 1.0, readings(np.zeros(2))
     size = 2 if lamp else 1
     starts = [np.array([0.0, s])[:size] for s in (np.linspace(-14, 14, 15) if lamp else (0.0,))]
-    start = min(starts, key=lambda theta: float(((readings(theta) - recording.counts) ** 2).sum()))
 
     def residuals(theta: Array) -> Array:
-        return np.asarray((readings(theta) - recording.counts).ravel())
+        return np.asarray((readings(theta) - recording.counts)[:, live].ravel())
+
+    start = min(starts, key=lambda theta: float((residuals(theta) ** 2).sum()))
 
     found = least_squares(
         residuals,
@@ -167,67 +182,12 @@ def _fitted_out(recording: SensorRecording, profile: Profile, scene: Scene) -> t
     return float(found.x[0]), float(np.exp(found.x[1])) if lamp else 1.0, readings(found.x)
 
 
-def measure_noise(recordings: Sequence[SensorRecording], models: Sequence[Array]) -> list[NoiseEstimate]:
-    """Noise of recordings of one kind, pooled: lit and dark proximity, or ambient."""
-    samples, first = [], 0
-    for recording, model in zip(recordings, models, strict=True):
-        sample = sample_noise(
-            recording.counts,
-            model,
-            recording.place(),
-            distance=recording.distance_cm,
-            bearing=recording.bearing_deg,
-        )
-        samples.append((sample, first))
-        first += len(recording.counts)
-    joined = type(samples[0][0])(
-        z=np.concatenate([s.z for s, _ in samples]),
-        level=np.concatenate([s.level for s, _ in samples]),
-        model=np.concatenate([s.model for s, _ in samples]),
-        group=np.concatenate([s.group + shift for s, shift in samples]),
-    )
-    if recordings[0].kind == "ambient":
-        found = [lit_noise(joined, "ambient")]
-    else:
-        counts = np.concatenate([r.counts for r in recordings])
-        place = np.concatenate([r.place() + shift for r, (_, shift) in zip(recordings, samples, strict=True)])
-        found = [lit_noise(joined, "proximity"), dark_noise(counts, np.concatenate(models), place)]
-    return [estimate for estimate in found if estimate is not None]
-
-
-def misfits(
-    counts: Array, model: Array, place: NDArray[np.int64], kind: str, deviation: float
-) -> tuple[Misfit, ...]:
-    """Each sensor's misfit; the noise of a place's mean is taken out of the model's error."""
-    many = np.bincount(place)
-    mean = np.stack([np.bincount(place, column) for column in counts.T], 1) / many[:, None]
-    said = np.stack([np.bincount(place, column) for column in model.T], 1) / many[:, None]
-    off = said - mean
-    low, high = (3 * deviation, 1023 - 3 * deviation) if kind == "infrared" else (-np.inf, np.inf)
-    lit = (mean > low) & (mean < high)
-    noisy = deviation**2 / many[:, None] * np.where(lit, 1.0, 0.0)
-    out = []
-    for k in range(counts.shape[1]):
-        error = np.sqrt(max(0.0, float((off[:, k] ** 2 - noisy[:, k]).mean())))
-        some = lit[:, k]
-        in_light = (
-            np.sqrt(max(0.0, float((off[some, k] ** 2 - noisy[some, k]).mean()))) if some.any() else np.nan
-        )
-        raw = model[:, k] - counts[:, k]
-        out.append(
-            Misfit(
-                sensor=k, rmse=float(np.sqrt((raw**2).mean())), bias=float(raw.mean()), error=float(error),
-                ratio=float(error / max(deviation, 1e-9)), lit_ratio=float(in_light / max(deviation, 1e-9)),
-            )
-        )  # fmt: skip
-    return tuple(out)
-
-
 def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
     odometry = measure_odometry(recording, PULSES_PER_CM, profile.wheels.track_cm)
     stated = profile.provenance.pulses_per_mm
     per_pulse = (0.1 / stated[0], 0.1 / stated[1]) if len(stated) == 2 else (1 / PULSES_PER_CM,) * 2
     measured = measured_speeds(recording, odometry.cm_per_pulse if odometry else per_pulse)
+    refuse_few_steps(recording, measured)
     model = wheel_speeds(profile, recording)
     off = model - measured
     rmse, bias = np.sqrt(np.nanmean(off**2, axis=0)), np.nanmean(off, axis=0)
@@ -247,4 +207,20 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
         bias=float(bias.mean()),
         per_sensor=sides, noise={"wheel": (odometry.slip, profile.noise.wheel)} if odometry else {},
         turn_deg=0.0, brightness=1.0, counts=measured, model=model,
+        warnings=_wheel_doubts(recording, profile, odometry),
     )  # fmt: skip
+
+
+def _wheel_doubts(recording: WheelRecording, profile: Profile, odometry: Odometry | None) -> tuple[str, ...]:
+    """What a calibration would warn of or refuse, in words."""
+    said = list(recording.warnings)
+    try:
+        refuse_still(recording)
+        refuse_counters(recording)
+        if odometry is not None:
+            refuse_lengths(recording, odometry, profile)
+        elif enough_pictures(recording, PULSES_PER_CM, profile.wheels.track_cm):
+            refuse_camera(recording)
+    except CalibrationError as error:
+        said.append(str(error))
+    return tuple(dict.fromkeys(said))

@@ -23,7 +23,6 @@ __all__ = [
     "as_bright_as_the_paper",
     "light_frees",
     "light_model",
-    "spread_gains",
     "with_light",
 ]
 
@@ -146,6 +145,9 @@ def with_light(profile: Profile, values: Values, form: str) -> Profile:
         for key in ("direction_deg", "floor_shift", "dark_shift")
         if key in values
     }
+    if "floor_shift" in values:  # no sensor reads below 0, where few places are bright enough to tell
+        lowest = np.maximum(values["floor_shift"], -values["floor"])
+        columns["floor_shift"] = np.broadcast_to(lowest, (n,)).tolist()
     if "log_gain" in values:
         columns["gain"] = np.broadcast_to(np.exp(values["log_gain"]), (n,)).tolist()
     for key, axis in (("x_cm", "forward_cm"), ("y_cm", "left_cm")):
@@ -192,11 +194,6 @@ class LightMemory:
                 [illumination(profile, scene, turn) for (_, scene), turn in pairs]
             )
         return self._kept[key]
-
-
-def spread_gains(values: Values) -> Array:
-    """Gains [S or 1] of fitted values."""
-    return np.asarray(np.exp(values["log_gain"]))
 
 
 def as_bright_as_the_paper(profile: Profile) -> Profile:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from realitygap.calibration.forms import Problem, solve_form
 from realitygap.calibration.light import LIGHT_FORMS, LightMemory, light_frees, light_model
+from realitygap.calibration.neutral import neutral_light
 from realitygap.calibration.rows import Rows
 from realitygap.world.sensors import RAY_NUMBERS
 
@@ -46,6 +47,7 @@ def _problem(
     form: str, rows: Rows, base: Profile, *, room: bool, falloff: float = 2.0, **light: float
 ) -> Problem:
     """A form's fit with reflected light of one kind; `light` are keys of [ambient]."""
+    base = neutral_light(base) if form == "paper" else base
     law = base.ambient
     reflectance = law.reflectance if falloff == law.falloff else law.reflectance / 30.0
     changes = {"falloff": falloff, "reflectance": reflectance, **light}

@@ -39,12 +39,14 @@ class Sample:
     """Noise at places: `z` [m, S] deviations, scaled to the noise's own; `level` [m, S] what was read there.
 
     `group` [m]: values of one group were made from common readings. NaN where nothing was measured.
+    `tails`: the share of the noise's own excess kurtosis that sums of several readings still have.
     """
 
     z: Array
     level: Array
     model: Array
     group: NDArray[np.int64]
+    tails: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,9 +56,8 @@ class NoiseEstimate:
     Attributes:
         channel: "proximity", "proximity_dark" or "ambient".
         deviation, low, high: counts, with a 95 % interval.
-        per_sensor: [S] deviations; NaN where too little was measured.
         bins: (mean reading, deviation) over the range, in equal shares of the data.
-        kurtosis: excess over the normal's.
+        kurtosis: excess over the normal's, of one reading's noise.
         beyond: share of values beyond three deviations (normal: 0.27 %).
         values: noise in deviations, for a picture.
         count: how many values.
@@ -66,7 +67,6 @@ class NoiseEstimate:
     deviation: float
     low: float
     high: float
-    per_sensor: Array
     bins: tuple[tuple[float, float], ...]
     kurtosis: float
     beyond: float
@@ -124,6 +124,7 @@ def _from_neighbours(counts: Array, model: Array, distance: Array, bearing: Arra
     return Sample(
         z=np.concatenate(z), level=np.concatenate(level), model=np.concatenate(modelled),
         group=np.arange(sum(map(len, z))) // 4,
+        tails=float((FOURTH**4).sum() / (FOURTH**2).sum() ** 2),
     )  # fmt: skip
 
 
@@ -161,17 +162,15 @@ def _estimate(sample: Sample, use: NDArray[np.bool_], channel: str) -> NoiseEsti
     drawn = random.integers(0, len(squares), (RESAMPLES, len(squares)))
     spread = np.sqrt(squares[drawn].sum(1) / np.maximum(counts[drawn].sum(1), 1))
     deviation = float(np.sqrt(square.sum() / many.sum()))
-    enough = use.sum(axis=0) >= FEWEST
-    per_sensor = np.sqrt((z**2).sum(axis=0) / np.maximum(use.sum(axis=0), 1))
     unit = sample.z[use] / max(deviation, 1e-12)
+    kurtosis = float(np.mean(unit**4) / max(float(np.mean(unit**2)) ** 2, 1e-12) - 3.0)
     return NoiseEstimate(
         channel=channel,
         deviation=deviation,
         low=float(np.quantile(spread, 0.025)),
         high=float(np.quantile(spread, 0.975)),
-        per_sensor=np.where(enough, per_sensor, np.nan),
         bins=_bins(sample.level[use], sample.z[use]),
-        kurtosis=float(np.mean(unit**4) / max(float(np.mean(unit**2)) ** 2, 1e-12) - 3.0),
+        kurtosis=kurtosis / sample.tails,
         beyond=float((np.abs(unit) > 3.0).mean()),
         count=int(use.sum()),
         values=unit,

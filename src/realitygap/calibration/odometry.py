@@ -15,7 +15,7 @@ from realitygap.calibration.solve import SIGMAS, Constant
 if TYPE_CHECKING:
     from realitygap.calibration.recording import WheelRecording
 
-__all__ = ["Odometry", "measure_odometry"]
+__all__ = ["Odometry", "enough_pictures", "measure_odometry"]
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,6 @@ class Odometry:
         track_cm: between the wheels.
         slip: deviation of the way of one step, as a share of it (of what ways of some steps add up
             to, where no camera saw each step).
-        camera_cm: deviation of a way that is the camera's own.
         drift_deg_per_m: how far the heading drifts where both wheels are told the same.
         constants: with intervals.
         ways: [m, 2] encoder ways (cm), and what the camera saw beyond them, [m, 2].
@@ -47,7 +46,6 @@ class Odometry:
     cm_per_pulse: tuple[float, float]
     track_cm: float
     slip: float
-    camera_cm: float
     drift_deg_per_m: float
     constants: tuple[Constant, ...]
     ways: Array = field(repr=False)
@@ -95,7 +93,7 @@ def measure_odometry(recording: WheelRecording, pulses_per_cm: float, track_cm: 
     few = 1.0 / math.sqrt(2.0 * beyond.size)
     told = _of_one_step(recording, pulses_per_cm, theta)
     if told is not None:
-        slip, camera, few = told
+        slip, few = told
     names = ("cm_per_pulse_left", "cm_per_pulse_right", "track_cm")
     constants = tuple(
         Constant(key=k, value=float(v), low=float(v - SIGMAS * d), high=float(v + SIGMAS * d))
@@ -109,7 +107,6 @@ def measure_odometry(recording: WheelRecording, pulses_per_cm: float, track_cm: 
         cm_per_pulse=(float(theta[0]), float(theta[1])),
         track_cm=float(theta[2]),
         slip=slip,
-        camera_cm=camera,
         drift_deg_per_m=_drift(ways),
         constants=(*constants, share),
         ways=ways.pulses * theta[:2],
@@ -117,10 +114,13 @@ def measure_odometry(recording: WheelRecording, pulses_per_cm: float, track_cm: 
     )
 
 
-def _of_one_step(
-    recording: WheelRecording, pulses_per_cm: float, theta: Array
-) -> tuple[float, float, float] | None:
-    """Slip over one step, the camera's own error (cm), and the slip's relative deviation.
+def enough_pictures(recording: WheelRecording, pulses_per_cm: float, track_cm: float) -> bool:
+    """Whether a camera saw so much that lengths should follow from it."""
+    return _between_pictures(recording, pulses_per_cm, track_cm, apart=APART) is not None
+
+
+def _of_one_step(recording: WheelRecording, pulses_per_cm: float, theta: Array) -> tuple[float, float] | None:
+    """Slip over one step, and its relative deviation.
 
     From pictures of a steady drive at every step; None without enough of them. Slip hangs together
     over some steps, so that what it adds up to over many says little about one.
@@ -135,7 +135,7 @@ def _of_one_step(
         likely = slip**2 * squares + camera**2
         seen = np.asarray((np.abs(beyond) < WILD * np.sqrt(likely)).all(axis=1))
         slip, camera = _slip(beyond[seen], squares[seen])
-    return slip, camera, 1.0 / math.sqrt(2.0 * beyond[seen].size)
+    return slip, 1.0 / math.sqrt(2.0 * beyond[seen].size)
 
 
 def _between_pictures(

@@ -12,9 +12,7 @@ from realitygap.errors import RecordingError
 from realitygap.values import Pose
 from realitygap.world.arena import Arena, load_arena
 
-__all__ = ["PLANS", "Place", "SensorPlan", "ambient_plan", "infrared_plan", "plain_room", "sensor_plans"]
-
-PLANS = ("infrared", "ambient", "wheels", "all")
+__all__ = ["Place", "SensorPlan", "ambient_plan", "infrared_plan", "plain_room", "sensor_plans"]
 
 DISTANCES_CM = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.5, 8.0)
 """From nearly touching to where a Khepera sees nothing; close together where the curve is steep."""
@@ -134,7 +132,10 @@ def ambient_plan() -> SensorPlan:
 
 
 def sensor_plans(plan: str, name: str | None = None) -> tuple[SensorPlan, ...]:
-    """The sensors' part of a plan of `PLANS`; `name` is the one object of the infrared's."""
+    """The sensors' part of the plan "infrared", "ambient", "wheels" or "all".
+
+    `name` is the infrared's one object.
+    """
     out = []
     if plan in ("infrared", "all"):
         out += [infrared_plan(one) for one in ((name,) if name else ("wall", CYLINDER))]

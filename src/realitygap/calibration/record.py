@@ -12,14 +12,14 @@ import hashlib
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, suppress
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from realitygap.calibration.plans import SensorPlan, sensor_plans
+from realitygap.calibration.plans import Place, SensorPlan, sensor_plans
 from realitygap.calibration.plans_wheels import ROOM, Trial, wheel_plan
-from realitygap.calibration.record_journal import Journal, refuse_another
+from realitygap.calibration.record_journal import ARENA, Journal, refuse_another
 from realitygap.calibration.record_site import EnoughError, Site, TwinSite
 from realitygap.calibration.recording import BODY_RADIUS_CM
 from realitygap.calibration.recording_files import POSE, READINGS, STEP_COLUMNS, STEPS, UNITS
@@ -33,19 +33,22 @@ REPEATS = 10
 APART_S = 0.3
 """Time between two readings at a place: noise that comes and goes slowly shows too."""
 
+FLOOR = "Clear a level floor of 60 by 60 cm; a camera above it is welcome."
 SENSORS = 8
 STEP_S = 0.1
 
 Progress = Callable[[str, int, int], None]
 """Is told the recording's name, the places done, and all."""
 
+Stop = TypeVar("Stop", Place, Trial)
 OpenSite = Callable[[str, Mapping[str, Any], int], AbstractContextManager[Site]]
 """Opens the site of a recording: of its name, in a room, with so many places done already."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Made:
-    """A recording that was made: places of which so many are `done`, and how long it took."""
+    """A recording that was made: places of which so many are `done`, how long it took, and whether the
+    person stopped there for today."""
 
     folder: Path
     name: str
@@ -53,6 +56,7 @@ class Made:
     places: int
     done: int
     seconds: float
+    stopped: bool = False
 
     @property
     def finished(self) -> bool:
@@ -114,6 +118,8 @@ def record(
             made.append(_sensors(part, place, open_site, known, repeats, resume, report))
         else:
             made.append(_wheels(part, place, open_site, known, resume, report))
+        if made[-1].stopped:
+            break
     return made
 
 
@@ -129,7 +135,7 @@ def _sensors(
     begun = time.perf_counter()
     own = {"kind": plan.kind, "object": plan.object, "body_radius_cm": BODY_RADIUS_CM, "sensors": SENSORS}
     if plan.arena is not None:
-        own["arena"] = "arena.toml"
+        own["arena"] = ARENA
         folder.mkdir(parents=True, exist_ok=True)
     journal = Journal(
         folder,
@@ -141,19 +147,21 @@ def _sensors(
         resume=resume,
     )
     if plan.arena is not None:
-        (folder / "arena.toml").write_text(plan.arena.to_toml(), "utf-8")
+        (folder / ARENA).write_text(plan.arena.to_toml(), "utf-8")
     left = [place for place in plan.places if _texts(place.where) not in journal.done]
     if not left:
         return _made(journal, plan.name, plan.kind, len(plan.places), begun)
-    with suppress(EnoughError), open_site(plan.name, plan.room, len(journal.done)) as site:
-        site.prepare(plan.begins)
-        for place in left:
-            if site.stand(place):
-                readings = _read(site, plan.kind, repeats)
-                where = _texts(place.where)
-                journal.add([(*where, str(k), *map(str, row)) for k, row in enumerate(readings)])
-            report(plan.name, len(journal.done), len(plan.places))
-    return _made(journal, plan.name, plan.kind, len(plan.places), begun)
+
+    def visit(site: Site, place: Place) -> None:
+        if site.stand(place):
+            readings = _read(site, plan.kind, repeats)
+            where = _texts(place.where)
+            journal.add([(*where, str(k), *map(str, row)) for k, row in enumerate(readings)])
+        report(plan.name, len(journal.done), len(plan.places))
+
+    opened = open_site(plan.name, plan.room, len(journal.done))
+    stopped = _visited(opened, plan.begins, left, visit)
+    return _made(journal, plan.name, plan.kind, len(plan.places), begun, stopped=stopped)
 
 
 def _wheels(
@@ -178,15 +186,34 @@ def _wheels(
     left = [trial for trial in trials if (str(trial.number),) not in journal.done]
     if not left:
         return _made(journal, "wheels", "wheels", len(trials), begun)
-    with suppress(EnoughError), open_site("wheels", ROOM, len(journal.done)) as site:
-        site.prepare("Clear a level floor of 60 by 60 cm; a camera above it is welcome.")
-        for trial in left:
-            if site.begin(trial):
-                rows = drive_trial(site, trial)
-                seen = site.end(trial)
-                journal.add([(*row, *_pose(seen.get(k))) for k, row in enumerate(rows)])
-            report("wheels", len(journal.done), len(trials))
-    return _made(journal, "wheels", "wheels", len(trials), begun)
+
+    def visit(site: Site, trial: Trial) -> None:
+        if site.begin(trial):
+            rows = drive_trial(site, trial)
+            seen = site.end(trial)
+            journal.add([(*row, *_pose(seen.get(k))) for k, row in enumerate(rows)])
+        report("wheels", len(journal.done), len(trials))
+
+    opened = open_site("wheels", ROOM, len(journal.done))
+    stopped = _visited(opened, FLOOR, left, visit)
+    return _made(journal, "wheels", "wheels", len(trials), begun, stopped=stopped)
+
+
+def _visited(
+    opened: AbstractContextManager[Site],
+    begins: str,
+    stops: Sequence[Stop],
+    visit: Callable[[Site, Stop], None],
+) -> bool:
+    """Visit all stops of a part that is not left out; whether the person stops there for today."""
+    try:
+        with opened as site:
+            if site.prepare(begins):
+                for stop in stops:
+                    visit(site, stop)
+    except EnoughError:
+        return True
+    return False
 
 
 def drive_trial(site: Site, trial: Trial) -> list[tuple[str, ...]]:
@@ -240,8 +267,12 @@ def _pose(pose: Pose | None) -> tuple[str, ...]:
     return f"{pose.x:.4f}", f"{pose.y:.4f}", f"{math.degrees(pose.heading):.3f}"
 
 
-def _made(journal: Journal, name: str, kind: str, places: int, begun: float) -> Made:
-    seconds = time.perf_counter() - begun
+def _made(
+    journal: Journal, name: str, kind: str, places: int, begun: float, *, stopped: bool = False
+) -> Made:
+    if not journal.done:  # left out: an empty table would only be in the way of a calibration
+        journal.discard()
     return Made(
-        folder=journal.folder, name=name, kind=kind, places=places, done=len(journal.done), seconds=seconds
-    )
+        folder=journal.folder, name=name, kind=kind, places=places, done=len(journal.done),
+        seconds=time.perf_counter() - begun, stopped=stopped,
+    )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
@@ -13,8 +14,9 @@ from realitygap.calibration.recording_files import FACTS
 from realitygap.errors import RecordingError
 from realitygap.robot.facts import to_toml
 
-__all__ = ["Journal", "refuse_another"]
+__all__ = ["ARENA", "Journal", "refuse_another"]
 
+ARENA = "arena.toml"
 SAME = ("plan", "kind", "object", "robot", "unit", "twin_noise", "seed", "repeats", "places")
 """Facts that must not change when a recording is resumed."""
 
@@ -67,6 +69,13 @@ class Journal:
         with self.path.open("ab", buffering=0) as file:
             file.write(text.encode("utf-8"))
         self.done.add(self.key(rows[0]))
+
+    def discard(self) -> None:
+        """Take away the files of a recording in which nothing is, and its folder if that is all."""
+        for name in (self.path.name, ARENA, FACTS):
+            (self.folder / name).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            self.folder.rmdir()
 
     def key(self, row: Sequence[str]) -> tuple[str, ...]:
         """What names a row's place."""

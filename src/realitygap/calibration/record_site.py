@@ -34,8 +34,8 @@ class Site(Protocol):
     def khepera(self) -> Khepera:
         """The robot on its serial line."""
 
-    def prepare(self, says: str) -> None:
-        """Make ready for a plan."""
+    def prepare(self, says: str) -> bool:
+        """Make ready for a plan; False if it is left out."""
 
     def stand(self, place: Place) -> bool:
         """Bring the robot to a place; False if that place is left out."""
@@ -83,8 +83,9 @@ class TwinSite:
         """The driver."""
         return self._khepera
 
-    def prepare(self, says: str) -> None:
+    def prepare(self, says: str) -> bool:
         """A twin's room is built already."""
+        return True
 
     def stand(self, place: Place) -> bool:
         """Put the twin down."""
@@ -136,9 +137,9 @@ class PersonSite:
         """The driver."""
         return self._khepera
 
-    def prepare(self, says: str) -> None:
+    def prepare(self, says: str) -> bool:
         """Tell what a plan needs."""
-        self._go_on(says)
+        return self._go_on(says)
 
     def stand(self, place: Place) -> bool:
         """Tell where the robot has to stand."""

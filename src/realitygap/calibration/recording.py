@@ -111,16 +111,6 @@ class SensorRecording:
         numbers: dict[tuple[float, ...], int] = {}
         return np.array([numbers.setdefault(tuple(row), len(numbers)) for row in where.tolist()], np.int64)
 
-    def deviation(self) -> Array:
-        """[places, S] deviation of the repeated readings at each place; NaN where there is one only."""
-        place = self.place()
-        out = np.full((int(place.max(initial=-1)) + 1, self.sensors), math.nan)
-        for k in range(len(out)):
-            rows = self.counts[place == k]
-            if len(rows) > 1:
-                out[k] = rows.std(axis=0, ddof=1)
-        return out
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WheelRecording:

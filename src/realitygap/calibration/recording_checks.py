@@ -1,4 +1,4 @@
-"""What seems odd in a recording: units mixed up, sensors that look dead. Names file, line, sensor."""
+"""What seems odd in a recording: units mixed up, counters that look dead. Names file and line."""
 
 from __future__ import annotations
 
@@ -14,13 +14,11 @@ __all__ = ["check_readings", "check_steps"]
 
 Array = NDArray[np.float64]
 
-FULL = 1023
 REACH_CM = 20.0
 """Twice the way that a Khepera's infrared goes: beyond it nothing reads as on a near object."""
 BRIGHT = 300.0
 ENOUGH = 12
-"""Places from which on a sensor that always reads alike is thought to be dead."""
-SATURATED_SHARE = 0.8
+"""Bearings from which on their unit is doubted."""
 
 
 def check_readings(
@@ -48,8 +46,6 @@ def check_readings(
     turned = np.unique(np.abs(bearing_deg[np.isfinite(bearing_deg)]))
     if len(turned) >= ENOUGH and turned[-1] < 6.4 and (turned != np.rint(turned)).any():
         warned.append(f"{path}: bearing_deg never passes {turned[-1]:.2f}: are these radians?")
-    if len(counts) >= ENOUGH:
-        warned += _sensors(path, kind, counts)
     return tuple(warned)
 
 
@@ -61,16 +57,3 @@ def check_steps(commands: Array, counters: Array) -> tuple[str, ...]:
         if driven and np.ptp(counters[:, side]) == 0:
             out.append(f"counter_{name} never changes although the wheel was driven: it looks dead")
     return tuple(out)
-
-
-def _sensors(path: str | Path, kind: str, counts: Array) -> list[str]:
-    out = []
-    for i, values in enumerate(counts.T):
-        if np.ptp(values) == 0:
-            out.append(f"{path}: sensor {i} reads {values[0]:g} everywhere: it looks dead")
-        elif kind == "infrared" and (values >= FULL).mean() > SATURATED_SHARE:
-            out.append(f"{path}: sensor {i} is saturated in {(values >= FULL).mean():.0%} of the readings")
-        elif kind == "infrared" and np.percentile(values, 99) - np.percentile(values, 1) < 30:
-            span = f"{values.min():g} to {values.max():g}"
-            out.append(f"{path}: sensor {i} hardly changes ({span}): it looks dead")
-    return out

@@ -39,7 +39,7 @@ STEP_COLUMNS = (
     "speed_left", "speed_right", "trial", "kind",
 )  # fmt: skip
 UNITS = "cm, degrees, s, counts, Khepera units, pulses"
-FULL = 1023
+FULL, MOST_SENSORS = 1023, 16
 
 
 def read_folder(folder: Path, *, object: str | None = None) -> Recording:
@@ -186,7 +186,12 @@ def _common(folder: Path, table: Table, facts: Mapping[str, Any]) -> dict[str, A
 def _sensor_columns(table: Table, facts: Mapping[str, Any]) -> list[str]:
     """s0, s1, … without a gap, as many as the facts say (a Khepera has eight)."""
     found = [name for name in table.columns if name[:1] == "s" and name[1:].isdigit()]
-    expected = int(facts.get("sensors", 8))
+    expected = facts.get("sensors", 8)
+    if isinstance(expected, bool) or not isinstance(expected, int) or not 0 < expected <= MOST_SENSORS:
+        where = table.path.with_name(FACTS)
+        raise RecordingError(
+            f"{where}: sensors: expected a whole number from 1 to {MOST_SENSORS}, got {expected!r}."
+        )
     if sorted(found, key=lambda name: int(name[1:])) != [f"s{i}" for i in range(expected)]:
         raise RecordingError(
             f"{table.path}, line 1: expected the sensors' columns s0 to s{expected - 1}, got "

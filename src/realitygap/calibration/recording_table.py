@@ -90,16 +90,20 @@ def read_table(path: Path, *, ends: bool) -> Table:
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read ({error.strerror}). Check its rights.") from None
     reader = csv.reader(text.splitlines())
-    columns = tuple(name.strip() for name in next(reader, []))
+    columns: tuple[str, ...] = ()
     rows, lines = [], []
-    for row in reader:
-        if not any(cell.strip() for cell in row):
-            continue
-        if len(row) != len(columns):
-            where = f"{path}, line {reader.line_num}"
-            raise RecordingError(f"{where}: expected {len(columns)} values, got {len(row)}.")
-        rows.append(row)
-        lines.append(reader.line_num)
+    try:
+        columns = tuple(name.strip() for name in next(reader, []))
+        for row in reader:
+            if not any(cell.strip() for cell in row):
+                continue
+            if len(row) != len(columns):
+                where = f"{path}, line {reader.line_num}"
+                raise RecordingError(f"{where}: expected {len(columns)} values, got {len(row)}.")
+            rows.append(row)
+            lines.append(reader.line_num)
+    except csv.Error as error:
+        raise RecordingError(f"{path}, line {reader.line_num}: not a line of a table: {error}.") from None
     if not rows:
         raise RecordingError(f"{path}: empty: expected a line of column names and a row for each reading.")
     if ends and not text.endswith("\n"):

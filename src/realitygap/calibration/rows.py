@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.checks import dead_sensors, refuse_swapped, refuse_units
+from realitygap.calibration.checks import dead_sensors, refuse_other_kind, refuse_swapped, refuse_units
 from realitygap.calibration.forward import scene_of
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ class Rows:
         self.dead: dict[int, str] = {}
         warned: list[str] = []
         for recording in recordings:
+            refuse_other_kind(recording)
             refuse_units(recording)
             dead = dead_sensors(recording)
             warned += [f"{recording.source}: {reason}" for reason in dead.values()]

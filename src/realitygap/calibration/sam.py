@@ -126,8 +126,8 @@ def _header(path: Path, lines: list[str]) -> Header:
 
 def _table(path: Path, lines: list[str], header: Header) -> Array:
     """[distances · bearings, sensors] the readings as they stand there."""
-    out = np.empty((header.distances * header.bearings, header.sensors))
-    row, expected = 0, header.bearings + 1
+    out: list[list[int]] = []
+    many, expected = header.distances * header.bearings, header.bearings + 1
     for number, line in enumerate(lines[1:], 2):
         block, place = divmod(number - 2, expected)
         if block == header.distances:
@@ -135,17 +135,16 @@ def _table(path: Path, lines: list[str], header: Header) -> Array:
                 raise RecordingError(
                     f"{path}, line {number}: expected END and nothing after it, got {line[:40]!r}."
                 )
-            return out
+            return np.array(out, float)
         if place == 0:
             words = line.split()  # the number itself is miscounted in tables that are otherwise sound
             if len(words) != 2 or words[0].upper() != "TURN" or not words[1].isdigit():
                 raise RecordingError(f"{path}, line {number}: expected `TURN {block}`, got {line[:40]!r}.")
             continue
-        out[row] = _readings(path, number, line, header.sensors)
-        row += 1
+        out.append(_readings(path, number, line, header.sensors))
     raise RecordingError(
-        f"{path}, line {len(lines)}: the table ends here, after {row} of {len(out)} rows of readings"
-        + ("; END is missing" if row == len(out) else "")
+        f"{path}, line {len(lines)}: the table ends here, after {len(out)} of {many} rows of readings"
+        + ("; END is missing" if len(out) == many else "")
         + ". It is cut short: fetch it again."
     )
 

@@ -276,7 +276,10 @@ class _Packed:
         low, high = self.bounds()
         limits = np.concatenate([np.full(len(f.start), f.prior or np.inf) for f in self.frees])
         span = 1e-6 * (high - low)
-        told = (theta > low + span) & (theta < high - span) & (alone < limits)
+        # What moves no reading (of a dead sensor, say) is not known at all.
+        moves = np.diag(self.curvature(theta)) > 0
+        deviation = np.where(moves | np.isfinite(limits), deviation, np.inf)
+        told = (theta > low + span) & (theta < high - span) & (alone < limits) & moves
         return tuple(
             Constant(
                 key=name,

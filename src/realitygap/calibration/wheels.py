@@ -13,10 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.forward import wheel_speeds
-from realitygap.calibration.odometry import Odometry, measure_odometry
-from realitygap.calibration.solve import SIGMAS, Constant
-from realitygap.errors import CalibrationError
+from realitygap.calibration.friction import Friction, measure_friction
+from realitygap.calibration.odometry import Odometry, enough_pictures, measure_odometry
+from realitygap.calibration.solve import Constant
+from realitygap.calibration.wheel_checks import (
+    refuse_camera,
+    refuse_counters,
+    refuse_few_steps,
+    refuse_lengths,
+    refuse_still,
+    refuse_wheels,
+)
+from realitygap.calibration.wheel_intervals import at_bound, intervals, with_lengths
 from realitygap.kernels.params import STEP_S
+from realitygap.world.profile import largest_pole
 
 if TYPE_CHECKING:
     from realitygap.calibration.recording import WheelRecording
@@ -30,21 +40,15 @@ PULSES_PER_CM = 120.0
 """12 pulses per mm by most sources (0.08 mm per pulse by others): what is taken where nothing measured it."""
 WHEEL_FORMS = ("printed", "refitted")
 """The paper's gains; gains of one's own, a lag, and play at turning round. Both fit the speed per unit."""
+SPEED_KEYS, SPEED_BOUNDS = ("speed_left", "speed_right"), (0.05, 20.0)
+"""Speeds per unit, cm/s: a Khepera's is 0.8."""
 GAINS = ("kp", "ki", "kd", "lag")
-DIVISOR = 50000.0
+PRINTED = {"kp": 3800.0, "ki": 800.0, "kd": 100.0, "divisor": 50000.0, "lag": 0.0, "play_cm": 0.0}
+"""§3.2.2, whatever the base has; lag and play are beyond the paper."""
+ROBUST_AT, SETTLING = 0.5, 0.999
+"""cm/s from which on a step counts less than its square; the largest pole that is tried."""
 FIRST_STEPS = 2
 """A wheel's first start in a trial, from the rest before which nothing is known, shows for so many steps."""
-MOVING_SHARE = 0.1
-"""A wheel has started when it goes faster than this share of the speed asked for."""
-
-
-class Friction(NamedTuple):
-    """|I| that frees a resting wheel (cm/s²): between `low` and `high` by the standing starts."""
-
-    value: float
-    low: float
-    high: float
-    starts: int
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,18 +59,22 @@ class WheelFit:
         profile: the base with the wheels' constants in place.
         form: one of WHEEL_FORMS.
         constants: with their intervals.
+        alike: pairs that the counters do not tell apart, with their correlation.
         rmse: of each form's speeds against the counters', cm/s.
         friction: from the standing starts.
-        odometry: what the camera told; None without one.
+        odometry: what the camera told; None without one, or where it saw too little.
+        camera: whether there are any pictures at all.
         measured, model: [n, 2] speeds of the wheels in the step after each row, cm/s.
     """
 
     profile: Profile
     form: str
     constants: tuple[Constant, ...]
+    alike: tuple[tuple[str, str, float], ...]
     rmse: dict[str, float]
     friction: Friction | None
     odometry: Odometry | None
+    camera: bool
     measured: Array = field(repr=False)
     model: Array = field(repr=False)
 
@@ -84,20 +92,21 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str = "refitted")
     """Fit a profile's wheels to a recording.
 
     Raises:
-        CalibrationError: the wheels never moved, or too little was recorded.
+        CalibrationError: too little was recorded, or what no such robot can have done.
     """
-    _refuse_still(recording)
-    odometry = measure_odometry(recording, PULSES_PER_CM, base.wheels.track_cm)
+    refuse_still(recording)
+    refuse_counters(recording)
+    odometry = _seen(recording, base)
     per_pulse = odometry.cm_per_pulse if odometry else (1.0 / PULSES_PER_CM,) * 2
     measured = measured_speeds(recording, per_pulse)
-    if np.isfinite(measured).sum() < 60:
-        raise CalibrationError(f"{recording.source}: expected 30 steps of 0.1 s or more, in a trial each.")
-    friction = _friction(recording, measured)
+    refuse_few_steps(recording, measured)
+    friction = measure_friction(recording, measured)
     track = odometry.track_cm if odometry else base.wheels.track_cm
     threshold = friction.value if friction else base.wheels.friction_cm_s2
     start = replace(base, wheels=replace(base.wheels, track_cm=track, friction_cm_s2=threshold))
     fits = {name: _fit(name, start, recording, measured) for name in WHEEL_FORMS}
-    profile, constants = fits[form]
+    profile, constants, alike = fits[form]
+    constants = with_lengths(constants, odometry)
     if odometry is not None:
         profile = replace(profile, noise=replace(profile.noise, wheel=odometry.slip))
         constants += odometry.constants
@@ -110,27 +119,50 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str = "refitted")
             told=friction.low > 0,
         )
         constants += (where,)
+    model = wheel_speeds(profile, recording)
+    bounded = {c.key: c.value for c in constants if c.key in SPEED_KEYS and at_bound(c.value, *SPEED_BOUNDS)}
+    refuse_wheels(recording, measured, model, bounded)
     return WheelFit(
         profile=profile,
         form=form,
         constants=constants,
-        rmse={name: _rmse(wheel_speeds(made, recording) - measured) for name, (made, _) in fits.items()},
+        alike=alike,
+        rmse={name: _rmse(wheel_speeds(made, recording) - measured) for name, (made, _, _) in fits.items()},
         friction=friction,
         odometry=odometry,
+        camera=recording.pose is not None and bool(np.isfinite(recording.pose).any()),
         measured=measured,
-        model=wheel_speeds(profile, recording),
+        model=model,
     )
 
 
-def _fit(
-    form: str, base: Profile, recording: WheelRecording, measured: Array
-) -> tuple[Profile, tuple[Constant, ...]]:
-    """Speed per unit of each wheel, and in the form "refitted" the gains and the lag too."""
+def _seen(recording: WheelRecording, base: Profile) -> Odometry | None:
+    """What the camera tells; None where it saw too little to tell anything."""
+    odometry = measure_odometry(recording, PULSES_PER_CM, base.wheels.track_cm)
+    if odometry is not None:
+        refuse_lengths(recording, odometry, base)
+    elif enough_pictures(recording, PULSES_PER_CM, base.wheels.track_cm):
+        refuse_camera(recording)
+    return odometry
+
+
+class _Fitted(NamedTuple):
+    """One form's wheels, their constants, and pairs that the counters do not tell apart."""
+
+    profile: Profile
+    constants: tuple[Constant, ...]
+    alike: tuple[tuple[str, str, float], ...]
+
+
+def _fit(form: str, base: Profile, recording: WheelRecording, measured: Array) -> _Fitted:
+    """Speed per unit of each wheel, and in the form "refitted" the gains, the lag and the play too."""
     from scipy.optimize import least_squares
 
-    keys = ["speed_left", "speed_right"] + ([*GAINS, "play_cm"] if form == "refitted" else [])
-    low = np.array([0.05, 0.05, 100.0, 0.0, 0.0, 0.0, 0.0][: len(keys)])
-    high = np.array([20.0, 20.0, 9500.0, 4000.0, 40000.0, 1.0, 0.5][: len(keys)])
+    keys = [*SPEED_KEYS] + ([*GAINS, "play_cm"] if form == "refitted" else [])
+    low = np.array([*SPEED_BOUNDS[:1] * 2, 100.0, 0.0, 0.0, 0.0, 0.0][: len(keys)])
+    high = np.array([*SPEED_BOUNDS[1:] * 2, 9500.0, 4000.0, 40000.0, 1.0, 0.5][: len(keys)])
+    if form == "printed":
+        base = replace(base, wheels=replace(base.wheels, **PRINTED))  # type: ignore[arg-type]
     use = _told(recording, measured)
     speeds = _steady(recording, measured)
 
@@ -138,7 +170,7 @@ def _fit(
         return _with(base, dict(zip(keys, theta.tolist(), strict=True)))
 
     def residuals(theta: Array) -> Array:
-        if not made_stable(theta, keys, base):
+        if not _stable(theta, keys, base):
             return np.full(int(use.sum()), 1e3)
         off = (wheel_speeds(made(theta), recording) - measured)[use]
         return np.asarray(np.clip(off, -1e3, 1e3))
@@ -149,21 +181,15 @@ def _fit(
         step = np.array([1e-4, 1e-4, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3][: len(keys)])
         one = least_squares(
             residuals, np.clip(begin, low, high), bounds=(low, high), x_scale=np.maximum(begin, 10.0 * step),
-            diff_step=step, loss="soft_l1", f_scale=0.5,
+            diff_step=step, loss="soft_l1", f_scale=ROBUST_AT,
         )  # fmt: skip
         found = one if found is None or one.cost < found.cost else found
         if form == "printed":
             break
     assert found is not None
-    jacobian = np.asarray(found.jac)
-    freedom = max(int(use.sum()) - len(keys), 1)
-    variance = float((found.fun**2).sum()) / freedom
-    deviation = np.sqrt(np.maximum(np.diag(np.linalg.pinv(jacobian.T @ jacobian)) * variance, 0.0))
-    constants = tuple(
-        Constant(key=key, value=float(v), low=float(v - SIGMAS * d), high=float(v + SIGMAS * d))
-        for key, v, d in zip(keys, found.x, deviation, strict=True)
-    )
-    return made(found.x), constants
+    trial = np.broadcast_to(recording.trial[:, None], use.shape)[use]
+    told = intervals(keys, found.x, (low, high), residuals, trial, robust_at=ROBUST_AT)
+    return _Fitted(made(found.x), *told)
 
 
 def _told(recording: WheelRecording, measured: Array) -> NDArray[np.bool_]:
@@ -180,12 +206,11 @@ def _told(recording: WheelRecording, measured: Array) -> NDArray[np.bool_]:
     return np.asarray(use)
 
 
-def made_stable(theta: Array, keys: list[str], base: Profile) -> bool:
+def _stable(theta: Array, keys: list[str], base: Profile) -> bool:
     """Whether a wheel with these gains settles at all."""
     law = dict(zip(keys, theta.tolist(), strict=True))
-    gains = [law.get(key, getattr(base.wheels, key)) / DIVISOR for key in ("kp", "ki", "kd")]
-    p, i, d = gains[0] / STEP_S, gains[1] / STEP_S, gains[2]
-    return float(np.abs(np.roots([1.0, p + i - 1 - d, i + d, i, i, i])).max()) < 0.999
+    kp, ki, kd = (law.get(key, getattr(base.wheels, key)) for key in ("kp", "ki", "kd"))
+    return largest_pole(kp, ki, kd, base.wheels.divisor) < SETTLING
 
 
 def _with(base: Profile, values: dict[str, float]) -> Profile:
@@ -208,41 +233,6 @@ def _steady(recording: WheelRecording, measured: Array) -> list[float]:
             use = (command != 0) & np.isfinite(measured[:, w])
         out.append(float((measured[use, w] * command[use]).sum() / (command[use] ** 2).sum()))
     return out
-
-
-def _friction(recording: WheelRecording, measured: Array) -> Friction | None:
-    """Between which thresholds the wheels' delays at standing starts lie.
-
-    A wheel that rests under a command of speed v adds v/0.1 s to I each step: if it starts in its
-    n-th step, the threshold lies between n − 1 and n times that.
-    """
-    lows, highs = [], []
-    for rows in recording.trials():
-        for w in range(2):
-            command, speed = recording.commands[rows, w], measured[rows, w]
-            for k in np.flatnonzero((command != 0) & (np.concatenate([[0.0], command[:-1]]) == 0)):
-                rested = k == 0 or (k >= 5 and np.all(command[k - 5 : k] == 0) and abs(speed[k - 1]) < 0.05)
-                going = speed[k : k + 5]
-                if not rested or len(going) < 5 or not np.all(command[k : k + 5] == command[k]):
-                    continue
-                final = abs(going[-1])
-                moved = np.flatnonzero(np.abs(going) > MOVING_SHARE * max(final, 0.2))
-                if final > 0.2 and len(moved):
-                    lows.append(moved[0] * final / STEP_S)
-                    highs.append((moved[0] + 1) * final / STEP_S)
-    if not lows:
-        return None
-    low, high = float(np.quantile(lows, 0.75)), float(np.quantile(highs, 0.25))
-    value = 0.0 if low == 0 else (low + high) / 2
-    return Friction(value, min(low, high), max(low, high), len(lows))
-
-
-def _refuse_still(recording: WheelRecording) -> None:
-    for w, side in enumerate(("left", "right")):
-        if not (recording.commands[:, w] != 0).any():
-            raise CalibrationError(f"{recording.source}: the {side} wheel was never told to move.")
-        if np.ptp(recording.counters[:, w]) == 0:
-            raise CalibrationError(f"{recording.source}: counter_{side} never changes: it looks dead.")
 
 
 def _rmse(off: Array) -> float:

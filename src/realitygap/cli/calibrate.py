@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from realitygap.cli.kinds import FileToWrite
 from realitygap.cli.options import as_json
 from realitygap.cli.output import print_json, print_table
+from realitygap.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
@@ -40,12 +43,21 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended")
 )  # fmt: skip
 @click.option(
     "--base", default="paper", show_default=True, metavar="P",
-    help="Profile that keeps what the recordings do not tell.",
+    help="Profile that keeps what the recordings do not tell; the form paper has the printed laws.",
 )  # fmt: skip
 @click.option(
-    "--out", type=click.Path(), metavar="TOML", help="The profile to write; its report goes beside it."
+    "--out",
+    type=FileToWrite(".toml"),
+    metavar="TOML",
+    help="The profile to write; its report goes beside it.",
 )
-@click.option("--report", "page", type=click.Path(), metavar="HTML", help="Another place for the report.")
+@click.option(
+    "--report",
+    "page",
+    type=FileToWrite(".html", ".htm"),
+    metavar="HTML",
+    help="Another place for the report.",
+)
 @click.option("--no-report", is_flag=True, help="Write no report.")
 @click.option(
     "--check", is_flag=True, help="Judge a profile, the last argument, by the recordings before it."
@@ -57,8 +69,8 @@ def calibrate(
     light: str | None,
     objects: tuple[str, ...],
     base: str,
-    out: str | None,
-    page: str | None,
+    out: Path | None,
+    page: Path | None,
     no_report: bool,
     check: bool,
     json_output: bool,
@@ -77,6 +89,7 @@ def calibrate(
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads only wait for each other
     if check:
+        _refuse_unused()
         _check(recordings, objects, json_output)
         return
     if out is None:
@@ -86,32 +99,35 @@ def calibrate(
     from realitygap.calibration.calibrate import calibrate as fit
     from realitygap.world.profile import load_profile
 
-    target = _target(out)
+    if page is None and not no_report:
+        page = _beside(out)
     start = load_profile(base)
-    made = fit(_load(recordings, objects), start, form=form, light=light, name=target.stem)
-    target.write_text(_header(made) + made.profile.to_toml(), "utf-8")
+    read = _load(recordings, objects)
+    with ProgressLine() as line:
+        report = partial(line.calibrating, "fit")
+        made = fit(read, start, form=form, light=light, name=out.stem, on_progress=report)
+    out.write_text(_header(made) + made.profile.to_toml(), "utf-8")
     where = None
-    if not no_report:
+    if page is not None and not no_report:
         from realitygap.report.calibration import write_calibration_page
 
-        where = write_calibration_page(made, Path(page) if page else target.with_suffix(".html"))
+        where = write_calibration_page(made, page)
     if json_output:
-        print_json({"profile": str(target), "report": str(where) if where else None, **_facts(made)})
+        print_json({"profile": str(out), "report": str(where) if where else None, **_facts(made)})
     else:
-        _tell(made, target, where)
+        _tell(made, out, where)
     for warning in made.warnings:
         click.echo(f"warning: {warning}", err=True)
 
 
-def _target(out: str) -> Path:
-    from realitygap.errors import CalibrationError
-
-    target = Path(out)
-    if target.suffix != ".toml":
-        raise CalibrationError(f"--out: expected a file that ends in .toml, got {out!r}.")
-    if not target.parent.is_dir():
-        raise CalibrationError(f"--out: {target.parent}: no such folder. Make it first.")
-    return target
+def _beside(out: Path) -> Path:
+    """Where the report of a profile goes if nothing is said."""
+    page = out.with_suffix(".html")
+    if page.is_dir():
+        raise click.UsageError(
+            f"--out: {str(page)!r}, where its report would go, is a folder. Give --report."
+        )
+    return page
 
 
 def _load(paths: tuple[str, ...], objects: tuple[str, ...]) -> list[Recording]:
@@ -158,7 +174,11 @@ def _facts(made: Calibration) -> dict[str, object]:
             }
             for fit in made.channels
         },
-        "wheels": {"form": made.wheels.form, "rmse": made.wheels.rmse} if made.wheels else None,
+        "wheels": {
+            "form": made.wheels.form,
+            "rmse": made.wheels.rmse,
+            "cannot_tell_apart": [{"a": a, "b": b, "correlation": r} for a, b, r in made.wheels.alike],
+        } if made.wheels else None,
         "constants": [c.to_dict() for c in made.profile.provenance.constants],
         "warnings": list(made.warnings),
     }  # fmt: skip
@@ -176,10 +196,7 @@ def _tell(made: Calibration, target: Path, page: Path | None) -> None:
             click.echo(f"  noise, {e.channel}: {e.deviation:.2f} counts ({e.low:.2f} to {e.high:.2f}){tail}")
         ratios = ", ".join(f"{m.sensor} {m.ratio:.2f}" for m in fit.sensors)
         click.echo(f"  model error over noise deviation, sensor by sensor: {ratios}")
-        if fit.fit.alike:
-            pairs = "; ".join(f"{a} and {b} (ρ = {r:.2f})" for a, b, r in fit.fit.alike[:4])
-            more = f"; {len(fit.fit.alike) - 4} more" if len(fit.fit.alike) > 4 else ""
-            click.echo(f"  hard to tell apart: {pairs}{more}")
+        _tell_alike(fit.fit.alike)
     if made.wheels:
         forms = ", ".join(f"{name} {value:.3f}" for name, value in made.wheels.rmse.items())
         click.echo(f"wheels: RMSE by form, cm/s: {forms}")
@@ -187,9 +204,32 @@ def _tell(made: Calibration, target: Path, page: Path | None) -> None:
         click.echo(
             f"  speed per unit {left:.4f} and {right:.4f} cm/s, track {made.profile.wheels.track_cm:.3f} cm"
         )
+        vague = [c.key for c in made.wheels.constants if not c.told]
+        if vague:
+            click.echo(f"  not decided by these data: {', '.join(vague)}")
+        _tell_alike(made.wheels.alike)
     click.echo(f"profile {target}")
     if page:
         click.echo(f"report {page}")
+
+
+def _tell_alike(alike: tuple[tuple[str, str, float], ...]) -> None:
+    """Pairs of constants that the data hardly tell apart, the first four."""
+    if alike:
+        pairs = "; ".join(f"{a} and {b} (ρ = {r:.2f})" for a, b, r in alike[:4])
+        more = f"; {len(alike) - 4} more" if len(alike) > 4 else ""
+        click.echo(f"  hard to tell apart: {pairs}{more}")
+
+
+def _refuse_unused() -> None:
+    """Refuse options that belong to a fit where a profile is only judged."""
+    from click.core import ParameterSource
+
+    given = click.get_current_context()
+    for name, option in (("form", "--form"), ("light", "--light"), ("base", "--base"), ("out", "--out"),
+                         ("page", "--report"), ("no_report", "--no-report")):  # fmt: skip
+        if given.get_parameter_source(name) is not ParameterSource.DEFAULT:
+            raise click.UsageError(f"{option}: belongs to a fit; --check only judges. Leave it out.")
 
 
 def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) -> None:
@@ -200,13 +240,19 @@ def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) 
         raise click.UsageError("--check: expected recordings and, as the last argument, a profile.")
     profile = load_profile(words[-1])
     found = [judge(recording, profile) for recording in _load(words[:-1], objects)]
+    warnings = list(dict.fromkeys(warning for one in found for warning in one.warnings))
     if json_output:
         print_json(
-            {**found[0].to_dict(), "profile": profile.name, "recordings": [one.to_dict() for one in found]}
-        )
-        return
-    for one in found:
-        _tell_judgement(one)
+            {
+                **found[0].to_dict(), "profile": profile.name, "warnings": warnings,
+                "recordings": [one.to_dict() for one in found],
+            }
+        )  # fmt: skip
+    else:
+        for one in found:
+            _tell_judgement(one)
+    for warning in warnings:
+        click.echo(f"warning: {warning}", err=True)
 
 
 def _tell_judgement(one: Judgement) -> None:

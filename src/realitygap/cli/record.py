@@ -87,8 +87,10 @@ def record(
     finished place is written at once; --resume goes on after whatever broke it off.
 
     \b
-    Example: all that a calibration of a twin needs
+    Examples: all that a calibration of a twin needs; a robot before a wall, and how to go on after "q"
         realitygap record --robot twin:7 --plan all --out unit-7
+        realitygap record --robot serial:/dev/ttyUSB0 --plan infrared --object wall --out wall
+        realitygap record --robot serial:/dev/ttyUSB0 --plan infrared --object wall --out wall --resume
     """
     from realitygap.calibration.record import record as make
     from realitygap.errors import RobotStoppedError

@@ -109,7 +109,7 @@ def _sensors(fit: ChannelFit) -> _Part:
               "What the model leaves over, over distance and bearing. A pattern is the model's "
               "error, a speckle is noise.")
     )  # fmt: skip
-    if fit.noise:
+    if fit.measured:
         part.cards.append(
             _card(f"{fit.kind}-noise", draw.noise_figure(fit), f"{what}: noise against a normal.",
                   "Left: noise against a normal of its deviation. Right: its deviation over the "

@@ -21,6 +21,7 @@ __all__ = [
     "Noise",
     "Profile",
     "Wheels",
+    "largest_pole",
     "load_profile",
     "profile_names",
 ]
@@ -37,6 +38,15 @@ class Body(Value):
 
     def _check(self) -> None:
         require(self.radius_cm > 0, "radius_cm", "more than 0", self.radius_cm)
+
+
+def largest_pole(kp: float, ki: float, kd: float, divisor: float) -> float:
+    """Largest closed-loop pole of the printed law with P = (V − U)/0.1 and five terms in I (§3.2.2)."""
+    p, i, d = (gain / divisor for gain in (kp, ki, kd))
+    p, i = p / STEP_S, i / STEP_S
+    # δ_t = −p·U_t − i·(U_t + … + U_{t−4}) + d·δ_{t−1}, U_{t+1} = U_t + δ_t
+    law = np.array([1.0, p + i - 1 - d, i + d, i, i, i])
+    return float(np.abs(np.roots(law)).max())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +78,7 @@ class Wheels(Value):
             require(speed > 0, f"speed_per_unit_cm_s[{i}]", "more than 0", speed)
         require(0 <= self.lag <= 1, "lag", "a share from 0 to 1", self.lag)
         require(self.play_cm >= 0, "play_cm", "0 or more", self.play_cm)
-        pole = self.largest_pole()
+        pole = largest_pole(self.kp, self.ki, self.kd, self.divisor)
         require(
             pole < 1,
             "kp",
@@ -76,14 +86,6 @@ class Wheels(Value):
             float(f"{pole:.4g}"),
             "Lower kp, ki or kd, or raise the divisor.",
         )
-
-    def largest_pole(self) -> float:
-        """Largest closed-loop pole of the printed law with P = (V − U)/0.1 and five terms in I."""
-        p, i, d = (gain / self.divisor for gain in (self.kp, self.ki, self.kd))
-        p, i = p / STEP_S, i / STEP_S
-        # δ_t = −p·U_t − i·(U_t + … + U_{t−4}) + d·δ_{t−1}, U_{t+1} = U_t + δ_t
-        law = np.array([1.0, p + i - 1 - d, i + d, i, i, i])
-        return float(np.abs(np.roots(law)).max())
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,95 @@
+"""How far a model is from readings, sensor by sensor, and the noise that it is held against."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.calibration.noise import NoiseEstimate, dark_noise, lit_noise, sample_noise
+
+if TYPE_CHECKING:
+    from realitygap.calibration.recording import SensorRecording
+
+__all__ = ["LIMITS", "Misfit", "measure_noise", "misfits"]
+
+Array = NDArray[np.float64]
+
+LIMITS = {"infrared": 2.0, "ambient": 1.0}
+"""Model error over noise deviation, beyond which the level of noise can explain nothing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Misfit:
+    """One sensor: model minus measured, counts.
+
+    `error` is what is left of the RMSE of each place's mean without the noise; `ratio` is that over the
+    noise's deviation, `lit_ratio` the same where readings are neither dark nor saturated.
+    """
+
+    sensor: int
+    rmse: float
+    bias: float
+    error: float
+    ratio: float
+    lit_ratio: float
+
+
+def measure_noise(recordings: Sequence[SensorRecording], models: Sequence[Array]) -> list[NoiseEstimate]:
+    """Noise of recordings of one kind, pooled: lit and dark proximity, or ambient."""
+    samples, first = [], 0
+    for recording, model in zip(recordings, models, strict=True):
+        sample = sample_noise(
+            recording.counts,
+            model,
+            recording.place(),
+            distance=recording.distance_cm,
+            bearing=recording.bearing_deg,
+        )
+        samples.append((sample, first))
+        first += len(recording.counts)
+    joined = type(samples[0][0])(
+        z=np.concatenate([s.z for s, _ in samples]),
+        level=np.concatenate([s.level for s, _ in samples]),
+        model=np.concatenate([s.model for s, _ in samples]),
+        group=np.concatenate([s.group + shift for s, shift in samples]),
+        tails=float(np.average([s.tails for s, _ in samples], weights=[len(s.z) + 1 for s, _ in samples])),
+    )
+    if recordings[0].kind == "ambient":
+        found = [lit_noise(joined, "ambient")]
+    else:
+        counts = np.concatenate([r.counts for r in recordings])
+        place = np.concatenate([r.place() + shift for r, (_, shift) in zip(recordings, samples, strict=True)])
+        found = [lit_noise(joined, "proximity"), dark_noise(counts, np.concatenate(models), place)]
+    return [estimate for estimate in found if estimate is not None]
+
+
+def misfits(
+    counts: Array, model: Array, place: NDArray[np.int64], kind: str, deviation: float
+) -> tuple[Misfit, ...]:
+    """Each sensor's misfit; the noise of a place's mean is taken out of the model's error."""
+    many = np.bincount(place)
+    mean = np.stack([np.bincount(place, column) for column in counts.T], 1) / many[:, None]
+    said = np.stack([np.bincount(place, column) for column in model.T], 1) / many[:, None]
+    off = said - mean
+    low, high = (3 * deviation, 1023 - 3 * deviation) if kind == "infrared" else (-np.inf, np.inf)
+    lit = (mean > low) & (mean < high)
+    noisy = deviation**2 / many[:, None] * np.where(lit, 1.0, 0.0)
+    out = []
+    for k in range(counts.shape[1]):
+        error = np.sqrt(max(0.0, float((off[:, k] ** 2 - noisy[:, k]).mean())))
+        some = lit[:, k]
+        in_light = (
+            np.sqrt(max(0.0, float((off[some, k] ** 2 - noisy[some, k]).mean()))) if some.any() else np.nan
+        )
+        raw = model[:, k] - counts[:, k]
+        out.append(
+            Misfit(
+                sensor=k, rmse=float(np.sqrt((raw**2).mean())), bias=float(raw.mean()), error=float(error),
+                ratio=float(error / max(deviation, 1e-9)), lit_ratio=float(in_light / max(deviation, 1e-9)),
+            )
+        )  # fmt: skip
+    return tuple(out)

@@ -1,0 +1,134 @@
+"""Recordings of wheels that cannot be what they say: swapped counters, another unit, no robot's at all."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.errors import CalibrationError
+
+if TYPE_CHECKING:
+    from realitygap.calibration.odometry import Odometry
+    from realitygap.calibration.recording import WheelRecording
+    from realitygap.world.profile import Profile
+
+__all__ = [
+    "refuse_camera", "refuse_counters", "refuse_few_steps", "refuse_lengths", "refuse_still", "refuse_wheels",
+]  # fmt: skip
+
+Array = NDArray[np.float64]
+
+SIDES = ("left", "right")
+FEWEST_STEPS = 30
+AGAINST, OTHERS = -0.3, 0.2
+"""Cosine of pulses and commands below which a counter runs against its command; and how much better both
+follow the other wheel's command where columns are swapped."""
+PULSES_PER_MM = (6.0, 25.0)
+"""Half and twice what a Khepera counts."""
+TRACK_SHARE = 0.3
+EXPLAINED = 0.5
+
+
+def refuse_still(recording: WheelRecording) -> None:
+    """Refuse a recording in which a wheel, or its counter, never moved."""
+    for w, side in enumerate(SIDES):
+        if not (recording.commands[:, w] != 0).any():
+            raise CalibrationError(f"{recording.source}: the {side} wheel was never told to move.")
+        if np.ptp(recording.counters[:, w]) == 0:
+            raise CalibrationError(f"{recording.source}: counter_{side} never changes: it looks dead.")
+
+
+def refuse_few_steps(recording: WheelRecording, measured: Array) -> None:
+    """Refuse a recording with too few speeds [n, 2] to tell anything."""
+    if np.isfinite(measured).sum() < 2 * FEWEST_STEPS:
+        raise CalibrationError(
+            f"{recording.source}: expected {FEWEST_STEPS} steps of 0.1 s or more, in a trial each."
+        )
+
+
+def refuse_counters(recording: WheelRecording) -> None:
+    """Refuse counters that follow the other wheel's command, or run against their own.
+
+    Raises:
+        CalibrationError: names the columns.
+    """
+    within = np.diff(recording.trial) == 0
+    told, pulses = recording.commands[:-1][within], np.diff(recording.counters, axis=0)[within]
+    size = np.linalg.norm(told, axis=0)[:, None] * np.linalg.norm(pulses, axis=0)
+    alike = told.T @ pulses / np.maximum(size, 1e-12)
+    if alike[0, 1] > alike[1, 1] + OTHERS and alike[1, 0] > alike[0, 0] + OTHERS:
+        raise CalibrationError(
+            f"{recording.source}: counter_left follows command_right and counter_right command_left. "
+            "Are columns swapped?"
+        )
+    for w, side in enumerate(SIDES):
+        if alike[w, w] < AGAINST:
+            raise CalibrationError(
+                f"{recording.source}: counter_{side} runs against command_{side}. Turn its sign round."
+            )
+
+
+def refuse_camera(recording: WheelRecording) -> None:
+    """Say that the camera's poses fit no wheels that the counters could belong to.
+
+    Raises:
+        CalibrationError: always.
+    """
+    raise CalibrationError(
+        f"{recording.source}: the camera's poses fit no wheels with these counters. Are x_cm and y_cm "
+        "in cm, and heading_deg in degrees? Without these three columns the counters alone are used."
+    )
+
+
+def refuse_lengths(recording: WheelRecording, odometry: Odometry, base: Profile) -> None:
+    """Refuse pulses per mm and a track that no robot of the base's kind has.
+
+    Raises:
+        CalibrationError: says which, and what was expected.
+    """
+    cure = "Are x_cm and y_cm in cm, heading_deg in degrees, and counters in pulses?"
+    low, high = PULSES_PER_MM
+    for side, length in zip(SIDES, odometry.cm_per_pulse, strict=True):
+        pulses = 0.1 / length if length else np.inf
+        if not low <= pulses <= high:
+            raise CalibrationError(
+                f"{recording.source}: {side} wheel: expected {low:g} to {high:g} pulses per mm by the "
+                f"camera, got {pulses:.3g}. {cure}"
+            )
+    least, most = ((1 + sign * TRACK_SHARE) * base.wheels.track_cm for sign in (-1, 1))
+    if not least <= odometry.track_cm <= most:
+        raise CalibrationError(
+            f"{recording.source}: track: expected {least:.1f} to {most:.1f} cm, as profile {base.name!r} has "
+            f"{base.wheels.track_cm:g} cm, got {odometry.track_cm:.3g} cm by the camera. {cure}"
+        )
+
+
+def refuse_wheels(
+    recording: WheelRecording, measured: Array, model: Array, bounded: dict[str, float]
+) -> None:
+    """Refuse a fit that explains less than half of what the wheels did, or that ended at a bound.
+
+    Args:
+        recording: of the wheels.
+        measured, model: [n, 2] speeds, cm/s; NaN where nothing is known.
+        bounded: speeds per unit that ended at their bounds, cm/s.
+
+    Raises:
+        CalibrationError: names the wheel.
+    """
+    for w, side in enumerate(SIDES):
+        known = np.isfinite(measured[:, w])
+        off = ((model - measured)[known, w] ** 2).sum()
+        share = 1.0 - off / max(float((measured[known, w] ** 2).sum()), 1e-12)
+        if share < EXPLAINED:
+            raise CalibrationError(
+                f"{recording.source}: the fitted law explains only {max(0.0, share):.0%} of how the {side} "
+                "wheel turned: these counters do not belong to these commands."
+            )
+    for key, value in bounded.items():
+        raise CalibrationError(
+            f"{recording.source}: {key}: {value:g} cm/s per unit, the utmost that is tried: no wheel of a "
+            "Khepera. Are commands in Khepera units, and counters in pulses?"
+        )

@@ -1,0 +1,130 @@
+"""Intervals of the wheels' constants, and which of them the counters cannot tell apart."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.calibration.solve import SIGMAS, Constant, blind_pairs
+
+if TYPE_CHECKING:
+    from realitygap.calibration.odometry import Odometry
+
+__all__ = ["ASSUMED", "at_bound", "intervals", "with_lengths"]
+
+Array = NDArray[np.float64]
+
+ASSUMED = 0.02
+"""Relative deviation of pulses per mm where nobody measured them: sources say 12 or 12.5."""
+LENGTHS = {"speed_left": (0,), "speed_right": (1,), "play_cm": (0, 1)}
+"""Constants in cm, and the wheels whose cm per pulse they rest on."""
+STEP = 1e-4
+"""Of the derivatives: this share of a value, or of a hundredth of its bounds."""
+FEWEST_TRIALS, ROWS = 10, 20
+"""Of fewer trials the rows are taken together in so many at a time (2 s)."""
+
+
+def intervals(
+    names: Sequence[str],
+    theta: Array,
+    bounds: tuple[Array, Array],
+    residuals: Callable[[Array], Array],
+    trial: NDArray[np.int64],
+    *,
+    robust_at: float,
+) -> tuple[tuple[Constant, ...], tuple[tuple[str, str, float], ...]]:
+    """Constants with 95 % intervals, and pairs that the residuals do not tell apart.
+
+    Steps of one trial err together: the covariance is the sandwich clustered by trials (Liang and
+    Zeger 1986), at least that of independent steps. A constant that moves nothing gets all of its
+    bounds; one whose interval ends at a bound is decided by it, and so not `told`.
+
+    Args:
+        names: of the constants.
+        theta: [p] where the fit ended.
+        bounds: [p] lowest and highest values.
+        residuals: [n] of theta.
+        trial: [n] number of each residual's trial.
+        robust_at: where soft L1 begins to count residuals less.
+    """
+    low, high = bounds
+    off = residuals(theta)
+    z = (off / robust_at) ** 2
+    columns = _columns(theta, bounds, residuals, off) * (high - low)
+    curvature = columns.T @ (columns * (1.0 + z)[:, None] ** -1.5)  # soft L1's second derivative
+    variance = max(float((off**2 / np.sqrt(1.0 + z)).sum()) / max(len(off) - len(theta), 1), 1e-300)
+    # Where nothing is known, any value within the bounds is as likely: no division by zero.
+    bread = np.linalg.inv(curvature / variance + np.eye(len(theta)))
+    scores = columns * (off / np.sqrt(1.0 + z) / variance)[:, None]
+    groups = _groups(trial)
+    sums = np.zeros((int(groups.max()) + 1, len(theta)))
+    np.add.at(sums, groups, scores)
+    inner = sums.T @ sums * (len(sums) / max(len(sums) - 1, 1)) + np.eye(len(theta))
+    spread = np.maximum(np.diag(bread @ inner @ bread), np.diag(bread))
+    deviation = np.sqrt(spread) * (high - low)
+    constants = tuple(
+        _clipped(name, float(v), float(d), float(least), float(most))
+        for name, v, d, least, most in zip(names, theta, deviation, low, high, strict=True)
+    )
+    return constants, blind_pairs(names, curvature)
+
+
+def with_lengths(constants: Sequence[Constant], odometry: Odometry | None) -> tuple[Constant, ...]:
+    """Constants in cm with what is not known of the pulses' length; not told where that is assumed."""
+    shares = (ASSUMED, ASSUMED)
+    if odometry is not None:
+        lengths = {c.key: (c.high - c.low) / 2 / SIGMAS / c.value for c in odometry.constants}
+        shares = (lengths["cm_per_pulse_left"], lengths["cm_per_pulse_right"])
+    out = []
+    for c in constants:
+        share = max((shares[w] for w in LENGTHS.get(c.key, ())), default=0.0)
+        below, above = (np.hypot(end - c.value, SIGMAS * share * c.value) for end in (c.low, c.high))
+        wide = replace(
+            c, low=max(float(c.value - below), 0.0), high=float(c.value + above),
+            told=c.told and (odometry is not None or c.key not in LENGTHS),
+        )  # fmt: skip
+        out.append(wide)
+    return tuple(out)
+
+
+def at_bound(value: float, low: float, high: float) -> bool:
+    """Whether a fitted value is as low, or as high, as was tried."""
+    span = 1e-4 * (high - low)
+    return not low + span < value < high - span
+
+
+def _groups(trial: NDArray[np.int64]) -> NDArray[np.int64]:
+    """[n] numbers of rows that err together: a trial's, or a piece's where trials are few."""
+    numbers = np.unique(trial, return_inverse=True)[1]
+    if int(numbers.max(initial=0)) + 1 < FEWEST_TRIALS:
+        numbers = np.unique(numbers * len(trial) + np.arange(len(trial)) // ROWS, return_inverse=True)[1]
+    return np.asarray(numbers)
+
+
+def _columns(
+    theta: Array, bounds: tuple[Array, Array], residuals: Callable[[Array], Array], off: Array
+) -> Array:
+    """[n, p] derivatives within the bounds; of both ways the flatter: gains may be next to unstable ones."""
+    low, high = bounds
+    out = np.empty((len(off), len(theta)))
+    for i, value in enumerate(theta):
+        step = STEP * max(abs(value), 0.01 * (high[i] - low[i]))
+        ways = []
+        for to in (value + step, value - step):
+            if low[i] <= to <= high[i]:
+                moved = theta.copy()
+                moved[i] = to
+                ways.append((residuals(moved) - off) / (to - value))
+        out[:, i] = min(ways, key=np.linalg.norm)
+    return out
+
+
+def _clipped(name: str, value: float, deviation: float, low: float, high: float) -> Constant:
+    least, most = value - SIGMAS * deviation, value + SIGMAS * deviation
+    return Constant(
+        key=name, value=value, low=max(low, least), high=min(high, most), told=low < least and most < high
+    )

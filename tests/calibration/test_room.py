@@ -1,0 +1,114 @@
+"""The default path in small: light in an arena of known walls, wheels judged, a unit recorded and fitted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from realitygap.calibration import calibrate as fits
+from realitygap.calibration import light_forms, plans, unit_work
+from realitygap.calibration.calibrate import calibrate
+from realitygap.calibration.forward import illumination, light_readings, scene_of
+from realitygap.calibration.judge import judge
+from realitygap.calibration.recording import SensorRecording, load_recording
+from realitygap.calibration.recording_files import save_recording
+from realitygap.calibration.unit import PARTS
+from realitygap.robot.facts import to_toml
+from realitygap.world.profile import load_profile
+
+PAPER = load_profile("paper")
+REPEATS = 3
+
+
+@pytest.fixture(scope="module")
+def lit():
+    """Record light all over the arena of light seeking, with this law in the place of the paper's."""
+
+    def make(apart: int, **law: object) -> SensorRecording:
+        plan = plans.ambient_plan()
+        poses = [place.pose for place in plan.places[::apart]]
+        pose = np.repeat([[p.x, p.y, p.heading] for p in poses], REPEATS, 0)
+        n = len(pose)
+        blank = SensorRecording(
+            kind="ambient", object="lamp", distance_cm=np.zeros(n), bearing_deg=np.zeros(n),
+            repeat=np.tile(np.arange(REPEATS), len(poses)), counts=np.zeros((n, 8)), pose=pose,
+            arena=plan.arena, source="room",
+        )  # fmt: skip
+        robot = replace(PAPER, ambient=replace(PAPER.ambient, **law))  # type: ignore[arg-type]
+        clean = light_readings(robot, illumination(robot, scene_of(blank)))
+        noisy = clean + 4.5 * np.random.default_rng(1).normal(size=clean.shape)
+        return replace(blank, counts=np.clip(np.rint(noisy), 0, 1023))
+
+    return make
+
+
+def test_gains_come_back_in_an_arena(lit):
+    """The lamp's brightness is known there: gains are found themselves, and a judge at known poses agrees."""
+    gains = np.random.default_rng(3).uniform(0.7, 1.3, 8)
+    sensors = tuple(replace(s, gain=float(g)) for s, g in zip(PAPER.ambient.sensors, gains, strict=True))
+    table = lit(2, floor=60.0, dark=480.0, sensors=sensors)
+    made = calibrate([table], PAPER, light="individual", beside=False)
+    found = [s.gain for s in made.profile.ambient.sensors]
+    np.testing.assert_allclose(found, gains, rtol=0.1)
+    assert made.ambient.rmse < 5.5 and made.profile.provenance.notes == ()
+    judged = judge(table, made.profile)
+    assert (judged.turn_deg, judged.brightness) == (0.0, 1.0) and judged.noise_fits
+    assert judged.rmse == pytest.approx(made.ambient.rmse, rel=0.01)
+
+
+def test_an_arenas_walls_are_found(lit, monkeypatch):
+    """Of light off walls as the paper has it and off walls of some height the right one is kept."""
+    sensors = tuple(replace(s, gain=2000.0) for s in PAPER.ambient.sensors)
+    law = {
+        "response": "linear", "facing": 1.4, "exponent": 1.4, "falloff": 1.0, "near_cm": 1.0,
+        "reflectance": 0.05, "matt": 1.0, "lamp_height_cm": 3.0, "lamp_narrow": 1.0, "rays": 30.0,
+    }  # fmt: skip
+    monkeypatch.setattr(light_forms, "RAY_NUMBERS", (10, 20, 30))  # the quicker
+    made = calibrate([lit(7, sensors=sensors, **law)], PAPER, light="extended", beside=False)
+    ambient = made.profile.ambient
+    assert (ambient.falloff, ambient.matt, ambient.lamp_narrow) == (1.0, 1.0, 1.0)
+    assert ambient.facing == pytest.approx(1.4, abs=0.15) and ambient.exponent == ambient.facing
+    assert made.ambient.rmse < 8
+
+
+def test_wheels_are_judged(driven, robot):
+    """The profile that drove is right about its drive, another speed is not; slip is held against its own."""
+    drive = driven(slip=0.06, each=True, friction_cm_s2=0.0)
+    good = replace(robot, wheels=replace(robot.wheels, friction_cm_s2=0.0))
+    fast = replace(good, wheels=replace(good.wheels, speed_per_unit_cm_s=(0.9, 0.9)))
+    judged = judge(drive, good)
+    assert judged.kind == "wheels" and judged.rmse < 0.1 < 0.3 < judge(drive, fast).rmse
+    assert judged.noise["wheel"] == (pytest.approx(0.06, rel=0.1), good.noise.wheel) and judged.warnings == ()
+
+
+def test_a_part_of_a_unit_is_recorded(tmp_path, monkeypatch, capsys):
+    """By its own process's code: there as a whole, with the unit and its seed in it."""
+    monkeypatch.setattr(plans, "DISTANCES_CM", (1.0, 3.0))
+    monkeypatch.setattr(plans, "BEARINGS", 6)
+    (tmp_path / "unit.toml").write_text(to_toml({"unit": 11, "twin_noise": 1.0, "seed": 3}), "utf-8")
+    unit_work.record_part(tmp_path, "infrared-cylinder")
+    made = load_recording(tmp_path / "recordings" / "infrared-cylinder")
+    assert made.object == plans.CYLINDER and made.facts["unit"] == 11 and len(made.counts) == 2 * 6 * 10
+    assert capsys.readouterr().out.count('"done": 12') == 1
+
+
+def test_a_unit_is_fitted(tmp_path, monkeypatch, recorded, driven, lit):
+    """All its recordings make its profile, without a day in it: the same bits on any day."""
+    made = {
+        "ambient": lit(7), "wheels": driven(friction_cm_s2=0.0),
+        "infrared-wall": recorded("wall", repeats=2),
+        "infrared-cylinder": recorded("cylinder:4", repeats=2, seed=5),
+    }  # fmt: skip
+    assert set(made) == set(PARTS)
+    for name, recording in made.items():
+        save_recording(tmp_path / "recordings" / name, recording)
+    (tmp_path / "unit.toml").write_text(to_toml({"unit": 11, "twin_noise": 1.0, "seed": 3}), "utf-8")
+    monkeypatch.setattr(fits, "calibrate", partial(calibrate, form="paper"))  # the quickest
+    unit_work.fit_unit(tmp_path)
+    profile = load_profile(tmp_path / "robot.toml")
+    assert profile.name == "twin-11" and profile.provenance.date == "" and len(profile.provenance.files) == 4
+    assert {fit.channel for fit in profile.provenance.fits} == {"infrared", "ambient", "wheels"}
+    assert not (tmp_path / "robot.toml.new").exists()

@@ -1,0 +1,120 @@
+"""Wheels: nonsense is refused by the file's name, intervals hold the truth, what is not told is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from realitygap.calibration.calibrate import calibrate
+from realitygap.calibration.wheel_intervals import intervals
+from realitygap.calibration.wheels import fit_wheels
+from realitygap.errors import CalibrationError
+from realitygap.world.profile import load_profile
+
+PAPER = load_profile("paper")
+
+
+@pytest.fixture(scope="module")
+def sound(driven):
+    """A recording that nothing is wrong with."""
+    return driven(friction_cm_s2=0.0)
+
+
+def _posed(scale):
+    return lambda r: replace(r, pose=r.pose * scale)
+
+
+def _blind(r, counters):
+    return replace(r, pose=None, counters=counters)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (_posed([10, 10, 1]), "camera's poses fit no wheels .* cm"),
+        (_posed([1, 1, np.pi / 180]), "track: expected 3.7 to 6.9 cm"),
+        (lambda r: replace(r, counters=r.counters * [-1, 1]), "counter_left runs against command_left"),
+        (lambda r: _blind(r, r.counters * [1, -1]), "counter_right runs against command_right"),
+        (lambda r: replace(r, counters=r.counters[:, ::-1]), "columns swapped"),
+        (lambda r: _blind(r, np.random.default_rng(1).permutation(r.counters)), "explains only"),
+        (lambda r: _blind(r, r.counters / 40), "speed_left: 0.05 cm/s per unit, the utmost"),
+        (lambda r: replace(r, t_s=r.t_s * 2), "expected 30 steps"),
+    ],
+)
+def test_nonsense_of_wheels_is_refused(sound, spoil, words):
+    """No profile is made of another unit's poses, or of counters that are not the commands'."""
+    with pytest.raises(CalibrationError, match=f"made: .*{words}"):
+        calibrate([spoil(sound)], PAPER)
+
+
+@pytest.mark.parametrize(("pose", "words"), [(None, "no camera saw"), ("few", "a camera saw too little")])
+def test_a_warning_says_what_a_camera_lacks(sound, pose, words):
+    """No camera at all is not a camera that saw too little."""
+    if pose:
+        pose = np.where(np.arange(len(sound.t_s))[:, None] < 30, sound.pose, np.nan)
+    made = calibrate([replace(sound, pose=pose)], PAPER, form="paper")
+    assert any(words in warning for warning in made.warnings)
+
+
+def test_speeds_are_no_surer_than_the_pulses(driven):
+    """Their intervals hold the truth, for they carry what the camera leaves open about cm per pulse."""
+    hits = 0
+    for seed in range(10, 13):
+        made = fit_wheels(
+            driven(seed=seed, friction_cm_s2=0.0, speed_per_unit_cm_s=(0.84, 0.83)), PAPER, "printed"
+        )
+        told = {c.key: c for c in made.constants}
+        hits += told["speed_left"].low < 0.84 < told["speed_left"].high
+        hits += told["speed_right"].low < 0.83 < told["speed_right"].high
+    assert hits >= 5
+
+
+def test_without_a_camera_speeds_are_not_told(sound):
+    """Pulses per mm are assumed: two sources differ by 4 %."""
+    made = fit_wheels(replace(sound, pose=None), PAPER, "printed")
+    for c in made.constants[:2]:
+        assert not c.told and (c.high - c.low) / c.value > 0.07
+
+
+def test_what_a_drive_does_not_show_is_not_told(sound):
+    """Straight runs that never turn round tell kp, but neither play nor lag nor kd."""
+    rows = (sound.trial % 2 == 1) & (np.arange(len(sound.trial)) % 36 < 18)
+    some = {k: getattr(sound, k)[rows] for k in ("t_s", "commands", "counters", "speeds", "trial", "kind")}
+    made = fit_wheels(replace(sound, pose=None, **some), PAPER, "refitted")
+    told = {c.key: c for c in made.constants}
+    assert told["kp"].told and not any(told[key].told for key in ("kd", "lag", "play_cm"))
+    assert all(c.low >= 0 and c.high > c.low for c in made.constants)
+
+
+def test_constants_that_do_the_same_are_named():
+    """Two that move the steps alike are a pair; one that moves nothing gets all of its bounds."""
+    random = np.random.default_rng(0)
+    x, noise, trial = random.normal(size=600), random.normal(size=600), np.arange(600) // 30
+
+    def residuals(theta):
+        return (theta[0] + 2.0 * theta[1] - 3.0) * x + (theta[3] - 1.0) + noise
+
+    theta, bounds = np.array([1.0, 1.0, 4.0, 1.0]), (np.zeros(4), np.full(4, 10.0))
+    constants, alike = intervals(["p", "q", "r", "s"], theta, bounds, residuals, trial, robust_at=50.0)
+    assert [{a, b} for a, b, _ in alike] == [{"p", "q"}]
+    assert (constants[2].low, constants[2].high, constants[2].told) == (0.0, 10.0, False)
+    assert constants[3].told and constants[3].high - constants[3].low == pytest.approx(4 / 600**0.5, rel=0.5)
+
+
+def test_steps_of_a_trial_err_together():
+    """An error that a whole trial shares widens the interval as a mean of trials has it."""
+    random = np.random.default_rng(0)
+    trial = np.arange(1200) // 30
+    off = random.normal(size=40)[trial] + 0.1 * random.normal(size=1200)
+    fit = intervals(
+        ["p"],
+        np.array([5.0]),
+        (np.zeros(1), np.full(1, 10.0)),
+        lambda p: off + p[0] - 5,
+        trial,
+        robust_at=50.0,
+    )
+    (one,), _ = fit
+    assert (one.high - one.low) / 2 == pytest.approx(1.96 * off.std() / 40**0.5, rel=0.1)
