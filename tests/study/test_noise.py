@@ -15,6 +15,7 @@ from realitygap.errors import ConfigError, LineError, StudyBusyError, StudyError
 from realitygap.study.folder import lock
 from realitygap.study.load import load_study
 from realitygap.study.noise.config import NoiseConfig, levels_of, tasks_of
+from realitygap.study.noise.folder import Seconds
 from realitygap.study.noise.plan import controllers, evolved_folder, situated_file
 from realitygap.study.noise.progress import COMPARING
 from realitygap.study.noise.run import noise_study
@@ -186,10 +187,20 @@ def test_a_line_that_is_lost_is_taken_up_again(done, units, tmp_path):
     assert situated_file(copy, first).read_bytes() == before
 
 
-def test_progress_ends_with_nothing_left(units, tmp_path):
-    """Each phase tells how far it is, and at the end no time is left."""
-    heard = []
-    noise_study(tmp_path / "study", tiny(tasks=("obstacle-avoidance",)), workers=1, on_progress=heard.append)
+def test_progress_ends_with_nothing_left(units, tmp_path, monkeypatch):
+    """Each phase tells how far it is, and at the end no time is left; its time is kept as it goes."""
+    heard, kept = [], {}
+    monkeypatch.setattr("realitygap.study.noise.run.KEEP_S", 0.0)
+    monkeypatch.setattr("realitygap.study.noise.progress.EVERY_S", 0.0)
+
+    def hear(event):
+        heard.append(event)
+        if event.done < event.total:  # as a kill would leave it
+            kept[event.phase] = list(Seconds(tmp_path / "study").read())
+
+    noise_study(tmp_path / "study", tiny(tasks=("obstacle-avoidance",)), workers=1, on_progress=hear)
+    for phase, name in (("evolving", "evolve"), ("on the twin", "situated"), (COMPARING, "simulated")):
+        assert kept[phase][-1] == name
     phases = list(dict.fromkeys(event.phase for event in heard))
     assert phases == [
         "calibrating to the units", "evolving", "on the twin", "comparing with the simulations",

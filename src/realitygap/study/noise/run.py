@@ -45,6 +45,9 @@ TRIAL_COST, CELL_COST = 0.8, 0.4
 """About how long things take on one core, s: a unit's calibration, an evaluation, a run's retest, a
 trial on the twin, a comparison with a level. Hints for the time that is left, nothing else."""
 
+KEEP_S = 10.0
+"""How often the time that a phase has taken is written down."""
+
 IN_FILES = {CALIBRATING: "calibrate", EVOLVING: "evolve", DRIVING: "situated", COMPARING: "simulated"}
 """Phases as study.toml names them."""
 
@@ -133,11 +136,18 @@ class _Phases:
 
     @contextmanager
     def _timed(self, name: str) -> Iterator[None]:
-        began = time.monotonic()
+        self._phase, self._since = name, time.monotonic()
         try:
             yield
         finally:
-            Seconds(self.folder).add(IN_FILES[name], time.monotonic() - began)
+            self._keep_time()
+
+    def _keep_time(self, every_s: float = 0.0) -> None:
+        """Write down what the phase took; now and then as it goes, so that no kill makes it look quick."""
+        now = time.monotonic()
+        if now - self._since >= every_s:
+            Seconds(self.folder).add(IN_FILES[self._phase], now - self._since)
+            self._since = now
 
     def _uncalibrated(self) -> list[int]:
         units = range(1, self.config.units + 1)
@@ -156,6 +166,7 @@ class _Phases:
                 before = sum(shares.values())
                 shares[name] = done / max(total, 1)
                 self.reporter.add(CALIBRATION_COST * max(0.0, sum(shares.values()) - before) / steps)
+                self._keep_time(KEEP_S)
 
             calibrated_unit(
                 calibration_folder(self.folder, unit),
@@ -180,6 +191,7 @@ class _Phases:
                 done = before + event.runs_done
                 share = event.done / max(event.total, 1) * event.runs_total
                 self.reporter.reach(done, self.costs[EVOLVING] * (total - before - share))
+                self._keep_time(KEEP_S)
 
             run_study(place, wished, workers=self.workers, resume=exists(place), on_progress=heard)
             before += wished.runs * len(wished.conditions)
@@ -195,6 +207,7 @@ class _Phases:
                 reporter.add(cost * message.share)
             else:
                 reporter.add(0.0, done=1)
+            self._keep_time(KEEP_S)
 
         if jobs:
             with closing(carry_out(self.folder, jobs, self.workers, heard)) as messages:
