@@ -61,8 +61,8 @@ def study(name: str, report: NoiseReport) -> str:
 
 
 def together(reports: dict[str, NoiseReport]) -> str:
-    """All studies in one table: verdicts and peaks. Does the peak follow the twin's noise?"""
-    head = ["study", "twin's noise", "evaluations", "(a)", "(b)", "(c)", "peak (a)", "peak (c)"]
+    """All studies in one table: verdicts and peaks. Does the peak stay at the noise that was measured?"""
+    head = ["study", "twin's dial", "evaluations", "(a)", "(b)", "(c)", "peak (a)", "peak (c)"]
     lines = ["| " + " | ".join([*head, "noisiness passes zero"]) + " |", "|---" * (len(head) + 1) + "|"]
     for name, report in reports.items():
         settings, scope = report.results.settings, report.facts.headline

@@ -161,9 +161,9 @@ def test_levels_that_decide() -> None:
     assert coarse_levels(LEVELS, 1.0) == (0.0, 2.0)
     assert coarse_levels(LEVELS, 2.0) == (0.0, 4.0)
     assert coarse_levels((0.5, 1.0, 3.0), 1.0) == (0.5, 3.0)
-    assert (robot_level(LEVELS, 2), robot_level(LEVELS, 3.9)) == (2.0, 4.0)
+    assert (robot_level(LEVELS), robot_level((0, 0.4, 1.5))) == (1.0, 1.5)
     with pytest.raises(UsageError, match="expected two or more"):
-        robot_level([1.0], 1.0)
+        robot_level([1.0])
 
 
 def test_the_claims_stand_in_the_page() -> None:

@@ -101,12 +101,15 @@ def test_the_wrong_way_round_is_said(tmp_path: Path) -> None:
     assert "another level does better" in shifted
 
 
-def test_a_robot_twice_as_noisy_moves_the_claim(tmp_path: Path) -> None:
-    """With the twin's noise at 2 the peak at 2 is the claim's."""
-    summary = noise.noise_summary(write(study(comparison(2.0, by=3.0), runs=8, robot=2.0), tmp_path))
-    assert summary["robot_level"] == 2.0
+def test_the_claims_are_about_the_noise_that_was_measured(tmp_path: Path) -> None:
+    """On a twin whose dial stands at 2 the simulation's level 1 is as noisy: a peak there is the claim's."""
+    out = write(study(comparison(1.0, by=3.0), runs=8), tmp_path)
+    turned = lambda rows: [row.replace("twin_noise = 1.0", "twin_noise = 2.0") for row in rows]  # noqa: E731
+    lines("study.toml", turned)(out / "results")
+    summary = noise.noise_summary(out)
+    assert summary["robot_level"] == 1.0 and summary["settings"]["twin_noise"] == 2.0
     assert summary["claims"][0]["verdict"] == "supported"
-    assert "the twin's own noise is 2" in summary["paragraph"]
+    assert "its dial stands at 2" in summary["paragraph"]
 
 
 def test_one_run_a_cell_has_no_intervals_but_a_report(tmp_path: Path) -> None:

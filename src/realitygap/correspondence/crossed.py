@@ -19,8 +19,10 @@ FEWEST = 5
 """Runs in a cell below which resampling them says nothing of how sure one may be."""
 
 
-def robot_level(levels: Sequence[float], twin_noise: float) -> float:
-    """The robot's own level: the study's level nearest to the dial on the twin's noise, over its root.
+def robot_level(levels: Sequence[float]) -> float:
+    """The robot's own level: 1, or the study's level that is nearest to it, over its root.
+
+    Level 1 is the noise that the calibration measured on the robot, however noisy that is.
 
     Raises:
         StudyError: fewer than two levels: nothing can be compared.
@@ -28,7 +30,7 @@ def robot_level(levels: Sequence[float], twin_noise: float) -> float:
     known = sorted(set(map(float, levels)))
     if len(known) < 2:
         raise StudyError(f"levels: expected two or more different ones, got {known}.")
-    return min(known, key=lambda level: (abs(level**0.5 - float(twin_noise) ** 0.5), level))
+    return min(known, key=lambda level: (abs(level**0.5 - 1.0), level))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -122,7 +122,7 @@ def read_results(folder: str | Path) -> NoiseResults:
     task, seed_set, evolved, run = (np.array(column) for column in zip(*known, strict=True))
     home, name, simulated, situated = (np.array(c) for c in zip(*(facts for _, facts in who), strict=True))
     whole = Crossed(
-        levels=np.array(levels), robot=robot_level(levels, settings["twin_noise"]), task=task,
+        levels=np.array(levels), robot=robot_level(levels), task=task,
         seed_set=seed_set, run=run, evolved=evolved, home=home, name=name, simulated=simulated,
         situated=situated, **{part: scores[:, :, k] for k, part in enumerate(PARTS)},
     )  # fmt: skip

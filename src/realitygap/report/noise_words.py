@@ -88,9 +88,10 @@ def _opening(facts: NoiseFacts, settings: Mapping[str, Any]) -> str:
     drove = f" in {trials} trials" if isinstance(trials, int) else ""
     text = (
         f"{len(data)} controllers evolved at noise {levels} drove the twin{drove}, and each was compared "
-        f"with the simulation at every level; the twin's own noise is {float(settings['twin_noise']):g}."
+        f"with the simulation at every level, whose 1 is the noise that was measured on the twin (its dial "
+        f"stands at {float(settings['twin_noise']):g})."
     )
-    if float(settings["twin_noise"]) != data.robot:
+    if data.robot != 1:
         text += f" The nearest level of the study, {data.robot:g}, stands for it."
     return text
 
