@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.solve import SIGMAS, Constant
+from realitygap.calibration.constants import SIGMAS, Constant
 
 if TYPE_CHECKING:
     from realitygap.calibration.recording import WheelRecording

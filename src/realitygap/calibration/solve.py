@@ -14,16 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ROBUST_AT", "Constant", "Fit", "Free", "Values", "blind_pairs", "solve"]
+from realitygap.calibration.constants import SIGMAS, Constant, blind_pairs, filling
+
+__all__ = ["ROBUST_AT", "Fit", "Free", "Values", "solve"]
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Array]
 Model = Callable[[Values], Array]
 
-SIGMAS = 1.96
-"""Intervals hold 95 %."""
-ALIKE, BLIND = 0.95, 1e-5
-"""Correlation from which on the data are said not to tell two constants apart."""
 ROUNDS = 4
 ROBUST_AT = 5.0
 """Residuals beyond this many noise deviations count less than their square (soft L1)."""
@@ -49,17 +47,6 @@ class Free:
     prior: float | None = None
     tie: float | None = None
     step: float = 1e-4
-
-
-@dataclass(frozen=True, kw_only=True)
-class Constant:
-    """A fitted number with its 95 % interval; `told` is False where bounds or the prior decide."""
-
-    key: str
-    value: float
-    low: float
-    high: float
-    told: bool = True
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -130,27 +117,6 @@ def solve(
         evaluations=found.nfev,
         theta=found.x,
     )
-
-
-def blind_pairs(names: Sequence[str], curvature: Array) -> tuple[tuple[str, str, float], ...]:
-    """Pairs of constants whose estimates hang together by |ρ| ≥ 0.95: of two kinds the closest pair."""
-    size = np.sqrt(np.diag(curvature))
-    moves = np.flatnonzero(size > 1e-9 * size.max(initial=1e-300))
-    names, size = [names[int(i)] for i in moves], size[moves]
-    values, vectors = np.linalg.eigh(curvature[np.ix_(moves, moves)] / np.outer(size, size))
-    inverse = (vectors / np.maximum(values, BLIND)) @ vectors.T
-    scale = np.sqrt(np.maximum(np.diag(inverse), 1e-12))
-    rho = np.clip(inverse / np.outer(scale, scale), -1.0, 1.0)
-    closest: dict[tuple[str, str], tuple[str, str, float]] = {}
-    for i, j in np.argwhere(np.tril(np.abs(rho) >= ALIKE, -1)).tolist():
-        first, second = sorted(names[k].partition("[")[0] for k in (i, j))
-        kinds = (first, second)
-        # A shift's mean is held at 0: no question of the data's.
-        shifted = kinds[1] == f"{kinds[0]}_shift" or (kinds[0] == kinds[1] and kinds[0].endswith("_shift"))
-        pair = (names[i], names[j], float(rho[i, j]))
-        if not shifted and abs(pair[2]) > abs(closest.get(kinds, ("", "", 0.0))[2]):
-            closest[kinds] = pair
-    return tuple(sorted(closest.values(), key=lambda pair: -abs(pair[2])))
 
 
 class _Packed:
@@ -259,13 +225,9 @@ class _Packed:
         """Sandwich covariance: bread from the Jacobian and the priors, filling from the clusters."""
         columns, off = self._columns(theta), (self.readings(theta) - self.counts) / self.noise
         scores = np.einsum("ns,nsp->np", np.where(self.use, off, 0.0), columns)
-        groups = np.unique(clusters, return_inverse=True)[1]
-        sums = np.zeros((groups.max() + 1, len(theta)))
-        np.add.at(sums, groups, scores)
         held = np.concatenate([np.zeros((1, len(theta))), *self._prior_rows(len(theta))])
         bread = np.linalg.pinv(self.curvature(theta) + held.T @ held)
-        inner = sums.T @ sums * (len(sums) / max(len(sums) - 1, 1))
-        return np.asarray(bread @ (inner + held.T @ held) @ bread)
+        return np.asarray(bread @ (filling(scores, clusters) + held.T @ held) @ bread)
 
     def constants(self, theta: Array, covariance: Array) -> tuple[Constant, ...]:
         deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.solve import SIGMAS, Constant, blind_pairs
+from realitygap.calibration.constants import SIGMAS, Constant, blind_pairs, filling
 
 if TYPE_CHECKING:
     from realitygap.calibration.odometry import Odometry
@@ -60,10 +60,7 @@ def intervals(
     # Where nothing is known, any value within the bounds is as likely: no division by zero.
     bread = np.linalg.inv(curvature / variance + np.eye(len(theta)))
     scores = columns * (off / np.sqrt(1.0 + z) / variance)[:, None]
-    groups = _groups(trial)
-    sums = np.zeros((int(groups.max()) + 1, len(theta)))
-    np.add.at(sums, groups, scores)
-    inner = sums.T @ sums * (len(sums) / max(len(sums) - 1, 1)) + np.eye(len(theta))
+    inner = filling(scores, _groups(trial)) + np.eye(len(theta))
     spread = np.maximum(np.diag(bread @ inner @ bread), np.diag(bread))
     deviation = np.sqrt(spread) * (high - low)
     constants = tuple(

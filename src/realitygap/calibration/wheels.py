@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.calibration.constants import Constant
 from realitygap.calibration.forward import wheel_speeds
 from realitygap.calibration.friction import Friction, measure_friction
 from realitygap.calibration.odometry import Odometry, enough_pictures, measure_odometry
-from realitygap.calibration.solve import Constant
 from realitygap.calibration.wheel_checks import (
     refuse_camera,
     refuse_counters,

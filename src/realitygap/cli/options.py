@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from realitygap.cli.kinds import SEED, Finite, Noise, Whole
+from realitygap.robot.protocol import BAUD_RATES
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,7 +33,7 @@ __all__ = [
     "workers_option",
 ]
 
-BAUDS = ("9600", "19200", "38400", "57600", "115200")
+BAUDS = tuple(map(str, BAUD_RATES))
 LARGEST_DIAL = 10.0
 """A twin that is noisier than that can hardly be steered."""
 

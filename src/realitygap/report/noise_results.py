@@ -55,11 +55,6 @@ class NoiseResults:
     calibration: tuple[Misfit, ...]
     settings: Mapping[str, Any]
 
-    @property
-    def twin_noise(self) -> float:
-        """The dial on the twin's noise."""
-        return float(self.settings["twin_noise"])
-
 
 class _Row:
     """One line of a table: its columns, asked for by name."""

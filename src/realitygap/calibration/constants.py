@@ -1,0 +1,61 @@
+"""Fitted numbers: their intervals, and which of them the data cannot tell apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["SIGMAS", "Constant", "blind_pairs", "filling"]
+
+Array = NDArray[np.float64]
+
+SIGMAS = 1.96
+"""Intervals hold 95 %."""
+ALIKE, BLIND = 0.95, 1e-5
+"""Correlation from which on the data are said not to tell two constants apart."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constant:
+    """A fitted number with its 95 % interval; `told` is False where bounds or the prior decide."""
+
+    key: str
+    value: float
+    low: float
+    high: float
+    told: bool = True
+
+
+def filling(scores: Array, clusters: NDArray[np.int64]) -> Array:
+    """[p, p] a sandwich covariance's filling of scores [n, p]: rows of one cluster [n] err together.
+
+    Liang and Zeger, "Longitudinal data analysis using generalized linear models" (Biometrika 73, 1986).
+    """
+    groups = np.unique(clusters, return_inverse=True)[1]
+    sums = np.zeros((int(groups.max()) + 1, scores.shape[1]))
+    np.add.at(sums, groups, scores)
+    return np.asarray(sums.T @ sums * (len(sums) / max(len(sums) - 1, 1)))
+
+
+def blind_pairs(names: Sequence[str], curvature: Array) -> tuple[tuple[str, str, float], ...]:
+    """Pairs of constants whose estimates hang together by |ρ| ≥ 0.95: of two kinds the closest pair."""
+    size = np.sqrt(np.diag(curvature))
+    moves = np.flatnonzero(size > 1e-9 * size.max(initial=1e-300))
+    names, size = [names[int(i)] for i in moves], size[moves]
+    values, vectors = np.linalg.eigh(curvature[np.ix_(moves, moves)] / np.outer(size, size))
+    inverse = (vectors / np.maximum(values, BLIND)) @ vectors.T
+    scale = np.sqrt(np.maximum(np.diag(inverse), 1e-12))
+    rho = np.clip(inverse / np.outer(scale, scale), -1.0, 1.0)
+    closest: dict[tuple[str, str], tuple[str, str, float]] = {}
+    for i, j in np.argwhere(np.tril(np.abs(rho) >= ALIKE, -1)).tolist():
+        first, second = sorted(names[k].partition("[")[0] for k in (i, j))
+        kinds = (first, second)
+        # A shift's mean is held at 0: no question of the data's.
+        shifted = kinds[1] == f"{kinds[0]}_shift" or (kinds[0] == kinds[1] and kinds[0].endswith("_shift"))
+        pair = (names[i], names[j], float(rho[i, j]))
+        if not shifted and abs(pair[2]) > abs(closest.get(kinds, ("", "", 0.0))[2]):
+            closest[kinds] = pair
+    return tuple(sorted(closest.values(), key=lambda pair: -abs(pair[2])))
