@@ -16,7 +16,7 @@ from realitygap.calibration.judge import judge
 from realitygap.calibration.recording import SensorRecording, load_recording
 from realitygap.calibration.recording_files import save_recording
 from realitygap.calibration.unit import PARTS
-from realitygap.robot.facts import to_toml
+from realitygap.toml import to_toml
 from realitygap.world.profile import load_profile
 
 PAPER = load_profile("paper")

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from realitygap.robot.facts import to_toml
 from realitygap.study import mark as module
 from realitygap.study.load import Study, load_study
 from realitygap.study.marks import marks_of
 from realitygap.study.marks_kept import MARKS
 from realitygap.study.runner import run_study
+from realitygap.toml import to_toml
 from tests.study.helpers import small
 
 SECONDS, STARTS = 8, 3

@@ -12,7 +12,7 @@ from typing import Any
 
 from realitygap.calibration.recording_files import FACTS
 from realitygap.errors import RecordingError
-from realitygap.robot.facts import to_toml
+from realitygap.toml import to_toml
 
 __all__ = ["ARENA", "Journal", "refuse_another"]
 

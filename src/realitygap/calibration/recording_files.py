@@ -24,7 +24,7 @@ from realitygap.calibration.recording import (
 from realitygap.calibration.recording_checks import check_readings, check_steps
 from realitygap.calibration.recording_table import Table, need, read_table
 from realitygap.errors import RecordingError
-from realitygap.robot.facts import to_toml
+from realitygap.toml import to_toml
 from realitygap.world.arena import Arena, load_arena
 
 __all__ = ["FACTS", "READINGS", "STEPS", "STEP_COLUMNS", "read_facts", "read_folder", "save_recording"]

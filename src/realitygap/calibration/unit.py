@@ -21,7 +21,7 @@ from typing import Any
 
 from realitygap.calibration.recording_files import FACTS
 from realitygap.errors import CalibrationError, RobotError
-from realitygap.robot.facts import to_toml
+from realitygap.toml import to_toml
 
 __all__ = ["PARTS", "PROFILE", "SETTINGS", "calibrated_unit"]
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from realitygap.errors import UsageError
 from realitygap.robot.body import Odometry
-from realitygap.robot.facts import to_toml
+from realitygap.toml import to_toml
 from realitygap.values import Command, Readings
 
 __all__ = ["KILLED", "LATE_S", "Recorder", "Recording", "Step"]

@@ -18,8 +18,8 @@ from realitygap.errors import ConfigError
 from realitygap.study.parts import Condition, Encoding, Evolution, TaskSettings
 from realitygap.study.settings import apply, whole
 from realitygap.tasks.task import Task
+from realitygap.toml import to_toml as write_toml
 from realitygap.world.files import Value, build, require
-from realitygap.world.files import to_toml as write_toml
 from realitygap.world.noise import NOISE_LEVELS, noise_level
 
 __all__ = ["Condition", "Encoding", "Evolution", "StudyConfig", "TaskSettings"]

@@ -16,7 +16,7 @@ from realitygap.study.plan import plans
 from realitygap.study.schema import told
 from realitygap.study.settings import difference
 from realitygap.study.store import DATABASE, create
-from realitygap.world.files import to_toml
+from realitygap.toml import to_toml
 
 __all__ = ["exists", "lock", "open_folder", "open_to_begin", "read_config", "read_materials", "versions"]
 

@@ -24,7 +24,8 @@ from realitygap.study.transfer_load import Transferred, load_transfers
 from realitygap.study.transfer_work import OnProgress
 from realitygap.study.workers import cores
 from realitygap.tasks import load_task
-from realitygap.world.files import Value, build, shipped, to_toml
+from realitygap.toml import to_toml
+from realitygap.world.files import Value, build, shipped
 from realitygap.world.profile import load_profile
 
 __all__ = ["STARTS", "UNIT", "Reproduction", "again", "begun", "configured", "transferred"]

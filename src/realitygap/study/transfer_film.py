@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from realitygap.toml import to_toml
 from realitygap.values import Pose
-from realitygap.world.files import to_toml
 
 if TYPE_CHECKING:
     from realitygap.film.camera import CameraModel

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 from realitygap.controller.network import decode
 from realitygap.kernels.params import STEP_S
 from realitygap.robot.body import SerialBody
-from realitygap.robot.facts import to_toml
 from realitygap.robot.khepera import Khepera
 from realitygap.robot.protocol import PULSES_PER_MM
 from realitygap.robot.recording import Recorder
@@ -30,6 +29,7 @@ from realitygap.study.transfer_paths import (
 )
 from realitygap.study.transfer_plan import FOLDER, Situation
 from realitygap.tasks.simulation import Simulation
+from realitygap.toml import to_toml
 from realitygap.values import Pose
 
 if TYPE_CHECKING:

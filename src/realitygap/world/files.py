@@ -7,10 +7,9 @@ value check itself, so that a file and a Python call are refused with the same w
 
 from __future__ import annotations
 
-import json
 import math
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass
 from difflib import get_close_matches
 from functools import cache
@@ -20,8 +19,9 @@ from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from realitygap.errors import ConfigError
+from realitygap.toml import to_toml
 
-__all__ = ["Value", "build", "load", "require", "shipped", "to_toml"]
+__all__ = ["Value", "build", "load", "require", "shipped"]
 
 T = TypeVar("T")
 
@@ -45,7 +45,7 @@ class Value:
 
     def to_toml(self) -> str:
         """The value as a TOML file, which reads back to an equal value."""
-        return to_toml(_listed(asdict(self)))
+        return to_toml(asdict(self))
 
 
 def require(fact: bool, key: str, expected: str, got: object, cure: str = "") -> None:
@@ -97,11 +97,6 @@ def shipped(folder: str) -> tuple[str, ...]:
     """Names of the files that come with the package, "profiles" or "arenas"."""
     inside = files("realitygap.world").joinpath(folder).iterdir()
     return tuple(sorted(f.name.removesuffix(".toml") for f in inside if f.name.endswith(".toml")))
-
-
-def to_toml(table: Mapping[str, Any]) -> str:
-    """TOML text of a dictionary of texts, numbers, lists, tables and lists of tables."""
-    return "\n".join(_lines(table, "")).lstrip("\n") + "\n"
 
 
 def _text(path: Path, kind: str, names: tuple[str, ...]) -> str:
@@ -173,27 +168,3 @@ def _listed(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _listed(v) for key, v in value.items()}
     return [_listed(v) for v in value] if isinstance(value, list | tuple) else value
-
-
-def _lines(table: Mapping[str, Any], path: str) -> Iterator[str]:
-    """Plain keys first, then tables and lists of tables: a TOML table ends where the next begins."""
-    later: dict[str, Any] = {}
-    for key, value in table.items():
-        if isinstance(value, dict) or (isinstance(value, list) and value and isinstance(value[0], dict)):
-            later[f"{path}{key}"] = value
-        else:
-            yield f"{key} = {_literal(value)}"
-    for key, value in later.items():
-        if isinstance(value, dict):
-            yield from ("", f"[{key}]", *_lines(value, f"{key}."))
-        else:
-            for entry in value:
-                yield from ("", f"[[{key}]]", *_lines(entry, f"{key}."))
-
-
-def _literal(value: Any) -> str:
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, list):
-        return f"[{', '.join(_literal(v) for v in value)}]"
-    return str(value).lower() if isinstance(value, bool) else repr(value)

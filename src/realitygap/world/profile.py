@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from realitygap.kernels.params import LANES, MAX_DELAY, RAYS, STEP_S, UPDATES, Robot
-from realitygap.world.files import Value, load, require, shipped, to_toml
+from realitygap.toml import to_toml
+from realitygap.world.files import Value, load, require, shipped
 from realitygap.world.provenance import Provenance
 from realitygap.world.rays import RAY_ANGLES_DEG, ray_weights, rays, unit
 from realitygap.world.sensors import Ambient, Infrared

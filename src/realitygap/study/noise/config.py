@@ -12,8 +12,8 @@ from typing import Any, Self
 from realitygap.errors import ConfigError, StudyError
 from realitygap.study.settings import whole
 from realitygap.tasks.load import TASKS, load_task
+from realitygap.toml import to_toml as write_toml
 from realitygap.world.files import Value, build, require
-from realitygap.world.files import to_toml as write_toml
 from realitygap.world.noise import noise_level
 
 __all__ = ["CONFIG", "NoiseConfig", "levels_of", "tasks_of"]

@@ -13,7 +13,7 @@ from realitygap.study.noise.config import CONFIG, NoiseConfig
 from realitygap.study.noise.plan import Controller
 from realitygap.study.schema import told
 from realitygap.study.settings import difference
-from realitygap.world.files import to_toml
+from realitygap.toml import to_toml
 
 __all__ = ["RESULTS", "Seconds", "command_of", "missing", "open_folder"]
 

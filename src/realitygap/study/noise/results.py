@@ -15,7 +15,7 @@ from realitygap.study.noise.folder import RESULTS, Seconds, command_of
 from realitygap.study.noise.plan import Controller, controllers
 from realitygap.study.noise.simulated import read_compared
 from realitygap.study.noise.stage import Stage
-from realitygap.world.files import to_toml
+from realitygap.toml import to_toml
 
 __all__ = ["write_results"]
 
