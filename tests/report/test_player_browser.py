@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import pytest
 
 from realitygap.study.load import Study
-from tests.report.browser import NAMES, Browser, find_browser
+from tests.browser import Browser
 
 PICTURE = "document.getElementById('player-arena-0').toDataURL()"
 STEP = "Number(document.getElementById('player-scrub').value)"
@@ -24,16 +24,6 @@ FRAME = "void window.next((window.clock = (window.clock || performance.now()) + 
 def text(name: str) -> str:
     """The script for an element's words."""
     return f"document.getElementById('player-{name}').textContent"
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    """One browser for all tests; each opens the page anew."""
-    path = find_browser()
-    if path is None:
-        pytest.skip(f"no browser answers: neither CHROMIUM, in the environment, nor {', '.join(NAMES)}")
-    with Browser(path, tmp_path_factory.mktemp("profile")) as one:
-        yield one
 
 
 @pytest.fixture

@@ -1,0 +1,17 @@
+"""What tests of several rooms need."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.browser import NAMES, Browser, find_browser
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """One browser for all tests, each of which opens its page anew."""
+    path = find_browser()
+    if path is None:
+        pytest.skip(f"no browser answers: neither CHROMIUM, in the environment, nor {', '.join(NAMES)}")
+    with Browser(path, tmp_path_factory.mktemp("profile")) as one:
+        yield one
