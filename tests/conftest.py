@@ -3,8 +3,12 @@
 from collections.abc import Iterator
 
 import pytest
+from hypothesis import settings
 
 from tests.browser import NAMES, Browser, find_browser
+
+settings.register_profile("patient", deadline=None)  # a loaded machine is slow, and no test fails on that
+settings.load_profile("patient")
 
 
 @pytest.fixture(scope="session")

@@ -79,7 +79,7 @@ def test_poses_come_with_their_arena(tmp_path):
 
 
 @given(st.lists(st.tuples(st.integers(-10, 10), st.integers(-9999, 9999)), min_size=1, max_size=30))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_steps_come_back_equal(tmp_path_factory, pairs):
     """Whatever the wheels did; a camera's poses stay where there were pictures."""
     n = len(pairs)

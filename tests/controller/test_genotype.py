@@ -7,7 +7,7 @@ import os
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from realitygap.controller.genotype import (
     Layout,
@@ -37,7 +37,6 @@ end
 """
 
 
-@settings(deadline=None)
 @given(genotypes())
 def test_round_trip(genes):
     """Text and back is the same genotype, unexpressed and dormant content included."""

@@ -42,14 +42,12 @@ def drive_dense(net: Networks, steps, i: int = 0) -> list[tuple[int, int]]:
     return made
 
 
-@settings(deadline=None)
 @given(genotypes(), drives())
 def test_controller_is_the_reference(genes, steps):
     """A controller commands what the slow obvious network commands."""
     assert commands(NetworkController(genes, SMALL), steps) == ReferenceNetwork(genes, 3).drive(steps)
 
 
-@settings(deadline=None)
 @given(genotypes(), drives())
 def test_decoded_arrays_are_the_reference(genes, steps):
     """Dense arrays, pruned or not, hold the same network as the genotype."""
@@ -58,7 +56,6 @@ def test_decoded_arrays_are_the_reference(genes, steps):
     assert drive_dense(decode(genes, SMALL, prune=False), steps) == expected
 
 
-@settings(deadline=None)
 @given(genotypes(), drives())
 def test_reset_forgets_everything(genes, steps):
     """A controller that was reset drives as a new one."""
@@ -67,7 +64,6 @@ def test_reset_forgets_everything(genes, steps):
     assert commands(controller, steps) == first
 
 
-@settings(deadline=None)
 @given(genotypes(), drives())
 def test_neurons_without_links_change_nothing(genes, steps):
     """Adding or deleting a neuron that nobody links to leaves the behaviour as it was."""
@@ -81,7 +77,7 @@ def test_neurons_without_links_change_nothing(genes, steps):
     assert drive_dense(decode(added, SMALL), steps) == before
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(genotypes())
 def test_deleted_neurons_leave_their_links_dormant(genes):
     """Deleting a neuron and putting it back gives the same network: its links were dormant."""
@@ -95,7 +91,7 @@ def test_deleted_neurons_leave_their_links_dormant(genes):
     assert neurons(gone, SMALL) == neurons(genes, SMALL)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(genotypes())
 def test_dense_arrays_are_sorted(genes):
     """Outputs come first, sensor links by delay, other links by target, the rest is blank."""

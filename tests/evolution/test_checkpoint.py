@@ -35,7 +35,7 @@ def test_round_trip(evaluations):
     assert back.to_bytes() == state.to_bytes()
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(st.integers(0, len(BYTES) - 1), st.integers(1, 255))
 def test_damage_is_found(place, change):
     """Any one byte changed is found, and said."""
@@ -45,7 +45,7 @@ def test_damage_is_found(place, change):
         State.from_bytes(bytes(damaged))
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.integers(0, len(BYTES) - 1))
 def test_cut_off_checkpoints_are_found(length):
     """A checkpoint that was not written to its end is found."""

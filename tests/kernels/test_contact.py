@@ -64,7 +64,7 @@ WEDGES = (
 """Corners, wedges, narrow passages, free ends of walls."""
 
 
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=300)
 @given(
     st.sampled_from(WEDGES), st.sampled_from([0.0, 0.5, 1.0, 100.0]), st.integers(0, 2**32 - 1),
     st.sampled_from(["wander", "push"]),
@@ -87,7 +87,7 @@ def test_nothing_enters_anything(arena, sliding, seed, how):
         assert math.hypot(x - before[0], y - before[1]) < RADIUS
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(st.sampled_from(WEDGES), st.sampled_from([0.0, 1.0, 100.0]), st.integers(0, 2**32 - 1))
 def test_a_robot_in_contact_can_leave(arena, sliding, seed):
     """Whatever it has driven against, a robot that drives back the way it came gets away freely."""

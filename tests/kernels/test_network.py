@@ -32,14 +32,14 @@ def agree(genes, layout: Layout, inputs) -> None:
         assert driven(decode(genes, layout, prune=prune), inputs) == expected
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(genotypes(), drives(steps=12))
 def test_small_networks(genes, inputs):
     """Any network of a small layout commands what the reference commands, step by step."""
     agree(genes, SMALL, inputs)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(genotypes(WHOLE), st.integers(0, 2**32 - 1), st.sampled_from(["new", "rare", "blips", "one"]))
 def test_networks_of_the_paper(genes, seed, kind):
     """Networks of up to twenty hidden neurons, on inputs that hold for long, change rarely, or blip."""

@@ -19,7 +19,7 @@ PROFILE = load_profile("paper")
 ROBOT = PROFILE.to_kernel()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10**6), hidden=st.sampled_from([0.0, 0.1, 0.5, 1.0]))
 def test_the_picture_and_the_controller_read_a_genotype_alike(seed: int, hidden: float) -> None:
     """The same neurons, thresholds and live links."""
@@ -30,7 +30,7 @@ def test_the_picture_and_the_controller_read_a_genotype_alike(seed: int, hidden:
     assert len(wiring.links) == sum(len(n.links) for n in told)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 10**6), hidden=st.sampled_from([0.05, 0.3, 1.0]))
 def test_neurons_do_not_overlap_and_stay_on_the_robot(seed: int, hidden: float) -> None:
     """Whatever the genotype, with a picture large enough for it."""
