@@ -12,9 +12,9 @@ import sys
 from pathlib import Path
 
 from realitygap.errors import UsageError
-from realitygap.report.noise import NoiseReport
-from realitygap.report.noise_page import captions
-from realitygap.report.noise_results import read_results
+from realitygap.report.noise.page import captions
+from realitygap.report.noise.report import NoiseReport
+from realitygap.report.noise.results import read_results
 
 DOCS = Path(__file__).resolve().parent.parent
 PAGE = DOCS / "noise-level.md"

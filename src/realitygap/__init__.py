@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from realitygap.study.load import load_study
     from realitygap.study.marks import marks_of
     from realitygap.study.runner import run_study
-    from realitygap.study.transfer import load_transfers, transfer
+    from realitygap.study.transfer.run import load_transfers, transfer
     from realitygap.tasks import load_task
     from realitygap.tasks.simulation import Simulation
     from realitygap.tasks.task import Start, Task
@@ -105,7 +105,7 @@ _HOMES = {
     "study.load": ("load_study",),
     "study.marks": ("marks_of",),
     "study.runner": ("run_study",),
-    "study.transfer": ("load_transfers", "transfer"),
+    "study.transfer.run": ("load_transfers", "transfer"),
     "tasks": ("load_task",),
     "tasks.simulation": ("Simulation",),
     "tasks.task": ("Start", "Task"),

@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-import realitygap.study.transfer as study_transfer
+import realitygap.study.transfer.run as study_transfer
 from realitygap.cli import realitygap
 from realitygap.film.video import FilmWriter
 from realitygap.study.config import StudyConfig
 from realitygap.study.parts import Condition
 from realitygap.study.runner import run_study
-from realitygap.study.transfer_film import calibrated
+from realitygap.study.transfer.film import calibrated
 from realitygap.tasks import load_task
 from realitygap.twin.camera import OverheadCamera
 from realitygap.twin.process import start_twin

@@ -26,7 +26,7 @@ from realitygap.correspondence.validation import (
 )
 from realitygap.correspondence.words import differences, noisiness
 from realitygap.errors import UsageError
-from realitygap.study import transfer_paths
+from realitygap.study.transfer import paths
 from realitygap.tasks.load import load_task
 from realitygap.tasks.simulation import Simulation
 from realitygap.world.profile import load_profile
@@ -270,8 +270,8 @@ def test_behaviour_score_goes_from_standing_to_ideal():
         scores = simulation.scores(networks, np.arange(20, dtype=np.uint64)[None])
         assert 2 < behaviour_score(scores, ends) < 10
         trajectory, score = simulation.trajectory(networks, stream=1)
-        path = transfer_paths.of_trajectory(trajectory)
-        assert transfer_paths.score(path, task, profile) == pytest.approx(score, rel=0.05)
+        path = paths.of_trajectory(trajectory)
+        assert paths.score(path, task, profile) == pytest.approx(score, rel=0.05)
 
 
 def test_noise_of_the_simulation_is_seen():

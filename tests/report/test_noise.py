@@ -16,9 +16,9 @@ import pytest
 
 from realitygap.correspondence.claims import CLAIMS
 from realitygap.errors import UsageError
-from realitygap.report import noise
-from realitygap.report.noise_figures import map_figure
-from realitygap.report.noise_results import read_results
+from realitygap.report.noise import report as noise
+from realitygap.report.noise.figures import map_figure
+from realitygap.report.noise.results import read_results
 from tests.correspondence.crosses import TASKS, comparison, flat, study, write
 
 PROJECT = Path(__file__).parents[2]

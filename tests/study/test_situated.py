@@ -17,8 +17,8 @@ from realitygap.film.disk import load_disk
 from realitygap.film.track import COLUMNS
 from realitygap.film.tracker import Tracker
 from realitygap.study.situated import SituatedPath, Stand
-from realitygap.study.transfer_film import WATCH_FPS
-from realitygap.study.transfer_paths import score
+from realitygap.study.transfer.film import WATCH_FPS
+from realitygap.study.transfer.paths import score
 from realitygap.tasks import load_task
 from realitygap.twin.camera import OverheadCamera
 from realitygap.values import Pose

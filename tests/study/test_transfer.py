@@ -18,10 +18,10 @@ from realitygap.film.track import read_track
 from realitygap.film.video import FilmReader
 from realitygap.robot.recording import Recording
 from realitygap.study.load import Study, load_study
-from realitygap.study.transfer import Transferred, load_transfers, transfer
-from realitygap.study.transfer_folder import half_folder
-from realitygap.study.transfer_plan import Robot
-from realitygap.study.transfer_replay import Replays
+from realitygap.study.transfer.folder import half_folder
+from realitygap.study.transfer.plan import Robot
+from realitygap.study.transfer.replay import Replays
+from realitygap.study.transfer.run import Transferred, load_transfers, transfer
 from realitygap.tasks.simulation import Simulation
 from realitygap.twin.process import start_twin
 from realitygap.twin.states import States
@@ -83,7 +83,7 @@ def test_the_number_of_workers_changes_no_bit(made, study):
 
 def test_an_interrupted_transfer_goes_on_to_the_same_bits(made, study, monkeypatch):
     """Ctrl-C keeps finished trials; only the others, a half one included, are made then."""
-    monkeypatch.setattr("realitygap.study.transfer_work.EVERY_S", 0.0)  # each trial is told, however fast
+    monkeypatch.setattr("realitygap.study.transfer.work.EVERY_S", 0.0)  # each trial is told, however fast
 
     def stop(event):
         if event.done == 2:

@@ -17,9 +17,9 @@ from realitygap.film.eye import Eye
 from realitygap.film.track import read_track
 from realitygap.film.video import FilmReader, FilmWriter
 from realitygap.study.load import Study, load_study
-from realitygap.study.transfer import load_transfers, transfer
-from realitygap.study.transfer_film import calibrated
-from realitygap.study.transfer_paths import lost_steps
+from realitygap.study.transfer.film import calibrated
+from realitygap.study.transfer.paths import lost_steps
+from realitygap.study.transfer.run import load_transfers, transfer
 from realitygap.twin import drawing
 from realitygap.twin.camera import OverheadCamera
 from realitygap.twin.process import start_twin

@@ -15,9 +15,9 @@ from realitygap.controller.network import decode
 from realitygap.film.track import Track
 from realitygap.kernels.trial import scale_input
 from realitygap.report.gather import chosen, parts_of
-from realitygap.study.transfer_choice import shown_runs
-from realitygap.study.transfer_film import known_poses
-from realitygap.study.transfer_paths import (
+from realitygap.study.transfer.choice import shown_runs
+from realitygap.study.transfer.film import known_poses
+from realitygap.study.transfer.paths import (
     lost_steps,
     of_counters,
     of_track,

@@ -12,7 +12,7 @@ import click
 if TYPE_CHECKING:
     from realitygap.study.noise.progress import NoiseProgress
     from realitygap.study.progress import Progress
-    from realitygap.study.transfer_work import TransferProgress
+    from realitygap.study.transfer.work import TransferProgress
 
 __all__ = ["ProgressLine", "clock"]
 

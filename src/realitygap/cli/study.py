@@ -86,7 +86,7 @@ def noise(out: Path, workers: int | None, resume: bool, json_output: bool, **opt
         realitygap study noise --twin-noise 2 --out out/noise-2
         realitygap study noise --levels 0,1,2 --runs 4 --units 1 --starts 4 --out out/small
     """
-    from realitygap.report.noise import build_noise_report, noise_summary
+    from realitygap.report.noise.report import build_noise_report, noise_summary
     from realitygap.study.noise.run import noise_study
 
     config = _config(out, resume, options)

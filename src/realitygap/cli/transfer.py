@@ -18,9 +18,9 @@ from realitygap.cli.progress import ProgressLine
 from realitygap.errors import RobotStoppedError, StudyInterruptedError
 
 if TYPE_CHECKING:
-    from realitygap.study.transfer import Transferred
-    from realitygap.study.transfer_plan import Situation
-    from realitygap.study.transfer_work import TransferProgress
+    from realitygap.study.transfer.plan import Situation
+    from realitygap.study.transfer.run import Transferred
+    from realitygap.study.transfer.work import TransferProgress
     from realitygap.values import Pose
 
 __all__ = ["print_transfers", "transfer"]
@@ -124,7 +124,7 @@ def transfer(
         realitygap transfer out/reproduce 9 --robot serial:/dev/ttyUSB0 --camera camera.json --eye 0
     """
     from realitygap.study.load import load_study
-    from realitygap.study.transfer import transfer as carry_over
+    from realitygap.study.transfer.run import transfer as carry_over
 
     try:
         with TransferLine() as progress:

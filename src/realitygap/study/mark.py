@@ -18,8 +18,8 @@ from realitygap.kernels.rng import substream
 from realitygap.study.load import Run, Study
 from realitygap.study.marks_kept import digest
 from realitygap.study.plan import run_stream
-from realitygap.study.transfer_load import Transferred
-from realitygap.study.transfer_paths import Table
+from realitygap.study.transfer.load import Transferred
+from realitygap.study.transfer.paths import Table
 
 if TYPE_CHECKING:
     from realitygap.correspondence.names import Namer

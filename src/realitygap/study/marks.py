@@ -17,7 +17,7 @@ from collections.abc import Callable
 from realitygap.study.load import Study
 from realitygap.study.mark import Bench, Job, Mark
 from realitygap.study.marks_kept import Kept
-from realitygap.study.transfer_load import Transferred, load_transfers
+from realitygap.study.transfer.load import Transferred, load_transfers
 
 __all__ = ["Mark", "kind_of", "marks_of"]
 

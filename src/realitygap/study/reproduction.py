@@ -18,10 +18,10 @@ from realitygap.study.folder import CONFIG, exists, lock, open_to_begin
 from realitygap.study.load import Study
 from realitygap.study.schema import told
 from realitygap.study.settings import difference, whole
-from realitygap.study.transfer import transfer
-from realitygap.study.transfer_choice import shown_runs
-from realitygap.study.transfer_load import Transferred, load_transfers
-from realitygap.study.transfer_work import OnProgress
+from realitygap.study.transfer.choice import shown_runs
+from realitygap.study.transfer.load import Transferred, load_transfers
+from realitygap.study.transfer.run import transfer
+from realitygap.study.transfer.work import OnProgress
 from realitygap.study.workers import cores
 from realitygap.tasks import load_task
 from realitygap.toml import to_toml

@@ -28,14 +28,14 @@ from realitygap.robot.clock import VirtualClock
 from realitygap.robot.khepera import Khepera
 from realitygap.robot.loop import drive
 from realitygap.robot.recording import Recorder, Recording
-from realitygap.study.transfer_paths import Table, of_track
-from realitygap.study.transfer_plan import Robot
+from realitygap.study.transfer.paths import Table, of_track
+from realitygap.study.transfer.plan import Robot
 from realitygap.tasks.task import Task
 from realitygap.values import Pose, Readings
 from realitygap.world.profile import Profile
 
 if TYPE_CHECKING:
-    from realitygap.study.transfer_film import Watcher
+    from realitygap.study.transfer.film import Watcher
     from realitygap.twin.process import TwinProcess
     from realitygap.twin.states import States
 
@@ -63,7 +63,7 @@ class SituatedPath:
         pose: [steps + 1, 3] x, y (cm) and heading (rad); NaN where the robot was not seen.
         readings: [steps, 8] counts of the sensors that the task feeds.
         commands: [steps, 2] Khepera units.
-        table: the same path in the columns that `transfer_paths.score` takes.
+        table: the same path in the columns that `transfer.paths.score` takes.
     """
 
     t_s: Floats
@@ -208,7 +208,7 @@ class Stand:
     @property
     def watcher(self) -> Watcher:
         """The camera above, which is calibrated when it is first needed."""
-        from realitygap.study.transfer_film import Watcher
+        from realitygap.study.transfer.film import Watcher
 
         if self._watcher is None:
             self._watcher = Watcher(

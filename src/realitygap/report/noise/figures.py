@@ -13,7 +13,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from realitygap.correspondence.crossed import Crossed
-from realitygap.report.noise_facts import PAPER, Curve, FitnessRow, NoiseFacts, Scope, Span, heat, points
+from realitygap.report.noise.facts import PAPER, Curve, FitnessRow, NoiseFacts, Scope, Span, heat, points
 from realitygap.report.style import INK, MUTED, PAGE, new_figure, noise_styles
 
 __all__ = ["SETS", "claims_figure", "fitness_figure", "map_figure", "noisiness_figure", "titled"]

@@ -7,15 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from realitygap.correspondence.claims import RESAMPLES, VERDICTS
-from realitygap.report.noise_facts import BOTH
-from realitygap.report.noise_figures import titled
-from realitygap.report.noise_words import LIMITS
+from realitygap.report.noise.facts import BOTH
+from realitygap.report.noise.figures import titled
+from realitygap.report.noise.words import LIMITS
 from realitygap.report.page import GLYPHS, Card
 from realitygap.report.style import inline_svg, noise_styles
 from realitygap.world.noise import noise_name
 
 if TYPE_CHECKING:
-    from realitygap.report.noise import NoiseReport
+    from realitygap.report.noise.report import NoiseReport
 
 __all__ = ["captions", "render"]
 
@@ -53,7 +53,7 @@ def render(report: NoiseReport, svgs: Mapping[str, str]) -> str:
     from jinja2 import Environment, FileSystemLoader
     from markupsafe import Markup
 
-    folder = Path(__file__).parent / "templates"
+    folder = Path(__file__).parent.parent / "templates"
     environment = Environment(
         loader=FileSystemLoader(folder), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )

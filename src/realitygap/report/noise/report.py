@@ -11,14 +11,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from realitygap.report.noise_results import NoiseResults, read_results
+from realitygap.report.noise.results import NoiseResults, read_results
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from realitygap.correspondence.claims import Contrast
-    from realitygap.report.noise_facts import Curve, NoiseFacts, Span
-    from realitygap.report.noise_tables import NoiseTable
+    from realitygap.report.noise.facts import Curve, NoiseFacts, Span
+    from realitygap.report.noise.tables import NoiseTable
 
 __all__ = ["NoiseReport", "build_noise_report", "noise_summary"]
 
@@ -37,7 +37,7 @@ def build_noise_report(out: str | Path, *, on_progress: Progress | None = None) 
         StudyError: results are missing or broken: names the file and the line.
         OSError: the report cannot be written.
     """
-    from realitygap.report.noise_page import render
+    from realitygap.report.noise.page import render
 
     folder = Path(out) / "report"
     report = NoiseReport(read_results(Path(out) / "results"))
@@ -81,7 +81,7 @@ class NoiseReport:
     @cached_property
     def facts(self) -> NoiseFacts:
         """Verdicts, curves, fitness."""
-        from realitygap.report.noise_facts import gather_facts
+        from realitygap.report.noise.facts import gather_facts
 
         return gather_facts(self.results.data)
 
@@ -96,7 +96,7 @@ class NoiseReport:
     @cached_property
     def tables(self) -> dict[str, NoiseTable]:
         """Every table by its name."""
-        from realitygap.report.noise_tables import noise_tables
+        from realitygap.report.noise.tables import noise_tables
 
         return noise_tables(self.facts, self.results.calibration, self.scales)
 
@@ -108,20 +108,20 @@ class NoiseReport:
     @cached_property
     def thoughts(self) -> list[str]:
         """The paragraph's parts, without its warnings."""
-        from realitygap.report.noise_words import thoughts
+        from realitygap.report.noise.words import thoughts
 
         return thoughts(self.facts, self.results.settings, self.scales)
 
     @property
     def warnings(self) -> list[str]:
         """Where the calibration is too far off for the level of noise to mean anything; who is missing."""
-        from realitygap.report.noise_words import warnings
+        from realitygap.report.noise.words import warnings
 
         return warnings(self.results.calibration, self.facts.data.tasks, self.results.lost)
 
     def save_figure(self, which: str, folder: Path, name: str, *, dpi: int = 200) -> str:
         """Write one of FIGURES as NAME.png and NAME.svg; its SVG."""
-        from realitygap.report import noise_figures as draw
+        from realitygap.report.noise import figures as draw
         from realitygap.report.style import save_figure, styled
 
         makers: dict[str, Callable[[], Figure]] = {

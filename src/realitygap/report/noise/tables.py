@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from realitygap.correspondence.claims import Finding
-from realitygap.report.noise_facts import PAPER, NoiseFacts, Span
-from realitygap.report.noise_figures import titled
-from realitygap.report.noise_results import Misfit
+from realitygap.report.noise.facts import PAPER, NoiseFacts, Span
+from realitygap.report.noise.figures import titled
+from realitygap.report.noise.results import Misfit
 
 __all__ = [
     "NoiseTable", "Number", "calibration_table", "claim_table", "fitness_table", "names_table",

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from realitygap.correspondence.claims import Contrast, Finding
-from realitygap.report.noise_facts import FitnessRow, NoiseFacts, Scope, Span
-from realitygap.report.noise_figures import titled
-from realitygap.report.noise_results import Misfit
+from realitygap.report.noise.facts import FitnessRow, NoiseFacts, Scope, Span
+from realitygap.report.noise.figures import titled
+from realitygap.report.noise.results import Misfit
 
 __all__ = ["LIMITS", "Scales", "thoughts", "warnings"]
 

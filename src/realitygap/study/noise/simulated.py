@@ -22,7 +22,7 @@ from realitygap.kernels.params import STEP_S
 from realitygap.study.noise.plan import Controller, simulated_file, stream
 from realitygap.study.noise.situated import read_situated
 from realitygap.study.noise.stage import Stage
-from realitygap.study.transfer_paths import score
+from realitygap.study.transfer.paths import score
 
 __all__ = ["compare_all", "read_compared", "scale_for"]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from realitygap.errors import FilmError, LineError, RobotError, RobotStoppedError
 from realitygap.study.folder import versions
-from realitygap.study.transfer_plan import Robot
+from realitygap.study.transfer.plan import Robot
 from realitygap.values import Pose
 
 __all__ = ["half_folder", "made", "place", "versions_of"]

@@ -11,9 +11,9 @@ from typing import Any
 
 from realitygap.errors import StudyError
 from realitygap.study.settings import difference
-from realitygap.study.transfer_paths import Table, read_path
-from realitygap.study.transfer_plan import FOLDER, SOURCES, Situation
-from realitygap.study.transfer_trial import SIMULATED, SITUATED, TRIAL
+from realitygap.study.transfer.paths import Table, read_path
+from realitygap.study.transfer.plan import FOLDER, SOURCES, Situation
+from realitygap.study.transfer.trial import SIMULATED, SITUATED, TRIAL
 from realitygap.values import Pose
 
 __all__ = ["Transferred", "is_done", "load_transfer", "load_transfers"]

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, Self
 
 from realitygap.errors import FilmError, UsageError
 from realitygap.kernels.params import STEP_S
-from realitygap.study.transfer_film import FILM, TRACK, keep_film
-from realitygap.study.transfer_paths import Table, of_track
-from realitygap.study.transfer_plan import Robot, Situation
+from realitygap.study.transfer.film import FILM, TRACK, keep_film
+from realitygap.study.transfer.paths import Table, of_track
+from realitygap.study.transfer.plan import Robot, Situation
 from realitygap.values import Pose
 
 if TYPE_CHECKING:

@@ -13,9 +13,9 @@ from realitygap.controller.network import decode
 from realitygap.errors import UsageError
 from realitygap.robot.recording import Recording
 from realitygap.study.load import Study
-from realitygap.study.transfer_load import load_transfer
-from realitygap.study.transfer_plan import transfer_stream
-from realitygap.study.transfer_trial import TRIAL
+from realitygap.study.transfer.load import load_transfer
+from realitygap.study.transfer.plan import transfer_stream
+from realitygap.study.transfer.trial import TRIAL
 from realitygap.tasks.simulation import Simulation
 from realitygap.values import Trajectory
 

@@ -1,7 +1,7 @@
 """Transfer: evolved individuals on robots, each trial paired with its simulation from the same pose (§6).
 
     from realitygap.study.load import load_study
-    from realitygap.study.transfer import load_transfers, transfer
+    from realitygap.study.transfer.run import load_transfers, transfer
 
     transfer(load_study("out/reproduce"), robots=("twin:1", "twin:2"), starts=3)
     for one in load_transfers("out/reproduce"):
@@ -23,11 +23,11 @@ from realitygap.study.folder import lock
 from realitygap.study.load import Study
 from realitygap.study.schema import told
 from realitygap.study.settings import whole
-from realitygap.study.transfer_load import Transferred, is_done, load_transfer, load_transfers
-from realitygap.study.transfer_overhead import Found, Overhead, check_eye, open_overhead
-from realitygap.study.transfer_plan import FOLDER, Robot, chosen_runs, situations
-from realitygap.study.transfer_trial import Carry
-from realitygap.study.transfer_work import OnProgress, TransferProgress, by_hand, on_twins
+from realitygap.study.transfer.load import Transferred, is_done, load_transfer, load_transfers
+from realitygap.study.transfer.overhead import Found, Overhead, check_eye, open_overhead
+from realitygap.study.transfer.plan import FOLDER, Robot, chosen_runs, situations
+from realitygap.study.transfer.trial import Carry
+from realitygap.study.transfer.work import OnProgress, TransferProgress, by_hand, on_twins
 from realitygap.study.workers import cores, refuse_unguarded_script
 
 if TYPE_CHECKING:

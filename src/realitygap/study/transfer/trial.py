@@ -17,8 +17,8 @@ from realitygap.robot.protocol import PULSES_PER_MM
 from realitygap.robot.recording import Recorder
 from realitygap.study.load import Study
 from realitygap.study.situated import Driven, Stand, driven
-from realitygap.study.transfer_folder import made, place, versions_of
-from realitygap.study.transfer_paths import (
+from realitygap.study.transfer.folder import made, place, versions_of
+from realitygap.study.transfer.paths import (
     Table,
     lost_steps,
     of_counters,
@@ -27,14 +27,14 @@ from realitygap.study.transfer_paths import (
     score,
     write_path,
 )
-from realitygap.study.transfer_plan import FOLDER, Situation
+from realitygap.study.transfer.plan import FOLDER, Situation
 from realitygap.tasks.simulation import Simulation
 from realitygap.toml import to_toml
 from realitygap.values import Pose
 
 if TYPE_CHECKING:
     from realitygap.film.track import Track
-    from realitygap.study.transfer_overhead import Overhead
+    from realitygap.study.transfer.overhead import Overhead
 
 __all__ = ["TRIAL", "Carry", "Stage"]
 
@@ -166,7 +166,7 @@ class Stage:
 
     def _seen(self, one: Situation, folder: Path, facts: dict[str, Any], tell: Tell) -> Track:
         """The track of a trial on the twin by the camera above it, which films it or only watches."""
-        from realitygap.study.transfer_film import TRACK, film_and_track
+        from realitygap.study.transfer.film import TRACK, film_and_track
         from realitygap.twin.camera import OverheadCamera
 
         stand = self.stand(one)

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from realitygap.study.load import Study, load_study
 from realitygap.study.schema import told
-from realitygap.study.transfer_plan import Situation
-from realitygap.study.transfer_trial import Carry, Stage
+from realitygap.study.transfer.plan import Situation
+from realitygap.study.transfer.trial import Carry, Stage
 from realitygap.study.workers import Pool, at_work
 
 if TYPE_CHECKING:
-    from realitygap.study.transfer_overhead import Overhead
+    from realitygap.study.transfer.overhead import Overhead
 
 __all__ = ["OnProgress", "TransferProgress", "by_hand", "on_twins"]
 
