@@ -18,7 +18,7 @@ from realitygap.calibration.forward import (
     scene_of,
     wheel_speeds,
 )
-from realitygap.calibration.recording import SensorRecording, WheelRecording
+from realitygap.calibration.recordings.recording import SensorRecording, WheelRecording
 from realitygap.world.profile import Profile, load_profile
 
 DISTANCES = np.array([0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0])

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from click.testing import CliRunner
 
-from realitygap.calibration.recording_files import save_recording
+from realitygap.calibration.recordings.files import save_recording
 from realitygap.cli import realitygap
 from realitygap.world.profile import load_profile
 

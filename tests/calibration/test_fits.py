@@ -10,8 +10,8 @@ import pytest
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.judge import judge
 from realitygap.calibration.noise import lit_noise, sample_noise
-from realitygap.calibration.odometry import measure_odometry
-from realitygap.calibration.recording import load_recording
+from realitygap.calibration.recordings.recording import load_recording
+from realitygap.calibration.wheels.odometry import measure_odometry
 from realitygap.errors import CalibrationError
 from realitygap.report.calibration import write_calibration_page
 from realitygap.world.profile import load_profile

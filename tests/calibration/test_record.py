@@ -17,11 +17,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from realitygap.calibration.plans import ambient_plan, infrared_plan, sensor_plans
-from realitygap.calibration.plans_wheels import FLOOR_CM, Trial, wheel_plan
-from realitygap.calibration.record import drive_trial, record
-from realitygap.calibration.record_site import EnoughError, PersonSite, TwinSite
-from realitygap.calibration.recording import BODY_RADIUS_CM, SensorRecording, load_recording
+from realitygap.calibration.recorder.plans import ambient_plan, infrared_plan, sensor_plans
+from realitygap.calibration.recorder.record import drive_trial, record
+from realitygap.calibration.recorder.site import EnoughError, PersonSite, TwinSite
+from realitygap.calibration.recorder.wheel_plans import FLOOR_CM, Trial, wheel_plan
+from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, SensorRecording, load_recording
 from realitygap.cli import realitygap
 from realitygap.errors import BaudError, RecordingError
 from realitygap.values import Pose

@@ -11,14 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from realitygap.calibration.checks import dead_sensors
-from realitygap.calibration.recording import (
+from realitygap.calibration.recordings.files import save_recording
+from realitygap.calibration.recordings.recording import (
     SensorRecording,
     WheelRecording,
     cylinder_radius,
     find_recordings,
     load_recording,
 )
-from realitygap.calibration.recording_files import save_recording
 from realitygap.errors import RecordingError
 from realitygap.world.arena import load_arena
 

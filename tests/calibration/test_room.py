@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from realitygap.calibration import calibrate as fits
-from realitygap.calibration import light_forms, plans, unit_work
+from realitygap.calibration import light_forms, unit_work
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.forward import illumination, light_readings, scene_of
 from realitygap.calibration.judge import judge
-from realitygap.calibration.recording import SensorRecording, load_recording
-from realitygap.calibration.recording_files import save_recording
+from realitygap.calibration.recorder import plans
+from realitygap.calibration.recordings.files import save_recording
+from realitygap.calibration.recordings.recording import SensorRecording, load_recording
 from realitygap.calibration.unit import PARTS
 from realitygap.toml import to_toml
 from realitygap.world.profile import load_profile

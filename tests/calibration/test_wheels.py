@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from realitygap.calibration.calibrate import calibrate
-from realitygap.calibration.wheel_intervals import intervals
-from realitygap.calibration.wheels import fit_wheels
+from realitygap.calibration.wheels.fit import fit_wheels
+from realitygap.calibration.wheels.intervals import intervals
 from realitygap.errors import CalibrationError
 from realitygap.world.profile import load_profile
 

@@ -14,13 +14,13 @@ import numpy as np
 from realitygap.calibration.channels import ChannelFit, fit_infrared, fit_light, ticks, unmeasured
 from realitygap.calibration.checks import refuse_mixed
 from realitygap.calibration.forms import Tick
-from realitygap.calibration.recording import SensorRecording, WheelRecording
-from realitygap.calibration.wheels import PULSES_PER_CM, WheelFit, fit_wheels
+from realitygap.calibration.recordings.recording import SensorRecording, WheelRecording
+from realitygap.calibration.wheels.fit import PULSES_PER_CM, WheelFit, fit_wheels
 from realitygap.errors import CalibrationError
 from realitygap.world.provenance import FittedChannel, FittedConstant, Provenance, SourceFile
 
 if TYPE_CHECKING:
-    from realitygap.calibration.recording import Recording
+    from realitygap.calibration.recordings.recording import Recording
     from realitygap.world.profile import Profile
 
 __all__ = ["FORMS", "Calibration", "calibrate"]

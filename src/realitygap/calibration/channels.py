@@ -21,7 +21,7 @@ from realitygap.calibration.solve import Fit, Free
 from realitygap.errors import CalibrationError, ConfigError
 
 if TYPE_CHECKING:
-    from realitygap.calibration.recording import SensorRecording
+    from realitygap.calibration.recordings.recording import SensorRecording
     from realitygap.world.profile import Profile
 
 __all__ = ["ChannelFit", "fit_infrared", "fit_light", "ticks", "unmeasured"]

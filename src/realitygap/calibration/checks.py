@@ -16,7 +16,7 @@ from realitygap.errors import CalibrationError
 
 if TYPE_CHECKING:
     from realitygap.calibration.channels import ChannelFit
-    from realitygap.calibration.recording import Recording, SensorRecording
+    from realitygap.calibration.recordings.recording import Recording, SensorRecording
     from realitygap.world.profile import Profile
 
 __all__ = [

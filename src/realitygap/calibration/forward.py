@@ -20,7 +20,7 @@ from realitygap.kernels.work import Work, new_work
 from realitygap.world.arena import Arena, Cylinder, Lamp
 
 if TYPE_CHECKING:
-    from realitygap.calibration.recording import SensorRecording, WheelRecording
+    from realitygap.calibration.recordings.recording import SensorRecording, WheelRecording
     from realitygap.world.profile import Profile
 
 __all__ = ["Scene", "illumination", "light_readings", "proximity", "scene_of", "wheel_speeds"]

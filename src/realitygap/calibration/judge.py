@@ -18,21 +18,21 @@ from realitygap.calibration.forward import (
     wheel_speeds,
 )
 from realitygap.calibration.misfit import LIMITS, Misfit, measure_noise, misfits
-from realitygap.calibration.odometry import enough_pictures, measure_odometry
-from realitygap.calibration.recording import SensorRecording, WheelRecording
-from realitygap.calibration.wheel_checks import (
+from realitygap.calibration.recordings.recording import SensorRecording, WheelRecording
+from realitygap.calibration.wheels.checks import (
     refuse_camera,
     refuse_counters,
     refuse_few_steps,
     refuse_lengths,
     refuse_still,
 )
-from realitygap.calibration.wheels import PULSES_PER_CM, measured_speeds
+from realitygap.calibration.wheels.fit import PULSES_PER_CM, measured_speeds
+from realitygap.calibration.wheels.odometry import enough_pictures, measure_odometry
 from realitygap.errors import CalibrationError
 
 if TYPE_CHECKING:
-    from realitygap.calibration.odometry import Odometry
-    from realitygap.calibration.recording import Recording
+    from realitygap.calibration.recordings.recording import Recording
+    from realitygap.calibration.wheels.odometry import Odometry
     from realitygap.world.profile import Profile
 
 __all__ = ["LIMITS", "Judgement", "judge"]

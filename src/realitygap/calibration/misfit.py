@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from realitygap.calibration.noise import NoiseEstimate, dark_noise, lit_noise, sample_noise
 
 if TYPE_CHECKING:
-    from realitygap.calibration.recording import SensorRecording
+    from realitygap.calibration.recordings.recording import SensorRecording
 
 __all__ = ["LIMITS", "Misfit", "measure_noise", "misfits"]
 

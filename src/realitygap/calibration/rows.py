@@ -12,7 +12,7 @@ from realitygap.calibration.checks import dead_sensors, refuse_other_kind, refus
 from realitygap.calibration.forward import scene_of
 
 if TYPE_CHECKING:
-    from realitygap.calibration.recording import SensorRecording
+    from realitygap.calibration.recordings.recording import SensorRecording
     from realitygap.world.profile import Profile
 
 __all__ = ["FOLDS", "Rows"]

@@ -19,7 +19,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from realitygap.calibration.recording_files import FACTS
+from realitygap.calibration.recordings.files import FACTS
 from realitygap.errors import CalibrationError, RobotError
 from realitygap.toml import to_toml
 

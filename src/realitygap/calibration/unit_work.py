@@ -24,8 +24,8 @@ BASE = "paper"
 
 def record_part(folder: Path, name: str) -> None:
     """Record one part of all plans into `folder/recordings/name`, there as a whole or not at all."""
-    from realitygap.calibration.plans import CYLINDER
-    from realitygap.calibration.record import record, twin_sites
+    from realitygap.calibration.recorder.plans import CYLINDER
+    from realitygap.calibration.recorder.record import record, twin_sites
 
     said = tomllib.loads((folder / SETTINGS).read_text("utf-8"))
     unit, noise, seed = said["unit"], said["twin_noise"], said["seed"]
@@ -47,7 +47,7 @@ def record_part(folder: Path, name: str) -> None:
 def fit_unit(folder: Path) -> None:
     """Fit all parts, and write the profile."""
     from realitygap.calibration.calibrate import calibrate
-    from realitygap.calibration.recording import load_recording
+    from realitygap.calibration.recordings.recording import load_recording
     from realitygap.world.profile import load_profile
 
     _tell(FIT, 0, 1)

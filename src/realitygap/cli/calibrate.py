@@ -17,7 +17,7 @@ from realitygap.cli.progress import ProgressLine
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
     from realitygap.calibration.judge import Judgement
-    from realitygap.calibration.recording import Recording
+    from realitygap.calibration.recordings.recording import Recording
 
 __all__ = ["calibrate"]
 
@@ -131,7 +131,7 @@ def _beside(out: Path) -> Path:
 
 
 def _load(paths: tuple[str, ...], objects: tuple[str, ...]) -> list[Recording]:
-    from realitygap.calibration.recording import find_recordings, load_recording
+    from realitygap.calibration.recordings.recording import find_recordings, load_recording
     from realitygap.errors import CalibrationError
 
     found = [place for path in paths for place in find_recordings(path)]

@@ -15,7 +15,7 @@ from realitygap.cli.output import print_json
 from realitygap.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
-    from realitygap.calibration.record import Made, OpenSite, Progress
+    from realitygap.calibration.recorder.record import Made, OpenSite, Progress
 
 __all__ = ["Robot", "RobotKind", "record"]
 
@@ -92,7 +92,7 @@ def record(
         realitygap record --robot serial:/dev/ttyUSB0 --plan infrared --object wall --out wall
         realitygap record --robot serial:/dev/ttyUSB0 --plan infrared --object wall --out wall --resume
     """
-    from realitygap.calibration.record import record as make
+    from realitygap.calibration.recorder.record import record as make
     from realitygap.errors import RobotStoppedError
 
     if object_name is not None and plan not in ("infrared", "all"):
@@ -124,7 +124,7 @@ def _site(
     """How a robot's sites are opened, facts about it, and who shows the progress."""
     from contextlib import nullcontext
 
-    from realitygap.calibration.record import twin_sites
+    from realitygap.calibration.recorder.record import twin_sites
     from realitygap.robot.signals import Stopping
 
     if robot.port is None:
@@ -133,7 +133,7 @@ def _site(
         assert robot.unit is not None
         facts = {"robot": "twin (pseudo-reality)", "unit": robot.unit, "twin_noise": noise}
         return twin_sites(unit=robot.unit, noise=noise, seed=seed), facts, _stoppable(stack, line.places)
-    from realitygap.calibration.record_site import PersonSite
+    from realitygap.calibration.recorder.site import PersonSite
     from realitygap.robot.khepera import Khepera
 
     stack.enter_context(Stopping())

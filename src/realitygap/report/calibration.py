@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from realitygap.calibration.judge import LIMITS
-from realitygap.calibration.recording import WheelRecording
+from realitygap.calibration.recordings.recording import WheelRecording
 from realitygap.report import calibration_figures as draw
 from realitygap.report.page import Card
 from realitygap.report.style import inline_svg, styled
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from realitygap.calibration.calibrate import Calibration
     from realitygap.calibration.channels import ChannelFit
-    from realitygap.calibration.wheels import WheelFit
+    from realitygap.calibration.wheels.fit import WheelFit
 
 __all__ = ["write_calibration_page"]
 

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from realitygap.calibration.channels import ChannelFit
-    from realitygap.calibration.recording import WheelRecording
-    from realitygap.calibration.wheels import WheelFit
+    from realitygap.calibration.recordings.recording import WheelRecording
+    from realitygap.calibration.wheels.fit import WheelFit
 
 __all__ = ["curves_figure", "is_grid", "maps_figure", "noise_figure", "slip_figure", "steps_figure"]
 

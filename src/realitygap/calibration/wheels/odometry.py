@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from realitygap.calibration.constants import SIGMAS, Constant
 
 if TYPE_CHECKING:
-    from realitygap.calibration.recording import WheelRecording
+    from realitygap.calibration.recordings.recording import WheelRecording
 
 __all__ = ["Odometry", "enough_pictures", "measure_odometry"]
 

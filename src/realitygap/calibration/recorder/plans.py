@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from realitygap.calibration.recording import BODY_RADIUS_CM, check_object, cylinder_radius
+from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, check_object, cylinder_radius
 from realitygap.errors import RecordingError
 from realitygap.values import Pose
 from realitygap.world.arena import Arena, load_arena

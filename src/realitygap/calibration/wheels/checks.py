@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from realitygap.errors import CalibrationError
 
 if TYPE_CHECKING:
-    from realitygap.calibration.odometry import Odometry
-    from realitygap.calibration.recording import WheelRecording
+    from realitygap.calibration.recordings.recording import WheelRecording
+    from realitygap.calibration.wheels.odometry import Odometry
     from realitygap.world.profile import Profile
 
 __all__ = [

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.recording import BODY_RADIUS_CM, SensorRecording, check_object
+from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, SensorRecording, check_object
 from realitygap.errors import RecordingError
 
 __all__ = ["LIGHT_STEP", "read_sam"]

@@ -10,7 +10,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from realitygap.calibration.recording_files import FACTS
+from realitygap.calibration.recordings.files import FACTS
 from realitygap.errors import RecordingError
 from realitygap.toml import to_toml
 

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.recording import (
+from realitygap.calibration.recordings.checks import check_readings, check_steps
+from realitygap.calibration.recordings.recording import (
     BODY_RADIUS_CM,
     KINDS,
     STEP_KINDS,
@@ -21,8 +22,7 @@ from realitygap.calibration.recording import (
     WheelRecording,
     check_object,
 )
-from realitygap.calibration.recording_checks import check_readings, check_steps
-from realitygap.calibration.recording_table import Table, need, read_table
+from realitygap.calibration.recordings.table import Table, need, read_table
 from realitygap.errors import RecordingError
 from realitygap.toml import to_toml
 from realitygap.world.arena import Arena, load_arena

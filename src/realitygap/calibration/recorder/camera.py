@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.plans_wheels import camera_places
+from realitygap.calibration.recorder.wheel_plans import camera_places
 from realitygap.film.calibrate import calibrate_camera
 from realitygap.film.disk import load_disk
 from realitygap.film.frames import KnownFrame

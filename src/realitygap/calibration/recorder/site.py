@@ -11,8 +11,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol
 
-from realitygap.calibration.plans import Place
-from realitygap.calibration.plans_wheels import Trial
+from realitygap.calibration.recorder.plans import Place
+from realitygap.calibration.recorder.wheel_plans import Trial
 from realitygap.robot.clock import VirtualClock
 from realitygap.robot.khepera import Khepera
 from realitygap.values import Pose
@@ -71,7 +71,7 @@ class TwinSite:
             self._khepera = stack.enter_context(Khepera.connect(self._twin.device, clock=clock))
             self._camera = None
             if camera:
-                from realitygap.calibration.record_camera import FloorCamera
+                from realitygap.calibration.recorder.camera import FloorCamera
 
                 self._camera = stack.enter_context(FloorCamera(room, unit=unit, noise=noise, seed=seed))
                 folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="realitygap-record-"))

@@ -1,6 +1,6 @@
 """Makes recordings: brings the robot to each place of a plan, reads it, and writes that down at once.
 
-from realitygap.calibration.record import record, twin_sites
+from realitygap.calibration.recorder.record import record, twin_sites
 
 sites = twin_sites(unit=7, noise=1.0, seed=0)
 record("all", "unit-7", open_site=sites, facts={"robot": "twin", "unit": 7})
@@ -17,12 +17,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from realitygap.calibration.plans import Place, SensorPlan, sensor_plans
-from realitygap.calibration.plans_wheels import ROOM, Trial, wheel_plan
-from realitygap.calibration.record_journal import ARENA, Journal, refuse_another
-from realitygap.calibration.record_site import EnoughError, Site, TwinSite
-from realitygap.calibration.recording import BODY_RADIUS_CM
-from realitygap.calibration.recording_files import POSE, READINGS, STEP_COLUMNS, STEPS, UNITS
+from realitygap.calibration.recorder.journal import ARENA, Journal, refuse_another
+from realitygap.calibration.recorder.plans import Place, SensorPlan, sensor_plans
+from realitygap.calibration.recorder.site import EnoughError, Site, TwinSite
+from realitygap.calibration.recorder.wheel_plans import ROOM, Trial, wheel_plan
+from realitygap.calibration.recordings.files import POSE, READINGS, STEP_COLUMNS, STEPS, UNITS
+from realitygap.calibration.recordings.recording import BODY_RADIUS_CM
 from realitygap.errors import BaudError
 from realitygap.robot.body import SerialBody
 from realitygap.values import Command, Pose

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from realitygap.kernels.params import STEP_S
 
 if TYPE_CHECKING:
-    from realitygap.calibration.recording import WheelRecording
+    from realitygap.calibration.recordings.recording import WheelRecording
 
 __all__ = ["Friction", "measure_friction"]
 

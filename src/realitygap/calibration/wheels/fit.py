@@ -14,9 +14,7 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.constants import Constant
 from realitygap.calibration.forward import wheel_speeds
-from realitygap.calibration.friction import Friction, measure_friction
-from realitygap.calibration.odometry import Odometry, enough_pictures, measure_odometry
-from realitygap.calibration.wheel_checks import (
+from realitygap.calibration.wheels.checks import (
     refuse_camera,
     refuse_counters,
     refuse_few_steps,
@@ -24,12 +22,14 @@ from realitygap.calibration.wheel_checks import (
     refuse_still,
     refuse_wheels,
 )
-from realitygap.calibration.wheel_intervals import at_bound, intervals, with_lengths
+from realitygap.calibration.wheels.friction import Friction, measure_friction
+from realitygap.calibration.wheels.intervals import at_bound, intervals, with_lengths
+from realitygap.calibration.wheels.odometry import Odometry, enough_pictures, measure_odometry
 from realitygap.kernels.params import STEP_S
 from realitygap.world.profile import largest_pole
 
 if TYPE_CHECKING:
-    from realitygap.calibration.recording import WheelRecording
+    from realitygap.calibration.recordings.recording import WheelRecording
     from realitygap.world.profile import Profile
 
 __all__ = ["PULSES_PER_CM", "WHEEL_FORMS", "WheelFit", "fit_wheels", "measured_speeds"]

@@ -196,11 +196,11 @@ def load_recording(path: str | Path, *, object: str | None = None, kind: str | N
     """
     path = Path(path)
     if path.suffix.lower() == ".sam":
-        from realitygap.calibration.sam import read_sam
+        from realitygap.calibration.recordings.sam import read_sam
 
         made: SensorRecording = read_sam(path, object=object, kind=kind)
         return made
-    from realitygap.calibration.recording_files import read_folder
+    from realitygap.calibration.recordings.files import read_folder
 
     return read_folder(path.parent if path.name == "recording.toml" else path, object=object)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from realitygap.calibration.constants import SIGMAS, Constant, blind_pairs, filling
 
 if TYPE_CHECKING:
-    from realitygap.calibration.odometry import Odometry
+    from realitygap.calibration.wheels.odometry import Odometry
 
 __all__ = ["ASSUMED", "at_bound", "intervals", "with_lengths"]
 

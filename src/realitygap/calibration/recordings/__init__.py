@@ -1,0 +1,1 @@
+"""Recordings: the open format and the .sam tables, read, checked and written."""

@@ -1,0 +1,1 @@
+"""The wheels: speed, lag, friction, odometry and noise, fitted from recorded drives."""
