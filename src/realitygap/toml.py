@@ -1,11 +1,36 @@
-"""Facts as TOML: the standard library reads it, this writes it."""
+"""Facts as TOML, in and out."""
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
-__all__ = ["to_toml"]
+from realitygap.errors import UsageError
+from realitygap.text import read_text
+
+__all__ = ["read_toml", "to_toml"]
+
+
+def read_toml(
+    path: str | Path, error: type[UsageError], cure: str, *, broken: str = "Correct that line."
+) -> dict[str, Any]:
+    """The table of a TOML file.
+
+    Args:
+        path: the file.
+        error: what to raise.
+        cure: what to do if there is none.
+        broken: what to do if it is no TOML.
+
+    Raises:
+        UsageError: of the class `error`: as of `read_text`, or broken TOML, with its line.
+    """
+    try:
+        return tomllib.loads(read_text(path, error, cure))
+    except tomllib.TOMLDecodeError as why:
+        raise error(f"{path}: not a TOML file: {why}. {broken}") from None
 
 
 def to_toml(facts: Mapping[str, Any]) -> str:

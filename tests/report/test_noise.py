@@ -142,7 +142,7 @@ def lines(file: str, change: Callable[[list[str]], list[str]]) -> Callable[[Path
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda f: (f / "study.toml").unlink(), r"study\.toml: expected the results of a study of noise"),
+        (lambda f: (f / "study.toml").unlink(), r"study\.toml: no such file"),
         (lambda f: (f / "cells.csv").unlink(), r"cells\.csv: expected a table"),
         (lines("cells.csv", lambda t: t[:-1]), r"every controller at every level, got none at 2 for light"),
         (lines("cells.csv", lambda t: [*t, t[1]]), r"cells\.csv, line \d+: expected each controller once"),
@@ -154,7 +154,7 @@ def lines(file: str, change: Callable[[list[str]], list[str]]) -> Callable[[Path
         (lines("controllers.csv", lambda t: t[:2]), "but not in controllers"),
         (lines("study.toml", lambda t: t[1:]), "levels: expected a list"),
         (lines("study.toml", lambda t: [x for x in t if "twin_noise" not in x]), "twin_noise: expected"),
-        (lines("study.toml", lambda t: ["["]), r"study\.toml: expected a TOML file"),
+        (lines("study.toml", lambda t: ["["]), r"study\.toml: not a TOML file"),
     ],
 )  # fmt: skip
 def test_broken_results_are_refused(

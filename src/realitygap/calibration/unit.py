@@ -13,7 +13,6 @@ import os
 import shutil
 import subprocess
 import sys
-import tomllib
 from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -21,7 +20,7 @@ from typing import Any
 
 from realitygap.calibration.recordings.files import FACTS
 from realitygap.errors import CalibrationError, RobotError
-from realitygap.toml import to_toml
+from realitygap.toml import read_toml, to_toml
 
 __all__ = ["PARTS", "PROFILE", "SETTINGS", "calibrated_unit"]
 
@@ -97,17 +96,13 @@ def _claim(folder: Path, settings: dict[str, Any]) -> None:
         fresh.write_text(to_toml(settings), "utf-8")
         os.replace(fresh, path)
         return
-    try:
-        there = tomllib.loads(path.read_text("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise CalibrationError(
-            f"{path}: not a TOML file: {error}. Choose another folder, or remove this one."
-        ) from None
+    cure = "Choose another folder, or remove this one."
+    there = read_toml(path, CalibrationError, cure, broken=cure)
     for key, value in settings.items():
         if there.get(key) != value:
             raise CalibrationError(
                 f"{path}: {key}: expected {value!r}, got {there.get(key)!r}: another calibration is there. "
-                "Choose another folder, or remove this one."
+                f"{cure}"
             )
 
 

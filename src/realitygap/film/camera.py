@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from realitygap.errors import FilmError
-from realitygap.film.files import read_text
 from realitygap.film.lens import bend, straightened
+from realitygap.text import read_text
 
 __all__ = ["CameraModel", "load_camera"]
 
@@ -242,7 +242,7 @@ def load_camera(path: str | Path) -> CameraModel:
         FilmError: unreadable file, broken JSON, a key that is missing or refused.
     """
     cure = "Make it with `realitygap camera calibrate`."
-    text = read_text(path, cure)
+    text = read_text(path, FilmError, cure)
     try:
         table = json.loads(text)
     except ValueError as error:

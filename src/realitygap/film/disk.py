@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from realitygap.errors import FilmError
-from realitygap.film.files import read_text
+from realitygap.toml import read_toml
 
 __all__ = ["Disk", "load_disk"]
 
@@ -63,11 +63,9 @@ def load_disk(path: str | Path | None = None) -> Disk:
     """
     if path is None:
         return _built(tomllib.loads(files("realitygap.film").joinpath("disk.toml").read_text("utf-8")))
-    text = read_text(path, "Give the path of a disk's .toml file.")
+    table = read_toml(path, FilmError, "Give the path of a disk's .toml file.")
     try:
-        return _built(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise FilmError(f"{path}: not a TOML file: {error}. Correct that line.") from None
+        return _built(table)
     except FilmError as error:
         raise FilmError(f"{path}: {error}") from None
 

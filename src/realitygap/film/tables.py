@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from realitygap.errors import FilmError
-from realitygap.film.files import read_text
+from realitygap.text import read_text
 
 __all__ = ["number", "read_table"]
 
@@ -23,7 +23,7 @@ def read_table(path: str | Path, columns: Sequence[str]) -> list[tuple[int, dict
     Raises:
         FilmError: unreadable file, a column that is missing, a row with too few values.
     """
-    text = read_text(path, f"Give a CSV file with columns {', '.join(columns)}.")
+    text = read_text(path, FilmError, f"Give a CSV file with columns {', '.join(columns)}.")
     reader = csv.reader(text.splitlines())
     try:
         lines = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(row)]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import math
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 
 from realitygap.errors import UsageError
 from realitygap.robot.body import Odometry
-from realitygap.toml import to_toml
+from realitygap.toml import read_toml, to_toml
 from realitygap.values import Command, Readings
 
 __all__ = ["KILLED", "LATE_S", "Recorder", "Recording", "Step"]
@@ -130,10 +129,7 @@ class Recording:
         facts_file, steps_file = Path(folder) / FACTS, Path(folder) / STEPS
         if not facts_file.is_file():
             raise UsageError(f"{str(folder)!r} holds no recording: there is no {FACTS} in it")
-        try:
-            facts = tomllib.loads(facts_file.read_text(encoding="utf-8"))
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise UsageError(f"{facts_file}: {error}") from None
+        facts = read_toml(facts_file, UsageError, "It says what was recorded.")
         ended = str(facts.pop("end", {}).get("ended", KILLED))
         text = steps_file.read_text(encoding="utf-8") if steps_file.is_file() else ""
         lines = text[: text.rfind("\n") + 1].splitlines()

@@ -6,7 +6,6 @@ the paper's value. Paths are relative to the file that names them.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from realitygap.errors import ConfigError
 from realitygap.study.parts import Condition, Encoding, Evolution, TaskSettings
 from realitygap.study.settings import apply, whole
 from realitygap.tasks.task import Task
+from realitygap.toml import read_toml
 from realitygap.toml import to_toml as write_toml
 from realitygap.world.files import Value, build, require
 from realitygap.world.noise import NOISE_LEVELS, noise_level
@@ -119,21 +119,12 @@ class StudyConfig(Value):
             ConfigError: names the file and the key or the line.
         """
         path = Path(path)
+        table = read_toml(path, ConfigError, "Give the path of a study's TOML file.")
         try:
-            table = tomllib.loads(path.read_text("utf-8"))
             if task is not None:
                 table.setdefault("conditions", [{"task": task}])
             config = cls.from_dict(table)
             return config if local else config.beside(path.parent)
-        except FileNotFoundError:
-            raise ConfigError(f"{path}: no such file. Give the path of a study's TOML file.") from None
-        except OSError as error:
-            reason = f"cannot be read ({error.strerror})"
-            raise ConfigError(f"{path}: {reason}. Check the path and its rights.") from None
-        except UnicodeDecodeError:
-            raise ConfigError(f"{path}: not a text file in UTF-8, as TOML must be.") from None
-        except tomllib.TOMLDecodeError as error:
-            raise ConfigError(f"{path}: not a TOML file: {error}. Correct that line.") from None
         except ConfigError as error:
             raise ConfigError(f"{path}: {error}") from None
 

@@ -6,7 +6,6 @@ What was asked for is written down first, so that `--resume` needs no options at
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,7 +23,7 @@ from realitygap.study.transfer.run import transfer
 from realitygap.study.transfer.work import OnProgress
 from realitygap.study.workers import cores
 from realitygap.tasks import load_task
-from realitygap.toml import to_toml
+from realitygap.toml import read_toml, to_toml
 from realitygap.world.files import Value, build, shipped
 from realitygap.world.profile import load_profile
 
@@ -71,10 +70,12 @@ class Reproduction(Value):
         Raises:
             ConfigError: names the file and what is wrong with it.
         """
+        cure = "Remove it, or choose another --out."
+        table = read_toml(path, ConfigError, cure, broken=cure)
         try:
-            return build(cls, tomllib.loads(path.read_text("utf-8")))
-        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, ConfigError) as error:
-            raise ConfigError(f"{path}: {error} Remove it, or choose another --out.") from None
+            return build(cls, table)
+        except ConfigError as error:
+            raise ConfigError(f"{path}: {error} {cure}") from None
 
 
 def begun(folder: Path) -> Reproduction | None:

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from realitygap.errors import ConfigError
-from realitygap.toml import to_toml
+from realitygap.toml import read_toml, to_toml
 
 __all__ = ["Value", "build", "load", "require", "shipped"]
 
@@ -78,17 +78,15 @@ def load(cls: type[T], name: str | Path, *, folder: str) -> T:
     Raises:
         ConfigError: unknown name, unreadable file, broken TOML, or a value that is refused.
     """
-    kind, text, where = folder.removesuffix("s"), "", str(name)
+    kind, where = folder.removesuffix("s"), str(name)
     tidy = where.strip().lower().replace("_", "-").replace(" ", "-")
     names = shipped(folder)
     if tidy in names:
-        text = files("realitygap.world").joinpath(folder, f"{tidy}.toml").read_text("utf-8")
+        table = tomllib.loads(files("realitygap.world").joinpath(folder, f"{tidy}.toml").read_text("utf-8"))
     else:
-        text = _text(Path(name), kind, names)
+        table = _table(Path(name), kind, names)
     try:
-        return build(cls, tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{where}: not a TOML file: {error}. Correct that line.") from None
+        return build(cls, table)
     except ConfigError as error:
         raise ConfigError(f"{where}: {error}") from None
 
@@ -99,7 +97,7 @@ def shipped(folder: str) -> tuple[str, ...]:
     return tuple(sorted(f.name.removesuffix(".toml") for f in inside if f.name.endswith(".toml")))
 
 
-def _text(path: Path, kind: str, names: tuple[str, ...]) -> str:
+def _table(path: Path, kind: str, names: tuple[str, ...]) -> dict[str, Any]:
     if path.suffix != ".toml" and not path.exists() and len(path.parts) == 1:
         near = get_close_matches(path.name, names, n=1)
         hint = f" Did you mean {near[0]!r}?" if near else ""
@@ -107,17 +105,8 @@ def _text(path: Path, kind: str, names: tuple[str, ...]) -> str:
             f"unknown {kind} {str(path)!r}.{hint} "
             f"Known: {', '.join(names)}; or give the path of a .toml file."
         )
-    try:
-        return path.read_text("utf-8")
-    except FileNotFoundError:
-        raise ConfigError(
-            f"{path}: no such file. Give the path of {_a(kind)}'s .toml file, or one of: {', '.join(names)}."
-        ) from None
-    except UnicodeDecodeError:
-        raise ConfigError(f"{path}: not a text file in UTF-8, as TOML must be.") from None
-    except OSError as error:
-        reason = f"cannot be read ({error.strerror})"
-        raise ConfigError(f"{path}: {reason}. Check the path and its rights.") from None
+    cure = f"Give the path of {_a(kind)}'s .toml file, or one of: {', '.join(names)}."
+    return read_toml(path, ConfigError, cure)
 
 
 @cache

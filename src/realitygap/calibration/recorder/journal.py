@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import Any
 
 from realitygap.calibration.recordings.files import FACTS
 from realitygap.errors import RecordingError
-from realitygap.toml import to_toml
+from realitygap.toml import read_toml, to_toml
 
 __all__ = ["ARENA", "Journal", "refuse_another"]
 
@@ -83,10 +82,7 @@ class Journal:
 
     def _check(self, facts: Mapping[str, Any]) -> None:
         path = self.folder / FACTS
-        try:
-            there = tomllib.loads(path.read_text("utf-8"))
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise RecordingError(f"{path}: not a TOML file: {error}. Correct that line.") from None
+        there = read_toml(path, RecordingError, "Begin the recording anew, in another folder.")
         for name in SAME:
             if there.get(name) != facts.get(name):
                 raise RecordingError(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -24,7 +23,7 @@ from realitygap.calibration.recordings.recording import (
 )
 from realitygap.calibration.recordings.table import Table, need, read_table
 from realitygap.errors import RecordingError
-from realitygap.toml import to_toml
+from realitygap.toml import read_toml, to_toml
 from realitygap.world.arena import Arena, load_arena
 
 __all__ = ["FACTS", "READINGS", "STEPS", "STEP_COLUMNS", "read_facts", "read_folder", "save_recording"]
@@ -72,15 +71,11 @@ def read_facts(folder: Path) -> dict[str, Any]:
         RecordingError: no such file, or no TOML.
     """
     path = folder / FACTS
-    try:
-        return tomllib.loads(path.read_text("utf-8"))
-    except FileNotFoundError:
+    make = "Make one with `realitygap record`."
+    if not path.exists():
         what = f"there is no {FACTS} in it" if folder.is_dir() else "there is no such folder"
-        raise RecordingError(f"{folder}: no recording: {what}. Make one with `realitygap record`.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RecordingError(f"{path}: not a TOML file: {error}. Correct that line.") from None
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read ({error.strerror}). Check its rights.") from None
+        raise RecordingError(f"{folder}: no recording: {what}. {make}")
+    return read_toml(path, RecordingError, make)
 
 
 def save_recording(folder: str | Path, recording: Recording) -> None:

@@ -55,7 +55,25 @@ BODY_RADIUS_CM = 2.75
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SensorRecording:
+class Recorded:
+    """Where a recording comes from.
+
+    Attributes:
+        source, hash: where it was read, and the SHA-256 of its files.
+        notes: in the words of who made it.
+        facts: the whole of recording.toml.
+        warnings: what seems odd but can be used.
+    """
+
+    source: str = ""
+    hash: str = ""
+    notes: str = ""
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SensorRecording(Recorded):
     """What the sensors of one kind read, a row a reading, [n].
 
     Attributes:
@@ -68,9 +86,6 @@ class SensorRecording:
         pose: [n, 3] x, y (cm) and heading (rad) of the robot's centre in `arena`, if known.
         arena: the room, if poses are given.
         body_radius_cm: of the body whose edge distances count from.
-        source, hash: where it was read, and the SHA-256 of its files.
-        facts: the whole of recording.toml.
-        warnings: what seems odd but can be used.
     """
 
     kind: str
@@ -82,11 +97,6 @@ class SensorRecording:
     pose: Array | None = None
     arena: Arena | None = None
     body_radius_cm: float = BODY_RADIUS_CM
-    source: str = ""
-    hash: str = ""
-    notes: str = ""
-    facts: Mapping[str, Any] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.repeat)
@@ -113,7 +123,7 @@ class SensorRecording:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class WheelRecording:
+class WheelRecording(Recorded):
     """What the wheels were told and what they did, a row each 100 ms, [n].
 
     Attributes:
@@ -124,7 +134,6 @@ class WheelRecording:
         trial: [n] its number.
         kind: [n] one of `STEP_KINDS`.
         pose: [n, 3] x, y (cm) and heading (rad) from the camera; NaN where it took no picture.
-        source, hash, notes, facts, warnings: as in SensorRecording.
     """
 
     t_s: Array
@@ -134,11 +143,6 @@ class WheelRecording:
     trial: NDArray[np.int64]
     kind: NDArray[np.str_]
     pose: Array | None = None
-    source: str = ""
-    hash: str = ""
-    notes: str = ""
-    facts: Mapping[str, Any] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.t_s)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, SensorRecording, check_object
 from realitygap.errors import RecordingError
+from realitygap.text import read_text
 
 __all__ = ["LIGHT_STEP", "read_sam"]
 
@@ -78,14 +79,7 @@ def read_sam(path: str | Path, *, object: str | None = None, kind: str | None = 
 
 
 def _lines(path: Path) -> list[str]:
-    try:
-        text = path.read_text("utf-8")
-    except FileNotFoundError:
-        raise RecordingError(f"{path}: no such file. Give the path of a .sam table.") from None
-    except UnicodeDecodeError:
-        raise RecordingError(f"{path}: not a text file, as a .sam table must be.") from None
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read ({error.strerror}). Check its rights.") from None
+    text = read_text(path, RecordingError, "Give the path of a .sam table.")
     lines = [line.strip() for line in text.splitlines()]
     while lines and not lines[-1]:
         lines.pop()

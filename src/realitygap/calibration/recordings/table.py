@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import RecordingError
+from realitygap.text import read_text
 
 __all__ = ["Table", "need", "read_table"]
 
@@ -81,14 +82,7 @@ def read_table(path: Path, *, ends: bool) -> Table:
     Raises:
         RecordingError: no such file, no text, an empty table, or a row of another length.
     """
-    try:
-        text = path.read_text("utf-8-sig")
-    except FileNotFoundError:
-        raise RecordingError(f"{path}: no such file; it holds the table. Record it again.") from None
-    except UnicodeDecodeError:
-        raise RecordingError(f"{path}: not a text file in UTF-8, as a table must be.") from None
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read ({error.strerror}). Check its rights.") from None
+    text = read_text(path, RecordingError, "It holds the table; record it again.")
     reader = csv.reader(text.splitlines())
     columns: tuple[str, ...] = ()
     rows, lines = [], []

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import math
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 
 from realitygap.correspondence.crossed import Crossed, robot_level
 from realitygap.errors import StudyError
+from realitygap.toml import read_toml
 
 __all__ = ["Misfit", "NoiseResults", "read_results"]
 
@@ -130,14 +130,7 @@ def read_results(folder: str | Path) -> NoiseResults:
 
 
 def _settings(file: Path) -> dict[str, Any]:
-    try:
-        table = tomllib.loads(file.read_text("utf-8"))
-    except FileNotFoundError:
-        raise StudyError(
-            f"{file}: expected the results of a study of noise, got no such file. {AGAIN}"
-        ) from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise StudyError(f"{file}: expected a TOML file, got {error}. {AGAIN}") from None
+    table = read_toml(file, StudyError, f"It holds the results of a study of noise. {AGAIN}", broken=AGAIN)
     levels, noise = table.get("levels"), table.get("twin_noise")
     if not isinstance(levels, list) or not levels or not all(_is_level(level) for level in levels):
         raise StudyError(f"{file}: levels: expected a list of noise levels, got {levels!r}. {AGAIN}")

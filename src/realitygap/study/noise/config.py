@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any, Self
 from realitygap.errors import ConfigError, StudyError
 from realitygap.study.settings import whole
 from realitygap.tasks.load import TASKS, load_task
+from realitygap.toml import read_toml
 from realitygap.toml import to_toml as write_toml
 from realitygap.world.files import Value, build, require
 from realitygap.world.noise import noise_level
@@ -113,17 +113,12 @@ class NoiseConfig(Value):
             ConfigError: its file is broken.
         """
         path = folder / CONFIG
+        cure = "Give the folder of `realitygap study noise`."
+        if not path.exists():
+            raise StudyError(f"{folder}: no study of the level of noise there ({CONFIG} is missing). {cure}")
+        table = read_toml(path, ConfigError, cure, broken="Restore it from a copy.")
         try:
-            return cls.from_dict(tomllib.loads(path.read_text("utf-8")))
-        except FileNotFoundError:
-            cure = "Give the folder of `realitygap study noise`."
-            raise StudyError(
-                f"{folder}: no study of the level of noise there ({CONFIG} is missing). {cure}"
-            ) from None
-        except OSError as error:
-            raise StudyError(f"{path}: cannot be read ({error.strerror}). Check its rights.") from None
-        except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-            raise ConfigError(f"{path}: not a TOML file: {error}. Restore it from a copy.") from None
+            return cls.from_dict(table)
         except ConfigError as error:
             raise ConfigError(f"{path}: {error}") from None
 

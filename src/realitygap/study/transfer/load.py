@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -14,6 +13,7 @@ from realitygap.study.settings import difference
 from realitygap.study.transfer.paths import Table, read_path
 from realitygap.study.transfer.plan import FOLDER, SOURCES, Situation
 from realitygap.study.transfer.trial import SIMULATED, SITUATED, TRIAL
+from realitygap.toml import read_toml
 from realitygap.values import Pose
 
 __all__ = ["Transferred", "is_done", "load_transfer", "load_transfers"]
@@ -148,7 +148,5 @@ def load_transfer(folder: Path) -> Transferred:
 
 
 def _read(file: Path) -> Mapping[str, Any]:
-    try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise StudyError(f"{file}: cannot be read: {error}. Move its folder away.") from None
+    cure = "Move its folder away."
+    return read_toml(file, StudyError, cure, broken=cure)
