@@ -17,7 +17,7 @@ from realitygap.study.load import load_study
 from realitygap.study.noise.config import NoiseConfig, levels_of, tasks_of
 from realitygap.study.noise.folder import Seconds
 from realitygap.study.noise.plan import controllers, evolved_folder, situated_file
-from realitygap.study.noise.progress import COMPARING
+from realitygap.study.noise.progress import COMPARING, Reporter
 from realitygap.study.noise.run import noise_study
 from realitygap.study.noise.situated import read_situated
 from realitygap.study.noise.stage import Stage
@@ -210,6 +210,22 @@ def test_progress_ends_with_nothing_left(units, tmp_path, monkeypatch):
         assert of_phase[-1].done == of_phase[-1].total
         assert [event.done for event in of_phase] == sorted(event.done for event in of_phase)
     assert heard[-1].seconds_left in (None, 0.0)
+
+
+def test_work_found_done_does_not_shorten_the_time_left(monkeypatch):
+    """Only what this session did tells the pace: 3 s of 100 s of work took 6 s, so 97 s take 194 s."""
+    now = [0.0]
+    monkeypatch.setattr("realitygap.study.noise.progress.time.monotonic", lambda: now[0])
+    heard = []
+    reporter = Reporter(heard.append, {"evolving": 500.0, "on the twin": 100.0})
+    reporter.phase("evolving", done=0, total=10, what="runs")
+    reporter.found(10, 0.0)
+    reporter.end()
+    reporter.phase("on the twin", done=0, total=100, what="controllers")
+    now[0] = 6.0
+    reporter.add(3.0, done=3)
+    assert heard[1].done == 10 and heard[1].seconds_left is None
+    assert heard[-1].seconds_left == pytest.approx(194.0)
 
 
 def test_other_settings_are_refused_by_their_key(done):

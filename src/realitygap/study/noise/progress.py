@@ -67,6 +67,12 @@ class Reporter:
         if now - self._told >= EVERY_S or self._done == self._total:
             self._say()
 
+    def found(self, done: int, work_left: float) -> None:
+        """So much of the phase was there already, which says nothing of how fast work goes."""
+        self._left[self._phase] = min(self._left[self._phase], work_left)
+        self._done, self._last = done, time.monotonic()
+        self._say()
+
     def reach(self, done: int, work_left: float) -> None:
         """The phase's own count of what is ready, and of the work that is left of it."""
         self.add(max(0.0, self._left[self._phase] - work_left), done=done - self._done)

@@ -32,7 +32,7 @@ from realitygap.study.noise.plan import (
 from realitygap.study.noise.progress import CALIBRATING, COMPARING, DRIVING, EVOLVING, OnProgress, Reporter
 from realitygap.study.noise.stage import Stage
 from realitygap.study.noise.work import Done, Job, Worked, carry_out
-from realitygap.study.progress import Progress
+from realitygap.study.progress import COMPILING, FINISHED, Progress
 from realitygap.study.runner import run_study
 from realitygap.study.settings import whole
 from realitygap.study.workers import cores, refuse_unguarded_script
@@ -190,7 +190,8 @@ class _Phases:
             def heard(event: Progress, before: int = before) -> None:
                 done = before + event.runs_done
                 share = event.done / max(event.total, 1) * event.runs_total
-                self.reporter.reach(done, self.costs[EVOLVING] * (total - before - share))
+                tell = self.reporter.found if event.phase in (COMPILING, FINISHED) else self.reporter.reach
+                tell(done, self.costs[EVOLVING] * (total - before - share))
                 self._keep_time(KEEP_S)
 
             run_study(place, wished, workers=self.workers, resume=exists(place), on_progress=heard)
