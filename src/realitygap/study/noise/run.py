@@ -39,9 +39,9 @@ from realitygap.study.workers import cores, refuse_unguarded_script
 
 __all__ = ["noise_study"]
 
-CALIBRATION_COST = 60.0
-EVALUATION_COST, RETEST_COST = 1.2e-3, 2.0
-TRIAL_COST, CELL_COST = 0.8, 0.4
+CALIBRATION_COST = 68.0
+EVALUATION_COST, RETEST_COST = 0.9e-3, 0.35
+TRIAL_COST, CELL_COST = 0.94, 0.08
 """About how long things take on one core, s: a unit's calibration, an evaluation, a run's retest, a
 trial on the twin, a comparison with a level. Hints for the time that is left, nothing else."""
 
