@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.rows import FOLDS, Rows
+from realitygap.calibration.search import search
 from realitygap.calibration.solve import Fit, Free, Model, Values, solve
 
 if TYPE_CHECKING:
@@ -98,6 +99,11 @@ def solve_form(
     values: Values = begin or {f.key: f.start for f in problem.frees}
     for reach in FINE_DEG if begin else SCANS_DEG:
         values = once(_scan(problem, values, rows.counts, use, noise, reach), False).values
+    fit = once(values, intervals)
+    if not intervals:
+        return fit
+    # The form that was asked for, not one beside it.
+    values = search(problem.frees, problem.model, rows.counts, fit.values, noise=noise, use=use)
     return once(values, intervals)
 
 

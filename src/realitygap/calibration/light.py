@@ -77,7 +77,8 @@ def light_frees(form: str, profile: Profile, scenes: Scenes, counts: Array, *, r
             for key in ("floor_shift", "dark_shift")
         ]
         walls = form == "extended" and room and profile.ambient.falloff == 1.0
-        frees.append(Free(key="lobe" if walls else "facing", start=np.ones(1), low=0.0, high=10.0, step=1e-3))
+        key = "lobe" if walls else "facing"
+        frees.append(Free(key=key, start=np.ones(1), low=0.0, high=10.0, step=1e-3, jump=0.01))
     if form == "extended":
         frees += _extended(profile, room)
     start = {**{f.key: f.start for f in frees}, **{name: np.zeros(1) for name, _ in scenes}}
@@ -97,25 +98,29 @@ def _extended(profile: Profile, room: bool) -> list[Free]:
     frees = [
         Free(
             key="direction_deg", start=direction, low=-360, high=360, prior=DIRECTION_PRIOR_DEG,
-            tie=None if room else 0.02, step=0.05,
+            tie=None if room else 0.02, step=0.05, jump=0.5,
         ),
-        Free(key="lamp_height_cm", start=np.array([3.0]), low=0.0, high=50.0, step=0.02),
+        Free(key="lamp_height_cm", start=np.array([3.0]), low=0.0, high=50.0, step=0.02, jump=0.1),
     ]  # fmt: skip
     if room:
         reflectance = law.reflectance if law.falloff == 2.0 else 0.03
-        frees.append(Free(key="reflectance", start=np.array([reflectance]), low=0.0, high=100.0, step=1e-4))
+        frees.append(
+            Free(key="reflectance", start=np.array([reflectance]), low=0, high=100, step=1e-4, jump=3e-3)
+        )
         if law.falloff == 2.0:
             frees.append(Free(key="exponent", start=np.array([law.exponent]), low=0.0, high=10.0, step=1e-3))
         else:
             frees += [
                 Free(
                     key=key, start=np.zeros(len(sensors)), low=-PLACE_CM, high=PLACE_CM,
-                    prior=PLACE_PRIOR_CM, step=4e-3,
+                    prior=PLACE_PRIOR_CM, step=4e-3, jump=0.04,
                 )
                 for key in ("forward_cm", "left_cm")
             ]  # fmt: skip
-            frees.append(Free(key="near_cm", start=np.array([0.5]), low=0.0, high=10.0, step=1e-3))
-            frees.append(Free(key="lamp_proud_cm", start=np.array([0.3]), low=0.0, high=3.0, step=2e-2))
+            frees += [
+                Free(key="near_cm", start=np.array([0.5]), low=0.0, high=10.0, step=1e-3, jump=0.05),
+                Free(key="lamp_proud_cm", start=np.array([0.3]), low=0.0, high=3.0, step=2e-2, jump=0.03),
+            ]
     return frees
 
 

@@ -38,6 +38,7 @@ class Free:
         prior: deviation of a mild prior about `start`; None for none.
         tie: deviation to which the mean over sensors is held at its start; None for free.
         step: of the finite difference.
+        jump: the first step of a random search (search.py), where readings jump; 0 where they do not.
     """
 
     key: str
@@ -47,6 +48,7 @@ class Free:
     prior: float | None = None
     tie: float | None = None
     step: float = 1e-4
+    jump: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

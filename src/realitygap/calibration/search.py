@@ -1,0 +1,121 @@
+"""A search for constants in which readings jump, where no derivative sees the way (§3.3).
+
+At the edge of the robot's own shadow a tenth of a millimetre lights a ray or puts it out, and least
+squares stop at the first such edge. So constants are drawn at random about the best, which costs one
+look at all places for all sensors: a sensor's constants move that sensor's readings only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.calibration.solve import ROBUST_AT, Free, Model, Values
+
+__all__ = ["search"]
+
+Array = NDArray[np.float64]
+
+DRAWS = 2000
+"""So many looks at all places: half as many more change little of eight units of the twin."""
+COMMON_EVERY = 3
+"""Every third draw is of the constants that all sensors share."""
+AFAR = 0.5
+"""This share of draws goes as far as the first: out of the neighbourhood of the best."""
+WIDER, NARROWER, NARROWEST, WIDEST = 1.8, 0.94, 0.01, 4.0
+"""Steps grow when a draw is better and shrink when it is not; limits of their factor."""
+GAIN, LITTLE = "log_gain", 1e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Best:
+    """The best values so far, and what each sensor's misfit and priors cost there, [S]."""
+
+    values: dict[str, Array]
+    cost: Array
+
+
+def search(
+    frees: Sequence[Free],
+    model: Model,
+    counts: Array,
+    values: Values,
+    *,
+    noise: float,
+    use: NDArray[np.bool_],
+) -> dict[str, Array]:
+    """Better values of the constants that have a `jump`, and of the gains; never worse ones.
+
+    Args:
+        frees: all constants.
+        model: their noise-free readings [n, S].
+        counts: [n, S] readings.
+        values: where to begin.
+        noise: deviation that residuals are weighed by, counts.
+        use: [n, S] readings that count.
+    """
+    draw = np.random.default_rng(0)
+    sensors = counts.shape[1]
+    own = [f for f in frees if f.jump and len(f.start) == sensors]
+    common = [f for f in frees if f.jump and len(f.start) == 1]
+    cost = _Cost(own, model, counts, noise, use)
+    best = cost.of({key: np.array(value) for key, value in values.items()})
+    step, common_step = np.ones(sensors), np.ones(1)
+    for k in range(DRAWS):
+        if k % COMMON_EVERY == 0:
+            tried = cost.of(best.values | {f.key: _near(f, best, common_step, draw) for f in common})
+            better = bool(tried.cost.sum() < best.cost.sum())
+            best = tried if better else best
+            common_step = _stepped(common_step, np.array([better]))
+            continue
+        afar = draw.random() < AFAR
+        moved = {f.key: _near(f, best, np.ones(sensors) if afar else step, draw) for f in own}
+        tried = cost.of(best.values | moved)
+        won = tried.cost < best.cost
+        keys = [*moved, GAIN]
+        best = _Best(
+            values=best.values | {key: np.where(won, tried.values[key], best.values[key]) for key in keys},
+            cost=np.where(won, tried.cost, best.cost),
+        )
+        step = step if afar else _stepped(step, won)
+    return best.values
+
+
+class _Cost:
+    """What values cost, with the gains that suit them."""
+
+    def __init__(
+        self, own: Sequence[Free], model: Model, counts: Array, noise: float, use: NDArray[np.bool_]
+    ) -> None:
+        self._own, self._model, self._counts, self._noise, self._use = own, model, counts, noise, use
+
+    def of(self, values: dict[str, Array]) -> _Best:
+        """Cost [S] as least squares count it (soft L1, priors), after one step towards the best gains."""
+        gain = np.broadcast_to(values[GAIN], self._counts.shape[1:])
+        off = self._off(values, gain)
+        slope = (self._off(values, gain + LITTLE) - off) / LITTLE
+        weight = 1.0 / np.sqrt(1.0 + (off / ROBUST_AT) ** 2)
+        curvature = (weight * slope * slope).sum(axis=0)
+        gain = gain - (weight * slope * off).sum(axis=0) / np.maximum(curvature, 1e-12)
+        off = self._off(values, gain)
+        cost = 2.0 * ROBUST_AT**2 * (np.sqrt(1.0 + (off / ROBUST_AT) ** 2) - 1.0).sum(axis=0)
+        for free in self._own:
+            if free.prior:
+                cost = cost + ((values[free.key] - free.start) / free.prior) ** 2
+        return _Best(values=values | {GAIN: gain}, cost=cost)
+
+    def _off(self, values: dict[str, Array], gain: Array) -> Array:
+        return np.where(self._use, (self._model(values | {GAIN: gain}) - self._counts) / self._noise, 0.0)
+
+
+def _near(free: Free, best: _Best, step: Array, draw: np.random.Generator) -> Array:
+    """About the best."""
+    moved = best.values[free.key] + draw.standard_normal(len(free.start)) * free.jump * step
+    return np.clip(moved, free.low, free.high)
+
+
+def _stepped(step: Array, better: NDArray[np.bool_]) -> Array:
+    return np.asarray(np.clip(np.where(better, step * WIDER, step * NARROWER), NARROWEST, WIDEST))

@@ -1,0 +1,71 @@
+"""The random search beside least squares: where readings jump."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from realitygap.calibration.search import search
+from realitygap.calibration.solve import Free, solve
+
+SENSORS, TRUE = 8, np.linspace(-0.1, 0.1, 8)
+X = np.linspace(-0.5, 0.5, 400)
+FREES = [
+    Free(key="log_gain", start=np.zeros(SENSORS), low=-5, high=5, step=1e-3),
+    Free(key="edge", start=np.zeros(SENSORS), low=-0.15, high=0.15, prior=0.5, step=4e-3, jump=0.04),
+    Free(key="wide", start=np.ones(1), low=0.5, high=2, step=1e-3, jump=0.05),
+]
+
+
+def model(values):
+    """Rays that a shadow puts out one by one: readings fall in steps of 20 as X passes an edge."""
+    lit = np.floor((X[:, None] * values["wide"] - values["edge"]) * 20)
+    return np.exp(values["log_gain"]) * 20.0 * lit
+
+
+@pytest.fixture(scope="module")
+def counts():
+    truth = {"log_gain": np.log(np.linspace(2, 3, SENSORS)), "edge": TRUE, "wide": np.array([1.1])}
+    return model(truth) + np.random.default_rng(1).normal(0, 4.5, (len(X), SENSORS))
+
+
+def found(counts, start, use=None):
+    everything = np.ones(counts.shape, bool) if use is None else use
+    return search(FREES, model, counts, start, noise=4.5, use=everything)
+
+
+def test_it_finds_edges_that_least_squares_do_not_see(counts):
+    """Least squares stay beside the truth; the search comes within a place's distance of it."""
+    clusters = np.arange(len(X))
+    use = np.ones(counts.shape, bool)
+    stuck = solve(FREES, model, counts, noise=4.5, use=use, clusters=clusters, intervals=False).values
+    best = found(counts, stuck)
+
+    def misfit(values):
+        return float(np.sqrt(((model(values) - counts) ** 2).mean()))
+
+    assert misfit(stuck) > 3 * misfit(best)
+    assert misfit(best) < 5.0
+    np.testing.assert_allclose(best["edge"], TRUE, atol=2 * (X[1] - X[0]))
+    np.testing.assert_allclose(np.exp(best["log_gain"]), np.linspace(2, 3, SENSORS), rtol=0.01)
+
+
+def test_it_gives_the_same_bits_and_stays_within_bounds(counts):
+    """Twice the same; no constant leaves its bounds; what has no jump stays, the gains aside."""
+    start = {f.key: f.start for f in FREES} | {"dark": np.array([3.0])}
+    one, two = found(counts, start), found(counts, start)
+    assert all(np.array_equal(one[key], two[key]) for key in one)
+    assert one["dark"] == 3.0
+    assert (np.abs(one["edge"]) <= 0.15).all()
+
+
+def test_readings_that_do_not_count_move_nothing(counts):
+    """A sensor out of use keeps its constants, whatever it reads."""
+    use = np.ones(counts.shape, bool)
+    use[:, 3] = False
+    wild = counts.copy()
+    wild[:, 3] = 1e3
+    start = {f.key: f.start for f in FREES}
+    with_it, without = found(counts, start, use), found(wild, start, use)
+    assert all(np.array_equal(with_it[key], without[key]) for key in with_it)
+    assert with_it["edge"][3] == 0.0
