@@ -20,7 +20,7 @@ __all__ = ["search"]
 Array = NDArray[np.float64]
 
 DRAWS = 2000
-"""So many looks at all places: half as many more change little of eight units of the twin."""
+"""So many looks at all places. With 3000 the error on fresh places of three twin units was the same."""
 COMMON_EVERY = 3
 """Every third draw is of the constants that all sensors share."""
 AFAR = 0.5
