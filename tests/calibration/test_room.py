@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 
 from realitygap.calibration import calibrate as fits
-from realitygap.calibration import light_forms, unit_work
+from realitygap.calibration import forms, light_forms, unit_work
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.forward import illumination, light_readings, scene_of
 from realitygap.calibration.judge import judge
 from realitygap.calibration.recorder import plans
 from realitygap.calibration.recordings.files import save_recording
 from realitygap.calibration.recordings.recording import SensorRecording, load_recording
+from realitygap.calibration.rows import FOLDS
+from realitygap.calibration.search import search
 from realitygap.calibration.unit import PARTS
 from realitygap.toml import to_toml
 from realitygap.world.profile import load_profile
@@ -68,11 +70,23 @@ def test_an_arenas_walls_are_found(lit, monkeypatch):
         "reflectance": 0.05, "matt": 1.0, "lamp_height_cm": 3.0, "lamp_narrow": 1.0, "rays": 30.0,
     }  # fmt: skip
     monkeypatch.setattr(light_forms, "RAY_NUMBERS", (10, 20, 30))  # the quicker
+    searches = []
+
+    def spy(frees, model, counts, values, *, use, **more):
+        searches.append((values, use, search(frees, model, counts, values, use=use, **more)))
+        return searches[-1][2]
+
+    monkeypatch.setattr(forms, "search", spy)
     made = calibrate([lit(7, sensors=sensors, **law)], PAPER, light="extended", beside=False)
     ambient = made.profile.ambient
     assert (ambient.falloff, ambient.matt, ambient.lamp_narrow) == (1.0, 1.0, 1.0)
     assert ambient.facing == pytest.approx(1.4, abs=0.15) and ambient.exponent == ambient.facing
     assert made.ambient.rmse < 8
+    (_, whole, found), *folds = searches
+    assert whole.all() and len(folds) == FOLDS
+    for start, use, _ in folds:  # each begins where nothing had searched the places it is judged by
+        assert use.sum() < whole.sum()
+        assert not np.array_equal(start["forward_cm"], found["forward_cm"])
 
 
 def test_wheels_are_judged(driven, robot):

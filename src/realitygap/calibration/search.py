@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.solve import ROBUST_AT, Free, Model, Values
 
-__all__ = ["search"]
+__all__ = ["DRAWS", "search"]
 
 Array = NDArray[np.float64]
 
@@ -46,6 +46,7 @@ def search(
     *,
     noise: float,
     use: NDArray[np.bool_],
+    draws: int = DRAWS,
 ) -> dict[str, Array]:
     """Better values of the constants that have a `jump`, and of the gains; never worse ones.
 
@@ -56,6 +57,7 @@ def search(
         values: where to begin.
         noise: deviation that residuals are weighed by, counts.
         use: [n, S] readings that count.
+        draws: how many.
     """
     draw = np.random.default_rng(0)
     sensors = counts.shape[1]
@@ -64,7 +66,7 @@ def search(
     cost = _Cost(own, model, counts, noise, use)
     best = cost.of({key: np.array(value) for key, value in values.items()})
     step, common_step = np.ones(sensors), np.ones(1)
-    for k in range(DRAWS):
+    for k in range(draws):
         if k % COMMON_EVERY == 0:
             tried = cost.of(best.values | {f.key: _near(f, best, common_step, draw) for f in common})
             better = bool(tried.cost.sum() < best.cost.sum())
