@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -105,7 +104,6 @@ def render(
     levels = sorted({c.level: c.name for part in parts for c in part.conditions}.items())
     styles = noise_styles(level for level, _ in levels)
     runs = list(study.runs)
-    settings, versions = _settings(study)
     html = environment.get_template("page.html.j2").render(
         study=study,
         config=study.config,
@@ -126,8 +124,8 @@ def render(
         again=again(study),
         stand_in=_stand_in(sections),
         evaluations=sum(int(run.evaluations) for run in runs),
-        settings=settings,
-        versions=versions,
+        settings=_settings(study),
+        versions={name: ", then ".join(found) for name, found in study.versions().items()},
     )
     return re.sub(r"\n\s*\n+", "\n", html)
 
@@ -146,8 +144,7 @@ def _stand_in(sections: Sequence[Section]) -> str:
     return "both" if len(kinds) > 1 else "" if not kinds else "twin" if True in kinds else "robot"
 
 
-def _settings(study: Any) -> tuple[str, dict[str, str]]:
-    """The study's own configuration file as text, and the versions it names."""
+def _settings(study: Any) -> str:
+    """The study's own configuration file as text."""
     path = Path(study.folder) / "study.toml"
-    text = path.read_text("utf-8") if path.is_file() else ""
-    return text, {str(k): str(v) for k, v in tomllib.loads(text).get("versions", {}).items()}
+    return path.read_text("utf-8") if path.is_file() else ""

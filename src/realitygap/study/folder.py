@@ -11,6 +11,7 @@ from pathlib import Path
 
 from realitygap.errors import StudyBusyError, StudyError
 from realitygap.study.config import StudyConfig
+from realitygap.study.machine import processor
 from realitygap.study.materials import Materials, gather
 from realitygap.study.plan import plans
 from realitygap.study.schema import told
@@ -136,8 +137,11 @@ def versions() -> dict[str, str]:
         "python": platform.python_version(),
         "numpy": numpy.__version__,
         "numba": numba.__version__,
+        "mujoco": version("mujoco"),
+        "opencv": version("opencv-python-headless"),
         "sqlite": sqlite3.sqlite_version,
         "platform": platform.platform(),
+        "processor": processor(),
     }
 
 

@@ -5,6 +5,7 @@ Tables are dictionaries of NumPy columns: `pandas.DataFrame(study.evaluations())
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
@@ -131,6 +132,17 @@ class Study:
         with self.reading() as database:
             row = database.execute("SELECT state FROM checkpoint WHERE run = ?", (run,)).fetchone()
         return None if row is None else State.from_bytes(row[0])
+
+    def versions(self) -> dict[str, list[str]]:
+        """What has worked on it, by name, each version once: see `folder.versions`."""
+        with self.reading() as database:
+            rows = database.execute("SELECT versions FROM session ORDER BY id").fetchall()
+        found: dict[str, list[str]] = {}
+        for (text,) in rows:
+            for name, version in json.loads(text).items():
+                if version not in found.setdefault(name, []):
+                    found[name].append(version)
+        return found
 
     @contextmanager
     def reading(self) -> Iterator[sqlite3.Connection]:

@@ -6,7 +6,6 @@ import csv
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +42,7 @@ def write_results(stage: Stage) -> Path:
         "twin_trials_lost": sum(int(kept["trials_lost"]) for kept in found.values()),
         "trial_seconds": {task: stage.task(task).seconds for task in config.tasks},
         "seconds": Seconds(stage.folder).read(),
-        "versions": {**versions(), "mujoco": version("mujoco")},
+        "versions": versions(),
     }
     _write(folder / "study.toml", to_toml(facts))
     return folder

@@ -8,11 +8,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from realitygap.errors import FilmError, LineError, RobotError, RobotStoppedError
-from realitygap.study.folder import versions
 from realitygap.study.transfer.plan import Robot
 from realitygap.values import Pose
 
-__all__ = ["half_folder", "made", "place", "versions_of"]
+__all__ = ["half_folder", "made", "place"]
 
 
 @contextmanager
@@ -47,13 +46,6 @@ def half_folder(final: Path) -> Path:
 def place(pose: Pose) -> dict[str, float]:
     """A pose as a trial's file has it."""
     return {"x_cm": pose.x, "y_cm": pose.y, "heading_deg": pose.heading_deg}
-
-
-def versions_of(robot: Robot) -> dict[str, str]:
-    """What the bits depend on besides the study."""
-    from importlib.metadata import version
-
-    return versions() if robot.port is not None else {**versions(), "mujoco": version("mujoco")}
 
 
 def _put_aside(folder: Path, robot: Robot, word: str) -> None:

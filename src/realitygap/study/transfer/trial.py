@@ -15,9 +15,10 @@ from realitygap.robot.body import SerialBody
 from realitygap.robot.khepera import Khepera
 from realitygap.robot.protocol import PULSES_PER_MM
 from realitygap.robot.recording import Recorder
+from realitygap.study.folder import versions
 from realitygap.study.load import Study
 from realitygap.study.situated import Driven, Stand, driven
-from realitygap.study.transfer.folder import made, place, versions_of
+from realitygap.study.transfer.folder import made, place
 from realitygap.study.transfer.paths import (
     Table,
     lost_steps,
@@ -191,5 +192,5 @@ class Stage:
         facts["situated_from"] = one.source
         facts["late_steps"] = driven.recording.late_steps
         facts["lost_steps"] = lost_steps(path)
-        facts["versions"] = versions_of(one.robot)
+        facts["versions"] = versions()
         (folder / TRIAL).write_text(to_toml(facts), encoding="utf-8")
