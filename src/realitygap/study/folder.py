@@ -10,6 +10,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 from realitygap.errors import StudyBusyError, StudyError
+from realitygap.study.commit import project_commit
 from realitygap.study.config import StudyConfig
 from realitygap.study.machine import processor
 from realitygap.study.materials import Materials, gather
@@ -134,6 +135,7 @@ def versions() -> dict[str, str]:
 
     return {
         "realitygap": version("realitygap"),
+        "commit": project_commit(),
         "python": platform.python_version(),
         "numpy": numpy.__version__,
         "numba": numba.__version__,
