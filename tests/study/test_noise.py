@@ -12,13 +12,16 @@ import numpy as np
 import pytest
 
 from realitygap.errors import ConfigError, LineError, StudyBusyError, StudyError, StudyInterruptedError
+from realitygap.study.commit import project_commit
 from realitygap.study.folder import lock
 from realitygap.study.load import load_study
+from realitygap.study.noise import simulated
 from realitygap.study.noise.config import NoiseConfig, levels_of, tasks_of
 from realitygap.study.noise.folder import Seconds
 from realitygap.study.noise.plan import controllers, evolved_folder, situated_file
 from realitygap.study.noise.progress import COMPARING, Reporter
 from realitygap.study.noise.run import noise_study
+from realitygap.study.noise.simulated import read_compared
 from realitygap.study.noise.situated import read_situated
 from realitygap.study.noise.stage import Stage
 from tests.study.noise_parts import SimulatedStand, quick_units, tables, tiny
@@ -75,11 +78,33 @@ def test_every_controller_meets_every_level(done):
         assert float(row["fitness_situated"]) == pytest.approx(sum(of_units) / 2, rel=1e-4)
 
 
+def test_every_unit_has_a_score_of_its_own(done):
+    """What a unit's column says hangs on that unit's trials alone; unlike units come to unlike scores."""
+    cells = rows(done, "cells.csv")
+    for row in cells:
+        assert all(0 <= float(row[f"score_unit_{unit}"]) <= 10 for unit in (1, 2))
+    assert any(row["score_unit_1"] != row["score_unit_2"] for row in cells)
+    stage, one = Stage(done, tiny()), controllers(tiny())[0]
+    kept = read_situated(stage, one)
+    alone = kept._replace(poses=kept.poses.copy())
+    alone.poses[1] = np.nan  # the camera saw nothing of unit 2
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(simulated, "read_situated", lambda *_: alone)
+        patch.setattr(simulated, "_keep", lambda stage, one, kept: seen.append(kept))
+        seen: list = []
+        simulated.compare_all(stage, one)
+    for before, now in zip(read_compared(stage, one)["cells"], seen[0]["cells"], strict=True):
+        assert now["score_unit_1"] == before["score_unit_1"]
+        assert math.isnan(now["score_unit_2"])
+    assert seen[0]["trials"] == 3
+
+
 def test_the_settings_and_the_calibration_are_told(done):
     """study.toml has the settings, the command and the versions; calibration.csv a row a channel."""
     told = tomllib.loads((done / "results" / "study.toml").read_text())
     assert NoiseConfig.from_folder(done) == tiny()
     assert told["levels"] == [0, 1] and told["twin_trials"] == 48 and told["versions"]["mujoco"]
+    assert told["versions"]["commit"] == told["versions_at_start"]["commit"] == project_commit()
     assert told["command"].startswith("realitygap study noise --levels 0,1 --runs 2 --seed-sets 1 --units 2")
     assert list(told["seconds"]) == ["calibrate", "evolve", "situated", "simulated"]
     assert [(row["unit"], row["channel"], row["ratio"]) for row in rows(done, "calibration.csv")] == [

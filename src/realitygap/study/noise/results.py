@@ -9,12 +9,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from realitygap.errors import StudyError
 from realitygap.study.folder import versions
+from realitygap.study.noise.config import CONFIG
 from realitygap.study.noise.folder import RESULTS, Seconds, command_of
 from realitygap.study.noise.plan import Controller, controllers
 from realitygap.study.noise.simulated import read_compared
 from realitygap.study.noise.stage import Stage
-from realitygap.toml import to_toml
+from realitygap.toml import read_toml, to_toml
 
 __all__ = ["write_results"]
 
@@ -32,7 +34,8 @@ def write_results(stage: Stage) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     found = {one: read_compared(stage, one) for one in sorted(controllers(config), key=_order(stage))}
     _table(folder / "controllers.csv", [_controller(one, kept) for one, kept in found.items()])
-    _table(folder / "cells.csv", [row for one, kept in found.items() for row in _cells(one, kept)])
+    cells = [row for one, kept in found.items() for row in _cells(one, kept, config.units)]
+    _table(folder / "cells.csv", cells)
     _table(folder / "calibration.csv", list(_calibration(stage)))
     facts = {
         "command": command_of(config),
@@ -43,6 +46,7 @@ def write_results(stage: Stage) -> Path:
         "trial_seconds": {task: stage.task(task).seconds for task in config.tasks},
         "seconds": Seconds(stage.folder).read(),
         "versions": versions(),
+        "versions_at_start": read_toml(stage.folder / CONFIG, StudyError, "").get("versions", {}),
     }
     _write(folder / "study.toml", to_toml(facts))
     return folder
@@ -69,9 +73,12 @@ def _controller(one: Controller, kept: Mapping[str, Any]) -> dict[str, object]:
     }
 
 
-def _cells(one: Controller, kept: Mapping[str, Any]) -> Iterator[dict[str, object]]:
+def _cells(one: Controller, kept: Mapping[str, Any], units: int) -> Iterator[dict[str, object]]:
+    """A row a level; comparisons that were made before units had scores of their own have none."""
     for cell in kept["cells"]:
-        yield {**_who(one), "comparison_level": cell["comparison_level"], **{key: cell[key] for key in CELL}}
+        level = {"comparison_level": cell["comparison_level"]}
+        alone = {key: cell.get(key, math.nan) for key in (f"score_unit_{u}" for u in range(1, units + 1))}
+        yield {**_who(one), **level, **{key: cell[key] for key in CELL}, **alone}
 
 
 def _who(one: Controller) -> dict[str, object]:

@@ -47,12 +47,13 @@ def compare_all(stage: Stage, one: Controller, tell: Callable[[float], None] = l
     """
     config = stage.config
     task, setting = stage.task(one.task), setting_of([], stage.task(one.task))
-    scale = scale_for(stage, one.task, setting)
+    scale = scale_for(stage, setting, config.units)
     situated, fitness, lost = _seen(stage, one)
     cells, names = [], []
     for level in config.levels:
         simulated, scores = _simulated(stage, one, level, list(situated))
         cell = _cell([*simulated.values()], [*situated.values()], setting, scale)
+        cell |= _unit_scores(stage, simulated, situated, setting)
         cells.append({"comparison_level": level, **cell, "fitness_simulated": _mean(scores)})
         if level == one.level:
             names = namer(setting).name([*simulated.values()], setting)
@@ -72,14 +73,26 @@ def compare_all(stage: Stage, one: Controller, tell: Callable[[float], None] = l
     _keep(stage, one, kept)
 
 
-def scale_for(stage: Stage, task: str, setting: Setting) -> Scale:
-    """One scale for all comparisons of a task: that of the exemplars, for so many pairs of trials.
+def scale_for(stage: Stage, setting: Setting, units: int) -> Scale:
+    """One scale for all comparisons of a task on so many units: the exemplars', for so many pairs of trials.
 
     In pairs a start's own share drops out of a distance, and what is left is each trial's noise: so
     every trial counts, on whichever unit.
     """
-    pairs = stage.config.units * stage.config.starts
+    pairs = units * stage.config.starts
     return exemplar_scale(setting.exemplars, pairs, pairs, matched=True)
+
+
+def _unit_scores(
+    stage: Stage, simulated: dict[Pair, Trial], situated: dict[Pair, Trial], setting: Setting
+) -> dict[str, float]:
+    """The score on each unit alone, on the scale for one unit's pairs: it is coarser than all units' own."""
+    scale, found = scale_for(stage, setting, 1), {}
+    for unit in range(1, stage.config.units + 1):
+        ours = [pair for pair in situated if pair.unit == unit]
+        sides = [[side[pair] for pair in ours] for side in (simulated, situated)]
+        found[f"score_unit_{unit}"] = _cell(sides[0], sides[1], setting, scale)["score"]
+    return found
 
 
 def read_compared(stage: Stage, one: Controller) -> dict[str, Any]:
