@@ -18,6 +18,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from realitygap import whole
 from realitygap.calibration.recordings.files import FACTS
 from realitygap.errors import CalibrationError, RobotError
 from realitygap.toml import read_toml, to_toml
@@ -92,9 +93,7 @@ def _claim(folder: Path, settings: dict[str, Any]) -> None:
                 "Choose another folder."
             )
         folder.mkdir(parents=True, exist_ok=True)
-        fresh = path.with_suffix(".new")
-        fresh.write_text(to_toml(settings), "utf-8")
-        os.replace(fresh, path)
+        whole.write(path, to_toml(settings))
         return
     cure = "Choose another folder, or remove this one."
     there = read_toml(path, CalibrationError, cure, broken=cure)

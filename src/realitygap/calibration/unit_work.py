@@ -13,6 +13,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from realitygap import whole
 from realitygap.calibration.unit import FIT, PARTS, PROFILE, RECORDINGS, SETTINGS, UNFINISHED
 from realitygap.errors import UsageError
 
@@ -29,8 +30,8 @@ def record_part(folder: Path, name: str) -> None:
 
     said = tomllib.loads((folder / SETTINGS).read_text("utf-8"))
     unit, noise, seed = said["unit"], said["twin_noise"], said["seed"]
-    whole = folder / RECORDINGS / name
-    unfinished = whole.with_name(name + UNFINISHED)
+    finished = folder / RECORDINGS / name
+    unfinished = finished.with_name(name + UNFINISHED)
     plan, _, shape = name.partition("-")
     record(
         plan,
@@ -41,7 +42,7 @@ def record_part(folder: Path, name: str) -> None:
         seed=seed,
         on_progress=_tell,
     )
-    os.replace(unfinished, whole)
+    whole.move(unfinished, finished)
 
 
 def fit_unit(folder: Path) -> None:
@@ -55,9 +56,7 @@ def fit_unit(folder: Path) -> None:
     unit = tomllib.loads((folder / SETTINGS).read_text("utf-8"))["unit"]
     # The day stands in the recordings: the same settings make the same file on any day.
     made = calibrate(recordings, load_profile(BASE), beside=False, name=f"twin-{unit}", date="")
-    fresh = folder / (PROFILE + ".new")
-    fresh.write_text(made.profile.to_toml(), "utf-8")
-    os.replace(fresh, folder / PROFILE)
+    whole.write(folder / PROFILE, made.profile.to_toml())
     _tell(FIT, 1, 1)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from realitygap import whole
 from realitygap.cli.kinds import FileToWrite
 from realitygap.cli.options import as_json
 from realitygap.cli.output import print_json, print_table
@@ -106,7 +107,7 @@ def calibrate(
     with ProgressLine() as line:
         report = partial(line.calibrating, "fit")
         made = fit(read, start, form=form, light=light, name=out.stem, on_progress=report)
-    out.write_text(_header(made) + made.profile.to_toml(), "utf-8")
+    whole.write(out, _header(made) + made.profile.to_toml())
     where = None
     if page is not None and not no_report:
         from realitygap.report.calibration import write_calibration_page

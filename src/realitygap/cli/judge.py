@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from realitygap import whole
 from realitygap.cli.kinds import SEED, FileToWrite
 from realitygap.cli.options import as_json
 from realitygap.cli.output import print_json
@@ -55,8 +56,8 @@ def page(pairs: str, task: str | None, out: Path, key: Path, seed: int) -> None:
 
     found, setting = _pairs(Path(pairs), task)
     data, rows = blind_pairs(found, setting, seed=seed)
-    out.write_text(page_of(data), encoding="utf-8")
-    key.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    whole.write(out, page_of(data))
+    whole.write(key, json.dumps(rows, indent=1) + "\n")
     click.echo(f"{len(found)} pairs: open {out} in a browser; keep {key} from the judges")
 
 

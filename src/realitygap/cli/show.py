@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from realitygap import whole
 from realitygap.cli.kinds import PICTURE
 from realitygap.cli.options import as_json
 from realitygap.cli.output import print_json, print_table
@@ -123,7 +124,8 @@ def _draw(study: Study, run: Run, picture: Path) -> None:
             sensors=task.sensors,
             inputs=len(task.sensors),
         )
-        figure.savefig(picture, dpi=200)
+        with whole.named(picture):
+            figure.savefig(picture, dpi=200)
 
 
 def _text(study: Study, run: Run, genes: Genes | None) -> str | None:

@@ -25,6 +25,7 @@ from typing import NoReturn
 
 import numpy as np
 
+from realitygap import whole
 from realitygap.controller.layout import (
     EXPRESSED,
     FIRST_LINK,
@@ -225,6 +226,6 @@ def save_genotype(path: str | Path, genes: Genes, layout: Layout | None = None) 
     """
     text = to_text(genes, layout)
     try:
-        Path(path).write_text(text, encoding="utf-8", newline="\n")
+        whole.write(path, text)
     except OSError as error:
         raise GenotypeError(f"cannot write the genotype {path}: {error.strerror}") from None

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from realitygap import whole
 from realitygap.errors import FilmError
 from realitygap.film.lens import bend, straightened
 from realitygap.text import read_text
@@ -200,7 +201,7 @@ class CameraModel:
 
     def save(self, path: str | Path) -> None:
         """Write the camera as JSON."""
-        Path(path).write_text(json.dumps(self.to_dict(), indent=2) + "\n", "utf-8")
+        whole.write(path, json.dumps(self.to_dict(), indent=2) + "\n")
 
     def _moved(
         self, sides: tuple[Array, Array], from_cm: float | None, to_cm: float | None

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap import whole
 from realitygap.errors import FilmError
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
@@ -63,7 +64,7 @@ def save_tails(path: str | Path, picture: Picture) -> None:
     done, data = cv2.imencode(".png", np.ascontiguousarray(picture[..., ::-1]))
     if not done:
         raise FilmError(f"{path}: cannot be made into a picture.")
-    Path(path).write_bytes(data.tobytes())
+    whole.write(path, data.tobytes())
 
 
 def _strokes(track: Track, camera: CameraModel, disk: Disk) -> NDArray[np.float64]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap import whole
 from realitygap.errors import FilmError
 from realitygap.film.tables import number, read_table
 
@@ -63,7 +64,7 @@ class Track:
 
     def write_csv(self, path: str | Path) -> None:
         """Write the track, lost frames with empty values."""
-        with Path(path).open("w", newline="", encoding="utf-8") as file:
+        with whole.new(path) as spare, spare.open("w", newline="", encoding="utf-8") as file:
             rows = csv.writer(file, lineterminator="\n")
             rows.writerow(COLUMNS)
             for t, x, y, heading, quality in zip(*(getattr(self, name) for name in COLUMNS), strict=True):

@@ -16,6 +16,7 @@ import numpy as np
 from av.error import EOFError as EndOfFilm
 from av.error import FFmpegError
 
+from realitygap import whole
 from realitygap.errors import FilmError
 from realitygap.film.decoded import Image, grey, sound_or_hurt, turned
 
@@ -204,7 +205,7 @@ class FilmWriter:
             if kind is not None:
                 self._part.unlink(missing_ok=True)
         if kind is None:
-            self._part.replace(self.path)
+            whole.move(self._part, self.path)
 
     def add(self, picture: Image, t_s: float | None = None) -> None:
         """Append a picture, [height, width] grey or [height, width, 3] red, green and blue, 8 bits.

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from realitygap import whole
 from realitygap.report import page, words
 from realitygap.report.arenas import arena_figure
 from realitygap.report.calibrated import calibrated_part
@@ -76,9 +76,7 @@ def build_report(study_path: str | Path, *, on_progress: Progress | None = None)
         calibrated = calibrated_part(study, maker.card)
     text = page.render(study, parts, robot, sections, calibrated, maker.player(parts))
     target = folder / "index.html"
-    spare = target.with_suffix(".html.tmp")
-    spare.write_text(text, encoding="utf-8")
-    os.replace(spare, target)
+    whole.write(target, text)
     if on_progress:
         on_progress(maker.total, maker.total, target.name)
     return target

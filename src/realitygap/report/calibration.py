@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from realitygap import whole
 from realitygap.calibration.judge import LIMITS
 from realitygap.calibration.recordings.recording import WheelRecording
 from realitygap.report import calibration_figures as draw
@@ -67,7 +68,7 @@ def write_calibration_page(made: Calibration, target: Path) -> Path:
     html = environment.get_template("calibration.html.j2").render(
         profile=made.profile, where=made.profile.provenance, warnings=made.warnings, parts=parts
     )
-    target.write_text(re.sub(r"\n\s*\n+", "\n", html), encoding="utf-8")
+    whole.write(target, re.sub(r"\n\s*\n+", "\n", html))
     return target
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from realitygap import whole
 from realitygap.errors import UsageError
 from realitygap.report.paths import draw_trajectory
 from realitygap.report.style import new_figure, styled
@@ -59,5 +60,6 @@ def save_picture(
             ".svg": {"Date": None},
             ".pdf": {"CreationDate": None},
         }
-        figure.savefig(path, dpi=200, metadata=stamp[path.suffix.lower()])
+        with whole.named(path):
+            figure.savefig(path, dpi=200, metadata=stamp[path.suffix.lower()])
     return path

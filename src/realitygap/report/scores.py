@@ -10,6 +10,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
+from realitygap import whole
 from realitygap.report.paper_tables import PAPER_AVERAGES, PAPER_ROWS, PaperRow
 from realitygap.report.statistics import Mean, mean_of
 from realitygap.study.load import Study
@@ -155,7 +156,7 @@ def study_tables(study: Study) -> list[ScoreTable]:
 def write_scores(path: Path, tables: Sequence[ScoreTable]) -> None:
     """All of a task's tables as CSV: a row a run, averages, and the paper's own rows (source: paper)."""
     names = [field.name for field in fields(Mark) if field.name not in ("task", "noise")]
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with whole.new(path) as spare, spare.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, ["task", "noise", "source", "row", *names], restval="")
         writer.writeheader()
         for table in tables:

@@ -18,6 +18,8 @@ import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from realitygap import whole
+
 __all__ = [
     "COLUMN",
     "INHIBITORY",
@@ -165,13 +167,14 @@ def save_figure(figure: Figure, folder: Path, name: str, *, dpi: int = 200) -> s
 
     The same figure gives the same bytes: no date, fixed ids.
     """
-    figure.savefig(
-        folder / f"{name}.png", dpi=dpi, metadata={"Software": None}, pil_kwargs={"compress_level": 4}
-    )
+    picture = folder / f"{name}.png"
+    with whole.named(picture):
+        figure.savefig(picture, dpi=dpi, metadata={"Software": None}, pil_kwargs={"compress_level": 4})
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": "realitygap"})
     svg = buffer.getvalue()
-    (folder / f"{name}.svg").write_text(svg, encoding="utf-8")
+    with whole.named(folder / f"{name}.svg"):
+        (folder / f"{name}.svg").write_text(svg, encoding="utf-8")
     return svg
 
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from realitygap import whole
 from realitygap.report.statistics import Mean, mean_of
 
 __all__ = ["WHO", "NoiseClass", "Row", "Table", "decimals", "number", "write_csv"]
@@ -114,7 +115,7 @@ def write_csv(path: Path, table: Table) -> None:
     head = ["task", "noise", "row", "run", "name", "evaluations", "finished", "stored_fitness"]
     for who, level in tests:
         head += [f"{who}_{table.levels[level]}_{part}" for part in ("mean", "sd", "n")]
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with whole.new(path) as spare, spare.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(head)
         for one in table.classes:

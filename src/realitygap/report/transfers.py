@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from realitygap import whole
 from realitygap.report.gather import TaskPart, chosen
 from realitygap.report.paths import Route
 from realitygap.report.statistics import Mean, mean_of
@@ -196,7 +197,7 @@ def groups_of(part: TaskPart, pairs: Sequence[Pair]) -> list[Group]:
 def write_transfers(path: Path, table: Table, groups: Sequence[Group], report: Path) -> None:
     """The transfers as CSV: a row each, fitness unscaled; folders as seen from the study's."""
     head = "task noise run name individual robot start path_from simulated situated drop folder"
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with whole.new(path) as spare, spare.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(head.split())
         for group in groups:

@@ -16,6 +16,7 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap import whole
 from realitygap.errors import UsageError
 from realitygap.robot.body import Odometry
 from realitygap.toml import read_toml, to_toml
@@ -156,7 +157,7 @@ class Recorder:
             self.folder.mkdir(parents=True, exist_ok=True)
             if (self.folder / FACTS).exists():
                 raise UsageError(f"{str(self.folder)!r} already holds a recording; choose another folder")
-            (self.folder / FACTS).write_text(to_toml(self.facts), encoding="utf-8")
+            whole.write(self.folder / FACTS, to_toml(self.facts))
             self._file = (self.folder / STEPS).open("w", encoding="utf-8")
 
     def __len__(self) -> int:
@@ -189,8 +190,9 @@ class Recorder:
 
     def _write(self, words: Iterable[str]) -> None:
         if self._file is not None:
-            self._file.write(",".join(words) + "\n")
-            self._file.flush()
+            with whole.named(self._file.name):
+                self._file.write(",".join(words) + "\n")
+                self._file.flush()
 
 
 def _pair_columns() -> list[str]:

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from pathlib import Path
 
+from realitygap import whole
 from realitygap.errors import StudyBusyError, StudyError
 from realitygap.study.commit import project_commit
 from realitygap.study.config import StudyConfig
@@ -59,7 +60,7 @@ def open_folder(folder: Path, wished: Materials | None, *, resume: bool) -> Mate
         for name, content in {**files, CONFIG: _text(local).encode()}.items():
             path = folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content)
+            whole.write(path, content)
     trials = max(task.trials for task in wished.tasks)
     create(folder / DATABASE, plans(wished), trials)
     return read_materials(folder)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-import os
 from collections.abc import Collection, Iterable
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
+
+from realitygap import whole
 
 __all__ = ["MARKS", "Kept", "digest"]
 
@@ -43,10 +44,8 @@ class Kept:
         if not self._changed:
             return
         text = json.dumps({key: mark for key, mark in self._marks.items() if key in wanted}, indent=1)
-        spare = self._file.with_name(f"{MARKS}.{os.getpid()}.tmp")
         with contextlib.suppress(OSError):
-            spare.write_text(text, "utf-8")
-            os.replace(spare, self._file)
+            whole.write(self._file, text)
 
 
 def digest(words: Iterable[object], data: bytes, paths: Iterable[Path]) -> str:

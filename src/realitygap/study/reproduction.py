@@ -5,7 +5,6 @@ What was asked for is written down first, so that `--resume` needs no options at
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,6 +23,7 @@ from realitygap.study.transfer.work import OnProgress
 from realitygap.study.workers import cores
 from realitygap.tasks import load_task
 from realitygap.toml import read_toml, to_toml
+from realitygap.whole import write
 from realitygap.world.files import Value, build, shipped
 from realitygap.world.profile import load_profile
 
@@ -167,10 +167,8 @@ def _begin(folder: Path, wished: Reproduction, *, resume: bool) -> None:
     path = folder / ASKED
     if not path.is_file():
         open_to_begin(folder)
-        spare = path.with_suffix(".tmp")
         with told(path):
-            spare.write_text(HEADER + to_toml(wished.to_dict()), "utf-8")
-            os.replace(spare, path)
+            write(path, HEADER + to_toml(wished.to_dict()))
         return
     if not resume:
         raise StudyError(

@@ -17,6 +17,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from realitygap import whole
 from realitygap.errors import StudyError
 from realitygap.evolution.algorithm import State
 from realitygap.study.plan import Plan
@@ -34,19 +35,15 @@ def create(path: Path, plans: Sequence[Plan], trials: int) -> None:
     Raises:
         StudyError: it cannot be written there.
     """
-    new = path.with_name(f"{path.name}.new")
-    with told(path):
-        new.unlink(missing_ok=True)
-        with closing(sqlite3.connect(new, isolation_level=None)) as database:
-            database.execute("PRAGMA page_size = 8192")
-            database.execute("PRAGMA journal_mode = DELETE")
-            database.executescript(f"BEGIN;{schema(trials)}COMMIT;")
-            rows = [(p.id, p.name, p.task, p.noise, p.index) for p in plans]
-            database.execute("BEGIN")
-            columns = "id, name, task, noise, position"
-            database.executemany(f"INSERT INTO run ({columns}) VALUES (?, ?, ?, ?, ?)", rows)
-            database.execute("COMMIT")
-        os.replace(new, path)
+    rows = [(p.id, p.name, p.task, p.noise, p.index) for p in plans]
+    with told(path), whole.new(path) as new, closing(sqlite3.connect(new, isolation_level=None)) as database:
+        database.execute("PRAGMA page_size = 8192")
+        database.execute("PRAGMA journal_mode = DELETE")
+        database.executescript(f"BEGIN;{schema(trials)}COMMIT;")
+        database.execute("BEGIN")
+        columns = "id, name, task, noise, position"
+        database.executemany(f"INSERT INTO run ({columns}) VALUES (?, ?, ?, ?, ?)", rows)
+        database.execute("COMMIT")
 
 
 class Store:

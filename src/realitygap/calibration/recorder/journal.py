@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import os
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from realitygap import whole
 from realitygap.calibration.recordings.files import FACTS
 from realitygap.errors import RecordingError
 from realitygap.toml import read_toml, to_toml
@@ -58,14 +58,14 @@ class Journal:
             self._take_up(rows)
             return
         self.folder.mkdir(parents=True, exist_ok=True)
-        self._replace(self.path, ",".join(self.columns) + "\n")
+        whole.write(self.path, ",".join(self.columns) + "\n")
         date = datetime.now().astimezone().isoformat(timespec="seconds")
-        self._replace(self.folder / FACTS, to_toml({**facts, "date": date}))
+        whole.write(self.folder / FACTS, to_toml({**facts, "date": date}))
 
     def add(self, rows: Sequence[Sequence[str]]) -> None:
         """Write all rows of a finished place."""
         text = "".join(",".join(row) + "\n" for row in rows)
-        with self.path.open("ab", buffering=0) as file:
+        with whole.named(self.path), self.path.open("ab", buffering=0) as file:
             file.write(text.encode("utf-8"))
         self.done.add(self.key(rows[0]))
 
@@ -104,18 +104,11 @@ class Journal:
                 expected = f"expected {len(self.columns)} values"
                 raise RecordingError(f"{self.path}, line {number}: {expected}, got {line!r}.")
             places.setdefault(self.key(row), []).append(line)
-        whole = {k: kept for k, kept in places.items() if len(kept) == rows(k)}
-        text = "".join(f"{line}\n" for line in (head, *(line for kept in whole.values() for line in kept)))
+        finished = {k: kept for k, kept in places.items() if len(kept) == rows(k)}
+        text = "".join(f"{line}\n" for line in (head, *(line for kept in finished.values() for line in kept)))
         if text.encode() != data:
-            self._replace(self.path, text)
-        self.done = set(whole)
-
-    @staticmethod
-    def _replace(path: Path, text: str) -> None:
-        """Write a file so that it is there as a whole or not at all."""
-        fresh = path.with_name(path.name + ".new")
-        fresh.write_text(text, "utf-8")
-        os.replace(fresh, path)
+            whole.write(self.path, text)
+        self.done = set(finished)
 
 
 def refuse_another(folder: Path, *, resume: bool) -> None:

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+from realitygap import whole
 from realitygap.calibration.recorder.journal import ARENA, Journal, refuse_another
 from realitygap.calibration.recorder.plans import Place, SensorPlan, sensor_plans
 from realitygap.calibration.recorder.site import EnoughError, Site, TwinSite
@@ -147,7 +148,7 @@ def _sensors(
         resume=resume,
     )
     if plan.arena is not None:
-        (folder / ARENA).write_text(plan.arena.to_toml(), "utf-8")
+        whole.write(folder / ARENA, plan.arena.to_toml())
     left = [place for place in plan.places if _texts(place.where) not in journal.done]
     if not left:
         return _made(journal, plan.name, plan.kind, len(plan.places), begun)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap import whole
 from realitygap.calibration.recordings.checks import check_readings, check_steps
 from realitygap.calibration.recordings.recording import (
     BODY_RADIUS_CM,
@@ -94,15 +95,15 @@ def save_recording(folder: str | Path, recording: Recording) -> None:
         facts["body_radius_cm"] = recording.body_radius_cm
         if recording.pose is not None and recording.arena is not None:
             facts["arena"] = "arena.toml"
-            (folder / "arena.toml").write_text(recording.arena.to_toml(), "utf-8")
+            whole.write(folder / "arena.toml", recording.arena.to_toml())
         columns, rows = _reading_rows(recording)
     else:
         facts["kind"] = "wheels"
         columns, rows = _step_rows(recording)
-    (folder / FACTS).write_text(to_toml(facts), "utf-8")
+    whole.write(folder / FACTS, to_toml(facts))
     name = READINGS if isinstance(recording, SensorRecording) else STEPS
     lines = [",".join(columns), *(",".join(row) for row in rows)]
-    (folder / name).write_text("\n".join(lines) + "\n", "utf-8")
+    whole.write(folder / name, "\n".join(lines) + "\n")
 
 
 def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> SensorRecording:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from realitygap import whole
 from realitygap.report.noise.results import NoiseResults, read_results
 
 if TYPE_CHECKING:
@@ -47,15 +47,13 @@ def build_noise_report(out: str | Path, *, on_progress: Progress | None = None) 
     total = len(FIGURES) + 1
     tell(0, total, "statistics")
     for name, table in report.tables.items():
-        (folder / "tables" / f"{name}.csv").write_text(table.csv(), encoding="utf-8")
+        whole.write(folder / "tables" / f"{name}.csv", table.csv())
     svgs = {}
     for done, name in enumerate(FIGURES, start=1):
         tell(done, total, name)
         svgs[name] = report.save_figure(name, folder / "figures", name)
     target = folder / "index.html"
-    spare = target.with_suffix(".html.tmp")
-    spare.write_text(re.sub(r"\n\s*\n+", "\n", render(report, svgs)), encoding="utf-8")
-    os.replace(spare, target)
+    whole.write(target, re.sub(r"\n\s*\n+", "\n", render(report, svgs)))
     tell(total, total, target.name)
     return target
 

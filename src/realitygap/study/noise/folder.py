@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
+from realitygap import whole
 from realitygap.errors import StudyError
 from realitygap.study.folder import LOCK, versions
 from realitygap.study.noise.config import CONFIG, NoiseConfig
@@ -40,9 +40,7 @@ def open_folder(folder: Path, wished: NoiseConfig | None, *, resume: bool) -> No
         _refuse_strangers(folder)
         text = to_toml({**wished.to_dict(), "versions": versions()})
         with told(folder):
-            new = folder / f".{CONFIG}.new"
-            new.write_text(f"{_HEADER}\n{text}", encoding="utf-8")
-            os.replace(new, folder / CONFIG)
+            whole.write(folder / CONFIG, f"{_HEADER}\n{text}")
         return wished
     there = NoiseConfig.from_folder(folder)
     if not resume:
@@ -94,9 +92,7 @@ class Seconds:
         """So much more."""
         table = self.read()
         table[phase] = round(table.get(phase, 0.0) + seconds, 1)
-        new = self._file.with_suffix(".new")
-        new.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
-        os.replace(new, self._file)
+        whole.write(self._file, json.dumps(table, indent=1) + "\n")
 
 
 def _refuse_strangers(folder: Path) -> None:

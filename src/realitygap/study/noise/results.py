@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import csv
 import math
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from realitygap import whole
 from realitygap.errors import StudyError
 from realitygap.study.folder import versions
 from realitygap.study.noise.config import CONFIG
@@ -48,7 +48,7 @@ def write_results(stage: Stage) -> Path:
         "versions": versions(),
         "versions_at_start": read_toml(stage.folder / CONFIG, StudyError, "").get("versions", {}),
     }
-    _write(folder / "study.toml", to_toml(facts))
+    whole.write(folder / "study.toml", to_toml(facts))
     return folder
 
 
@@ -103,16 +103,8 @@ def _table(file: Path, rows: Sequence[Mapping[str, object]]) -> None:
     """A CSV file; what is not known is empty."""
     head = list(rows[0]) if rows else ["unit", "channel", "model_error", "noise", "ratio"]
     lines = [head, *([_text(row[key]) for key in head] for row in rows)]
-    new = file.with_suffix(".new")
-    with new.open("w", newline="", encoding="utf-8") as stream:
+    with whole.new(file) as spare, spare.open("w", newline="", encoding="utf-8") as stream:
         csv.writer(stream, lineterminator="\n").writerows(lines)
-    os.replace(new, file)
-
-
-def _write(file: Path, text: str) -> None:
-    new = file.with_suffix(".new")
-    new.write_text(text, encoding="utf-8")
-    os.replace(new, file)
 
 
 def _text(value: object) -> str:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap import whole
 from realitygap.controller.network import decode
 from realitygap.correspondence.names import common_name, namer
 from realitygap.correspondence.scale import Scale, exemplar_scale
@@ -177,9 +177,6 @@ def _mean(values: Sequence[float]) -> float:
 
 
 def _keep(stage: Stage, one: Controller, kept: dict[str, Any]) -> None:
-    """Write a file whole or not at all."""
     file = simulated_file(stage.folder, one)
     file.parent.mkdir(parents=True, exist_ok=True)
-    spare = file.with_suffix(f".{os.getpid()}.part")
-    spare.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
-    os.replace(spare, file)
+    whole.write(file, json.dumps(kept, indent=1) + "\n")

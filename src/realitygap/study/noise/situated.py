@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap import whole
 from realitygap.controller.layout import Genes, Layout
 from realitygap.errors import LineError, StudyError
 from realitygap.kernels.params import STEP_S
@@ -138,9 +138,6 @@ def _place(rows: Floats, t_s: Floats, pose: Floats) -> None:
 
 
 def _keep(file: Path, poses: Floats, streams: NDArray[np.uint64]) -> None:
-    """Write a file whole or not at all."""
     file.parent.mkdir(parents=True, exist_ok=True)
-    spare = file.with_suffix(f".{os.getpid()}.part")
-    with spare.open("wb") as stream_out:
-        np.savez(stream_out, poses=poses, streams=streams)
-    os.replace(spare, file)
+    with whole.new(file) as spare:
+        np.savez(spare, poses=poses, streams=streams)

@@ -6,7 +6,6 @@ into a film that is tracked as a person's is.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from realitygap import whole
 from realitygap.toml import to_toml
 from realitygap.values import Pose
 
@@ -109,9 +109,7 @@ def calibrated(file: Path, arena: Arena, *, unit: int, noise: float, radius_cm: 
                 grey = _grey(eye.frame(standing, FIRST + k))
                 frames.append(KnownFrame(name=f"pose {k + 1}", picture=grey, pose=pose))
         camera = calibrate_camera(frames, load_disk()).camera
-        spare = file.with_suffix(".part")
-        camera.save(spare)
-        os.replace(spare, file)
+        camera.save(file)
     return camera
 
 
@@ -224,7 +222,7 @@ def keep_film(
     tracked = track_film(folder / FILM, camera, disk, tell)
     camera.save(folder / CAMERA)
     if disk != load_disk():
-        (folder / DISK).write_text(to_toml(disk.to_dict()), "utf-8")
+        whole.write(folder / DISK, to_toml(disk.to_dict()))
     tracked.track.write_csv(folder / TRACK)
     save_tails(folder / TAILS, draw_tails(tracked.last_frame, tracked.track, camera, disk))
     return tracked.track

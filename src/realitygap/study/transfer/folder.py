@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from realitygap import whole
 from realitygap.errors import FilmError, LineError, RobotError, RobotStoppedError
 from realitygap.study.transfer.plan import Robot
 from realitygap.values import Pose
@@ -35,7 +36,7 @@ def made(final: Path, robot: Robot) -> Iterator[Path]:
     except FilmError as error:
         raise FilmError(f"{error} What was recorded is kept in {half}.") from None
     _put_aside(final, robot, "earlier")
-    half.rename(final)
+    whole.move(half, final)
 
 
 def half_folder(final: Path) -> Path:

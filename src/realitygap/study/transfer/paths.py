@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap import whole
 from realitygap.errors import StudyError
 from realitygap.kernels.params import STEP_S
 from realitygap.kernels.params import Path as Ground
@@ -141,7 +142,7 @@ def _bridged(path: Table) -> tuple[Floats, Floats, Floats] | None:
 
 def write_path(file: Path, path: Table) -> None:
     """Write a path as CSV."""
-    with file.open("w", newline="", encoding="utf-8") as stream:
+    with whole.new(file) as spare, spare.open("w", newline="", encoding="utf-8") as stream:
         rows = csv.writer(stream, lineterminator="\n")
         rows.writerow(COLUMNS)
         for t, *pose in zip(*(path[name].tolist() for name in COLUMNS), strict=True):

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from realitygap import whole
 from realitygap.controller.network import decode
 from realitygap.kernels.params import STEP_S
 from realitygap.robot.body import SerialBody
@@ -193,4 +194,4 @@ class Stage:
         facts["late_steps"] = driven.recording.late_steps
         facts["lost_steps"] = lost_steps(path)
         facts["versions"] = versions()
-        (folder / TRIAL).write_text(to_toml(facts), encoding="utf-8")
+        whole.write(folder / TRIAL, to_toml(facts))
