@@ -7,6 +7,7 @@ __all__ = [
     "CalibrationError",
     "ConfigError",
     "FilmError",
+    "FrozenError",
     "GenotypeError",
     "LineError",
     "RealityGapError",
@@ -68,8 +69,12 @@ class LineError(RobotError):
     """A serial line that is lost, or on which no answer can be understood."""
 
 
+class FrozenError(RobotError):
+    """A driver that said nothing for too long while its robot drove: the robot was stopped by its guard."""
+
+
 class RobotStoppedError(RobotError, KeyboardInterrupt):
-    """Ctrl-C or SIGTERM while a robot drove: it was stopped first, its recording is kept."""
+    """Ctrl-C, Ctrl-Z or SIGTERM while a robot drove: it was stopped first, its recording is kept."""
 
     exit_code = 130
 

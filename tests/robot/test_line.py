@@ -28,6 +28,8 @@ class Told:
         tty.setraw(slave)
         self.device = os.ttyname(slave)
 
+    waits = True
+
     def now(self) -> float:
         self.time_s += self.stall_s
         return self.time_s

@@ -95,7 +95,7 @@ def _sensors(khepera: Khepera, seconds: float, *, live: bool) -> dict[str, Any]:
         body = SerialBody(khepera, kinds=("proximity", "ambient"))
     except BaudError as error:
         note, body = str(error), SerialBody(khepera, kinds=("proximity",))
-    recording = _stand(body, seconds, live)
+    recording = _drive(body, 0, seconds, live)
     late = recording.late * 1000
     return {
         "proximity": recording.proximity[-1],
@@ -111,23 +111,24 @@ def _sensors(khepera: Khepera, seconds: float, *, live: bool) -> dict[str, Any]:
     }
 
 
-def _stand(body: SerialBody, seconds: float, live: bool) -> Recording:
+def _drive(body: SerialBody, units: int, seconds: float, live: bool = False) -> Recording:
+    """Straight on; 0: stand."""
     from realitygap.robot.loop import drive
     from realitygap.values import Command
 
-    class Standing:
+    class Steady:
         def reset(self) -> None:
             """Nothing to forget."""
 
         def decide(self, inputs: Sequence[int]) -> Command:
-            return Command(left=0, right=0)
+            return Command(left=units, right=units)
 
     def run(show: Callable[[Readings], object]) -> Recording:
         def look(readings: Readings) -> list[int]:
             show(readings)
             return []
 
-        return drive(body, Standing(), seconds=seconds, clock=body.khepera.clock, inputs=look)
+        return drive(body, Steady(), seconds=seconds, clock=body.khepera.clock, inputs=look)
 
     if not live:
         return run(lambda readings: None)
@@ -186,12 +187,12 @@ def _agreed(yes: bool, json_output: bool) -> bool:
 
 def _movement(khepera: Khepera) -> dict[str, int]:
     """Ahead, look at the counters, back, stand."""
-    khepera.set_counters(0, 0)
-    clock = khepera.clock
+    from realitygap.robot.body import SerialBody
+
+    body = SerialBody(khepera, kinds=("proximity",))
+    body.reset()
     for units in (MOVE_UNITS, -MOVE_UNITS):
-        khepera.command(units, units)
-        clock.sleep_until(clock.now() + MOVE_S)
-        khepera.stop()
+        _drive(body, units, MOVE_S)
         if units > 0:
             left, right = khepera.counters()
     return {"left": left, "right": right}

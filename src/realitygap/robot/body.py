@@ -48,6 +48,8 @@ class Body(Protocol):
 class SerialBody:
     """A Khepera, or a twin, on its serial line.
 
+    From `act` to `stop` something has to be asked or told twice a second, or the guard stops the robot.
+
     Args:
         khepera: the driver; `close` closes it.
         kinds: the sensors that are read at each step: "proximity", "ambient" or both.
@@ -98,6 +100,7 @@ class SerialBody:
 
     def act(self, command: Command) -> None:
         """Wheel speeds from now on, Khepera units."""
+        self.khepera.watch()
         self.khepera.ask(request("D", command.left, command.right))
 
     def stop(self) -> None:

@@ -36,6 +36,9 @@ TWIN_LOST_S = 120.0
 class Clock(Protocol):
     """What a driver needs of time, s."""
 
+    waits: bool
+    """Whether it stands still while this process does."""
+
     def now(self) -> float:
         """The time; only differences mean anything."""
 
@@ -63,6 +66,8 @@ class Clock(Protocol):
 
 class RealClock:
     """The computer's own."""
+
+    waits = False
 
     def now(self) -> float:
         """Seconds since some moment."""
@@ -105,6 +110,8 @@ class VirtualClock:
     Args:
         channel: path of the twin's socket.
     """
+
+    waits = True
 
     def __init__(self, channel: str) -> None:
         self.channel = channel

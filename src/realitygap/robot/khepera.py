@@ -8,9 +8,9 @@ from types import TracebackType
 from typing import NamedTuple, cast
 
 from realitygap.errors import LineError, RealityGapError, RobotError
-from realitygap.robot.clock import Clock, RealClock
+from realitygap.robot.clock import Clock
 from realitygap.robot.guard import Guard
-from realitygap.robot.line import GIVE_UP_S, Answer, Line
+from realitygap.robot.line import GIVE_UP_S, Answer, Line, nothing
 from realitygap.robot.protocol import BAUD_RATES, Request, request
 
 __all__ = ["Khepera", "Motion", "Versions"]
@@ -54,7 +54,9 @@ class Khepera:
         self.line = line
         self.versions = versions
         self.banner = tuple(banner)
-        self._guard = Guard(line.fileno()) if isinstance(line.clock, RealClock) else None
+        self._guard = None if line.clock.waits else Guard(line.fileno())
+        if self._guard is not None:
+            line.before = self._guard.beat
 
     @classmethod
     def connect(
@@ -153,6 +155,14 @@ class Khepera:
                 if not again:
                     raise
 
+    def watch(self) -> None:
+        """Until the next `stop` the guard stops the robot if nothing is said on the line for half a second.
+
+        Whoever speaks next is told so by a `FrozenError`. Under a clock that waits nothing is needed.
+        """
+        if self._guard is not None:
+            self._guard.watch()
+
     def stop(self) -> None:
         """Make the robot stand, and see that it does.
 
@@ -170,6 +180,7 @@ class Khepera:
                 self.line.hear(ANSWER_S)  # its answer, so that it is not taken for the next one's
                 self.line.ask(STOP, give_up_s=self.line.give_up_s / 2)
                 if self._stands():
+                    self._rest()
                     return
                 failure = RobotError("its wheels turn on")
             except RobotError as error:
@@ -188,6 +199,7 @@ class Khepera:
 
     def abandon(self) -> None:
         """Close the line and the guard without a word to the robot."""
+        self.line.before = nothing
         self.line.close()
         if self._guard is not None:
             self._guard.release()
@@ -203,6 +215,10 @@ class Khepera:
 
     def _read(self, letter: str, *arguments: int) -> tuple[int, ...]:
         return cast("tuple[int, ...]", self.line.ask(request(letter, *arguments))[0])
+
+    def _rest(self) -> None:
+        if self._guard is not None:
+            self._guard.rest()
 
     def _stands(self) -> bool:
         until = self.clock.now() + STAND_S

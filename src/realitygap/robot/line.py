@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from realitygap.errors import LineError, UsageError
@@ -53,8 +53,13 @@ LONGEST = 4096
 _BARRIER = Request("B")
 
 
+def nothing() -> None:
+    """Nothing."""
+
+
 class Line:
-    """One robot's line; `faults` counts the answers that did not come or were not understood.
+    """One robot's line; `faults` counts the answers that did not come or were not understood;
+    `before` is called before each word that is sent.
 
     Args:
         device: path of the serial device.
@@ -74,6 +79,7 @@ class Line:
         self.give_up_s = give_up_s
         self.faults = 0
         self.together = True
+        self.before: Callable[[], None] = nothing
         self._batch_failures = 0
         self._heard = b""
         self._port = _open(device, baud)
@@ -130,6 +136,7 @@ class Line:
         Raises:
             LineError: the line is lost.
         """
+        self.before()
         sent = 0
         while sent < len(data):
             try:

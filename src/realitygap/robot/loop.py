@@ -10,7 +10,7 @@ from realitygap.robot.body import Body
 from realitygap.robot.budget import STEP_MS
 from realitygap.robot.clock import Clock
 from realitygap.robot.recording import Recorder, Recording, Step
-from realitygap.robot.signals import Stopping
+from realitygap.robot.signals import MOVING, NUMBERS, Stopping
 from realitygap.values import Command, Readings
 
 __all__ = ["Controller", "drive"]
@@ -41,7 +41,8 @@ def drive(
 
     A step that begins late is recorded as late; the time-table moves on with one that is late by more
     than a whole step, so that the robot never has to catch up. Whatever ends the drive, an exception,
-    Ctrl-C, SIGTERM or a lost line, the wheels are stopped first; then the recording is closed. Give a
+    Ctrl-C, Ctrl-Z,
+    SIGTERM or a lost line, the wheels are stopped first; then the recording is closed. Give a
     `recorder` to have the steps of a drive that did not end well.
 
     Args:
@@ -51,7 +52,8 @@ def drive(
         recorder: keeps the steps, in a folder if it has one.
 
     Raises:
-        RobotStoppedError: Ctrl-C or SIGTERM.
+        RobotStoppedError: Ctrl-C or SIGTERM; or Ctrl-Z, after the suspension.
+        FrozenError: it was frozen, and the guard has stopped the robot.
         LineError: the line was lost, or the robot did not confirm that it stands.
     """
     steps = round(seconds / STEP_S)
@@ -59,7 +61,7 @@ def drive(
         raise UsageError(f"a trial lasts whole steps of {STEP_S:g} s, one at least; got {seconds:g} s")
     recorder = Recorder() if recorder is None else recorder
     ended = "finished"
-    with Stopping() as stopping:
+    with Stopping(NUMBERS if clock.waits else MOVING) as stopping:
         try:
             controller.reset()
             _steps(body, controller, clock, inputs, recorder, steps)

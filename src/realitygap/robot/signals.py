@@ -1,18 +1,20 @@
-"""Ctrl-C and SIGTERM while a robot drives: turned into an exception, held back while it is stopped."""
+"""Signals while a robot drives: turned into an exception, held back while it is stopped."""
 
 from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
 
 from realitygap.errors import RobotStoppedError
 
-__all__ = ["Stopping", "undisturbed"]
+__all__ = ["MOVING", "NUMBERS", "Stopping", "undisturbed"]
 
 NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+MOVING = (*NUMBERS, signal.SIGTSTP)
+"""While a robot moves whose time does not wait: it has to stand before this process is suspended."""
 
 
 @contextmanager
@@ -36,16 +38,23 @@ def undisturbed() -> Iterator[None]:
 
 
 class Stopping:
-    """As a context, in the main thread: each of the signals raises RobotStoppedError."""
+    """As a context, in the main thread: each of the signals raises RobotStoppedError.
 
-    def __init__(self) -> None:
+    SIGTSTP (Ctrl-Z) suspends the process at the context's end, and the error goes on after `fg`.
+    """
+
+    def __init__(self, numbers: Sequence[signal.Signals] = NUMBERS) -> None:
+        self._numbers = numbers
+        self._suspend = False
         self._held = False
         self._missed: int | None = None
         self._before: dict[signal.Signals, object] = {}
 
     def __enter__(self) -> Stopping:
         if threading.current_thread() is threading.main_thread():
-            for number in NUMBERS:
+            for number in self._numbers:
+                if number == signal.SIGTSTP and signal.getsignal(number) == signal.SIG_IGN:
+                    continue  # a shell without job control
                 self._before[number] = signal.signal(number, self._arrived)
         return self
 
@@ -53,6 +62,8 @@ class Stopping:
         for number, handler in self._before.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
         self._before.clear()
+        if self._suspend:
+            signal.raise_signal(signal.SIGTSTP)
 
     @contextmanager
     def held(self) -> Iterator[None]:
@@ -64,6 +75,7 @@ class Stopping:
             raise _stopped(self._missed)
 
     def _arrived(self, number: int, frame: FrameType | None) -> None:
+        self._suspend |= number == signal.SIGTSTP
         if self._held:
             self._missed = number
             return
@@ -72,6 +84,8 @@ class Stopping:
 
 
 def _stopped(number: int) -> RobotStoppedError:
+    if number == signal.SIGTSTP:
+        return RobotStoppedError("suspended; the robot was told to stand first, and the drive is over")
     return RobotStoppedError(f"stopped by {signal.Signals(number).name}; the robot was told to stand first")
 
 

@@ -154,6 +154,8 @@ class SimulatedBody:
 class SimulatedClock:
     """A simulated body's time, s: of the form that robot/clock.py asks for; nothing is ever late."""
 
+    waits = True
+
     def __init__(self, step: Callable[[], None]) -> None:
         self._step = step
         self._now = 0.0

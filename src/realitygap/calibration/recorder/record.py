@@ -26,6 +26,7 @@ from realitygap.calibration.recordings.files import POSE, READINGS, STEP_COLUMNS
 from realitygap.calibration.recordings.recording import BODY_RADIUS_CM
 from realitygap.errors import BaudError
 from realitygap.robot.body import SerialBody
+from realitygap.robot.signals import MOVING, Stopping
 from realitygap.values import Command, Pose
 
 __all__ = ["REPEATS", "Made", "OpenSite", "record", "twin_sites"]
@@ -233,18 +234,20 @@ def drive_trial(site: Site, trial: Trial) -> list[tuple[str, ...]]:
     khepera.set_counters(0, 0)
     rows = []
     start = due = clock.now()
-    try:
-        for command in trial.commands:
-            clock.sleep_until(due)
-            now = clock.now()
-            body.sense()
-            counters, speeds = body.odometry
-            body.act(Command(left=command[0], right=command[1]))
-            numbers = (*command, *(counters or ()), *(speeds or ()), trial.number)
-            rows.append((f"{now - start:.4f}", *map(str, numbers), trial.kind))
-            due = max(due + STEP_S, now)
-    finally:
-        body.stop()
+    with Stopping(() if clock.waits else MOVING) as stopping:
+        try:
+            for command in trial.commands:
+                clock.sleep_until(due)
+                now = clock.now()
+                body.sense()
+                counters, speeds = body.odometry
+                body.act(Command(left=command[0], right=command[1]))
+                numbers = (*command, *(counters or ()), *(speeds or ()), trial.number)
+                rows.append((f"{now - start:.4f}", *map(str, numbers), trial.kind))
+                due = max(due + STEP_S, now)
+        finally:
+            with stopping.held():
+                body.stop()
     return rows
 
 

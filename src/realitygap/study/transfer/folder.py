@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from realitygap import whole
-from realitygap.errors import FilmError, LineError, RobotError, RobotStoppedError
+from realitygap.errors import FilmError, FrozenError, LineError, RobotError, RobotStoppedError
 from realitygap.study.transfer.plan import Robot
 from realitygap.values import Pose
 
@@ -29,8 +29,8 @@ def made(final: Path, robot: Robot) -> Iterator[Path]:
         yield half
     except RobotStoppedError as error:
         raise RobotStoppedError(f"{error}; its recording is kept in {half}") from None
-    except LineError as error:
-        raise LineError(f"{robot}: {error}; its recording is kept in {half}") from None
+    except (LineError, FrozenError) as error:
+        raise type(error)(f"{robot}: {error}; its recording is kept in {half}") from None
     except RobotError as error:
         raise RobotError(f"{robot}: {error}") from None
     except FilmError as error:
