@@ -1,12 +1,21 @@
-"""Small text files, read; whatever is wrong with them is said in one line."""
+"""Small files that people write, read; whatever is wrong with them is said in one line."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
 from pathlib import Path
+from typing import Any
 
 from realitygap.errors import UsageError
 
-__all__ = ["read_text"]
+__all__ = ["read_json", "read_text", "reason", "refuse_odd_values", "refuse_separator", "refuse_unknown"]
+
+DEEPEST, LARGEST = 32, 2**63 - 1
+"""Tables in tables, and whole numbers, beyond which no file of this project goes."""
+LONGEST = 60
+"""Characters of a key that a message shows."""
 
 
 def read_text(path: str | Path, error: type[UsageError], cure: str) -> str:
@@ -28,3 +37,83 @@ def read_text(path: str | Path, error: type[UsageError], cure: str) -> str:
         raise error(f"{path}: not a text file in UTF-8. {cure}") from None
     except OSError as why:
         raise error(f"{path}: cannot be read ({why.strerror}). Check the path and its rights.") from None
+    except ValueError:  # a NUL character
+        raise error(f"{str(path)!r}: no path of a file. {cure}") from None
+
+
+def read_json(path: str | Path, error: type[UsageError], cure: str) -> Any:
+    """What a JSON file holds.
+
+    Raises:
+        UsageError: of the class `error`: as of `read_text`, or broken JSON, with its line.
+    """
+    text = read_text(path, error, cure)
+    try:
+        data = json.loads(text)
+        refuse_odd_values(data)
+    except (ValueError, RecursionError) as why:
+        raise error(f"{path}: not a JSON file: {reason(why)}. {cure}") from None
+    return data
+
+
+def refuse_separator(path: str | Path, head: str, error: type[UsageError]) -> None:
+    """Refuse a table whose first line has no commas but semicolons or tabs, as some programs write.
+
+    Raises:
+        UsageError: of the class `error`.
+    """
+    for sign, name in ((";", "semicolons"), ("\t", "tabs")):
+        if sign in head and "," not in head:
+            raise error(
+                f"{path}, line 1: expected values separated by commas, got {name}. Save the table "
+                "with commas (and with points in its numbers)."
+            )
+
+
+def reason(why: Exception) -> str:
+    """Why a parser gave up, in words that fit a sentence."""
+    if isinstance(why, RecursionError):
+        return f"tables or lists nested more than {DEEPEST} deep"
+    if "integer string conversion" in str(why):
+        return "a whole number of thousands of digits"
+    return str(why).rstrip(".")
+
+
+def refuse_odd_values(data: Any, depth: int = 0) -> None:
+    """Refuse what no reader is prepared for.
+
+    Raises:
+        ValueError: whole numbers beyond 64 bits.
+        RecursionError: tables in tables in tables …
+    """
+    if depth > DEEPEST:
+        raise RecursionError
+    if isinstance(data, int) and abs(data) > LARGEST:
+        raise ValueError("a whole number beyond 64 bits")
+    if isinstance(data, Mapping | list):
+        for inner in data.values() if isinstance(data, Mapping) else data:
+            refuse_odd_values(inner, depth + 1)
+
+
+def refuse_unknown(
+    table: Iterable[str], known: Iterable[str], error: type[UsageError], *, where: str = "", cure: str = ""
+) -> None:
+    """Refuse a key that nothing reads.
+
+    Args:
+        table: its keys.
+        known: those that mean something.
+        error: what to raise.
+        where: the file, for the message.
+        cure: where else to put it, said beside the known keys.
+
+    Raises:
+        UsageError: of the class `error`; names the nearest known key, or all.
+    """
+    names = list(known)
+    for key in table:
+        if key not in names:
+            near = get_close_matches(key[:LONGEST], names, n=1)
+            said = f"Did you mean {near[0]!r}?" if near else f"Known keys: {', '.join(names)}. {cure}".strip()
+            shown = key if len(key) <= LONGEST else key[: LONGEST - 1] + "…"
+            raise error(f"{where + ': ' if where else ''}{shown}: unknown key. {said}")

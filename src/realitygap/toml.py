@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from realitygap.errors import UsageError
-from realitygap.text import read_text
+from realitygap.text import read_text, reason, refuse_odd_values
 
-__all__ = ["read_toml", "to_toml"]
+__all__ = ["parse_toml", "read_toml", "to_toml"]
 
 
 def read_toml(
@@ -27,10 +27,25 @@ def read_toml(
     Raises:
         UsageError: of the class `error`: as of `read_text`, or broken TOML, with its line.
     """
+    text = read_text(path, error, cure)
     try:
-        return tomllib.loads(read_text(path, error, cure))
-    except tomllib.TOMLDecodeError as why:
+        return parse_toml(text)
+    except ValueError as why:
         raise error(f"{path}: not a TOML file: {why}. {broken}") from None
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """The table of a TOML text.
+
+    Raises:
+        ValueError: broken TOML, whole numbers beyond 64 bits, or tables too deep in each other.
+    """
+    try:
+        table = tomllib.loads(text)
+        refuse_odd_values(table)
+    except (ValueError, RecursionError) as why:
+        raise ValueError(reason(why)) from None
+    return table
 
 
 def to_toml(facts: Mapping[str, Any]) -> str:

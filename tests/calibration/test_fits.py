@@ -10,6 +10,7 @@ import pytest
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.judge import judge
 from realitygap.calibration.noise import lit_noise, sample_noise
+from realitygap.calibration.recordings.files import save_recording
 from realitygap.calibration.recordings.recording import load_recording
 from realitygap.calibration.wheels.odometry import measure_odometry
 from realitygap.errors import CalibrationError
@@ -113,6 +114,20 @@ def test_recordings_of_several_robots_are_refused(recorded):
         calibrate([replace(one, facts={"unit": 7}), replace(two, facts={"unit": 8})], PAPER)
     with pytest.raises(CalibrationError, match="b: the same recording as a"):
         calibrate([one, replace(two, hash="a")], PAPER)
+
+
+def test_a_body_that_is_not_said_is_that_of_the_base(recorded, tmp_path):
+    """And a warning tells so; a recording that says another is of another robot."""
+    save_recording(tmp_path / "said", recorded("wall"))
+    save_recording(tmp_path / "not", replace(recorded("wall", seed=5), body_said=False))
+    base = replace(PAPER, body=replace(PAPER.body, radius_cm=3.5))
+    made = calibrate([load_recording(tmp_path / "not")], base, form="paper")
+    assert made.profile.body.radius_cm == 3.5
+    assert any("body_radius_cm: not said; 3.5 cm are taken" in warning for warning in made.warnings)
+    told = judge(load_recording(tmp_path / "not"), base).warnings
+    assert any("3.5 cm are taken" in warning for warning in told)
+    with pytest.raises(CalibrationError, match=r"expected one robot, got 2\.75 cm in .*said and 3\.5 cm in"):
+        calibrate([load_recording(tmp_path / name) for name in ("said", "not")], base)
 
 
 def test_the_papers_form_is_the_papers_with_any_base(recorded, driven):

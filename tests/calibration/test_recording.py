@@ -117,6 +117,9 @@ def test_steps_come_back_equal(tmp_path_factory, pairs):
         ((HEAD.replace("_cm", "_mm"), ROW), "line 1: expected a column 'distance_cm'"),
         ((HEAD, ROW, ROW.replace("1.5", "60").replace("80", "800")), "line 3: distance_cm: 800 counts"),
         ((HEAD, "1" * 200_000), "line 2: not a line of a table"),
+        ((HEAD.replace(",", ";"), ROW.replace(",", ";")), "line 1: expected values separated by commas"),
+        ((HEAD, ROW.replace("30,0", "30,1e19")), "line 2: repeat: expected a whole number from 0 to"),
+        ((HEAD.replace("s7", "s²"), ROW), "expected the sensors' columns s0 to s7"),
     ],
 )
 def test_what_is_wrong_is_named_with_its_line(tmp_path, rows, says):
@@ -142,6 +145,11 @@ def test_what_is_wrong_is_named_with_its_line(tmp_path, rows, says):
         (FACTS + "sensors = []", "sensors: expected a whole number"),
         (FACTS + "sensors = 0", "sensors: expected a whole number"),
         (FACTS + "sensors = -3", "sensors: expected a whole number"),
+        (FACTS + "body_radius = 3", "body_radius: unknown key. Did you mean 'body_radius_cm'?"),
+        (FACTS + 'operator = "Anna"', "operator: unknown key. Known keys: kind, object"),
+        (FACTS + f"seed = {'9' * 5000}", "not a TOML file: a whole number of thousands of digits"),
+        (FACTS + f"seed = 0x{'9' * 5000}", "not a TOML file: a whole number beyond 64 bits"),
+        (FACTS + f"notes = {'[' * 3000}", "not a TOML file: tables or lists nested more than"),
     ],
 )
 def test_wrong_facts_are_named(tmp_path, facts, says):
@@ -185,6 +193,14 @@ def test_dead_sensors_are_pointed_out(tmp_path):
     assert back.warnings == () and sorted(dead) == [2, 4, 5]  # said once, by whoever uses the recording
     assert "sensor 2 reads 7 everywhere" in dead[2] and "sensor 4 is saturated" in dead[4]
     assert "sensor 5 hardly changes" in dead[5]
+
+
+def test_a_folder_one_level_up_is_told_which_to_give(tmp_path):
+    """Recordings in a folder's folders are named, not denied."""
+    (tmp_path / "robots" / "unit-7").mkdir(parents=True)
+    written(tmp_path / "robots" / "unit-7" / "wall", HEAD, ROW)
+    with pytest.raises(RecordingError, match=r"robots: holds no recording, but .*give .*unit-7\."):
+        find_recordings(tmp_path / "robots")
 
 
 def test_several_recordings_in_a_folder_are_found(tmp_path):

@@ -92,6 +92,13 @@ def test_broken_files_are_refused(tmp_path, text, says):
         ("radial", [1]),
         ("lens_cm", [1]),
         ("plane_cm", None),
+        ("focal", 3),
+        ("width_px", 10**30),
+        ("homography", [[0, 0, 0]] * 3),
+        ("homography", [[1e-300, 0, 0], [0, 1e300, 0], [0, 0, 1]]),
+        ("homography", [[1, 0, 1], [1, 0, 1], [0, 0, 1]]),
+        ("radial", [1e300, 0]),
+        ("lens_cm", [0, 0, 1e300]),
     ],
 )
 def test_wrong_values_are_refused(tmp_path, key, value):
@@ -179,7 +186,7 @@ def test_frames_are_read_back(tmp_path, frames):
     [
         ("", "empty"),
         ("frame,x,y,heading\nf00.png,1,2,3\n", "line 1: expected columns frame, x_cm"),
-        ("frame;x_cm;y_cm;heading_deg\n", "line 1: expected columns"),
+        ("frame;x_cm;y_cm;heading_deg\n", "line 1: expected values separated by commas"),
         ("frame,x_cm,y_cm,heading_deg\nf00.png,1,zwei,3\n", "line 2: y_cm: expected a number, got 'zwei'"),
         ("frame,x_cm,y_cm,heading_deg\nf00.png,1,nan,3\n", "line 2: y_cm: expected a number"),
         ("frame,x_cm,y_cm,heading_deg\n\nf00.png,1,2\n", "line 3: expected 4 values, got 3"),

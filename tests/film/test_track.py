@@ -80,6 +80,7 @@ def test_shipped_disk_is_the_default():
         ("front_distance_cm = 1.0", "patches would touch"),
         ("front_distance_cm = 2.6", "radius_cm: expected at least"),
         ("radius_cm = ", "not a TOML file"),
+        ("radius_cm = 1e300", "radius_cm: expected at most 1000 cm"),
     ],
 )
 def test_broken_disks_are_refused(tmp_path, text, says):

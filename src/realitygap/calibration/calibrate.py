@@ -80,6 +80,10 @@ def calibrate(
         raise CalibrationError("no recordings: give folders made by `realitygap record`, or .sam tables.")
     refuse_mixed(recordings)
     infrared_form, light_form, wheel_form = FORMS[form]
+    whose = f"profile {base.name!r}"
+    recordings = [
+        r.of_body(base.body.radius_cm, whose) if isinstance(r, SensorRecording) else r for r in recordings
+    ]
     base = _of_its_size(recordings, base)
     seen = [r for r in recordings if isinstance(r, SensorRecording)]
     near, lit = ([r for r in seen if r.kind == kind] for kind in ("infrared", "ambient"))
@@ -125,13 +129,15 @@ def _of_its_size(recordings: Sequence[Recording], base: Profile) -> Profile:
     A .sam table states none: there it is what the maker states. The sensors read by it.
     """
     seen = [r for r in recordings if isinstance(r, SensorRecording)]
-    radii = {r.body_radius_cm for r in seen if "body_radius_cm" in r.facts}
-    radii = radii or {r.body_radius_cm for r in seen}
+    radii = {r.body_radius_cm: r.source for r in seen if "body_radius_cm" in r.facts or not r.body_said}
+    radii = radii or {r.body_radius_cm: r.source for r in seen}
     if len(radii) > 1:
+        (one, here), (two, there) = list(radii.items())[:2]
         raise CalibrationError(
-            f"body_radius_cm: expected one robot, got recordings with {sorted(radii)} cm. Correct them."
+            f"body_radius_cm: expected one robot, got {one:g} cm in {here} and {two:g} cm in {there}. "
+            "Correct them; a recording that does not say it has that of --base."
         )
-    return replace(base, body=replace(base.body, radius_cm=radii.pop())) if radii else base
+    return replace(base, body=replace(base.body, radius_cm=next(iter(radii)))) if radii else base
 
 
 def _joined(

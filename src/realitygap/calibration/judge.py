@@ -94,6 +94,7 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     """
     if isinstance(recording, WheelRecording):
         return _judge_wheels(recording, profile)
+    recording = recording.of_body(profile.body.radius_cm, f"profile {profile.name!r}")
     part = profile.infrared if recording.kind == "infrared" else profile.ambient
     if len(part.sensors) != recording.sensors:
         raise CalibrationError(

@@ -21,6 +21,7 @@ from typing import Any
 from realitygap import whole
 from realitygap.calibration.recordings.files import FACTS
 from realitygap.errors import CalibrationError, RobotError
+from realitygap.text import refuse_unknown
 from realitygap.toml import read_toml, to_toml
 
 __all__ = ["PARTS", "PROFILE", "SETTINGS", "calibrated_unit"]
@@ -29,6 +30,7 @@ PROFILE, SETTINGS, RECORDINGS, UNFINISHED = "robot.toml", "unit.toml", "recordin
 PARTS = ("ambient", "wheels", "infrared-wall", "infrared-cylinder")
 """The recordings, the longest first: so that two workers end at about the same time."""
 FIT = "fit"
+CURE = "Choose another folder, or remove this one."
 RECIPE = 1
 """Changes whenever the same settings would make another profile."""
 
@@ -95,13 +97,13 @@ def _claim(folder: Path, settings: dict[str, Any]) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         whole.write(path, to_toml(settings))
         return
-    cure = "Choose another folder, or remove this one."
-    there = read_toml(path, CalibrationError, cure, broken=cure)
+    there = read_toml(path, CalibrationError, CURE, broken=CURE)
+    refuse_unknown(there, settings, CalibrationError, where=str(path))
     for key, value in settings.items():
         if there.get(key) != value:
             raise CalibrationError(
                 f"{path}: {key}: expected {value!r}, got {there.get(key)!r}: another calibration is there. "
-                f"{cure}"
+                f"{CURE}"
             )
 
 

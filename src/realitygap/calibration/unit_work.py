@@ -9,13 +9,13 @@ import os
 import signal
 import sys
 import threading
-import tomllib
 from pathlib import Path
 from typing import Any
 
 from realitygap import whole
-from realitygap.calibration.unit import FIT, PARTS, PROFILE, RECORDINGS, SETTINGS, UNFINISHED
-from realitygap.errors import UsageError
+from realitygap.calibration.unit import CURE, FIT, PARTS, PROFILE, RECORDINGS, SETTINGS, UNFINISHED
+from realitygap.errors import CalibrationError, UsageError
+from realitygap.toml import read_toml
 
 __all__ = ["fit_unit", "record_part"]
 
@@ -28,8 +28,7 @@ def record_part(folder: Path, name: str) -> None:
     from realitygap.calibration.recorder.plans import CYLINDER
     from realitygap.calibration.recorder.record import record, twin_sites
 
-    said = tomllib.loads((folder / SETTINGS).read_text("utf-8"))
-    unit, noise, seed = said["unit"], said["twin_noise"], said["seed"]
+    unit, noise, seed = (_settings(folder)[key] for key in ("unit", "twin_noise", "seed"))
     finished = folder / RECORDINGS / name
     unfinished = finished.with_name(name + UNFINISHED)
     plan, _, shape = name.partition("-")
@@ -53,11 +52,15 @@ def fit_unit(folder: Path) -> None:
 
     _tell(FIT, 0, 1)
     recordings = [load_recording(folder / RECORDINGS / name) for name in sorted(PARTS)]
-    unit = tomllib.loads((folder / SETTINGS).read_text("utf-8"))["unit"]
+    unit = _settings(folder)["unit"]
     # The day stands in the recordings: the same settings make the same file on any day.
     made = calibrate(recordings, load_profile(BASE), beside=False, name=f"twin-{unit}", date="")
     whole.write(folder / PROFILE, made.profile.to_toml())
     _tell(FIT, 1, 1)
+
+
+def _settings(folder: Path) -> dict[str, Any]:
+    return read_toml(folder / SETTINGS, CalibrationError, CURE)
 
 
 def _tell(name: str, done: int, total: int) -> None:

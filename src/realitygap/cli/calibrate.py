@@ -239,6 +239,11 @@ def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) 
 
     if len(words) < 2:
         raise click.UsageError("--check: expected recordings and, as the last argument, a profile.")
+    if _is_recording(words[-1]):
+        raise click.UsageError(
+            f"--check: expected recordings first and a profile as the last argument, got the recording "
+            f"{words[-1]!r} last. Turn them round."
+        )
     profile = load_profile(words[-1])
     found = [judge(recording, profile) for recording in _load(words[:-1], objects)]
     warnings = list(dict.fromkeys(warning for one in found for warning in one.warnings))
@@ -254,6 +259,11 @@ def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) 
             _tell_judgement(one)
     for warning in warnings:
         click.echo(f"warning: {warning}", err=True)
+
+
+def _is_recording(word: str) -> bool:
+    path = Path(word)
+    return path.is_dir() or path.name == "recording.toml" or path.suffix.lower() == ".sam"
 
 
 def _tell_judgement(one: Judgement) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -137,7 +138,8 @@ def _json(path: Path) -> Any:
 def _head(path: Path) -> list[str]:
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            return [cell.strip() for cell in next(csv.reader(file), [])]
+            head = ",".join(next(csv.reader(file), []))
+        return [cell.strip() for cell in re.split("[,;\t]", head) if head]
     except (OSError, UnicodeDecodeError, csv.Error):
         return []
 

@@ -21,13 +21,18 @@ from numpy.typing import ArrayLike, NDArray
 from realitygap import whole
 from realitygap.errors import FilmError
 from realitygap.film.lens import bend, straightened
-from realitygap.text import read_text
+from realitygap.text import read_json, refuse_unknown
 
 __all__ = ["CameraModel", "load_camera"]
 
 Array = NDArray[np.float64]
 
 FORMAT = "realitygap camera 1"
+KEYS = ("format", "width_px", "height_px", "homography", "radial", "plane_cm", "lens_cm")
+LARGEST_PX, FARTHEST_CM = 10**5, 1e5
+"""Sides of a picture, and lengths in a room, beyond which no camera of this project goes."""
+WORST = 1e14
+"""Condition of a homography from which on its inverse tells nothing."""
 OUTSIDE = -1e6
 """Where the picture of something goes that no ray brings into it, px."""
 
@@ -55,15 +60,18 @@ class CameraModel:
     lens_cm: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
-        if self.width_px < 1 or self.height_px < 1:
+        if not (0 < self.width_px <= LARGEST_PX and 0 < self.height_px <= LARGEST_PX):
             got = f"{self.width_px}, {self.height_px}"
-            raise FilmError(f"width_px, height_px: expected 1 or more, got {got}.")
+            raise FilmError(f"width_px, height_px: expected 1 to {LARGEST_PX}, got {got}.")
         matrix = np.array(self.homography, dtype=np.float64)
-        if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or abs(np.linalg.det(matrix)) < 1e-300:
+        if matrix.shape != (3, 3) or not _can_be_inverted(matrix):
             raise FilmError("homography: expected 3 × 3 finite numbers that can be inverted.")
         numbers = (*self.radial, self.plane_cm, *(self.lens_cm or ()))
-        if len(self.radial) != 2 or not all(math.isfinite(number) for number in numbers):
-            raise FilmError("radial, plane_cm, lens_cm: expected two finite numbers, one, and three or null.")
+        if len(self.radial) != 2 or not all(abs(number) <= FARTHEST_CM for number in numbers):
+            raise FilmError(
+                f"radial, plane_cm, lens_cm: expected two numbers, one, and three or null, "
+                f"each up to {FARTHEST_CM:g}."
+            )
         if self.lens_cm is not None and self.lens_cm[2] <= self.plane_cm:
             above = f"above the plane at {self.plane_cm:g} cm"
             raise FilmError(f"lens_cm: expected {above}, got {self.lens_cm[2]:g}.")
@@ -236,6 +244,11 @@ class CameraModel:
         return np.asarray(self.middle + self.half_diagonal * v)
 
 
+def _can_be_inverted(matrix: Array) -> bool:
+    size = np.abs(matrix).max()
+    return bool(np.isfinite(size) and size > 0 and np.linalg.cond(matrix / size) < WORST)
+
+
 def load_camera(path: str | Path) -> CameraModel:
     """The camera of a JSON file, as `realitygap camera calibrate` writes it.
 
@@ -243,13 +256,10 @@ def load_camera(path: str | Path) -> CameraModel:
         FilmError: unreadable file, broken JSON, a key that is missing or refused.
     """
     cure = "Make it with `realitygap camera calibrate`."
-    text = read_text(path, FilmError, cure)
-    try:
-        table = json.loads(text)
-    except ValueError as error:
-        raise FilmError(f"{path}: not a JSON file: {error}. {cure}") from None
+    table = read_json(path, FilmError, cure)
     if not isinstance(table, dict) or table.get("format") != FORMAT:
         raise FilmError(f'{path}: expected a camera ("format": "{FORMAT}"), got another file. {cure}')
+    refuse_unknown(table, KEYS, FilmError, where=str(path))
     try:
         lens = table.get("lens_cm")
         return CameraModel(

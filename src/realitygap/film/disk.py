@@ -5,16 +5,19 @@ from __future__ import annotations
 import math
 import tomllib
 from dataclasses import dataclass, fields
-from difflib import get_close_matches
 from importlib.resources import files
 from numbers import Real
 from pathlib import Path
 from typing import Any
 
 from realitygap.errors import FilmError
+from realitygap.text import refuse_unknown
 from realitygap.toml import read_toml
 
 __all__ = ["Disk", "load_disk"]
+
+LARGEST_CM = 1e3
+"""No robot is so large, and no camera of this project hangs so high."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +41,8 @@ class Disk:
                 raise FilmError(f"{field.name}: expected a number of cm, got {value!r}.")
             if value < 0 or (value == 0 and field.name != "height_cm"):
                 raise FilmError(f"{field.name}: expected more than 0 cm, got {value!r}.")
+            if float(value) > LARGEST_CM:
+                raise FilmError(f"{field.name}: expected at most {LARGEST_CM:g} cm, got {value!r}.")
             object.__setattr__(self, field.name, float(value))
         if self.centre_radius_cm + self.front_radius_cm >= self.front_distance_cm:
             raise FilmError(
@@ -71,10 +76,5 @@ def load_disk(path: str | Path | None = None) -> Disk:
 
 
 def _built(table: dict[str, Any]) -> Disk:
-    known = [field.name for field in fields(Disk)]
-    for key in table:
-        if key not in known:
-            near = get_close_matches(key, known, n=1)
-            cure = f"Did you mean {near[0]!r}?" if near else f"Known keys: {', '.join(known)}."
-            raise FilmError(f"{key}: unknown key. {cure}")
+    refuse_unknown(table, [field.name for field in fields(Disk)], FilmError)
     return Disk(**table)

@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.errors import FilmError
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
 from realitygap.film.masks import OUTER, Picture, correlation, pattern_of, peak, responses
@@ -44,6 +45,9 @@ FOUND_ANEW = 0.9
 """Quality from which on a disk anywhere in a picture is believed: the likeliest place of a spotted
 floor reaches 0.84, of a page of print 0.92; a disk under strong noise, blur, glare, compression or
 a cable stays above 0.94 (measured on rendered pictures)."""
+
+SMALLEST_PX = 0.5
+"""A patch of this radius is one pixel."""
 
 _CANDIDATES, _CLOSER_LOOKS, _PEAKS = 40, 6, 5
 _GOOD = 0.95
@@ -85,6 +89,12 @@ class Finder:
         middle = camera.to_floor(camera.middle, disk.height_cm)
         self._scale = camera.pixels_per_cm(middle, disk.height_cm)
         front = disk.front_radius_cm
+        if not SMALLEST_PX <= front * self._scale <= max(camera.width_px, camera.height_px):
+            raise FilmError(
+                f"front_radius_cm: the disk's front patch, {front:g} cm, has a radius of "
+                f"{front * self._scale:.3g} pixels in this camera's pictures; expected {SMALLEST_PX:g} or "
+                "more, and less than the picture. Give the camera that filmed this disk, lengths in cm."
+            )
         self._step = min(max(1 / self._scale, front / 9), front / 4)
         self._shrink = max(1, int(front * self._scale / 2.5))
 

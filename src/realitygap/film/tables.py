@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from realitygap.errors import FilmError
-from realitygap.text import read_text
+from realitygap.text import read_text, refuse_separator
 
 __all__ = ["number", "read_table"]
 
@@ -24,6 +24,7 @@ def read_table(path: str | Path, columns: Sequence[str]) -> list[tuple[int, dict
         FilmError: unreadable file, a column that is missing, a row with too few values.
     """
     text = read_text(path, FilmError, f"Give a CSV file with columns {', '.join(columns)}.")
+    refuse_separator(path, text.partition("\n")[0], FilmError)
     reader = csv.reader(text.splitlines())
     try:
         lines = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(row)]

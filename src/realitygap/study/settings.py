@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import copy
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping
-from difflib import get_close_matches
 from typing import Any
 
 from realitygap.errors import ConfigError
+from realitygap.text import refuse_unknown
+from realitygap.toml import parse_toml
 
 __all__ = ["apply", "difference", "whole"]
 
@@ -36,10 +36,7 @@ def apply(table: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
         changed["evolution"] = {}  # the settings of one algorithm are not those of another
     for key, value in pairs:
         first, *rest = key.split(".")
-        if first not in changed:
-            near = get_close_matches(first, changed, n=1)
-            cure = f"Did you mean {near[0]!r}?" if near else f"Known keys: {', '.join(changed)}."
-            raise ConfigError(f"{key}: unknown key. {cure}")
+        refuse_unknown([first], changed, ConfigError)
         *middle, last = [first, *rest]
         inner: Any = changed
         for part in middle:
@@ -57,8 +54,8 @@ def _pair(text: str) -> tuple[str, Any]:
     if not sign or not key or not value:
         raise ConfigError(f"expected a setting key=value, such as variation.mutation=0.1, got {text!r}.")
     try:
-        return key, tomllib.loads(f"value = {value}")["value"]
-    except (tomllib.TOMLDecodeError, KeyError):
+        return key, parse_toml(f"value = {value}")["value"]
+    except (ValueError, KeyError):
         return key, value
 
 

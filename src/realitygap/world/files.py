@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from realitygap.errors import ConfigError
+from realitygap.text import refuse_unknown
 from realitygap.toml import read_toml, to_toml
 
 __all__ = ["Value", "build", "load", "require", "shipped"]
@@ -61,11 +62,7 @@ def build(cls: type[T], table: Mapping[str, Any]) -> T:
         ConfigError: an unknown or missing key, or a value that `cls` refuses.
     """
     known = {field.name: field for field in fields(cls)}  # type: ignore[arg-type]
-    for key in table:
-        if key not in known:
-            near = get_close_matches(str(key), known, n=1)
-            cure = f"Did you mean {near[0]!r}?" if near else f"Known keys: {', '.join(known)}."
-            raise ConfigError(f"{key}: unknown key. {cure}")
+    refuse_unknown(table, known, ConfigError)
     for name, field in known.items():
         if name not in table and field.default is MISSING and field.default_factory is MISSING:
             raise ConfigError(f"{name}: missing. Add it; the shipped files show what it looks like.")

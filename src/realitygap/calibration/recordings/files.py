@@ -24,6 +24,7 @@ from realitygap.calibration.recordings.recording import (
 )
 from realitygap.calibration.recordings.table import Table, need, read_table
 from realitygap.errors import RecordingError
+from realitygap.text import refuse_unknown
 from realitygap.toml import read_toml, to_toml
 from realitygap.world.arena import Arena, load_arena
 
@@ -40,6 +41,13 @@ STEP_COLUMNS = (
 )  # fmt: skip
 UNITS = "cm, degrees, s, counts, Khepera units, pulses"
 FULL, MOST_SENSORS = 1023, 16
+KNOWN = (
+    "kind", "object", "sensors", "body_radius_cm", "arena", "units", "notes", "robot", "unit", "twin_noise",
+    "port", "bios", "protocol", "plan", "seed", "repeats", "places", "date",
+)  # fmt: skip
+"""Keys of recording.toml: the first six a calibration reads, the others are its history."""
+DRIVE = "end"
+"""A key of a drive's recording.toml, which is another file of the same name."""
 
 
 def read_folder(folder: Path, *, object: str | None = None) -> Recording:
@@ -51,6 +59,8 @@ def read_folder(folder: Path, *, object: str | None = None) -> Recording:
     facts = read_facts(folder)
     where = folder / FACTS
     kind = facts.get("kind")
+    if "kind" in facts or DRIVE not in facts:
+        refuse_unknown(facts, KNOWN, RecordingError, where=str(where), cure="Anything else goes into notes.")
     if kind not in KINDS:
         cure = "" if "kind" in facts else " This is a drive's recording, no calibration's."
         raise RecordingError(f"{where}: kind: expected {', '.join(KINDS)}, got {kind!r}.{cure}")
@@ -91,8 +101,9 @@ def save_recording(folder: str | Path, recording: Recording) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     facts: dict[str, Any] = {"units": UNITS, "notes": recording.notes, **recording.facts}
     if isinstance(recording, SensorRecording):
-        facts |= {"kind": recording.kind, "object": recording.object}
-        facts["body_radius_cm"] = recording.body_radius_cm
+        facts |= {"kind": recording.kind, "object": recording.object, "sensors": recording.sensors}
+        if recording.body_said:
+            facts["body_radius_cm"] = recording.body_radius_cm
         if recording.pose is not None and recording.arena is not None:
             facts["arena"] = "arena.toml"
             whole.write(folder / "arena.toml", recording.arena.to_toml())
@@ -141,6 +152,7 @@ def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> S
         pose=pose,
         arena=arena,
         body_radius_cm=_body_radius(folder, facts),
+        body_said="body_radius_cm" in facts,
         warnings=(*warned, *_unfinished(table, facts)),
         **_common(folder, table, facts),
     )
@@ -181,14 +193,14 @@ def _common(folder: Path, table: Table, facts: Mapping[str, Any]) -> dict[str, A
 
 def _sensor_columns(table: Table, facts: Mapping[str, Any]) -> list[str]:
     """s0, s1, … without a gap, as many as the facts say (a Khepera has eight)."""
-    found = [name for name in table.columns if name[:1] == "s" and name[1:].isdigit()]
+    found = [name for name in table.columns if name[:1] == "s" and name[1:].isdecimal()]
     expected = facts.get("sensors", 8)
     if isinstance(expected, bool) or not isinstance(expected, int) or not 0 < expected <= MOST_SENSORS:
         where = table.path.with_name(FACTS)
         raise RecordingError(
             f"{where}: sensors: expected a whole number from 1 to {MOST_SENSORS}, got {expected!r}."
         )
-    if sorted(found, key=lambda name: int(name[1:])) != [f"s{i}" for i in range(expected)]:
+    if sorted(found) != sorted(f"s{i}" for i in range(expected)):
         raise RecordingError(
             f"{table.path}, line 1: expected the sensors' columns s0 to s{expected - 1}, got "
             f"{', '.join(found) or 'none'}. Another number of sensors is said with `sensors` in {FACTS}."

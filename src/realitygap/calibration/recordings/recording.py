@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -86,6 +86,7 @@ class SensorRecording(Recorded):
         pose: [n, 3] x, y (cm) and heading (rad) of the robot's centre in `arena`, if known.
         arena: the room, if poses are given.
         body_radius_cm: of the body whose edge distances count from.
+        body_said: whether the recording says so itself; else a calibration takes its base's body.
     """
 
     kind: str
@@ -97,6 +98,7 @@ class SensorRecording(Recorded):
     pose: Array | None = None
     arena: Arena | None = None
     body_radius_cm: float = BODY_RADIUS_CM
+    body_said: bool = True
 
     def __post_init__(self) -> None:
         n = len(self.repeat)
@@ -104,6 +106,20 @@ class SensorRecording(Recorded):
         if lengths != {n} or self.counts.ndim != 2 or (self.pose is not None and self.pose.shape != (n, 3)):
             raise RecordingError(f"{self.source or 'a recording'}: its columns differ in length: {lengths}.")
         check_object(self.kind, self.object, self.source or "a recording")
+
+    def of_body(self, radius_cm: float, whose: str) -> SensorRecording:
+        """The same with a body of this radius, if it says nothing of its body, and a word about that."""
+        if self.body_said:
+            return self
+        # Distances that were read stay as they are; those from a lamp's centre follow from the poses.
+        nearer = radius_cm - self.body_radius_cm if self.pose is not None else 0.0
+        told = f"{self.source}: body_radius_cm: not said; {radius_cm:g} cm are taken, as {whose} has"
+        return replace(
+            self,
+            body_radius_cm=radius_cm,
+            distance_cm=self.distance_cm - nearer,
+            warnings=(*self.warnings, told),
+        )
 
     @property
     def sensors(self) -> int:
@@ -221,5 +237,12 @@ def find_recordings(path: str | Path) -> Sequence[Path]:
     inside = sorted(found.parent for found in path.glob("*/recording.toml"))
     if inside:
         return tuple(inside)
+    below = sorted(found.parent for found in path.glob("*/*/recording.toml"))
+    if below:
+        groups = list(dict.fromkeys(str(found.parent) for found in below))
+        more = f" and {len(groups) - 3} more" if len(groups) > 3 else ""
+        raise RecordingError(
+            f"{path}: holds no recording, but folders in it do: give {' or '.join(groups[:3])}{more}."
+        )
     what = "holds no recording" if path.is_dir() else "there is no such recording"
     raise RecordingError(f"{path}: {what}. Make one with `realitygap record`, or give a .sam table.")

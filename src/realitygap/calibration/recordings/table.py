@@ -12,11 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import RecordingError
-from realitygap.text import read_text
+from realitygap.text import read_text, refuse_separator
 
 __all__ = ["Table", "need", "read_table"]
 
 Array = NDArray[np.float64]
+
+LARGEST = 10**9
+"""Numbers of trials and repeats go no further."""
 
 
 class Table(NamedTuple):
@@ -59,7 +62,8 @@ class Table(NamedTuple):
     def whole(self, name: str) -> NDArray[np.int64]:
         """A column of whole numbers from 0 on."""
         values = self.numbers(name)
-        self.refuse((values != np.rint(values)) | (values < 0), name, "a whole number from 0 on", values)
+        wrong = (values != np.rint(values)) | (values < 0) | (values > LARGEST)
+        self.refuse(wrong, name, f"a whole number from 0 to {LARGEST}", values)
         return values.astype(np.int64)
 
     def refuse(self, wrong: NDArray[np.bool_], name: str, expected: str, got: Any, cure: str = "") -> None:
@@ -83,6 +87,7 @@ def read_table(path: Path, *, ends: bool) -> Table:
         RecordingError: no such file, no text, an empty table, or a row of another length.
     """
     text = read_text(path, RecordingError, "It holds the table; record it again.")
+    refuse_separator(path, text.partition("\n")[0], RecordingError)
     reader = csv.reader(text.splitlines())
     columns: tuple[str, ...] = ()
     rows, lines = [], []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
@@ -13,10 +12,11 @@ from realitygap.study.settings import difference
 from realitygap.study.transfer.paths import Table, read_path
 from realitygap.study.transfer.plan import FOLDER, SOURCES, Situation
 from realitygap.study.transfer.trial import SIMULATED, SITUATED, TRIAL
+from realitygap.text import refuse_unknown
 from realitygap.toml import read_toml
 from realitygap.values import Pose
 
-__all__ = ["Transferred", "is_done", "load_transfer", "load_transfers"]
+__all__ = ["Transferred", "is_done", "load_transfer", "load_transfers", "read_trial"]
 
 LOOSE = (
     "film", "view", "pose", "wished", "fitness", "situated_from", "late_steps", "lost_steps", "film_lead_s",
@@ -26,6 +26,9 @@ LOOSE = (
 
 PLAIN = ("run", "name", "task", "noise", "individual", "start", "seconds", "situated_from", "late_steps")
 """Keys of a trial's file that are taken as they are."""
+
+OF_ROBOT = ("evaluation", "robot", "unit", "port", "twin_noise", "seed", "baud", "disk")
+"""What else its result depends on."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +107,7 @@ def is_done(folder: Path, one: Situation) -> bool:
     file = folder / one.folder / TRIAL
     if not file.is_file():
         return False
-    table = _read(file)
+    table = read_trial(file)
     there = {key: value for key, value in table.items() if key not in LOOSE}
     wished = {key: value for key, value in one.facts().items() if value is not None}
     for key in ("disk", "baud"):  # no eye looked for it, or will; any rate will do
@@ -128,7 +131,7 @@ def load_transfer(folder: Path) -> Transferred:
         StudyError: its file cannot be read.
     """
     file = folder / TRIAL
-    table = _read(file)
+    table = read_trial(file)
     try:
         return Transferred(
             folder=folder,
@@ -147,6 +150,13 @@ def load_transfer(folder: Path) -> Transferred:
         raise StudyError(f"{file}: {error}: missing or broken. Move the folder away.") from None
 
 
-def _read(file: Path) -> Mapping[str, Any]:
+def read_trial(file: Path) -> dict[str, Any]:
+    """What a trial's file says.
+
+    Raises:
+        StudyError: it cannot be read, or has a key that no trial has.
+    """
     cure = "Move its folder away."
-    return read_toml(file, StudyError, cure, broken=cure)
+    table = read_toml(file, StudyError, cure, broken=cure)
+    refuse_unknown(table, (*PLAIN, *LOOSE, *OF_ROBOT), StudyError, where=str(file))
+    return table

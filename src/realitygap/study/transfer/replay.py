@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,7 +12,7 @@ from realitygap.controller.network import decode
 from realitygap.errors import UsageError
 from realitygap.robot.recording import Recording
 from realitygap.study.load import Study
-from realitygap.study.transfer.load import load_transfer
+from realitygap.study.transfer.load import load_transfer, read_trial
 from realitygap.study.transfer.plan import transfer_stream
 from realitygap.study.transfer.trial import TRIAL
 from realitygap.tasks.simulation import Simulation
@@ -46,7 +45,7 @@ class Replays:
         A trial that another version made, so that it would take another path today, is not passed
         off as the one on file: its readings are None.
         """
-        table = tomllib.loads((folder / TRIAL).read_text(encoding="utf-8"))
+        table = read_trial(folder / TRIAL)
         situated = _recording(folder)
         if not {"evaluation", "seed"} <= table.keys():
             return Replay(None, None, situated)
