@@ -3,14 +3,18 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from realitygap.correspondence.heading import agreement
 from realitygap.correspondence.judging import Pair, blind_pairs
 from realitygap.correspondence.ladders import Behaviour
 from realitygap.correspondence.setting import setting_of
 from tests.correspondence.tracks import write
 
 ROBOT = Behaviour(task="obstacle-avoidance", kind="two way turner", seed=1)
+
+BOBBER = Behaviour(task="light-seeking", kind="bobber", seed=1)
 
 
 @pytest.fixture(scope="module")
@@ -30,6 +34,38 @@ def test_score_of_the_same_tracks(json_of, call, tracks):
     assert made["interval"] == [10, 10] and made["differences"] == "observably identical"
     text = call("score", tracks, tracks).stdout
     assert "guessed" in text and "exemplars of obstacle avoidance" in text
+
+
+@pytest.mark.parametrize(
+    ("spoil", "cure"),
+    [
+        (lambda t: replace(t, heading=np.radians(t.heading)), "is it in radians"),
+        (lambda t: replace(t, y=50 - t.y), "does y run downwards"),
+        (lambda t: replace(t, heading=np.pi / 2 - t.heading), "is heading_deg 0 where the robot looks"),
+        (lambda t: replace(t, heading=t.heading + np.pi / 2), "is heading_deg that of the axle"),
+    ],
+)
+def test_a_heading_that_contradicts_the_way_is_refused(refused, trials, tmp_path, spoil, cure):
+    """Radians, y downwards, compass headings and an axle's are told by name; nothing is scored."""
+    wrong = write(tmp_path / "wrong.csv", [spoil(t) for t in trials])
+    for words in (("score", wrong, wrong), ("classify", wrong)):
+        assert f"heading_deg contradicts the way from row to row: {cure}" in refused(*words)
+
+
+def test_a_heading_without_rhyme_is_warned_of(json_of, call, trials, tmp_path):
+    """Where no mistake explains it, score and classify go on and say so, on stderr and in JSON."""
+    draw = np.random.default_rng(0)
+    odd = [replace(t, heading=draw.uniform(-3, 3, len(t))) for t in trials]
+    wrong = write(tmp_path / "odd.csv", odd)
+    for words in (("score", wrong, wrong), ("classify", wrong)):
+        (said,) = json_of(*words)["warnings"]
+        assert "contradicts the way" in said and f"warning: {said}" in call(*words).stderr
+
+
+def test_headings_of_robots_are_believed(trials, json_of, tracks):
+    """A robot goes where it looks, or back."""
+    assert agreement(trials)[0] > 0.9 and json_of("classify", tracks)["warnings"] == []
+    assert agreement(BOBBER.trials(4))[0] > 0.9
 
 
 @pytest.mark.parametrize("hz", [25, 50, 7])

@@ -12,7 +12,7 @@ import click
 from realitygap import whole
 from realitygap.cli.kinds import FileToWrite
 from realitygap.cli.options import as_json
-from realitygap.cli.output import print_json, print_table
+from realitygap.cli.output import print_json, print_table, warn
 from realitygap.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -117,8 +117,7 @@ def calibrate(
         print_json({"profile": str(out), "report": str(where) if where else None, **_facts(made)})
     else:
         _tell(made, out, where)
-    for warning in made.warnings:
-        click.echo(f"warning: {warning}", err=True)
+    warn(made.warnings)
 
 
 def _beside(out: Path) -> Path:
@@ -257,8 +256,7 @@ def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) 
     else:
         for one in found:
             _tell_judgement(one)
-    for warning in warnings:
-        click.echo(f"warning: {warning}", err=True)
+    warn(warnings)
 
 
 def _is_recording(word: str) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from realitygap.cli.options import as_json
-from realitygap.cli.output import print_json, print_table
+from realitygap.cli.output import print_json, print_table, warn
 
 __all__ = ["classify"]
 
@@ -26,16 +26,20 @@ def classify(tracks: str, task: str | None, json_output: bool) -> None:
         realitygap classify track.csv --task light
     """
     from realitygap.correspondence.names import common_name, namer
-    from realitygap.correspondence.reading import read_trials
+    from realitygap.correspondence.reading import doubts_of, read_trials
     from realitygap.correspondence.setting import setting_of
     from realitygap.tasks.load import load_task
 
     trials = read_trials(tracks)
     setting = setting_of(trials, load_task(task) if task else None)
+    warnings = doubts_of(trials)
     named = namer(setting).name(trials, setting)
     if json_output:
         entries = [name.to_dict() for name in named]
-        print_json({"task": setting.name, "name": common_name(named), "tracks": entries})
-        return
-    print_table(("start", "name", "confidence"), [(n.start, n.name, f"{n.confidence:.2f}") for n in named])
-    click.echo(f"\n{common_name(named)} (task: {setting.name})")
+        found = {"task": setting.name, "name": common_name(named), "tracks": entries}
+        print_json({**found, "warnings": warnings})
+    else:
+        rows = [(n.start, n.name, f"{n.confidence:.2f}") for n in named]
+        print_table(("start", "name", "confidence"), rows)
+        click.echo(f"\n{common_name(named)} (task: {setting.name})")
+    warn(warnings)

@@ -11,7 +11,7 @@ import click
 from realitygap import whole
 from realitygap.cli.kinds import SEED, FileToWrite
 from realitygap.cli.options import as_json
-from realitygap.cli.output import print_json
+from realitygap.cli.output import print_json, warn
 from realitygap.errors import TrackError
 
 if TYPE_CHECKING:
@@ -53,11 +53,13 @@ def page(pairs: str, task: str | None, out: Path, key: Path, seed: int) -> None:
     """
     from realitygap.correspondence.judging import blind_pairs
     from realitygap.correspondence.judging import page as page_of
+    from realitygap.correspondence.reading import doubts_of
 
     found, setting = _pairs(Path(pairs), task)
     data, rows = blind_pairs(found, setting, seed=seed)
     whole.write(out, page_of(data))
     whole.write(key, json.dumps(rows, indent=1) + "\n")
+    warn(doubts_of(trial for pair in found for trial in (*pair.a, *pair.b)))
     click.echo(f"{len(found)} pairs: open {out} in a browser; keep {key} from the judges")
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import click
 
-__all__ = ["plain", "print_json", "print_table"]
+__all__ = ["plain", "print_json", "print_table", "warn"]
 
 
 def plain(value: Any) -> Any:
@@ -28,6 +28,12 @@ def plain(value: Any) -> Any:
 def print_json(value: Any) -> None:
     """`value` on stdout as one JSON document."""
     click.echo(json.dumps(plain(value), allow_nan=False))
+
+
+def warn(warnings: Iterable[str]) -> None:
+    """What a person should know, a line each on stderr."""
+    for warning in warnings:
+        click.echo(f"warning: {warning}", err=True)
 
 
 def print_table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> None:

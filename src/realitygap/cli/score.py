@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from realitygap.cli.options import as_json
-from realitygap.cli.output import print_json
+from realitygap.cli.output import print_json, warn
 
 if TYPE_CHECKING:
     from realitygap.correspondence.score import Comparison
@@ -37,7 +37,7 @@ def score(a: str, b: str | None, task: str | None, ceiling: str | None, json_out
         realitygap score simulated.csv filmed/ --task avoidance
         realitygap score out/reproduce/transfer/twin-1/obstacle-avoidance-observed-1
     """
-    from realitygap.correspondence.reading import read_transfer, read_trials
+    from realitygap.correspondence.reading import doubts_of, read_transfer, read_trials
     from realitygap.correspondence.score import compare
     from realitygap.correspondence.setting import setting_of
     from realitygap.tasks.load import load_task
@@ -47,10 +47,12 @@ def score(a: str, b: str | None, task: str | None, ceiling: str | None, json_out
     every = [trial for trials in (*sets, others or []) for trial in trials]
     setting = setting_of(every, load_task(task) if task else None)
     made = compare(sets[0], sets[1], setting, ceiling=others)
+    warnings = doubts_of(every)
     if json_output:
-        print_json({"a": a, "b": b, **made.to_dict()})
-        return
-    _print(made)
+        print_json({"a": a, "b": b, **made.to_dict(), "warnings": warnings})
+    else:
+        _print(made)
+    warn(warnings)
 
 
 def _print(made: Comparison) -> None:

@@ -10,8 +10,9 @@ import click
 
 from realitygap.cli.kinds import FileToWrite
 from realitygap.cli.options import as_json
-from realitygap.cli.output import print_json
+from realitygap.cli.output import print_json, warn
 from realitygap.cli.progress import ProgressLine
+from realitygap.errors import TrackError
 
 if TYPE_CHECKING:
     from realitygap.film.tracker import Tracked
@@ -57,14 +58,29 @@ def track(film: str, camera: str, disk: str | None, out: Path, tails: Path | Non
     tracked.track.write_csv(out)
     if tails is not None:
         save_tails(tails, draw_tails(tracked.last_frame, tracked.track, model, worn))
+    warnings = _doubts(tracked, str(out))
     if json_output:
         facts = {"film": film, "camera": camera, "trouble": tracked.trouble, "seconds": seconds}
-        print_json({**facts, "lost": tracked.track.lost, **tracked.track.to_dict()})
-        return
-    _print(tracked, seconds)
-    for made in (out, tails):
-        if made is not None:
-            click.echo(f"saved {made}")
+        print_json({**facts, "lost": tracked.track.lost, **tracked.track.to_dict(), "warnings": warnings})
+    else:
+        _print(tracked, seconds)
+        for made in (out, tails):
+            if made is not None:
+                click.echo(f"saved {made}")
+    warn(warnings)
+
+
+def _doubts(tracked: Tracked, source: str) -> tuple[str, ...]:
+    """Whether the robot went where its disk says that it looks; nothing of a film that shows too little."""
+    from realitygap.correspondence.heading import doubt_of_disk
+    from realitygap.correspondence.trials import resampled
+
+    rows = tracked.track
+    try:
+        seen = resampled(rows.t_s, rows.x_cm, rows.y_cm, rows.heading_deg, source=source)
+    except TrackError:
+        return ()
+    return doubt_of_disk(seen)
 
 
 def _print(tracked: Tracked, seconds: float) -> None:

@@ -6,15 +6,17 @@ import csv
 import json
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from realitygap.correspondence.heading import with_doubts
 from realitygap.correspondence.trials import Trial, resampled
 from realitygap.errors import TrackError
 from realitygap.film.tables import read_table
 
-__all__ = ["COLUMNS", "read_transfer", "read_trials"]
+__all__ = ["COLUMNS", "doubts_of", "read_transfer", "read_trials"]
 
 COLUMNS = ("t_s", "x_cm", "y_cm", "heading_deg")
 OPTIONAL = ("start", "unit", "quality")
@@ -73,6 +75,11 @@ def read_transfer(path: str | Path) -> tuple[list[Trial], list[Trial]]:
     return simulated, situated
 
 
+def doubts_of(trials: Iterable[Trial]) -> list[str]:
+    """What seems wrong with trials, each thing once."""
+    return list(dict.fromkeys(trial.doubt for trial in trials if trial.doubt))
+
+
 def _read_in(place: Path, file: Path) -> list[Trial]:
     """A file's trials, named after where in a folder it is."""
     own = (file.parent / TRANSFER).exists()
@@ -92,7 +99,7 @@ def _is_track(path: Path) -> bool:
 
 def _read_file(path: Path, *, start: str, unit: str) -> list[Trial]:
     if path.suffix.lower() == ".json":
-        return [_from_json(path, start, unit)]
+        return with_doubts([_from_json(path, start, unit)])
     extra = [name for name in OPTIONAL if name in _head(path)]
     rows: dict[tuple[str, str], list[Row]] = {}
     for line, row in read_table(path, (*COLUMNS, *extra)):
@@ -111,7 +118,7 @@ def _read_file(path: Path, *, start: str, unit: str) -> list[Trial]:
     for (name, of), lines in rows.items():
         t, x, y, heading = zip(*lines, strict=True)
         made.append(resampled(t, x, y, heading, start=name, unit=of, source=str(path)))
-    return made
+    return with_doubts(made)
 
 
 def _from_json(path: Path, start: str, unit: str) -> Trial:

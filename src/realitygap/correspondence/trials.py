@@ -39,6 +39,7 @@ class Trial:
         source: the file, for messages.
         bridged_s: how much of it was lost and bridged.
         rate_hz: rows a second that it was made of, 10 where there were more.
+        doubt: what seems wrong with it, in words; "" if nothing.
     """
 
     x: Floats
@@ -49,6 +50,7 @@ class Trial:
     source: str = "track"
     bridged_s: float = 0.0
     rate_hz: float = RATE_HZ
+    doubt: str = ""
 
     def __len__(self) -> int:
         return len(self.x)
