@@ -31,7 +31,7 @@ LUGRE = "0.06 0.0004 0.00012 0.00016 1.0"
 """Bearing friction (Canudas de Wit et al. 1995): stiffness, damping, Coulomb, static, Stribeck."""
 
 CONTACT = 'solref="0.002 1" solimp="0.95 0.995 0.00005"'
-"""Stiff: less than 0.2 mm of penetration at 200 mm/s."""
+"""Stiff: a quarter of a millimetre of penetration at 200 mm/s."""
 
 
 def _gravity(unit: Unit) -> str:
