@@ -112,7 +112,11 @@ class Crossed:
             yield np.array([i for i, other in enumerate(keys) if other == key], np.int64)
 
     def resamples(self, count: int, *, seed: int = 0) -> Weights | None:
-        """How often each controller is drawn in each resample [count, n]; None where cells are too small."""
+        """How often each controller is drawn in each resample [count, n]; None where cells are too small.
+
+        In cells of k runs what is drawn again spreads by a root of 1 − 1/k too little: a 95 % interval
+        holds the truth in 94.4 of 100 studies of 20 runs, in 93.7 of 10.
+        """
         cells = list(self.cells())
         if count < 1 or min(map(len, cells), default=0) < FEWEST:
             return None
