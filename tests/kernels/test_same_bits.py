@@ -34,7 +34,7 @@ def test_a_fresh_compilation_gives_the_same_bits(tmp_path):
     start = time.perf_counter()
     fresh = in_a_child(5.0, 20, "scores", NUMBA_CACHE_DIR=str(tmp_path))
     compiled = time.perf_counter()
-    assert any(tmp_path.rglob("*.nbc")), "nothing was compiled into the empty cache"
+    assert any(tmp_path.rglob("*.code")), "nothing was compiled into the empty cache"
     cached = in_a_child(5.0, 20, "scores", NUMBA_CACHE_DIR=str(tmp_path))
     assert time.perf_counter() - compiled < compiled - start, "the second run compiled again"
     assert fresh == expected and cached == expected

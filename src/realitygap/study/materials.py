@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
+from realitygap import temporary
 from realitygap.errors import ConfigError
 from realitygap.study.config import StudyConfig
 from realitygap.tasks import copy_task, load_task
@@ -110,7 +110,7 @@ def _refuse_repetition(pairs: list[tuple[str, float]]) -> None:
 
 def _task_files(task: Task) -> dict[str, bytes]:
     """A user's task file and the arena's that it names: relative path and content."""
-    with TemporaryDirectory() as name:
+    with temporary.Folder("task") as name:
         folder = Path(name)
         copy_task(task, folder)
         found = [path for path in sorted(folder.rglob("*")) if path.is_file()]

@@ -9,7 +9,6 @@ switched off and a new one on, in one process that serves them all.
 
 from __future__ import annotations
 
-import tempfile
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap import temporary
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import NetworkController
 from realitygap.kernels.params import STEP_S
@@ -149,7 +149,7 @@ class Stand:
             FilmError: the camera cannot be calibrated.
         """
         length = self.task.seconds if seconds is None else seconds
-        with tempfile.TemporaryDirectory(prefix="realitygap-sealed-") as folder:
+        with temporary.Folder("sealed") as folder:
             sealed = Path(folder) / "sealed.csv"
             recording = self.on_line(genes, layout, stream, pose, length, sealed=sealed).recording
             track = self.watcher.track(self.states(sealed, length), stream)

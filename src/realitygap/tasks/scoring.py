@@ -25,14 +25,11 @@ def compile_score(score: Score) -> Score:
     """
     import numba
 
-    from realitygap.kernels import jit  # noqa: F401  (decides where compiled code is kept)
+    from realitygap.kernels.jit import SHELF
 
     if numba.config.DISABLE_JIT:
         return score
-    try:
-        compiled = numba.njit(score, cache=True, error_model="numpy")
-    except RuntimeError:  # nowhere to keep it: a function typed into a console
-        compiled = numba.njit(score, error_model="numpy")
+    compiled = SHELF.compiled(score, error_model="numpy")
     types = tuple(numba.typeof(value) for value in example())
     try:
         compiled.compile(types)

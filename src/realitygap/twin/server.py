@@ -20,13 +20,13 @@ import select
 import signal
 import socket
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
+from realitygap import temporary
 from realitygap.errors import RealityGapError, UsageError
 from realitygap.twin.firmware import Firmware, RobotBody
 from realitygap.twin.port import Port
@@ -73,7 +73,7 @@ class Server:
         self._buffers: dict[socket.socket, bytes] = {}
 
     def __enter__(self) -> Server:
-        self._folder = tempfile.TemporaryDirectory(prefix="realitygap-twin-")
+        self._folder = temporary.Folder("twin")
         self.channel = os.path.join(self._folder.name, "clock")
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._listener.bind(self.channel)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import math
-import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol
 
+from realitygap import temporary
 from realitygap.calibration.recorder.plans import Place
 from realitygap.calibration.recorder.wheel_plans import Trial
 from realitygap.robot.clock import VirtualClock
@@ -74,7 +74,7 @@ class TwinSite:
                 from realitygap.calibration.recorder.camera import FloorCamera
 
                 self._camera = stack.enter_context(FloorCamera(room, unit=unit, noise=noise, seed=seed))
-                folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="realitygap-record-"))
+                folder = stack.enter_context(temporary.Folder("record"))
                 self._film = Path(folder) / "film.csv"
             self._stack = stack.pop_all()
 

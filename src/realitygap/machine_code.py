@@ -1,0 +1,210 @@
+"""Functions compiled by Numba, and kept on file for the next process; what is damaged is not believed.
+
+Numba loads what it finds, and a few wrong bytes there end the interpreter. So an entry here carries a
+digest of its name and its content, in a folder that nobody else can write into; one that does not agree
+is removed, compiled again, and that is said. Where nothing can be kept, one temporary folder serves this
+process and all that it starts. This module knows neither the simulation nor its twin.
+"""
+
+from __future__ import annotations
+
+import atexit
+import hashlib
+import inspect
+import logging
+import os
+import pickle
+import shutil
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import llvmlite
+import numba
+import numpy as np
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
+
+from realitygap import temporary, whole
+
+__all__ = ["Shelf"]
+
+SPARE = "REALITYGAP_SPARE_CACHE"
+"""Tells the processes that this one starts which temporary folder they share."""
+_SIZE = hashlib.sha256().digest_size
+_log = logging.getLogger("realitygap")
+_said: set[str] = set()
+
+
+class Shelf:
+    """Where compiled functions are kept that follow from the same text.
+
+    Args:
+        text: all source that a function's own file does not show: of the functions that it calls.
+    """
+
+    def __init__(self, text: bytes) -> None:
+        versions = (numba.__version__, llvmlite.__version__, np.__version__, sys.version)
+        self._why = ""  # the usual folder does not do
+        self._digest = hashlib.sha256(repr(versions).encode() + text).hexdigest()[:16]
+
+    def compiled(self, function: Callable[..., Any], **options: Any) -> Any:
+        """`function` compiled with Numba's options; not kept where it has no file, as in a console."""
+        made = numba.njit(**options)(function)
+        if not numba.config.DISABLE_JIT:
+            with suppress(OSError, TypeError):
+                made._cache = _Entries(function, self)
+        return made
+
+    def read(self, name: str) -> bytes | None:
+        """What is kept under a name; None where nothing is, or not what was written."""
+        for path in [folder / name for folder in self._folders()]:
+            if not path.exists():
+                continue
+            with suppress(OSError):
+                data = path.read_bytes()
+                if data[:_SIZE] == _digest(name, data[_SIZE:]):
+                    return data[_SIZE:]
+            self.refuse(name)
+        return None
+
+    def refuse(self, name: str) -> None:
+        """Take away what cannot be used."""
+        for path in [folder / name for folder in self._folders()]:
+            if path.exists():
+                _say("damaged", f"{path}: this compiled code was damaged; it is compiled again")
+                with suppress(OSError):
+                    path.unlink()
+
+    def write(self, name: str, content: bytes) -> None:
+        """Keep it; in the temporary folder where the usual one cannot take it."""
+        data = _digest(name, content) + content
+        if self.folder is not None:
+            try:
+                whole.write(self.folder / name, data)
+                return
+            except OSError as error:
+                self._why = error.strerror or str(error)
+        spare = self._spare(make=True)
+        if spare is not None:
+            with suppress(OSError):
+                whole.write(spare / name, data)
+
+    @cached_property
+    def place(self) -> Path:
+        """The usual folder's path."""
+        home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+        return Path(os.environ.get("NUMBA_CACHE_DIR") or Path(home) / "realitygap") / self._digest
+
+    @cached_property
+    def folder(self) -> Path | None:
+        """The usual folder; None where there can be none, or somebody else could write into it."""
+        try:
+            self.place.mkdir(mode=0o700, parents=True, exist_ok=True)
+            facts = self.place.stat()
+            if facts.st_uid != os.getuid():
+                self._why = "it belongs to somebody else"
+            elif facts.st_mode & 0o022:
+                self._why = "others can write into it: chmod go-w"
+        except OSError as error:
+            self._why = error.strerror or str(error)
+        return None if self._why else self.place
+
+    def _folders(self) -> list[Path]:
+        """Where something may be kept."""
+        return [folder for folder in (self.folder, self._spare(make=False)) if folder is not None]
+
+    def _spare(self, *, make: bool) -> Path | None:
+        """The temporary folder, if there is one or one is to be made."""
+        with suppress(OSError):
+            folder = _spare_folder()
+            if make:
+                with suppress(FileExistsError):
+                    folder.mkdir(mode=0o700)
+                    _say("spare", f"{self.place}: {self._why}; {folder} holds compiled code for now")
+            if temporary.is_ours(folder):
+                if folder not in _held:
+                    _held[folder] = temporary.hold(folder)
+                return folder
+        if make:
+            _say("spare", f"{self.place}: {self._why}; compiled code cannot be kept")
+        return None
+
+
+class _Entries:
+    """What Numba asks for a function's compiled code, one entry for each signature and processor."""
+
+    def __init__(self, function: Callable[..., Any], shelf: Shelf) -> None:
+        source = Path(inspect.getfile(function))
+        code = function.__code__
+        closure = [cell.cell_contents for cell in function.__closure__ or ()]
+        facts = (str(source), function.__qualname__, code.co_firstlineno, code.co_code)
+        self._shelf = shelf
+        self._name = function.__name__.strip("<>")
+        self._of = hashlib.sha256(source.read_bytes() + repr(facts).encode() + dumps(closure)).digest()
+
+    @property
+    def cache_path(self) -> str:
+        """Where entries are."""
+        return str(self._shelf.place)
+
+    def enable(self) -> None:
+        """Always on."""
+
+    def disable(self) -> None:
+        """Always on."""
+
+    def flush(self) -> None:
+        """Nothing waits to be written."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """What was compiled for a signature; None where it has to be compiled."""
+        target_context.refresh()
+        name = self._entry(sig, target_context.codegen())
+        content = self._shelf.read(name)
+        if content is None:
+            return None
+        try:
+            kept, payload = pickle.loads(content)
+            return CompileResult._rebuild(target_context, *payload) if kept == sig else None
+        except Exception:  # whole, but not to be used: of another making
+            self._shelf.refuse(name)
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep what was compiled, if it can be."""
+        if not data.lifted and not data.library.has_dynamic_globals:
+            self._shelf.write(self._entry(sig, data.codegen), dumps((sig, data._reduce())))
+
+    def _entry(self, sig: Any, codegen: Any) -> str:
+        digest = hashlib.sha256(self._of + repr((sig, codegen.magic_tuple())).encode())
+        return f"{self._name}-{digest.hexdigest()[:24]}.code"
+
+
+_held: dict[Path, int | None] = {}
+
+
+def _spare_folder() -> Path:
+    """The path that this process and all that it starts have in common; the first one names it."""
+    if SPARE not in os.environ:
+        os.environ[SPARE] = str(temporary.name("code"))
+        atexit.register(shutil.rmtree, os.environ[SPARE], ignore_errors=True)
+    return Path(os.environ[SPARE])
+
+
+def _digest(name: str, content: bytes) -> bytes:
+    return hashlib.sha256(name.encode() + b"\0" + content).digest()
+
+
+def _say(what: str, text: str) -> None:
+    """Say something once."""
+    if what not in _said:
+        _said.add(what)
+        _log.warning("note: %s", text)
+
+
+temporary.sweep()
+_spare_folder()

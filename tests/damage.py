@@ -1,0 +1,98 @@
+"""Damages the compiled code on file, an entry at a time, and sees that a command ends as before.
+
+    python -m tests.damage [ROUNDS [SEED]]     60 rounds if not told otherwise
+
+Each round damages one entry of a copy of the user's own cache, in one of five ways, and runs `realitygap
+simulate` or a twin. Where an entry is loaded, it is compiled again (up to half a minute).
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+__all__ = ["KINDS", "command", "copied_cache", "damage"]
+
+KINDS = ("cut", "empty", "flipped", "pickle", "another")
+SIMULATE = [
+    "-m",
+    "realitygap",
+    "simulate",
+    "avoidance",
+    "--controller",
+    "constant:5,-3",
+    "--pose",
+    "25",
+    "25",
+    "90",
+]
+TWIN = ["-m", "tests.same_everywhere", "twin"]
+
+
+def damage(entry: Path, kind: str, other: Path, *, seed: int) -> None:
+    """Make an entry wrong: cut short, empty, a bit flipped, a pickle that runs a program, or another's."""
+    data, chance = bytearray(entry.read_bytes()), random.Random(seed)
+    if kind == "cut":
+        data = data[: chance.randrange(1, len(data))]
+    elif kind == "empty":
+        data.clear()
+    elif kind == "flipped":
+        data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
+    elif kind == "pickle":
+        data = bytearray(b"cos\n_exit\n(I7\ntR.")
+    else:
+        data = bytearray(other.read_bytes()) if other != entry else data[::-1]
+    entry.write_bytes(data)
+
+
+def copied_cache(folder: Path) -> Path:
+    """A copy of what this version keeps for this user, made first if need be."""
+    from realitygap.kernels.jit import SHELF
+
+    command(None)
+    there = SHELF.place
+    shutil.copytree(there, folder / "cache" / "realitygap" / there.name)
+    (folder / "cache" / "realitygap" / there.name).chmod(0o700)
+    return folder / "cache"
+
+
+def command(cache: Path | None, words: list[str] = SIMULATE) -> tuple[str, str]:
+    """What a command says on stdout and stderr with a cache of its own."""
+    environment = dict(os.environ)
+    if cache is not None:
+        environment.pop("NUMBA_CACHE_DIR", None)
+        environment["XDG_CACHE_HOME"] = str(cache)
+    done = subprocess.run(
+        [sys.executable, *words], env=environment, capture_output=True, text=True, timeout=600, check=False,
+        cwd=Path(__file__).parents[1],
+    )  # fmt: skip
+    assert done.returncode == 0, (done.returncode, done.stderr)
+    return done.stdout, done.stderr
+
+
+def main(rounds: int, seed: int) -> int:
+    """The rounds; the exit code."""
+    chance = random.Random(seed)
+    with tempfile.TemporaryDirectory() as name:
+        cache = copied_cache(Path(name))
+        right = {tuple(words): command(cache, words)[0] for words in (SIMULATE, TWIN)}
+        entries = sorted(cache.rglob("*.code"))
+        loaded = wrong = 0
+        for k in range(rounds):
+            entry, other, kind = chance.choice(entries), chance.choice(entries), chance.choice(KINDS)
+            words = TWIN if k % 4 == 3 else SIMULATE
+            damage(entry, kind, other, seed=chance.randrange(2**32))
+            out, err = command(cache, words)
+            loaded += "was damaged" in err
+            wrong += out != right[tuple(words)]
+        print(f"{rounds} entries damaged (seed {seed}): {loaded} were met, {wrong} results changed")
+    return int(wrong > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main(*(int(word) for word in [*sys.argv[1:], *["60", "1"][len(sys.argv) - 1 :]])))

@@ -1,0 +1,164 @@
+"""Compiled functions on file: believed only as they were written."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.damage import KINDS, damage
+
+SMALL = """
+from realitygap.machine_code import Shelf
+
+shelf = Shelf(b"a test")
+def add(a, b): return a + b
+def subtract(a, b): return a - b
+add, subtract = shelf.compiled(add), shelf.compiled(subtract)
+
+def told():
+    sums = add(5, 3), subtract(5, 3)
+    return *sums, sum(add.stats.cache_hits.values()), sum(subtract.stats.cache_hits.values())
+"""
+
+compiler = pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="the compiler is off")
+pytestmark = compiler
+
+
+class Place:
+    """A program, its cache and its temporary folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.cache, self.temporary = folder, folder / "cache", folder / "tmp"
+        self.temporary.mkdir()
+        (folder / "small.py").write_text(SMALL)
+
+    def start(self, more: str = "", cache: str = "") -> subprocess.Popen[str]:
+        """The program begun: it prints two sums and how many of the two functions were on file."""
+        names = {"XDG_CACHE_HOME": cache or str(self.cache), "TMPDIR": str(self.temporary)}
+        dropped = ("REALITYGAP_SPARE_CACHE", "NUMBA_CACHE_DIR")
+        environment = {key: value for key, value in os.environ.items() if key not in dropped} | names
+        return subprocess.Popen(
+            [sys.executable, "-c", f"from small import told; print(*told())\n{more}"], cwd=self.folder,
+            env=environment | {"PYTHONPATH": str(self.folder)}, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.PIPE,
+        )  # fmt: skip
+
+    def run(self, more: str = "", cache: str = "") -> tuple[str, str]:
+        """What the program said on stdout and stderr, once it ended well."""
+        process = self.start(more, cache)
+        out, err = process.communicate(timeout=120)
+        assert process.returncode == 0, err
+        return out.strip(), err.strip()
+
+    def entries(self) -> list[Path]:
+        """The files of the cache, by name."""
+        return sorted(self.cache.rglob("*.code"))
+
+    def left(self) -> list[str]:
+        """What is in the temporary folder."""
+        return os.listdir(self.temporary)
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Place:
+    """A place whose two functions are on file."""
+    place = Place(tmp_path_factory.mktemp("place"))
+    assert place.run() == ("8 2 0 0", "") and len(place.entries()) == 2
+    return place
+
+
+@pytest.fixture
+def place(kept: Place) -> Iterator[Place]:
+    """The same, put right again afterwards."""
+    whole = {entry: entry.read_bytes() for entry in kept.entries()}
+    yield kept
+    for entry, data in whole.items():
+        entry.write_bytes(data)
+
+
+def test_what_is_on_file_is_loaded_and_nobody_else_can_write_it(place: Place) -> None:
+    """A second process compiles nothing; the folder is the user's alone."""
+    assert place.run() == ("8 2 1 1", "")
+    assert place.entries()[0].parent.stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_damaged_entry_is_compiled_again(place: Place, kind: str) -> None:
+    """Whatever happened to an entry: the right result, one line that says so, and a whole entry again."""
+    entry, other = place.entries()
+    before = entry.read_bytes()
+    damage(entry, kind, other, seed=1)
+    out, err = place.run()
+    assert out in ("8 2 0 1", "8 2 1 0")
+    assert len(err.splitlines()) == 1 and "was damaged" in err and entry.name in err
+    assert len(entry.read_bytes()) == len(before)
+
+
+def test_an_edited_function_is_compiled_again(tmp_path: Path) -> None:
+    """Compiled code of a file's earlier text is never taken."""
+    place = Place(tmp_path)
+    place.run()
+    (tmp_path / "small.py").write_text(SMALL.replace("a - b", "a * b"))
+    assert place.run()[0] == "8 15 0 0"
+
+
+def test_a_folder_that_others_can_write_is_not_used(place: Place) -> None:
+    """Code that somebody else may have put there is not loaded, and that is said."""
+    folder = place.entries()[0].parent
+    folder.chmod(0o777)
+    try:
+        out, err = place.run()
+    finally:
+        folder.chmod(0o700)
+    assert out == "8 2 0 0" and "others can write" in err and str(folder) in err
+
+
+CHILDREN = """
+import subprocess, sys
+for _ in range(2):
+    code = "from small import told; print(*told())"
+    print(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip())
+"""
+
+
+def test_without_a_place_all_processes_share_one_temporary_folder(place: Place) -> None:
+    """Where nothing can be kept: one folder, one line that names the place, and nothing left behind."""
+    out, err = place.run(CHILDREN, cache="/dev/null")
+    assert out.splitlines() == ["8 2 0 0", "8 2 1 1", "8 2 1 1"]
+    assert len(err.splitlines()) == 1 and "/dev/null" in err and "Not a directory" in err
+    assert place.left() == []
+
+
+def test_what_a_kill_left_is_swept(place: Place) -> None:
+    """A folder of a killed process goes at the next start; that of a living one, and a stranger's, stay."""
+    first, second = (place.start("import sys; sys.stdin.read()", cache="/dev/null") for _ in range(2))
+    for process in (first, second):
+        assert process.stdout is not None and process.stdout.readline() == "8 2 0 0\n"
+    stranger = place.temporary / "realitygap-of-mine"
+    stranger.mkdir()
+    assert len(place.left()) == 3
+    first.send_signal(signal.SIGKILL)
+    first.communicate(timeout=60)
+    place.run()
+    assert len(place.left()) == 2 and stranger.is_dir()
+    second.communicate(timeout=60)
+    assert place.left() == [stranger.name]
+    stranger.rmdir()
+
+
+def test_a_command_survives_a_damaged_entry_of_its_own(tmp_path: Path) -> None:
+    """`simulate` with its score's compiled code cut short ends as without."""
+    from tests.damage import command, copied_cache
+
+    cache = copied_cache(tmp_path)
+    right, _ = command(cache)
+    (entry,) = cache.rglob("score-*.code")
+    damage(entry, "cut", entry, seed=1)
+    out, err = command(cache)
+    assert out == right and "was damaged" in err
