@@ -104,14 +104,15 @@ class Browser:
         assert "error" not in answer, f"{method}: {answer['error']}"
         return dict(answer["result"])
 
-    def show(self, page: Path, *, wide: int = 1280, tall: int = 900, **media: str) -> None:
-        """Open a page from disk; `media` are features such as prefers_color_scheme="dark"."""
+    def show(self, page: Path, *, wide: int = 1280, tall: int = 900, at: str = "", **media: str) -> None:
+        """Open a page from disk, `at` a fragment; `media` are such as prefers_color_scheme="dark"."""
         features = [{"name": name.replace("_", "-"), "value": value} for name, value in media.items()]
         self.call("Emulation.setEmulatedMedia", features=features)
         self.call(
             "Emulation.setDeviceMetricsOverride", width=wide, height=tall, deviceScaleFactor=1, mobile=False
         )
-        self.call("Page.navigate", url=page.resolve().as_uri())
+        self.call("Page.navigate", url="about:blank")  # or another fragment would not load the page anew
+        self.call("Page.navigate", url=page.resolve().as_uri() + at)
         self.until("document.readyState === 'complete'")
 
     def run(self, script: str) -> Any:

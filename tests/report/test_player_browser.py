@@ -89,6 +89,85 @@ def test_keys_play_step_and_jump(page: Browser) -> None:
     assert page.run("window.scrollY") == 0
 
 
+def test_keys_need_no_focus_while_the_player_is_in_view(page: Browser) -> None:
+    """They act, and bring the robots into sight; elsewhere on the page, and in a field, they are others'."""
+    assert page.run("document.activeElement === document.body")
+    page.press("Home", number=36)
+    page.press("ArrowRight", number=39)
+    assert page.run(STEP) == 1
+    in_sight = "document.getElementById('player-play').getBoundingClientRect()"
+    assert page.run(f"{in_sight}.top > 0 && {in_sight}.bottom < window.innerHeight + 1")
+    page.press("ArrowRight", number=39)
+    page.run(HOLD)
+    page.press(" ", "Space", 32, " ")
+    assert page.run(PLAYING)
+    page.press(" ", "Space", 32, " ")
+    assert not page.run(PLAYING)
+    page.run(
+        "(() => { const field = document.createElement('input'); field.id = 'field';"
+        " document.getElementById('player').append(field); field.focus({preventScroll: true}); })()"
+    )
+    page.press("5", "Digit5", 53, "5")
+    page.press("Home", number=36)
+    assert page.run(STEP) == 2 and page.run("document.getElementById('field').value") == "5"
+    page.run("document.activeElement.blur()")
+    page.run("document.getElementById('made').scrollIntoView({behavior: 'instant'})")
+    page.press("5", "Digit5", 53, "5")
+    assert page.run(STEP) == 2
+
+
+def test_a_link_leads_to_one_run_trial_and_moment(page: Browser, played: Study) -> None:
+    """The address follows what a person chooses; opened, or pasted into the page, it shows the same."""
+    assert page.run("location.hash") == ""
+    choose(page, "run", 0)
+    choose(page, "trial", 1)
+    page.run(FOCUS)
+    page.press("5", "Digit5", 53, "5")
+    wanted = "#run=obstacle-avoidance/zero/1&trial=twin-1/start-2&at=1.0"
+    page.until(f"location.hash === '{wanted}'")
+    assert page.run("document.getElementById('player-link').hash") == wanted
+    picture = page.run(PICTURE)
+    choose(page, "task", 1)
+    page.until("location.hash.includes('light-seeking')")
+    assert page.run(PICTURE) != picture
+    page.run(f"location.hash = '{wanted}'")
+    page.until(f"{PICTURE} === '{picture}'")
+    page.show(played.folder / "report" / "index.html", at="")
+    assert page.run(STEP) == 20
+    page.show(played.folder / "report" / "index.html", at=wanted)
+    assert page.run(PICTURE) == picture and page.run(STEP) == 10
+    lists = "[...document.querySelectorAll('.choose select')].map(list => list.value)"
+    chosen = page.run(lists)
+    assert chosen == ["Obstacle avoidance", "zero noise", "#1", "twin unit 1, start 2"]
+    assert page.run("document.getElementById('player-lost').hidden")
+    page.run("location.hash = '#run=obstacle-avoidance/zero/9'")
+    page.until("!document.getElementById('player-lost').hidden")
+    assert page.run(lists) == chosen
+
+
+def test_paper_keeps_a_picture_of_the_player(page: Browser, played: Study) -> None:
+    """Light, with words for what it shows instead of its controls; afterwards the page is as it was."""
+    page.show(played.folder / "report" / "index.html", prefers_color_scheme="light")
+    choose(page, "run", 0)
+    light = page.run(PICTURE)
+    page.show(played.folder / "report" / "index.html", prefers_color_scheme="dark")
+    choose(page, "run", 0)
+    assert page.run(PICTURE) != light
+    page.run("dispatchEvent(new Event('beforeprint'))")
+    assert page.run(PICTURE) == light
+    said = page.run(text("still"))
+    assert said == "Obstacle avoidance, zero noise, #1, twin unit 1, start 1, after 2.0 of 2.0 s."
+    page.call("Emulation.setEmulatedMedia", media="print")
+    shown = "(name) => document.querySelector(name).getBoundingClientRect().height > 0"
+    seen = page.run(f"['#player-arena-0', '#player-arena-1', '#player-still'].every({shown})")
+    assert seen and not page.run(f"['.controls', '.choose', '#theme'].some({shown})")
+    assert page.run("getComputedStyle(document.querySelector('h2')).breakAfter") == "avoid"
+    assert page.run("getComputedStyle(document.body).backgroundColor") != "rgb(19, 21, 24)"
+    page.call("Emulation.setEmulatedMedia", media="")
+    page.run("dispatchEvent(new Event('afterprint'))")
+    assert page.run("document.documentElement.dataset.theme === undefined")
+
+
 def test_readings_and_neurons_follow_the_time(page: Browser) -> None:
     """Both sides show numbers of their own; the motor neurons show the commands at every step."""
     page.run(FOCUS)

@@ -108,10 +108,25 @@ def test_figures_3_and_5_hold_both_paths_and_films_are_shown(study: Study) -> No
         r'<img src="(data:image/jpeg;base64,[^"]+)" width="720" height="540" alt="[^"]+">', text
     )
     assert source and len(source[1]) < 200_000
-    link = re.search(r'<a href="(\.\./transfer/[^"]+/film\.mp4)">', text)
-    assert link and (study.folder / "report" / link[1]).resolve().is_file()
     _says_what_the_twin_is(text)
     assert "counters" not in re.sub(r"data:[^\"]*", "", text)
+
+
+def test_a_report_that_is_given_away_keeps_its_films(study: Study, tmp_path: Path) -> None:
+    """Every link of a copied report stays within it and leads somewhere; a film made anew is copied anew."""
+    _all(study)
+    shown = _situated(study, AVOID).shown[0]
+    shutil.rmtree(shown.folder)
+    film = write_transfer(study, shown.row.source, film=True) / "film.mp4"
+    for content in (b"a film", b"another film"):
+        film.write_bytes(content)
+        text = _built(study)
+        away = shutil.copytree(study.folder / "report", tmp_path / content.decode())
+        links = re.findall(r'<a href="([^"#][^"]*)"', text)
+        assert all((away / link).resolve().is_relative_to(away.resolve()) for link in links)
+        assert all((away / link).is_file() for link in links)
+        (kept,) = (away / link for link in links if link.endswith(".mp4"))
+        assert kept.read_bytes() == content
 
 
 def test_paths_from_counters_are_said_to_be_blind(study: Study) -> None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import base64
 import io
-import os
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
+from realitygap import whole
 from realitygap.report.gather import TaskPart
 from realitygap.report.transfers import Pair
 
@@ -19,7 +20,7 @@ FILM_PX = 720
 
 @dataclass(frozen=True, kw_only=True)
 class Film:
-    """A film's last frame under its track's tail, and where the film is, as seen from the page."""
+    """A film's last frame under its track's tail, and the copy of the film, as seen from the page."""
 
     head: str
     caption: str
@@ -31,12 +32,18 @@ class Film:
 
 
 def film_of(part: TaskPart, pair: Pair, report: Path) -> Film | None:
-    """A film's last frame, if there is one and it can be read."""
+    """A film's last frame, if there is one and it can be read; the film is copied into the report.
+
+    So the report's folder can be given away without the study's, and its films still play.
+    """
     path = pair.folder / "tails.png"
     if not (pair.filmed and path.is_file()):
         return None
     picture, size = _embedded(path)
-    film = pair.folder / "film.mp4"
+    film, link = pair.folder / "film.mp4", ""
+    if film.is_file():
+        link = f"films/{pair.folder.parent.name}-{pair.robot}-{pair.folder.name}.mp4"
+        _copy(film, report / link)
     head = f"{part.names[pair.level]}, #{pair.row.index}"
     return Film(
         head=head,
@@ -44,8 +51,14 @@ def film_of(part: TaskPart, pair: Pair, report: Path) -> Film | None:
         alt=f"Last frame of the film of {head} on {pair.where}, from above, with its tail in white.",
         picture=picture,
         size=size,
-        link=Path(os.path.relpath(film, report)).as_posix() if film.is_file() else "",
+        link=link,
     )
+
+
+def _copy(film: Path, copy: Path) -> None:
+    copy.parent.mkdir(exist_ok=True)
+    with whole.new(copy) as spare:
+        shutil.copyfile(film, spare)
 
 
 def _embedded(path: Path) -> tuple[str, tuple[int, int]]:

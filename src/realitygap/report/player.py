@@ -156,6 +156,7 @@ class _Gather:
         name = f"#{row.index}" + ("" if row.finished else ", unfinished")
         return {
             "name": name,
+            "link": row.name,
             "network": drawing,
             "trials": trials or [self.alone(part, condition, row, cast)],
         }
@@ -165,7 +166,7 @@ class _Gather:
         panel = self.paths.panel(part, condition, row, "{score}")
         assert isinstance(panel.trajectory, Trajectory)
         simulated = cast.simulated(panel.trajectory, panel.title, cast.genes)
-        return {"name": "simulated only", "simulated": simulated, "situated": None}
+        return {"name": "simulated only", "link": "simulated", "simulated": simulated, "situated": None}
 
     def transfer(self, part: TaskPart, pair: Pair, cast: _Cast) -> dict[str, Any]:
         """One transfer: both drives, as far as they are known."""
@@ -177,7 +178,13 @@ class _Gather:
             poses = poses_of_table(read_path(pair.folder / SIMULATED))
             simulated = track("simulated", scores[0], poses, cast.unit_cm)
         situated = cast.situated(pair, replay, scores[1])
-        return {"name": f"{pair.where}, start {pair.start}", "simulated": simulated, "situated": situated}
+        who = "" if pair.individual == "champion" else f"{pair.individual}/"
+        return {
+            "name": f"{pair.where}, start {pair.start}",
+            "link": f"{pair.robot}/{who}start-{pair.start}",
+            "simulated": simulated,
+            "situated": situated,
+        }
 
 
 def _unit_cm(task: Any) -> float:

@@ -29,7 +29,8 @@ def about(pairs: Sequence[Pair]) -> str:
     twin, robot = any(pair.twin for pair in pairs), not all(pair.twin for pair in pairs)
     stand_in = (
         "a physics twin of the robot, with sensors, wheels and noise of its own: a stand-in, "
-        "called pseudo-reality, that shares no code and no constants with the simulation. It is not a robot"
+        "called pseudo-reality, in other code than the simulation’s, though sizes of noise, arenas "
+        "and starts have common sources. It is not a robot"
     )
     if twin and robot:
         return f"Situated means: on a Khepera, or on {stand_in}; each row says which."

@@ -6,7 +6,7 @@ function openPlayer() {
   const source = byId("player-data");
   if (!source) return;
   const data = JSON.parse(source.textContent);
-  const root = byId("player");
+  const [root, deck] = [byId("player"), byId("player-deck")];
   const now = { position: 0, playing: false, before: 0 };
   let scene = null;
   const parts = {
@@ -19,13 +19,18 @@ function openPlayer() {
     apart: byId("player-apart"),
     apartWords: byId("player-apart-words"),
   };
-  const choice = makeChoice(data, (chosen) => {
+  const choice = makeChoice(data, (chosen, byHand) => {
     scene = openScene(data, chosen);
     now.playing = false;
     now.position = scene.steps;
     parts.scrub.max = scene.steps;
     arrange();
     show();
+    link.renew(byHand);
+  });
+  const link = makeLink(root, choice, {
+    second: () => (now.position < scene.steps - 1e-9 ? now.position * data.step_s : null),
+    go: (second) => goTo(second / data.step_s),
   });
 
   // Fills in all that changes with the choice and not with time.
@@ -87,7 +92,10 @@ function openPlayer() {
     now.before = performance.now();
     parts.said.textContent = "";
     if (on) requestAnimationFrame(tick);
-    else say();
+    else {
+      say();
+      link.renew(true);
+    }
     show();
   }
 
@@ -106,6 +114,7 @@ function openPlayer() {
     now.position = Math.min(scene.steps, Math.max(0, Math.round(step)));
     if (stop && now.playing) return play(false);
     show();
+    link.renew(true);
   }
 
   parts.play.addEventListener("click", () => play(!now.playing));
@@ -114,10 +123,14 @@ function openPlayer() {
   byId("player-back").addEventListener("click", () => goTo(Math.ceil(now.position) - 1));
   byId("player-on").addEventListener("click", () => goTo(Math.floor(now.position) + 1));
   for (const name of ["rays", "tails"]) byId(`player-${name}`).addEventListener("change", show);
-  root.addEventListener("keydown", (event) => {
+  // Keys are the player's where it has the focus, or nothing has and it is to be seen.
+  document.addEventListener("keydown", (event) => {
+    const free = event.target === document.body || event.target === document.documentElement;
+    if (free ? !inSight(root) : !root.contains(event.target)) return;
     const act = keyAction(event, now.position, scene.steps);
     if (act === null) return;
     event.preventDefault();
+    if (free) [parts.play, deck].forEach((one) => one.scrollIntoView({ block: "nearest", behavior: "instant" }));
     if (act === "play") play(!now.playing);
     else {
       goTo(act);
@@ -125,10 +138,20 @@ function openPlayer() {
     }
   });
   window.addEventListener("resize", show);
+  onPrint(() => {
+    byId("player-still").textContent = `${choice.title()}, after ${parts.time.textContent}.`;
+    show();
+  });
   document.addEventListener("themechange", show);
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", show);
   root.hidden = false;
   choice.first();
+  link.follow();
+}
+
+function inSight(element) {
+  const { top, bottom } = element.getBoundingClientRect();
+  return bottom > 0 && top < window.innerHeight;
 }
 
 // What a key asks for: "play", a step to go to, or null where it is the control's own or nobody's.
@@ -136,7 +159,9 @@ function keyAction(event, position, steps) {
   if (event.ctrlKey || event.altKey || event.metaKey) return null;
   const tag = event.target.tagName;
   const isRange = event.target.type === "range";
-  if (tag === "SELECT" || tag === "SUMMARY") return null;
+  const isTyped = tag === "INPUT" && !isRange && event.target.type !== "checkbox";
+  if (isTyped || event.target.isContentEditable || tag === "TEXTAREA") return null;
+  if (tag === "SELECT" || tag === "SUMMARY" || (event.repeat && event.key === " ")) return null;
   if (event.key === " ") return tag === "BUTTON" || event.target.type === "checkbox" ? null : "play";
   const far = event.shiftKey ? 10 : 1;
   if (event.key === "ArrowLeft") return Math.ceil(position) - far;
@@ -177,17 +202,35 @@ function makeChoice(data, changed) {
     return one;
   }
 
+  // Chooses what a link names; says whether the page holds it.
+  function find(run, trial) {
+    const named = (one, link) => one.link === link;
+    for (const [t, task] of data.tasks.entries())
+      for (const [n, noise] of task.noises.entries()) {
+        const r = noise.runs.findIndex((one) => named(one, run));
+        const k = r < 0 ? -1 : trial === null ? 0 : noise.runs[r].trials.findIndex((one) => named(one, trial));
+        if (k < 0) continue;
+        [t, n, r, k].forEach((index, level) => {
+          fill(level);
+          lists[level].selectedIndex = index;
+        });
+        changed(chosen(), false);
+        return true;
+      }
+    return false;
+  }
+
   lists.forEach((list, level) =>
     list.addEventListener("change", () => {
       if (level < 3) fill(level + 1);
-      changed(chosen());
+      changed(chosen(), true);
     }),
   );
   const first = () => {
     fill(0);
-    changed(chosen());
+    changed(chosen(), false);
   };
-  return { first };
+  return { first, find, chosen, title: () => chosen().map(title).join(", ") };
 }
 
 // A trial, ready to be shown: one or two sides, each with the functions that show it.

@@ -30,6 +30,22 @@ function makeTheme() {
   });
 }
 
+// Paper is light: what is drawn is drawn so before it is printed, and as it was afterwards.
+function onPrint(draw) {
+  const { dataset } = document.documentElement;
+  let worn;
+  window.addEventListener("beforeprint", () => {
+    worn = dataset.theme;
+    dataset.theme = "light";
+    draw();
+  });
+  window.addEventListener("afterprint", () => {
+    if (worn === undefined) delete dataset.theme;
+    else dataset.theme = worn;
+    draw();
+  });
+}
+
 // A cell's number, NaN for words: the first number in it, so that "0.71 ± 0.02" is 0.71.
 function numberIn(cell) {
   const found = /^[^\d−-]{0,2}([−-]?\d[\d ]*(?:\.\d+)?)/.exec(cell.textContent.trim());
