@@ -24,7 +24,8 @@ def test_the_papers_arenas():
     avoidance, light = load_arena("obstacle-avoidance"), load_arena("Light seeking")
     assert avoidance.size_cm == (50, 50) and light.size_cm == (110, 70)
     assert {c.radius_cm for c in avoidance.cylinders} == {4.0} and len(avoidance.cylinders) == 4
-    assert sum(light.lamps[0].weights) + light.lamps[0].offset == pytest.approx(20.95)
+    assert light.lamps[0].weights == Lamp(x_cm=0, y_cm=0).weights == (4.19, 4.24, 8.24, 4.24, 4.19)
+    assert light.lamps[0].offset == Lamp(x_cm=0, y_cm=0).offset == -4.15  # §3.3, as all five weights
 
 
 def test_kernel_arrays():
@@ -35,6 +36,10 @@ def test_kernel_arrays():
     np.testing.assert_array_equal(arena.lamp_points[1, :, 0], [5, 7.5, 10, 12.5, 15])
     np.testing.assert_array_equal(arena.lamp_weights[1] * 2, arena.lamp_weights[0])
     np.testing.assert_array_equal(arena.lamp_offset, [-4.15, -4.15 / 2])
+    askew = Lamp(x_cm=20, y_cm=10, line_deg=0, weights=(1, 2, 3, 4, 5), brightness=2.0)
+    lit = replace(ROOM, lamps=(askew,)).to_kernel()
+    np.testing.assert_array_equal(lit.lamp_points[0, :, 0], [15, 17.5, 20, 22.5, 25])
+    np.testing.assert_array_equal(lit.lamp_weights, [[2, 4, 6, 8, 10]])
     np.testing.assert_array_equal(arena.segments, [[30, 0, 30, 20]])
 
 
