@@ -44,11 +44,13 @@ def study(
     noisiness = 1.2 * (np.sqrt(robot) - np.sqrt(compared)) + draw.normal(scale=0.2, size=score.shape)
     scale = np.where(task == "light-seeking", 2e-6, 0.5)
     simulated = scale * (1 + draw.normal(scale=0.1, size=n))
+    situated = simulated - 0.05 * scale * (1 + draw.normal(scale=0.5, size=n))
     return Crossed(
         levels=compared, robot=robot, task=task, seed_set=seed_set, run=run, home=1 + run % 3,
         evolved=evolved, name=np.full(n, "wall follower"), score=score, behaviour=score, layout=score,
-        noisiness=noisiness, responsiveness=-noisiness, simulated=simulated,
-        situated=simulated - 0.05 * scale * (1 + draw.normal(scale=0.5, size=n)),
+        home_score=np.full_like(score, np.nan), noisiness=noisiness, responsiveness=-noisiness,
+        simulated=simulated, situated=situated, situated_home=situated,
+        situated_foreign=situated - 0.01 * scale,
     )  # fmt: skip
 
 
@@ -60,10 +62,13 @@ def write(data: Crossed, out: Path) -> Path:
     rows = list(zip(data.task, data.seed_set, data.run, data.evolved, strict=True))
     with (folder / "controllers.csv").open("w", newline="") as file:
         table = csv.writer(file)
-        table.writerow([*keys, "home_unit", "name", "fitness_simulated", "fitness_situated", "drop"])
+        units = [f"fitness_situated_unit_{unit}" for unit in (1, 2, 3)]
+        table.writerow([*keys, "home_unit", "name", "fitness_simulated", "fitness_situated", "drop", *units])
         for i, key in enumerate(rows):
             pair = (data.simulated[i], data.situated[i])
-            table.writerow([*key, data.home[i], data.name[i], *pair, pair[0] - pair[1]])
+            seen = (data.situated_home[i], data.situated_foreign[i])
+            of_units = [seen[int(unit != data.home[i])] for unit in (1, 2, 3)]
+            table.writerow([*key, data.home[i], data.name[i], *pair, pair[0] - pair[1], *of_units])
     parts = ["score", "behaviour", "layout", "noisiness", "responsiveness"]
     with (folder / "cells.csv").open("w", newline="") as file:
         table = csv.writer(file)

@@ -15,6 +15,8 @@ from realitygap.correspondence.claims import (
     Finding,
     coarse_levels,
     judge_claims,
+    judge_home,
+    split_diagonal,
 )
 from realitygap.correspondence.contrasts import crossing, holm, interval, paired, peak, unpaired
 from realitygap.correspondence.crossed import robot_level
@@ -47,6 +49,34 @@ def test_a_peak_at_the_robots_evolved_level_supports_b_and_c_but_not_a() -> None
     """The other way round likewise."""
     found = judge_claims(study(evolution(1.0)), resamples=0)
     assert verdicts(found) == {"a": "not supported", "b": "supported", "c": "supported"}
+
+
+@pytest.mark.parametrize(("truth", "evolved"), [(comparison(1.0), False), (evolution(1.0), True)])
+def test_the_diagonal_is_split_into_what_made_it(truth, evolved) -> None:
+    """Means of both orders add up; all of the difference lies with the level that has an effect."""
+    for split in split_diagonal(study(truth, runs=40, levels=(0.0, 1.0, 4.0)), resamples=100):
+        parts = (split.evolved_first, split.comparison_after, split.evolved_after, split.comparison_first)
+        first, after, later, before = (part.difference for part in parts)
+        assert first + after == pytest.approx(split.diagonal.difference)
+        assert before + later == pytest.approx(split.diagonal.difference)
+        for part, made in zip(parts, (evolved, not evolved) * 2, strict=True):
+            assert (part.difference > 0.75) == (part.delta > 0.35) == made
+            assert abs(part.difference) < 0.4 or made
+            assert part.difference_interval is not None
+            low, high = part.difference_interval
+            assert low < part.difference < high
+
+
+def test_the_home_unit_is_judged_by_its_own_scores() -> None:
+    """Scores of other units do not matter to it; levels that have none are left out."""
+    data = study(flat)
+    assert judge_home(data) == ()
+    home = study(evolution(1.0)).score
+    kept = np.where((data.evolved == 4.0)[:, None], np.nan, home)
+    found = judge_home(replace(data, home_score=kept), resamples=200)
+    assert [(c.other, c.found) for c in found] == [(0.0, "above"), (0.5, "above"), (2.0, "above")]
+    own = home[np.arange(len(data)), np.searchsorted(data.levels, data.evolved)]
+    assert found[0].means[1] == pytest.approx(own[data.evolved == 0.0].mean())
 
 
 def test_an_opposite_effect_is_reported_as_opposite() -> None:

@@ -19,6 +19,7 @@ from realitygap.errors import UsageError
 from realitygap.report.noise import report as noise
 from realitygap.report.noise.figures import map_figure
 from realitygap.report.noise.results import read_results
+from realitygap.world.profile import load_profile
 from tests.correspondence.crosses import TASKS, comparison, flat, study, write
 
 PROJECT = Path(__file__).parents[2]
@@ -50,7 +51,7 @@ def test_the_page_has_claims_verdicts_warnings_and_limits(built: Path) -> None:
     assert len(set(re.findall(r'\bid="([^"]+)"', text))) == len(re.findall(r'\bid="([^"]+)"', text))
     assert ">nan<" not in text
     linked = set(re.findall(r'href="((?:tables|figures)/[^"]+)"', text))
-    assert len(linked) == 8 + 14
+    assert len(linked) == 8 + 19
     assert all((built / "report" / name).is_file() for name in linked)
 
 
@@ -88,7 +89,8 @@ def test_nothing_found_is_said_as_plainly(tmp_path: Path) -> None:
     """Without any effect the paragraph claims none, and says that sets disagree."""
     text = said(write(study(flat, runs=8, levels=SMALL), tmp_path))
     assert text.count("is not supported") == 3
-    assert "the paper's effect is not borne out here" in text
+    assert "shown by none of the three; that does not show that there is none" in text
+    assert text.count("Not shown is not none") == 3
     assert "The seed sets disagree about" in text
 
 
@@ -121,6 +123,53 @@ def test_one_run_a_cell_has_no_intervals_but_a_report(tmp_path: Path) -> None:
     contrast = noise.noise_summary(tmp_path)["scopes"][TASKS[0]]["contrasts"]["c"][0]
     assert contrast["delta_interval"] is None
     assert contrast["found"] == "open"
+
+
+def test_scores_of_the_home_unit_may_come_in_a_file_of_their_own(built: Path, tmp_path: Path) -> None:
+    """home.csv, with some levels only, makes claim (c) for the home unit alone; broken, it is refused."""
+    folder = shutil.copytree(built / "results", tmp_path / "results")
+    assert "On the home unit alone" not in said(built)
+    cells = (folder / "cells.csv").read_text().splitlines()
+    head = cells[0].split(",")[:6]
+    some = [row for row in (line.split(",")[:6] for line in cells[1:]) if row[3] == row[4] != "2.0"]
+    (folder / "home.csv").write_text("\n".join(map(",".join, [head, *some])) + "\n")
+    report = noise.NoiseReport(read_results(folder))
+    assert [c.other for c in report.facts.headline.home] == [0.0]
+    same = report.facts.headline.findings[2].contrasts[0]
+    assert report.facts.headline.home[0].effect[:3] == same.effect[:3]
+    assert report.facts.headline.home[0].means == same.means
+    assert "On the home unit alone" in report.paragraph
+    assert "home unit alone" in noise.build_noise_report(tmp_path).read_text("utf-8")
+    (folder / "home.csv").write_text("\n".join(map(",".join, [head, *some, some[0]])) + "\n")
+    with pytest.raises(UsageError, match=r"home\.csv, line \d+: expected each controller once a level"):
+        read_results(folder)
+
+
+def test_scores_for_each_unit_are_read_from_the_cells(built: Path, tmp_path: Path) -> None:
+    """cells.csv with a column a unit gives each controller the score of its own home."""
+    folder = shutil.copytree(built / "results", tmp_path / "results")
+    lines("cells.csv", lambda t: [t[0] + ",score_unit_1,score_unit_2,score_unit_3",
+                                  *(f"{row},1.0,2.0,3.0" for row in t[1:])])(folder)  # fmt: skip
+    data = read_results(folder).data
+    assert (data.home_score == data.home[:, None]).all()
+
+
+def test_a_fall_from_home_that_shrinks_with_noise_is_found(tmp_path: Path) -> None:
+    """Fitness that falls less the noisier its evolution was is said to, with rho; level falls are not."""
+    data = study(flat, runs=20, levels=SMALL)
+    assert "no change of its fall with evolved noise is shown" in said(write(data, tmp_path / "level"))
+    falls = (0.02 * (3 - data.evolved) + 0.1 * data.home) * data.simulated
+    out = write(replace(data, situated_foreign=data.situated_home - falls), tmp_path / "shrinks")
+    assert said(out).count("its fall shrinks with evolved noise") == 2
+    assert noise.noise_summary(out)["falls"][0]["rho"]["interval"][1] < 0
+
+
+def test_beside_the_twins_model_error_stands_a_real_robots(built: Path) -> None:
+    """The calibration's table ends with the provenance of the profile khepera, and words compare the two."""
+    table = noise.NoiseReport(read_results(built / "results")).tables["calibration"].texts()
+    fits = {fit.channel: f"{fit.ratio:.2f}" for fit in load_profile("khepera").provenance.fits}
+    assert {row[1]: row[4] for row in table if row[0] == "a real Khepera"} == fits
+    assert f"a real robot's tables: {fits['ambient']}" in said(built)
 
 
 def test_the_map_shows_every_mean() -> None:

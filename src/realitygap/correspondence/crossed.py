@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from realitygap.errors import StudyError
 
-__all__ = ["Crossed", "robot_level"]
+__all__ = ["FEWEST", "Crossed", "robot_level"]
 
 Floats = NDArray[np.float64]
 Weights = NDArray[np.float64]
@@ -43,8 +43,10 @@ class Crossed:
         name: [n], what its behaviour is called in simulation.
         score: [n, L], correspondence score 0 to 10 against the simulation at each level;
             behaviour, layout: its two parts.
+        home_score: [n, L], the score on the home unit alone; nan where it was not kept.
         noisiness, responsiveness: [n, L], signed: above 0 the situated robot has more.
         simulated, situated: [n], fitness at the own level, and on the twin.
+        situated_home, situated_foreign: [n], fitness on the home unit, and its mean over the others.
     """
 
     levels: Floats
@@ -58,10 +60,13 @@ class Crossed:
     score: Floats
     behaviour: Floats
     layout: Floats
+    home_score: Floats
     noisiness: Floats
     responsiveness: Floats
     simulated: Floats
     situated: Floats
+    situated_home: Floats
+    situated_foreign: Floats
 
     def __len__(self) -> int:
         return len(self.task)
@@ -81,10 +86,13 @@ class Crossed:
         column: Floats = self.score[:, self.index(level)]
         return column
 
-    def own(self) -> Floats:
-        """Scores [n] against the simulation that each controller was evolved in: the diagonal."""
+    def own(self, *, home: bool = False) -> Floats:
+        """Scores [n] against the simulations at the level that each controller was evolved at: the diagonal.
+
+        They are those of all units; with `home` that one alone which it was evolved in.
+        """
         columns = np.searchsorted(self.levels, self.evolved)
-        scores: Floats = self.score[np.arange(len(self)), columns]
+        scores: Floats = (self.home_score if home else self.score)[np.arange(len(self)), columns]
         return scores
 
     def index(self, level: float) -> int:

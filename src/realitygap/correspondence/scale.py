@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from realitygap.correspondence.distances import Distances
 from realitygap.correspondence.trials import Trial
 
-__all__ = ["PARTS", "Scale", "exemplar_scale", "scale_of"]
+__all__ = ["EDGE", "PARTS", "Scale", "exemplar_scale", "scale_of"]
 
 Floats = NDArray[np.float64]
 

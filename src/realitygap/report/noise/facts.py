@@ -10,20 +10,34 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.correspondence.claims import RESAMPLES, Finding, judge_claims
+from realitygap.correspondence.claims import (
+    RESAMPLES,
+    Contrast,
+    Finding,
+    Split,
+    judge_claims,
+    judge_home,
+    split_diagonal,
+)
 from realitygap.correspondence.contrasts import crossing, interval, peak, unpaired
-from realitygap.correspondence.crossed import Crossed
+from realitygap.correspondence.crossed import FEWEST, Crossed
+from realitygap.correspondence.scale import EDGE
 from realitygap.correspondence.statistics import Correlation, correlation
 from realitygap.report.paper_tables import PAPER_ROWS
 
 __all__ = [
-    "BOTH", "PAPER", "Curve", "FitnessRow", "NoiseFacts", "Scope", "Span", "gather_facts", "heat", "points",
+    "BOTH", "FAILED", "PAPER", "SATURATED", "Curve", "Fall", "FitnessRow", "NoiseFacts", "Scope", "Span",
+    "gather_facts", "heat", "points",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
 Find = Callable[[Floats, Floats], Floats]
 
 BOTH = "both tasks"
+FAILED = 6.0
+"""Below it the twin did something else than the simulation: the paper's "hit or miss"."""
+SATURATED = 10 - EDGE
+"""From it on a distance is within the scale's floor, mostly chance, and so are ranks."""
 
 PAPER = {
     task: {level: tuple(row.correspondence for row in rows) for level, rows in levels.items()}
@@ -73,17 +87,48 @@ class FitnessRow:
     correlation: Correlation | None
 
 
+class FallRow(NamedTuple):
+    """Fitness on the twin of one task's controllers evolved at one level: at home, abroad, the fall."""
+
+    level: float
+    runs: int
+    home: Span
+    foreign: Span
+    fall: Span
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fall:
+    """How fitness on the twin falls from the home unit to the others; nobody had planned to ask.
+
+    `rho`: Spearman's, of evolved level and fall over controllers; from each fall the mean of those with
+    the same home unit is taken, for units are not equally easy. Its interval is Fieller's.
+    """
+
+    task: str
+    rows: tuple[FallRow, ...]
+    rho: Span
+
+    @property
+    def shown(self) -> bool:
+        """Whether the fall is shown to change with the evolved level, by rho's interval."""
+        return self.rho.low * self.rho.high > 0
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scope:
     """One task, or both together: the three claims' findings, and the curves behind them.
 
     `curves`: a: by comparison level; b: by evolved level, against the robot's level; c: the diagonal.
+    `split`: what the diagonal is made of. `home`: (c) on the home unit alone, where scores of it were kept.
     """
 
     name: str
     findings: tuple[Finding, ...]
     curves: Mapping[str, Curve]
     noisiness: Curve
+    split: tuple[Split, ...]
+    home: tuple[Contrast, ...]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,6 +138,7 @@ class NoiseFacts:
     data: Crossed
     scopes: tuple[Scope, ...]
     fitness: tuple[FitnessRow, ...]
+    falls: tuple[Fall, ...]
 
     @property
     def headline(self) -> Scope:
@@ -109,6 +155,7 @@ def gather_facts(data: Crossed, *, resamples: int = RESAMPLES) -> NoiseFacts:
         data=data,
         scopes=tuple(_scope(name, part, resamples) for name, part in parts.items()),
         fitness=tuple(row for task in tasks for row in _fitness(task, data.part(task=task), resamples)),
+        falls=tuple(fall for task in tasks if (fall := _fall(task, data.part(task=task), resamples))),
     )
 
 
@@ -132,6 +179,8 @@ def _scope(name: str, data: Crossed, resamples: int) -> Scope:
         findings=judge_claims(data, resamples=resamples),
         curves={key: _curve(data, values, weights, peak) for key, values in rise.items()},
         noisiness=_curve(data, data.noisiness, weights, crossing),
+        split=split_diagonal(data, resamples=resamples),
+        home=judge_home(data, resamples=resamples),
     )
 
 
@@ -181,6 +230,25 @@ def _fitness(task: str, data: Crossed, resamples: int) -> Sequence[FitnessRow]:
             )
         )  # fmt: skip
     return rows
+
+
+def _fall(task: str, data: Crossed, resamples: int) -> Fall | None:
+    """None where fitness on single units was not kept, or there is one unit only."""
+    data = data.only(np.isfinite(data.situated_home) & np.isfinite(data.situated_foreign))
+    if len(data) < FEWEST or len(set(data.evolved.tolist())) < len(data.levels):
+        return None
+    weights, fall = data.resamples(resamples), data.situated_home - data.situated_foreign
+    rows = []
+    for level in data.levels.tolist():
+        at = np.flatnonzero(data.evolved == level)
+        spans = (_mean(v, at, weights) for v in (data.situated_home, data.situated_foreign, fall))
+        rows.append(FallRow(level, len(at), *spans))
+    means = {home: fall[data.home == home].mean() for home in set(data.home.tolist())}
+    beyond = fall - np.array([means[home] for home in data.home.tolist()])
+    rho = correlation(data.evolved, beyond, resamples=1).rho
+    half = 1.96 * math.sqrt(1.06 / (len(data) - 3))
+    ends = (math.tanh(math.atanh(rho) + side * half) for side in (-1, 1))
+    return Fall(task=task, rows=tuple(rows), rho=Span(rho, *ends))
 
 
 def _mean(values: Floats, rows: NDArray[np.int64], weights: Floats | None) -> Span:

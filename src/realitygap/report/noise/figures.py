@@ -25,7 +25,7 @@ SETS = ((0, (4, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)), (0, (8, 2)))
 PANELS = {
     "a": ("(a) all controllers, by comparison level", "noise of the simulation compared with"),
     "b": ("(b) by evolved level, one simulation", "noise evolved under"),
-    "c": ("(c) each in its own simulation", "noise evolved under"),
+    "c": ("(c) each at the level it evolved at", "noise evolved under"),
 }
 _HEAT = LinearSegmentedColormap.from_list("scores", ["#fdfdfc", "#56b4e9", "#0072b2", "#00304b"])
 _DARK = 0.6

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from realitygap import whole
-from realitygap.report.noise.results import NoiseResults, read_results
+from realitygap.report.noise.results import Misfit, NoiseResults, read_results, real_misfits
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from realitygap.correspondence.claims import Contrast
+    from realitygap.correspondence.claims import Contrast, Split
     from realitygap.report.noise.facts import Curve, NoiseFacts, Span
     from realitygap.report.noise.tables import NoiseTable
 
@@ -94,9 +94,11 @@ class NoiseReport:
     @cached_property
     def tables(self) -> dict[str, NoiseTable]:
         """Every table by its name."""
+        from realitygap.report.noise.asides import aside_tables
         from realitygap.report.noise.tables import noise_tables
 
-        return noise_tables(self.facts, self.results.calibration, self.scales)
+        planned = noise_tables(self.facts, self.results.calibration, self.scales)
+        return planned | aside_tables(self.facts, self.results.settings, self.scales)
 
     @cached_property
     def paragraph(self) -> str:
@@ -108,7 +110,7 @@ class NoiseReport:
         """The paragraph's parts, without its warnings."""
         from realitygap.report.noise.words import thoughts
 
-        return thoughts(self.facts, self.results.settings, self.scales)
+        return thoughts(self.facts, self.results.settings, self.scales, self.results.calibration)
 
     @property
     def warnings(self) -> list[str]:
@@ -143,7 +145,7 @@ class NoiseReport:
             "claims": [
                 {
                     "key": f.claim.key, "title": f.claim.title, "text": f.claim.text, "test": f.claim.test,
-                    "verdict": f.verdict,
+                    "measured": f.claim.measured, "verdict": f.verdict,
                     "verdicts_by_task": {
                         s.name: s.findings[i].verdict for s in facts.scopes if s.name in facts.data.tasks
                     },
@@ -157,6 +159,8 @@ class NoiseReport:
                     },
                     "curves": {key: _curve(curve) for key, curve in scope.curves.items()},
                     "noisiness": _curve(scope.noisiness),
+                    "diagonal_split": [_split(split) for split in scope.split],
+                    "home_unit_alone": [_contrast(c) for c in scope.home],
                 }
                 for scope in facts.scopes
             },
@@ -169,7 +173,19 @@ class NoiseReport:
                 }
                 for r in facts.fitness
             ],
-            "calibration": [{**m._asdict(), "too_far": m.too_far} for m in self.results.calibration],
+            "falls": [
+                {
+                    "task": fall.task, "rho": _span(fall.rho), "shown": fall.shown,
+                    "levels": [
+                        {"evolved_level": row.level, "runs": row.runs, "home": _span(row.home),
+                         "foreign": _span(row.foreign), "fall": _span(row.fall)}
+                        for row in fall.rows
+                    ],
+                }
+                for fall in facts.falls
+            ],
+            "calibration": [_misfit(m) for m in self.results.calibration],
+            "calibration_to_a_real_robot": [_misfit(m) for m in real_misfits()],
             "warnings": self.warnings,
         }  # fmt: skip
         known: dict[str, Any] = _known(summary)
@@ -183,6 +199,20 @@ def _contrast(c: Contrast) -> dict[str, Any]:
         "difference_interval": c.effect.difference_interval, "p": c.effect.p, "p_holm": c.p_holm,
         "found": c.found, "delta_by_seed_set": {str(s.seed_set): s.effect.delta for s in c.sets},
     }  # fmt: skip
+
+
+def _split(split: Split) -> dict[str, Any]:
+    steps = {
+        name: getattr(split, name)
+        for name in ("diagonal", "evolved_first", "comparison_after", "comparison_first", "evolved_after")
+    }
+    kept = ("difference", "difference_interval", "delta", "delta_interval")
+    told = {name: {key: getattr(step, key) for key in kept} for name, step in steps.items()}
+    return {"against": split.other, **told}
+
+
+def _misfit(misfit: Misfit) -> dict[str, Any]:
+    return {**misfit._asdict(), "too_far": misfit.too_far}
 
 
 def _curve(curve: Curve) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from realitygap.correspondence.crossed import Crossed, robot_level
 from realitygap.errors import StudyError
 from realitygap.toml import read_toml
 
-__all__ = ["Misfit", "NoiseResults", "read_results"]
+__all__ = ["Misfit", "NoiseResults", "read_results", "real_misfits"]
 
 PARTS = ("score", "behaviour", "layout", "noisiness", "responsiveness")
 NEEDED = 3
@@ -26,7 +26,10 @@ Key = tuple[str, int, float, int]
 
 
 class Misfit(NamedTuple):
-    """How far a unit's calibrated model is from it in one channel; beyond `limit` noise explains nothing."""
+    """How far a unit's calibrated model is from it in one channel; beyond `limit` noise explains nothing.
+
+    Unit 0 is a real robot.
+    """
 
     unit: int
     channel: str
@@ -80,6 +83,15 @@ class _Row:
             raise StudyError(f"{self.where}: {column}: expected a number, got {text!r}. {AGAIN}")
         return value
 
+    def units(self, prefix: str) -> dict[int, float]:
+        """A figure for each unit; columns that a study did not keep yet are none."""
+        found = {}
+        for name in self.columns:
+            before, _, unit = str(name).rpartition(prefix)
+            if not before and unit.isdecimal():
+                found[int(unit)] = self.number(name, may_lack=True)
+        return found
+
     def key(self, levels: list[float]) -> Key:
         """Whose row it is: task, seed set, evolved level, run."""
         level = levels[self.level("evolved_level", levels)]
@@ -101,7 +113,8 @@ def read_results(folder: str | Path) -> NoiseResults:
     """What a finished study of noise left.
 
     Args:
-        folder: with controllers.csv, cells.csv, calibration.csv and study.toml.
+        folder: with controllers.csv, cells.csv, calibration.csv and study.toml. A study whose cells.csv
+            has no columns for single units may have a home.csv: the score on the home unit alone.
 
     Raises:
         StudyError: a file is missing, unfinished or broken: names the file, the line and the column.
@@ -113,15 +126,17 @@ def read_results(folder: str | Path) -> NoiseResults:
     known = {key: i for i, (key, _) in enumerate(who)}
     if len(known) < len(who):
         raise StudyError(f"{folder / 'controllers.csv'}: expected each controller once. {AGAIN}")
-    scores = _cells(folder / "cells.csv", levels, known)
     task, seed_set, evolved, run = (np.array(column) for column in zip(*known, strict=True))
-    home, name, simulated, situated = (np.array(c) for c in zip(*(facts for _, facts in who), strict=True))
+    facts = {name: np.array([getattr(one, name) for _, one in who]) for name in _Facts._fields}
+    scores, home_score = _cells(folder / "cells.csv", levels, known, facts["home"])
+    if (folder / "home.csv").is_file():
+        _home(folder / "home.csv", levels, known, home_score)
     whole = Crossed(
-        levels=np.array(levels), robot=robot_level(levels), task=task,
-        seed_set=seed_set, run=run, evolved=evolved, home=home, name=name, simulated=simulated,
-        situated=situated, **{part: scores[:, :, k] for k, part in enumerate(PARTS)},
+        levels=np.array(levels), robot=robot_level(levels), task=task, seed_set=seed_set, run=run,
+        evolved=evolved, home_score=home_score, **facts,
+        **{part: scores[:, :, k] for k, part in enumerate(PARTS)},
     )  # fmt: skip
-    seen = np.isfinite(scores[:, :, :NEEDED]).all(axis=(1, 2)) & np.isfinite(situated)
+    seen = np.isfinite(scores[:, :, :NEEDED]).all(axis=(1, 2)) & np.isfinite(whole.situated)
     data = whole.only(seen)
     _refuse_holes(folder, data, levels)
     calibration = tuple(_calibration(folder / "calibration.csv"))
@@ -155,34 +170,65 @@ def _rows(file: Path) -> Iterator[_Row]:
         raise StudyError(f"{file}: expected a CSV file, got {error}. {AGAIN}") from None
 
 
-def _controllers(file: Path, levels: list[float]) -> Iterator[tuple[Key, tuple[int, str, float, float]]]:
+class _Facts(NamedTuple):
+    """A row of controllers.csv."""
+
+    home: int
+    name: str
+    simulated: float
+    situated: float
+    situated_home: float
+    situated_foreign: float
+
+
+def _controllers(file: Path, levels: list[float]) -> Iterator[tuple[Key, _Facts]]:
     empty = True
     for row in _rows(file):
         empty = False
         fitness = row.number("fitness_simulated"), row.number("fitness_situated", may_lack=True)
-        yield row.key(levels), (int(row.number("home_unit")), row.text("name"), *fitness)
+        home, units = int(row.number("home_unit")), row.units("fitness_situated_unit_")
+        own = units.pop(home, math.nan)
+        foreign = math.fsum(units.values()) / len(units) if units else math.nan
+        yield row.key(levels), _Facts(home, row.text("name"), *fitness, own, foreign)
     if empty:
         raise StudyError(f"{file}: expected a row for each controller, got none. {AGAIN}")
 
 
-def _cells(file: Path, levels: list[float], known: Mapping[Key, int]) -> np.ndarray:
-    """Scores [controllers, levels, parts]: a row for every one of them must be there."""
-    found = np.full((len(known), len(levels), len(PARTS)), np.nan)
-    seen = np.zeros(found.shape[:2], bool)
+def _placed(file: Path, levels: list[float], known: Mapping[Key, int]) -> Iterator[tuple[_Row, int, int]]:
+    """Rows of a table that has each controller at most once a level, with their places [n, L]."""
+    seen = set()
     for row in _rows(file):
         key, at = row.key(levels), row.level("comparison_level", levels)
-        if key not in known or seen[known[key], at]:
+        if key not in known or (key, at) in seen:
             word = "twice" if key in known else "but not in controllers.csv"
             raise StudyError(f"{row.where}: expected each controller once a level, got {_who(key)} {word}.")
-        found[known[key], at] = [row.number(part, may_lack=True) for part in PARTS]
-        seen[known[key], at] = True
+        seen.add((key, at))
+        yield row, known[key], at
+
+
+def _home(file: Path, levels: list[float], known: Mapping[Key, int], into: np.ndarray) -> None:
+    """Fill in scores on the home unit [controllers, levels] that were made after the study's own tables."""
+    for row, one, at in _placed(file, levels, known):
+        into[one, at] = row.number("score", may_lack=True)
+
+
+def _cells(
+    file: Path, levels: list[float], known: Mapping[Key, int], homes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Scores [controllers, levels, parts], of which none may be missing; and those of the home unit."""
+    found = np.full((len(known), len(levels), len(PARTS)), np.nan)
+    seen, at_home = np.zeros(found.shape[:2], bool), np.full(found.shape[:2], np.nan)
+    for row, one, at in _placed(file, levels, known):
+        found[one, at] = [row.number(part, may_lack=True) for part in PARTS]
+        at_home[one, at] = row.units("score_unit_").get(int(homes[one]), math.nan)
+        seen[one, at] = True
     if not seen.all():
         missing, at = map(int, np.argwhere(~seen)[0])
         raise StudyError(
             f"{file}: expected every controller at every level, got none at {levels[at]:g} for "
             f"{_who(list(known)[missing])}. {AGAIN}"
         )
-    return found
+    return found, at_home
 
 
 def _refuse_holes(folder: Path, data: Crossed, levels: list[float]) -> None:
@@ -199,6 +245,18 @@ def _refuse_holes(folder: Path, data: Crossed, levels: list[float]) -> None:
 
 def _who(key: Key) -> str:
     return f"{key[0]}, seed set {key[1]}, evolved at {key[2]:g}, run {key[3]}"
+
+
+def real_misfits() -> tuple[Misfit, ...]:
+    """How near the fit came to a real robot's tables: the provenance of the profile khepera."""
+    from realitygap.calibration.judge import LIMITS
+    from realitygap.world.profile import load_profile
+
+    fits = load_profile("khepera").provenance.fits
+    return tuple(
+        Misfit(0, fit.channel, fit.model_error, fit.noise, fit.ratio, LIMITS[fit.channel])
+        for fit in fits if fit.channel in LIMITS
+    )  # fmt: skip
 
 
 def _calibration(file: Path) -> Iterator[Misfit]:

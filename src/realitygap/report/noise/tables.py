@@ -11,14 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from realitygap.correspondence.claims import Finding
+from realitygap.correspondence.claims import Contrast, Finding
+from realitygap.correspondence.contrasts import Effect
 from realitygap.report.noise.facts import PAPER, NoiseFacts, Span
 from realitygap.report.noise.figures import titled
-from realitygap.report.noise.results import Misfit
+from realitygap.report.noise.results import Misfit, real_misfits
 
 __all__ = [
-    "NoiseTable", "Number", "calibration_table", "claim_table", "fitness_table", "names_table",
-    "noise_tables", "paper_table", "peaks_table", "probability",
+    "NoiseTable", "Number", "Row", "calibration_table", "claim_table", "contrast_table", "effect_spans",
+    "fitness_table", "names_table", "noise_tables", "paper_table", "peaks_table", "probability",
 ]  # fmt: skip
 
 
@@ -103,35 +104,49 @@ def noise_tables(
 
 
 def claim_table(name: str, scope: str, finding: Finding) -> NoiseTable:
-    """A claim's contrasts: a row a level that the robot's is compared with."""
-    sets = [s.seed_set for s in finding.contrasts[0].sets]
-    robot = finding.contrasts[0].level
+    """A claim's contrasts."""
+    first = finding.contrasts[0]
+    count = f"{first.first} controllers" if finding.claim.key == "a" else (
+        f"{first.first} controllers evolved at {first.level:g} and as many at each other level"
+    )  # fmt: skip
+    title = (
+        f"({finding.claim.key}) {finding.claim.title}, {scope}: {finding.verdict}. {count}. "
+        "* decides the verdict."
+    )
+    return contrast_table(name, title, finding.contrasts, finding.coarse)
+
+
+def contrast_table(
+    name: str, title: str, contrasts: Sequence[Contrast], coarse: Sequence[float] = ()
+) -> NoiseTable:
+    """A row a level that the robot's is compared with; those that decide are marked."""
+    sets, robot = [s.seed_set for s in contrasts[0].sets], contrasts[0].level
     rows: list[Row] = []
-    for c in finding.contrasts:
-        effect = c.effect
-        delta = Span(effect.delta, *(effect.delta_interval or (math.nan, math.nan)))
-        gap = Span(effect.difference, *(effect.difference_interval or (math.nan, math.nan)))
+    for c in contrasts:
+        delta, gap = effect_spans(c.effect)
         rows.append((
-            f"{c.other:g}" + (" *" if c.other in finding.coarse else ""),
+            f"{c.other:g}" + (" *" if c.other in coarse else ""),
             Number(span=Span(c.means[0])), Number(span=Span(c.means[1])), Number(span=gap, signed=True),
             Number(span=delta, signed=True),
             *(Number(span=Span(s.effect.delta), signed=True) for s in c.sets),
             probability(c.effect.p), probability(c.p_holm), c.found,
         ))  # fmt: skip
-    first = finding.contrasts[0]
-    count = f"{first.first} controllers" if finding.claim.key == "a" else (
-        f"{first.first} controllers evolved at {robot:g} and as many at each other level"
-    )  # fmt: skip
     return NoiseTable(
         name=name,
-        title=f"({finding.claim.key}) {finding.claim.title}, {scope}: {finding.verdict}. {count}. "
-        "* decides the verdict.",
+        title=title,
         head=(
             "against level", f"mean at {robot:g}", "mean there", "difference", "Cliff's delta",
             *(f"delta, set {s}" for s in sets), "p", "p (Holm)", "found",
         ),
         rows=tuple(rows),
     )  # fmt: skip
+
+
+def effect_spans(effect: Effect) -> tuple[Span, Span]:
+    """Cliff's delta and the difference of means, each with its interval."""
+    none = (math.nan, math.nan)
+    delta = Span(effect.delta, *(effect.delta_interval or none))
+    return delta, Span(effect.difference, *(effect.difference_interval or none))
 
 
 def probability(p: float) -> str:
@@ -219,17 +234,21 @@ def paper_table(facts: NoiseFacts) -> NoiseTable:
 
 
 def calibration_table(calibration: Sequence[Misfit]) -> NoiseTable:
-    """Model error over noise, for each unit and channel; ▲ where noise can explain nothing."""
+    """Model error over noise, for each unit and channel, and beside them those of a real robot."""
+    real = real_misfits() if calibration else ()
     rows = tuple(
         (
-            str(m.unit), m.channel, Number(span=Span(m.model_error)), Number(span=Span(m.noise)),
-            Number(span=Span(m.ratio)), f"{m.limit:g}", "▲ noise can explain nothing" if m.too_far else "",
+            str(m.unit) if m.unit else "a real Khepera", m.channel, Number(span=Span(m.model_error)),
+            Number(span=Span(m.noise)), Number(span=Span(m.ratio)), f"{m.limit:g}",
+            "▲ model error exceeds noise" if m.too_far else "",
         )
-        for m in calibration
+        for m in (*calibration, *real)
     )  # fmt: skip
     return NoiseTable(
         name="calibration",
-        title="The calibrated simulations: model error over noise deviation, in counts. ▲: above the limit.",
+        title="The calibrated simulations: model error over noise deviation, in counts. ▲: above the limit, "
+        "so that the level of noise can explain nothing. Last, how near such a fit comes to a real robot: to "
+        "the tables behind the profile khepera.",
         head=("unit", "channel", "model error", "noise", "ratio", "limit", ""),
         rows=rows,
     )

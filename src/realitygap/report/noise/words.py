@@ -7,25 +7,43 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from realitygap.correspondence.claims import Contrast, Finding
-from realitygap.report.noise.facts import FitnessRow, NoiseFacts, Scope, Span
+from realitygap.report.noise.aside_words import (
+    CHANNELS,
+    effect_words,
+    ends_words,
+    falls_words,
+    home_words,
+    nearness_words,
+    shown,
+    split_words,
+)
+from realitygap.report.noise.facts import FitnessRow, NoiseFacts, Scope
 from realitygap.report.noise.figures import titled
 from realitygap.report.noise.results import Misfit
 
 __all__ = ["LIMITS", "Scales", "thoughts", "warnings"]
 
 LIMITS = (
-    "The robot is a twin: pseudo-reality. It shares neither code nor constants with the simulation, but "
-    "like it, it was made by people who had read the paper.",
+    "The robot is a twin: pseudo-reality. It shares no code with the simulation, but much else: sizes of "
+    "noise, the wheels' above all, gains and track have common sources, arena and starts are the same, and "
+    "its sensor laws were chosen within reach of what a calibration can fit. Both were made by people who "
+    "had read the paper.",
     "The twin's noise was set by us, to what a Khepera is believed to have. That a curve peaks at the "
     "twin's own level says how the score behaves, not how noisy a Khepera is.",
     "The score has not been validated by people who judged films. It was examined on ladders of known "
     "differences and on the order of the paper's phrases, and no more.",
-    "All controllers meet the same few units and starts: the intervals are over runs, not over robots.",
+    "Of each run only the champion was studied: the one that did best when the last population was tested "
+    "again in its own simulation. Testing again weeds out, at every level, those that were lucky once, and "
+    "may make champions of different levels more alike than what evolved there: it may work against claim "
+    "(b).",
+    "All controllers meet the same few units and starts, and the simulations that they evolved in come from "
+    "as few calibrations: intervals are over runs, not over robots, starts or calibrations.",
+    "Studies of one master seed begin with the same populations and starts: they do not replicate each "
+    "other.",
 )
 
 Scales = Mapping[str, tuple[float, str]]
 
-CHANNELS = {"infrared": "proximity", "ambient": "light"}
 CHANNEL_TASKS = {"infrared": "obstacle-avoidance", "ambient": "light-seeking"}
 
 _SENTENCES = {
@@ -38,26 +56,34 @@ _SENTENCES = {
 _WHAT = {
     "a": "Claim (a), that tracks look most like a simulation as noisy as the robot,",
     "b": "Claim (b), that in one simulation controllers evolved at the robot's noise score best,",
-    "c": "Claim (c), the paper's diagonal, each controller in the simulation that it was evolved in,",
+    "c": "Claim (c), the paper's diagonal, each controller against the simulations at the level that it was "
+    "evolved at,",
 }
 
 
-def thoughts(facts: NoiseFacts, settings: Mapping[str, Any], scales: Scales) -> list[str]:
+def thoughts(
+    facts: NoiseFacts, settings: Mapping[str, Any], scales: Scales, calibration: Sequence[Misfit]
+) -> list[str]:
     """What came out: a few sentences each on the study, the claims, noisiness and fitness.
 
     Args:
         facts: what the study says.
         settings: of its `study.toml`.
         scales: for each task what fitness is divided by, and the unit that remains.
+        calibration: how near the simulations come to the twin.
     """
     findings = facts.headline.findings
     said = [
         _opening(facts, settings),
         *(" ".join(_claim(facts, finding)) for finding in findings),
-        _together({f.claim.key: f.verdict for f in findings}),
+        split_words(facts.headline, findings[0].coarse),
+        home_words(facts.headline),
+        _together(findings),
+        ends_words(facts),
         _noisiness(facts.headline),
         " ".join([*_drops(facts, scales), _fitness(facts.fitness)]),
-        "The robot here is a twin, and its noise was set by us.",
+        falls_words(facts.falls),
+        " ".join([nearness_words(calibration), "The robot here is a twin, and its noise was set by us."]),
     ]
     return [thought.strip() for thought in said if thought]
 
@@ -106,23 +132,20 @@ def _claim(facts: NoiseFacts, finding: Finding) -> list[str]:
         low, high = f"{others[0]:.1f}", f"{others[-1]:.1f}"
         means = f"{low if low == high else f'{low} to {high}'} elsewhere, and no difference passes the tests"
     else:
-        means = ", ".join(f"{c.means[1]:.1f} at {c.other:g} ({_effect(c)})" for c in contrasts)
+        means = ", ".join(f"{c.means[1]:.1f} at {c.other:g} ({effect_words(c)})" for c in contrasts)
     said = [f"{head}, {means}."]
     better = [c for c in contrasts if c.found == "below"]
     if better:
         said.append(f"Reliably better than the robot's level: {_levels(better)}.")
     said += _disagreements(facts, finding)
+    if finding.verdict == "not supported":
+        said += [hidden for hidden in [_hidden(contrasts)] if hidden]
     top = facts.headline.curves[key].top
     levels = facts.data.levels
     if finding.verdict != "not supported" and math.isfinite(top.low):
         wide = top.low <= levels[0] and top.high >= levels[-1]
-        said.append("The curve has no clear peak." if wide else f"The curve peaks at {_span(top)}.")
+        said.append("The curve has no clear peak." if wide else f"The curve peaks at {shown(top)}.")
     return said
-
-
-def _effect(contrast: Contrast) -> str:
-    sign = f"delta {contrast.effect.delta:+.2f}".replace("-", "−")
-    return sign if contrast.found != "open" else f"{sign}, open"
 
 
 def _disagreements(facts: NoiseFacts, finding: Finding) -> list[str]:
@@ -149,30 +172,44 @@ def _levels(contrasts: Sequence[Contrast]) -> str:
     return f"level{'s' * (len(names) > 1)} {text}"
 
 
-def _together(verdicts: Mapping[str, str]) -> str:
-    """What the three verdicts mean beside each other."""
-    held = {key for key, word in verdicts.items() if word == "supported"}
+def _hidden(contrasts: Sequence[Contrast]) -> str:
+    """What an open comparison may hide: not shown is not none."""
+    wide = [
+        (max(map(abs, c.effect.difference_interval)), c.other)
+        for c in contrasts if c.found == "open" and c.effect.difference_interval
+    ]  # fmt: skip
+    if not wide:
+        return ""
+    most, other = max(wide)
+    return (
+        f"Not shown is not none: a difference of means of {most:.1f} points (against {other:g}) is not "
+        "excluded."
+    )
+
+
+def _together(findings: Sequence[Finding]) -> str:
+    """What the three verdicts mean beside each other; of what was not shown no more than that."""
+    held = {finding.claim.key for finding in findings if finding.verdict == "supported"}
     if held == {"a", "b", "c"}:
-        return "So both count: the simulation that a robot is compared with, and the one it was evolved in."
+        return "So both count: the simulation that a robot is compared with, and the level it was evolved at."
     if "b" in held:
         return "So what a controller was evolved under makes a difference to how well it transfers."
     if "a" in held:
-        diagonal = " The first alone makes the paper's diagonal." if "c" in held else ""
         return (
-            "So the simulation that a robot is held against counts; that controllers transfer better for "
-            f"having been evolved at the robot's noise was not shown.{diagonal}"
+            "So the simulation that a robot is held against counts. Whether controllers transfer better for "
+            "having been evolved at the robot's noise is open."
         )
     if "c" in held:
         return "So the paper's result appears again, but neither of its two explanations can be told from it."
-    if "in part" in verdicts.values():
-        return "So the paper's effect is borne out in part at most."
-    return "So the paper's effect is not borne out here by any of the three."
+    if any(finding.verdict == "in part" for finding in findings):
+        return "So the paper's effect was shown in part at most."
+    return "So the paper's effect was shown by none of the three; that does not show that there is none."
 
 
 def _noisiness(scope: Scope) -> str:
     top, means = scope.noisiness.top, scope.noisiness.means
     if math.isfinite(top.value):
-        return f"The twin is noisier than simulations below level {_span(top)}, less noisy than those above."
+        return f"The twin is noisier than simulations below level {shown(top)}, less noisy than those above."
     if (means > 0).all():
         return "The twin is noisier than the simulation at every level."
     return "The twin is less noisy than the simulation at every level." if (means < 0).all() else ""
@@ -182,7 +219,7 @@ def _fitness(rows: Sequence[FitnessRow]) -> str:
     """Which levels differ on the twin from the robot's level; not a claim, so it says so."""
     apart = [
         f"{titled(r.task).lower()} at {r.level:g} {'higher' if r.delta.value > 0 else 'lower'} "
-        f"(delta {_span(r.delta, signed=True)})"
+        f"(delta {shown(r.delta, signed=True)})"
         for r in rows
         if r.delta is not None and math.isfinite(r.delta.low) and r.delta.low * r.delta.high > 0
     ]
@@ -210,9 +247,3 @@ def _drops(facts: NoiseFacts, scales: Scales) -> list[str]:
             f"{f' ({unit})' if unit else ''}."
         )
     return said
-
-
-def _span(span: Span, *, signed: bool = False) -> str:
-    form = "+.2f" if signed else ".2f"
-    value, low, high = (f"{v:{form}}".replace("-", "−") for v in span)
-    return value if math.isnan(span.low) else f"{value} ({low} to {high})"

@@ -1,0 +1,105 @@
+"""Tables of what nobody had planned to ask: what the diagonal is made of, its home unit, ends, falls."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from realitygap.report.noise.facts import FAILED, SATURATED, NoiseFacts, Scope, Span
+from realitygap.report.noise.figures import titled
+from realitygap.report.noise.tables import NoiseTable, Number, Row, contrast_table, effect_spans
+
+__all__ = ["aside_tables"]
+
+
+def aside_tables(
+    facts: NoiseFacts, settings: Mapping[str, Any], scales: Mapping[str, tuple[float, str]]
+) -> dict[str, NoiseTable]:
+    """Every one, by its name; those of the home unit only where scores of it were kept."""
+    every = [split_table(scope, facts.data.robot) for scope in facts.scopes]
+    every += [home_table(scope, settings) for scope in facts.scopes if scope.home]
+    every += [ends_table(facts), falls_table(facts, scales)]
+    return {table.name: table for table in every}
+
+
+def split_table(scope: Scope, robot: float) -> NoiseTable:
+    """The diagonal's difference from each level, as steps of evolved and comparison level in both orders."""
+    rows: list[Row] = []
+    for split in scope.split:
+        steps = (
+            split.diagonal, split.evolved_first, split.comparison_after, split.evolved_after,
+            split.comparison_first,
+        )  # fmt: skip
+        spans = [effect_spans(step) for step in steps]
+        for which, word in ((1, "difference of means"), (0, "Cliff's delta")):
+            shown = [Number(span=pair[which], signed=True) for pair in spans]
+            rows.append((f"{split.other:g}", word, *shown))
+    return NoiseTable(
+        name=f"{scope.name.replace(' ', '-')}-split",
+        title=f"What the diagonal's difference between {robot:g} and each other level is made of, "
+        f"{scope.name}. Of means it is the sum of the first pair of columns, in which the evolved level "
+        "changes first, and of the second, in which the comparison level does; deltas do not add up.",
+        head=(
+            "against level", "measure", "diagonal", f"evolved level, judged at {robot:g}",
+            "+ comparison level, evolved there", "or: evolved level, judged there",
+            f"+ comparison level, evolved at {robot:g}",
+        ),
+        rows=tuple(rows),
+    )  # fmt: skip
+
+
+def home_table(scope: Scope, settings: Mapping[str, Any]) -> NoiseTable:
+    """Claim (c) against the very simulation that a controller was evolved in."""
+    first, starts = scope.home[0], settings.get("starts", "a unit's")
+    title = (
+        f"(c), home unit alone, {scope.name}: each controller on the unit that it was evolved for, against "
+        f"the simulation that it was evolved in. {first.first} controllers evolved at {first.level:g}, "
+        f"{', '.join(f'{c.second} at {c.other:g}' for c in scope.home)}. Not planned: Holm's correction is "
+        f"over these comparisons alone. The scale is that for {starts} pairs of trials: its floor is wider."
+    )
+    return contrast_table(f"{scope.name.replace(' ', '-')}-home", title, scope.home)
+
+
+def ends_table(facts: NoiseFacts) -> NoiseTable:
+    """Both ends of the scores behind claim (b): those that missed, and those that chance ranks."""
+    data, rows = facts.data, list[Row]()
+    for scope in facts.scopes:
+        part = data if scope.name not in data.tasks else data.part(task=scope.name)
+        for level in data.levels.tolist():
+            scores = part.at(part.robot)[part.evolved == level]
+            middle = Number(span=Span(float(np.median(scores))))
+            low, high = int((scores < FAILED).sum()), int((scores >= SATURATED).sum())
+            mean = Number(span=Span(float(scores.mean())))
+            rows.append((scope.name, f"{level:g}", len(scores), mean, middle, low, high))
+    return NoiseTable(
+        name="ends",
+        title=f"Scores against the simulation at {data.robot:g}, as in (b), by evolved level. From "
+        f"{SATURATED:g} on a score lies within the scale's floor, where ranks are mostly chance; means hang "
+        f"on the few below {FAILED:g}. So means and ranks may disagree.",
+        head=("tasks", "level", "controllers", "mean", "median", f"below {FAILED:g}",
+              f"{SATURATED:g} or more"),
+        rows=tuple(rows),
+    )  # fmt: skip
+
+
+def falls_table(facts: NoiseFacts, scales: Mapping[str, tuple[float, str]]) -> NoiseTable:
+    """How fitness on the twin falls from the home unit to the others, by evolved level."""
+    rows: list[Row] = []
+    for fall in facts.falls:
+        scale, unit = scales[fall.task]
+        places = 2 if scale != 1 else 3
+        name = titled(fall.task) + (f", {unit}" if unit else "")
+        for row in fall.rows:
+            shown = [Number(span=s, places=places, scale=scale) for s in (row.home, row.foreign, row.fall)]
+            rho = Number(span=fall.rho, signed=True) if row is fall.rows[0] else ""
+            rows.append((name, f"{row.level:g}", row.runs, *shown, rho))
+    return NoiseTable(
+        name="falls",
+        title="Not planned: fitness on the twin, on the home unit and on the others, by evolved level. Rho: "
+        "Spearman's, of evolved level and fall over the task's controllers, each fall less the mean of those "
+        "with the same home unit; below 0 the fall shrinks with noise.",
+        head=("task", "level", "runs", "home unit", "other units", "fall", "rho over all levels"),
+        rows=tuple(rows),
+    )
