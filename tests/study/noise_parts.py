@@ -14,7 +14,7 @@ import pytest
 from realitygap.controller.network import decode
 from realitygap.study.noise.config import NoiseConfig
 from realitygap.tasks.simulation import Simulation
-from realitygap.world.profile import load_profile
+from realitygap.world.profile import Profile, load_profile
 from realitygap.world.provenance import FittedChannel, Provenance
 
 TABLES = ("controllers.csv", "cells.csv", "calibration.csv")
@@ -39,10 +39,10 @@ class Path3(NamedTuple):
 
 
 class SimulatedStand:
-    """A unit of the twin as the simulation would have it, at the twin's dial."""
+    """A unit of the twin as its own simulation would have it, at the twin's dial; `profile` has the bands."""
 
     def __init__(self, task: Any, profile: Any, *, unit: int, twin_noise: float, **_: Any) -> None:
-        self.simulation = Simulation(task, profile, twin_noise)
+        self.simulation = Simulation(task, wearing(unit_profile(unit), profile), twin_noise)
         self.open = True
 
     def drive(self, genes: Any, layout: Any, stream: int, pose: Any, seconds: float | None = None) -> Path3:
@@ -58,19 +58,41 @@ class SimulatedStand:
         self.open = False
 
 
+def wearing(robot: Profile, own: Profile) -> Profile:
+    """A robot whose readings become inputs as `own` makes them."""
+    return replace(
+        robot,
+        infrared=replace(robot.infrared, bands=own.infrared.bands),
+        ambient=replace(robot.ambient, bands=own.ambient.bands),
+    )
+
+
+def unit_profile(unit: int) -> Profile:
+    """The paper's robot, with other sensors, wheels and bands for each unit."""
+    paper, more = load_profile("paper"), 1 + 0.15 * unit
+    near, light = paper.infrared, paper.ambient
+    return replace(
+        paper,
+        name=f"unit {unit}",
+        infrared=replace(
+            near,
+            bands=(near.bands[0], near.bands[1] + 10.0 * unit),
+            sensors=tuple(replace(one, a=one.a * more) for one in near.sensors),
+        ),
+        ambient=replace(light, sensors=tuple(replace(one, gain=one.gain * more) for one in light.sensors)),
+        wheels=replace(
+            paper.wheels,
+            speed_per_unit_cm_s=tuple(0.9 * more * speed for speed in paper.wheels.speed_per_unit_cm_s),
+        ),
+    )
+
+
 def unit_by_hand(folder: Path, *, unit: int, **_: Any) -> Path:
-    """A unit's profile without its recordings: the paper's robot with wider bands for each unit."""
-    paper = load_profile("paper")
-    low, high = paper.infrared.bands
+    """A unit's profile without its recordings."""
     fit = FittedChannel(
         channel="infrared", form="extended", rmse=20.0, model_error=9.0, noise=20.0, ratio=0.45
     )
-    made = replace(
-        paper,
-        name=f"unit {unit}",
-        infrared=replace(paper.infrared, bands=(low, high + 10.0 * unit)),
-        provenance=Provenance(base="paper", fits=(fit,)),
-    )
+    made = replace(unit_profile(unit), provenance=Provenance(base="paper", fits=(fit,)))
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "robot.toml").write_text(made.to_toml())
     return folder / "robot.toml"
