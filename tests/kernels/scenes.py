@@ -14,7 +14,6 @@ from realitygap.world.arena import Arena, Cylinder, Lamp, load_arena
 from realitygap.world.profile import Profile, load_profile
 from realitygap.world.sensors import AmbientSensor, ProximitySensor
 from tests.kernels.reference.rays import overlap
-from tests.kernels.reference.sensors import Hung
 
 PAPER = load_profile("paper")
 AVOIDANCE = load_arena("obstacle-avoidance")
@@ -108,28 +107,20 @@ def random_pose(random: np.random.Generator, arena: Arena, radius: float = RADIU
         x, y = random.uniform(radius, width - radius), random.uniform(radius, depth - radius)
         if random.random() < 0.33:
             x = random.choice([radius, width - radius, x])
-        if overlap(arena, x, y, radius) <= 0 and not _under_a_lamp(arena, x, y, radius):
+        if overlap(arena, x, y, radius) <= 0:
             return x, y, random.uniform(-7, 7)
     return None
 
 
-def _under_a_lamp(arena: Arena, x: float, y: float, radius: float) -> bool:
-    """A lamp's point lies within the body, where no shadow is defined."""
-    return any(math.dist(point, (x, y)) < radius for lamp in arena.lamps for point in lamp.points())
-
-
 def random_scenes(seed: int, count: int, *, robots: bool = True):
-    """`count` times (profile, arena, pose), no lamp within a cylinder."""
+    """`count` times (profile, arena, pose)."""
     random = np.random.default_rng(seed)
     made = 0
     while made < count:
         profile = random_profile(random) if robots and made % 4 else PAPER
         arena = random_arena(random)
-        hung = [point for lamp in arena.lamps for point in Hung(lamp, profile.ambient, arena).points()]
-        inside = any(c.covers(*point) for point in hung for c in arena.cylinders)
         pose = random_pose(random, arena)
-        under = pose is not None and any(math.dist(point, pose[:2]) < RADIUS for point in hung)
-        if pose is not None and not inside and not under:
+        if pose is not None:
             made += 1
             yield profile, arena, pose
 

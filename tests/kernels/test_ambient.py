@@ -10,8 +10,8 @@ import pytest
 
 from realitygap.world.arena import Cylinder, Lamp
 from tests.kernels.reference import sensors as reference
-from tests.kernels.reference.rays import place_and_direction
-from tests.kernels.scenes import EMPTY, PAPER, SEEKING, random_pose, random_scenes, readings
+from tests.kernels.reference.rays import overlap, place_and_direction
+from tests.kernels.scenes import EMPTY, PAPER, RADIUS, SEEKING, random_pose, random_scenes, readings
 
 FULL = 4.19 + 4.24 + 8.24 + 4.24 + 4.19 - 4.15
 LAMP = Lamp(x_cm=50, y_cm=50)
@@ -48,6 +48,31 @@ def test_agrees_where_evolution_happens():
         pose = random_pose(random, SEEKING)
         _, got = readings(PAPER, SEEKING, pose)
         np.testing.assert_allclose(got, reference.ambient(PAPER, SEEKING, pose), rtol=1e-9)
+
+
+def test_agrees_over_a_lamp():
+    """A body that stands over points of a lamp shades whatever they would light."""
+    random = np.random.default_rng(5)
+    judged = 0
+    for profile, arena, pose in random_scenes(seed=6, count=200):
+        if not arena.lamps:
+            continue
+        lamp = arena.lamps[random.integers(len(arena.lamps))]
+        x, y = np.add(lamp.points()[random.integers(5)], random.uniform(-2, 2, 2)).tolist()
+        if overlap(arena, x, y, RADIUS) <= 0:
+            over = (x, y, pose[2])
+            _, got = readings(profile, arena, over)
+            np.testing.assert_allclose(got, reference.ambient(profile, arena, over), rtol=1e-9)
+            judged += 1
+    assert judged > 50
+
+
+def test_against_the_wall_beneath_the_lamp():
+    """A body over the whole lamp keeps its light from every wall, in whatever direction it falls."""
+    lamp = {"lamp_narrow": 1.0, "lamp_proud_cm": 0.6}
+    robot = replace(PAPER, ambient=replace(PAPER.ambient, **lamp))
+    _, got = readings(robot, SEEKING, (107.0, 35.0, 0.0))
+    assert (got == 484).all()
 
 
 def test_full_light_is_20_95():

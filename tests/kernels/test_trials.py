@@ -53,7 +53,7 @@ def test_agrees_with_the_reference(name, level):
 @pytest.mark.parametrize("feeds", ["proximity", "ambient"])
 def test_agrees_in_other_rooms_with_other_robots(feeds):
     """The same in a room with inner walls and lamps, for robots with sensors of their own."""
-    random = np.random.default_rng(28)  # no robot drives over a lamp, where no shadow is defined
+    random = np.random.default_rng(28)
     contacts = 0
     for k in range(5):
         profile = random_profile(random)
@@ -125,7 +125,7 @@ def test_mirror_symmetry(feeds):
         start=replace(TASKS["obstacle-avoidance"].start, x_cm=22, y_cm=24),
     )  # fmt: skip
     other = replace(task, arena=mirrored_arena(CROWDED), start=replace(task.start, y_cm=45 - 24))
-    random = np.random.default_rng(28)  # no robot drives over a lamp, where no shadow is defined
+    random = np.random.default_rng(28)
     contacts = 0
     for genes in networks(25):
         x, y, heading = 22.0, 24.0, random.uniform(-3, 3)

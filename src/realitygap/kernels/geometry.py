@@ -107,10 +107,17 @@ def see(arena, rays, k, px, py, c, s, ray_x, ray_y, inverse):
 
 
 @step
+def covers(wx, wy, radius):
+    """Whether a circle at (wx, wy) from a point lies over it."""
+    return wx * wx + wy * wy < radius * radius
+
+
+@step
 def circle_blocks(wx, wy, ex, ey, radius):
     """1.0 if the line from a point along (ex, ey) passes through the circle at (wx, wy) from it.
 
-    No division: the centre's distance to the line, |w × e| / |e|, is compared squared.
+    Not if it ends within the circle: `covers` tells that, once for all lines that end there. No
+    division: the centre's distance to the line, |w × e| / |e|, is compared squared.
     """
     ahead = wx * ex + wy * ey
     aside = wx * ey - wy * ex

@@ -2,7 +2,7 @@
 
 import math
 
-from realitygap.kernels.geometry import GRAZE, circle_blocks, see, segment_blocks
+from realitygap.kernels.geometry import GRAZE, circle_blocks, covers, see, segment_blocks
 from realitygap.kernels.jit import step
 from realitygap.kernels.params import LAMP_POINTS, LANES, RAYS
 
@@ -41,6 +41,8 @@ def light_on_surfaces(robot, arena, lamp, work):
             work.far[i] += math.sqrt(ex * ex + ey * ey)
             hidden = circle_blocks(x - work.end_x[i], y - work.end_y[i], ex, ey, robot.radius)
             work.hidden[i] = hidden
+        if covers(x - lx, y - ly, robot.radius):
+            work.hidden[:] = 1.0
         hide_behind_obstacles(arena, lx, ly, 0, work.light.shape[0], work)
         for i in range(work.light.shape[0]):
             work.light[i] += weight * (1.0 - work.hidden[i])
@@ -61,11 +63,30 @@ def hide_behind_obstacles(arena, lx, ly, a, b, work):
             hx = end_x[i]
             hy = end_y[i]
             hidden[i] = max(hidden[i], circle_blocks(cx - hx, cy - hy, lx - hx, ly - hy, radius))
+        if covers(cx - lx, cy - ly, radius):
+            hidden[:] = 1.0
     for j in range(arena.segments.shape[0]):
         for i in range(b - a):
             hx = end_x[i]
             hy = end_y[i]
             hidden[i] = max(hidden[i], segment_blocks(arena, j, hx, hy, lx - hx, ly - hy))
+
+
+@step
+def obstacles_hide(arena, px, py, lx, ly):
+    """1.0 if an obstacle keeps a sensor at (px, py) from a lamp's point (lx, ly)."""
+    ex = lx - px
+    ey = ly - py
+    hidden = 0.0
+    for j in range(arena.cylinders.shape[0]):
+        cx = arena.cylinders[j, 0]
+        cy = arena.cylinders[j, 1]
+        radius = arena.cylinders[j, 2]
+        blocked = circle_blocks(cx - px, cy - py, ex, ey, radius)
+        hidden = max(hidden, 1.0 if covers(cx - lx, cy - ly, radius) else blocked)
+    for j in range(arena.segments.shape[0]):
+        hidden = max(hidden, segment_blocks(arena, j, px, py, ex, ey))
+    return hidden
 
 
 @step
@@ -77,16 +98,13 @@ def light_on_sensor(arena, lamp, px, py, fx, fy):
     total = arena.lamp_offset[lamp]
     far = 0.0
     for p in range(LAMP_POINTS):
-        ex = arena.lamp_points[lamp, p, 0] - px
-        ey = arena.lamp_points[lamp, p, 1] - py
+        lx = arena.lamp_points[lamp, p, 0]
+        ly = arena.lamp_points[lamp, p, 1]
+        ex = lx - px
+        ey = ly - py
         far += math.sqrt(ex * ex + ey * ey)
         hidden = 0.0 if ex * fx + ey * fy >= 0.0 else 1.0
-        for j in range(arena.cylinders.shape[0]):
-            wx = arena.cylinders[j, 0] - px
-            wy = arena.cylinders[j, 1] - py
-            hidden = max(hidden, circle_blocks(wx, wy, ex, ey, arena.cylinders[j, 2]))
-        for j in range(arena.segments.shape[0]):
-            hidden = max(hidden, segment_blocks(arena, j, px, py, ex, ey))
+        hidden = max(hidden, obstacles_hide(arena, px, py, lx, ly))
         total += arena.lamp_weights[lamp, p] * (1.0 - hidden)
     d = max(far * (1.0 / LAMP_POINTS), 1e-3)
     return max(total, 0.0) / (d * d)

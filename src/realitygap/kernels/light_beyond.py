@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from realitygap.kernels.geometry import circle_blocks, from_segment, segment_blocks
+from realitygap.kernels.geometry import circle_blocks, covers, from_segment
 from realitygap.kernels.jit import step
 from realitygap.kernels.light import (
     FACING,
@@ -23,6 +23,7 @@ from realitygap.kernels.light import (
     hide_behind_obstacles,
     light_on_sensor,
     look,
+    obstacles_hide,
     reflected_light,
 )
 from realitygap.kernels.params import LAMP_POINTS, RAYS
@@ -87,12 +88,7 @@ def light_under_an_angle(robot, arena, lamp, px, py, fx, fy):
         far += d
         cosine = (ex * fx + ey * fy) / d
         hidden = 0.0 if cosine >= 0.0 else 1.0
-        for j in range(arena.cylinders.shape[0]):
-            wx = arena.cylinders[j, 0] - px
-            wy = arena.cylinders[j, 1] - py
-            hidden = max(hidden, circle_blocks(wx, wy, ex, ey, arena.cylinders[j, 2]))
-        for j in range(arena.segments.shape[0]):
-            hidden = max(hidden, segment_blocks(arena, j, px, py, ex, ey))
+        hidden = max(hidden, obstacles_hide(arena, px, py, lx, ly))
         total += weight * (1.0 - hidden)
         ahead += (1.0 - hidden) * cosine
         seen += 1.0 - hidden
@@ -193,6 +189,8 @@ def light_walls(robot, arena, lamp, a, b, work):
             far[i] += d
             slant[i] += max(ex * normal_x[i] + ey * normal_y[i], 0.0) / d
             hidden[i] = circle_blocks(x - end_x[i], y - end_y[i], ex, ey, robot.radius)
+        if covers(x - lx, y - ly, robot.radius):
+            hidden[:] = 1.0
         hide_behind_obstacles(arena, lx, ly, a, b, work)
         for i in range(b - a):
             light[i] += weight * (1.0 - hidden[i])
