@@ -12,6 +12,7 @@ from realitygap.report import page, words
 from realitygap.report.arenas import arena_figure
 from realitygap.report.calibrated import calibrated_part
 from realitygap.report.curves import curves_figure
+from realitygap.report.few_runs import few_figure, few_sentences, few_words, shows_few
 from realitygap.report.gather import (
     PER_CONDITION,
     Paths,
@@ -22,13 +23,14 @@ from realitygap.report.gather import (
     parts_of,
     path_of,
 )
+from realitygap.report.lead import is_paper
 from realitygap.report.network import network_figure
 from realitygap.report.page import Card, Section
 from realitygap.report.paths import panels_figure, sheet_figure
 from realitygap.report.player import player_data, player_json
 from realitygap.report.reading import read_table
 from realitygap.report.robots import robot_figure
-from realitygap.report.scores import score_tables, write_scores
+from realitygap.report.scores import ScoreTable, score_tables, write_scores
 from realitygap.report.situated import SituatedPart, count_figures, make_situated
 from realitygap.report.statistics import mean_of
 from realitygap.report.style import inline_svg, save_figure, styled
@@ -67,9 +69,12 @@ def build_report(study_path: str | Path, *, on_progress: Progress | None = None)
         (folder / name).mkdir(parents=True, exist_ok=True)
     parts = parts_of(study)
     pairs = pairs_of(study, parts)
-    total = 2 + sum(_count(part) + count_figures(pairs[part.task.name]) for part in parts)
+    total = 2 + sum(_count(part) + count_figures(pairs[part.task.name]) + 1 for part in parts)
     marks = marks_of(study)
-    maker = _Maker(folder=folder, study=study, pairs=pairs, marks=marks, tell=on_progress, total=total)
+    maker = _Maker(
+        folder=folder, study=study, pairs=pairs, marks=marks, tell=on_progress, total=total,
+        paper=is_paper(study, parts),
+    )  # fmt: skip
     with styled():
         robot = maker.card("robot", lambda: robot_figure(study.profile), **words.robot_words(study.profile))
         sections = [maker.section(part) for part in parts]
@@ -95,6 +100,7 @@ class _Maker:
     study: Any
     pairs: Mapping[str, Sequence[Pair]]
     marks: Sequence[Mark]
+    paper: bool
     tell: Progress | None
     total: int
     done: int = 0
@@ -131,12 +137,15 @@ class _Maker:
         )
         situated = self._situated(part, labels[2])
         whole = situated is not None and situated.stands_for(part)
+        few = next((one for one in scores if self.paper and shows_few(one)), None)
         return Section(
             task=task,
             arena=arena,
             table=table,
             scores=scores,
             score_label=labels[3],
+            few=None if few is None else self._few(few),
+            few_sentences=[] if few is None else few_sentences(few),
             sentences=[
                 *(words for one in scores for words in read_scores(one)),
                 *read_table(table),
@@ -148,6 +157,10 @@ class _Maker:
             sheet=self._sheet(part),
             networks=self._networks(part),
         )
+
+    def _few(self, table: ScoreTable) -> Card:
+        told = few_words(table, self.study.config.evaluations)
+        return self.card(f"{table.task}-few", lambda: few_figure(table), **told)
 
     def player(self, parts: Sequence[TaskPart]) -> str:
         """What the page's player knows; nothing where no run has been begun."""

@@ -48,6 +48,8 @@ class Section:
     table: Table
     scores: list[ScoreTable]
     score_label: str
+    few: Card | None
+    few_sentences: list[str]
     sentences: list[str]
     networks: list[tuple[Card, bool]]
 
