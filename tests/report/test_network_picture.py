@@ -90,6 +90,12 @@ def test_a_picture_names_weights_delays_and_thresholds(hidden: float, feeds: str
 
 
 def test_networks_of_other_sizes_can_be_drawn() -> None:
-    """Four inputs, of which one is fed nothing."""
+    """Four inputs at the sensors that feed them, by name; the one that is fed nothing beside the robot."""
     with styled():
-        network_figure(random_genes(2, slots=10, inputs=4), PROFILE, inputs=4, sensors=(2, 5, 7, -1))
+        figure = network_figure(random_genes(2, slots=10, inputs=4), PROFILE, inputs=4, sensors=(2, 5, 7, -1))
+    names = [text for text in figure.axes[0].texts if text.get_text()[0] not in "θ+−"]
+    assert [text.get_text() for text in names[:6]] == ["2", "5", "7", "–", "L", "R"]
+    for text, sensor in zip(names, (2, 5, 7), strict=False):
+        forward, left = ROBOT.proximity_place[sensor]
+        assert text.get_position() == pytest.approx((-left, forward))
+    assert np.hypot(*names[3].get_position()) > ROBOT.radius
