@@ -7,7 +7,7 @@ correspondence are of its transfers, trial by trial from the same poses.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -123,7 +123,8 @@ class Job:
         files = [folder / "study.toml", folder / "profile.toml", folder / f"arenas/{self.run.task}.toml"]
         files += [one.folder / name for one in self.transfers for name in ("simulated.csv", "situated.csv")]
         tests = self.run.tests.get((self.individual, self.run.noise), np.zeros(0)).tobytes()
-        return digest([self.run.name, self.individual, self.kind, number, scale], tests, files)
+        columns = [field.name for field in fields(Mark)]
+        return digest([self.run.name, self.individual, self.kind, number, scale, columns], tests, files)
 
     def mark(self) -> Mark:
         """Name it, score it, compare it."""

@@ -19,15 +19,18 @@ MARKS = "marks.json"
 
 
 class Kept:
-    """The marks in a folder's file; a file that is broken or cannot be written is done without."""
+    """The marks in a folder's file, each with a checksum.
+
+    What is broken or was edited is computed anew; a file that cannot be written is done without.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._file = folder / MARKS
         self._marks: dict[str, dict[str, Any]] = {}
-        with contextlib.suppress(OSError, ValueError):
+        with contextlib.suppress(OSError, ValueError, RecursionError):
             there = json.loads(self._file.read_text("utf-8"))
-            if isinstance(there, dict) and all(isinstance(mark, dict) for mark in there.values()):
-                self._marks = there
+            if isinstance(there, dict):
+                self._marks = {key: kept["mark"] for key, kept in there.items() if _is_sound(kept)}
         self._changed = False
 
     def get(self, key: str) -> dict[str, Any] | None:
@@ -40,12 +43,21 @@ class Kept:
         self._changed = True
 
     def save(self, wanted: Collection[str]) -> None:
-        """Write the file, without what nobody asks for any more."""
-        if not self._changed:
+        """Write the file, without what nobody asks for any more; not through a link."""
+        if not self._changed or self._file.is_symlink():
             return
-        text = json.dumps({key: mark for key, mark in self._marks.items() if key in wanted}, indent=1)
+        kept = {k: {"mark": mark, "check": _check(mark)} for k, mark in self._marks.items() if k in wanted}
         with contextlib.suppress(OSError):
-            whole.write(self._file, text)
+            whole.write(self._file, json.dumps(kept, indent=1))
+
+
+def _is_sound(kept: object) -> bool:
+    """Whether this is a mark as it was kept."""
+    return isinstance(kept, dict) and "mark" in kept and kept.get("check") == _check(kept["mark"])
+
+
+def _check(mark: object) -> str:
+    return hashlib.blake2b(json.dumps(mark).encode(), digest_size=8).hexdigest()
 
 
 def digest(words: Iterable[object], data: bytes, paths: Iterable[Path]) -> str:
