@@ -1,6 +1,7 @@
 """What tests of several rooms need."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -9,6 +10,15 @@ from tests.browser import NAMES, Browser, find_browser
 
 settings.register_profile("patient", deadline=None)  # a loaded machine is slow, and no test fails on that
 settings.load_profile("patient")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def state_home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Where task files are trusted, for as long as the tests last: not in the user's own list."""
+    with pytest.MonkeyPatch.context() as patch:
+        home = tmp_path_factory.mktemp("state")
+        patch.setenv("XDG_STATE_HOME", str(home))
+        yield home
 
 
 @pytest.fixture(scope="session")

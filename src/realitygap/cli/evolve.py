@@ -95,6 +95,12 @@ def _conditions(config: StudyConfig, task: str, noise: float | None) -> tuple[Co
 
     if noise is not None:
         return (Condition(task=task, noise=noise),)
-    name = load_task(task).name
-    same = tuple(c for c in config.conditions if load_task(c.task).name == name)
-    return same or (Condition(task=task),)
+
+    def same(other: str) -> bool:
+        """By what it is called: a configuration's task files are not run to find that out."""
+        if task.endswith(".py") or other.endswith(".py"):
+            return Path(other).name == Path(task).name
+        return load_task(other) is load_task(task)
+
+    levels = [c.noise for c in config.conditions if same(c.task)]
+    return tuple(Condition(task=task, noise=level) for level in levels or [Condition(task=task).noise])

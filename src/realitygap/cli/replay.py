@@ -18,6 +18,7 @@ from realitygap.cli.options import (
 )
 from realitygap.cli.output import print_json
 from realitygap.cli.scene import Scene, print_path
+from realitygap.cli.trust import ask_trust, trust_option
 
 if TYPE_CHECKING:
     from realitygap.cli.options import Numbers
@@ -44,6 +45,7 @@ __all__ = ["replay"]
 @click.option("--seconds", type=SECONDS, metavar="S", help="Length [default: the task's own].")
 @click.option("--picture", type=PICTURE, metavar="FILE", help="Draw the path there (.png, .svg or .pdf).")
 @click.option("--animation", type=FILM, metavar="FILE", help="Animate the trial there (.gif or .mp4).")
+@trust_option
 @as_json
 def replay(
     study: str,
@@ -56,6 +58,7 @@ def replay(
     seconds: float | None,
     picture: Path | None,
     animation: Path | None,
+    trust: bool,
     json_output: bool,
 ) -> None:
     """Let an individual of a run live again.
@@ -72,6 +75,7 @@ def replay(
     from realitygap.controller.network import decode
     from realitygap.study.load import load_study
 
+    ask_trust(study, trust)
     loaded = load_study(study)
     one = loaded.run(run)
     who, genes = _individual(loaded, one, individual)
@@ -94,9 +98,7 @@ def replay(
             click.echo(f"saved {made}")
 
 
-def _scene(
-    study: Study, run: Run, profile: str | None, noise: float | None, pose: Numbers | None
-) -> Scene:
+def _scene(study: Study, run: Run, profile: str | None, noise: float | None, pose: Numbers | None) -> Scene:
     """The run's own task and robot; another robot, level of noise or pose if one is given."""
     from realitygap.world.profile import load_profile
 

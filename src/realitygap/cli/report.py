@@ -7,14 +7,16 @@ import click
 from realitygap.cli.options import as_json
 from realitygap.cli.output import print_json
 from realitygap.cli.progress import ProgressLine
+from realitygap.cli.trust import ask_trust, trust_option
 
 __all__ = ["report"]
 
 
 @click.command()
 @click.argument("study", type=click.Path())
+@trust_option
 @as_json
-def report(study: str, json_output: bool) -> None:
+def report(study: str, trust: bool, json_output: bool) -> None:
     """Make the report of STUDY again.
 
     STUDY is a folder; its page, figures and tables are made from its database.
@@ -28,6 +30,7 @@ def report(study: str, json_output: bool) -> None:
     from realitygap.study.load import load_study
     from realitygap.study.marks import marks_of
 
+    ask_trust(study, trust)
     with ProgressLine() as progress:
         loaded = load_study(study)
         marks_of(loaded, on_progress=progress.marks)

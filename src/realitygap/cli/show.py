@@ -11,6 +11,7 @@ from realitygap import whole
 from realitygap.cli.kinds import PICTURE
 from realitygap.cli.options import as_json
 from realitygap.cli.output import print_json, print_table
+from realitygap.cli.trust import trust_option
 
 if TYPE_CHECKING:
     from realitygap.controller.layout import Genes
@@ -23,8 +24,9 @@ __all__ = ["describe", "print_runs", "show"]
 @click.argument("study", type=click.Path())
 @click.argument("run", required=False)
 @click.option("--picture", type=PICTURE, metavar="FILE", help="Draw the network of RUN's champion there.")
+@trust_option
 @as_json
-def show(study: str, run: str | None, picture: Path | None, json_output: bool) -> None:
+def show(study: str, run: str | None, picture: Path | None, trust: bool, json_output: bool) -> None:
     """Show the runs of STUDY, or one of them.
 
     STUDY is a folder. RUN is a number or a name such as obstacle-avoidance/observed/1; its
@@ -38,7 +40,7 @@ def show(study: str, run: str | None, picture: Path | None, json_output: bool) -
     """
     from realitygap.study.load import load_study
 
-    loaded = load_study(study)
+    loaded = load_study(study, trust=trust)  # only a study of format 1 needs it
     runs = loaded.runs if run is None else [loaded.run(run)]
     if picture is not None:
         if run is None:
@@ -114,15 +116,16 @@ def _draw(study: Study, run: Run, picture: Path) -> None:
     genes = run.champion if run.champion is not None else run.fittest
     if genes is None:
         raise click.BadParameter(f"run {run.id} has no individual yet to draw.", param_hint="'--picture'")
-    task = study.task(run.task)
+    facts = study.facts(run.task)
+    sensors = facts["sensors"]
     with styled():
         figure = network_figure(
             genes,
             study.profile,
             title=run.name,
-            feeds=task.feeds,
-            sensors=task.sensors,
-            inputs=len(task.sensors),
+            feeds=facts["feeds"],
+            sensors=sensors,
+            inputs=len(sensors),
         )
         with whole.named(picture):
             figure.savefig(picture, dpi=200)

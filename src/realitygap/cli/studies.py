@@ -101,9 +101,6 @@ def print_scores(tables: Sequence[ScoreTable]) -> None:
 
 def interrupted_config(folder: Path, resume: bool) -> StudyConfig | None:
     """What the study in `folder` was made with, if it is to be resumed and there is one."""
-    from realitygap.study.config import StudyConfig
-    from realitygap.study.folder import CONFIG, exists
+    from realitygap.study.folder import exists, own_config
 
-    if not resume or not exists(folder):
-        return None
-    return StudyConfig.from_toml(folder / CONFIG)
+    return own_config(folder) if resume and exists(folder) else None

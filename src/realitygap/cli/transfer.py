@@ -15,6 +15,7 @@ from realitygap.cli.kinds import SECONDS, Whole
 from realitygap.cli.options import as_json, baud_option, seed_option, twin_noise_option, workers_option
 from realitygap.cli.output import print_json, print_table
 from realitygap.cli.progress import ProgressLine
+from realitygap.cli.trust import ask_trust, trust_option
 from realitygap.errors import RobotStoppedError, StudyInterruptedError
 
 if TYPE_CHECKING:
@@ -92,6 +93,7 @@ SIDES = (
 @click.option("--seconds", type=SECONDS, metavar="S", help="Length of a trial [default: the task's own].")
 @baud_option()
 @workers_option
+@trust_option
 @as_json
 def transfer(
     study: str,
@@ -109,6 +111,7 @@ def transfer(
     seconds: float | None,
     baud: str,
     workers: int | None,
+    trust: bool,
     json_output: bool,
 ) -> None:
     """Let individuals of STUDY drive a robot.
@@ -126,6 +129,7 @@ def transfer(
     from realitygap.study.load import load_study
     from realitygap.study.transfer.run import transfer as carry_over
 
+    ask_trust(study, trust)
     try:
         with TransferLine() as progress:
             made = carry_over(

@@ -38,6 +38,7 @@ from realitygap.report.tables import NoiseClass, Row, Table, write_csv
 from realitygap.report.transfers import Pair, pairs_of
 from realitygap.report.words_scores import read_scores
 from realitygap.study.marks import Mark, marks_of
+from realitygap.study.sources import refuse_links
 
 __all__ = ["build_report"]
 
@@ -65,6 +66,7 @@ def build_report(study_path: str | Path, *, on_progress: Progress | None = None)
 
     study = load_study(study_path)
     folder = Path(study_path) / "report"
+    refuse_links(folder)
     for name in ("figures", "tables"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     parts = parts_of(study)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import platform
 import sqlite3
+import tomllib
 from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 from realitygap import whole
@@ -14,18 +15,38 @@ from realitygap.errors import StudyBusyError, StudyError
 from realitygap.study.commit import project_commit
 from realitygap.study.config import StudyConfig
 from realitygap.study.machine import processor
-from realitygap.study.materials import Materials, gather
+from realitygap.study.materials import Materials, gather, own, task_files
 from realitygap.study.plan import plans
+from realitygap.study.reader import DATABASE, Reader
 from realitygap.study.schema import told
 from realitygap.study.settings import difference
-from realitygap.study.store import DATABASE, create
+from realitygap.study.sources import EDITED, changed, inside, refuse_edited, refuse_links
+from realitygap.study.store import create
+from realitygap.study.trust import agree_to, strange
 from realitygap.toml import to_toml
+from realitygap.world.profile import Profile, load_profile
 
-__all__ = ["exists", "lock", "open_folder", "open_to_begin", "read_config", "read_materials", "versions"]
+__all__ = [
+    "CONFIG",
+    "LOCK",
+    "agree",
+    "exists",
+    "lock",
+    "open_folder",
+    "open_to_begin",
+    "own_config",
+    "programs",
+    "read_config",
+    "read_materials",
+    "read_profile",
+    "take_back",
+    "versions",
+]
 
 CONFIG = "study.toml"
 LOCK = "study.lock"
 OURS = {CONFIG, LOCK, "profile.toml", "arenas", "tasks", "report", "reproduce.toml", "calibration"}
+OURS |= {"reproduce.tmp"}  # of earlier versions
 """What a study that was killed while it was being made may have left."""
 
 _HEADER = """\
@@ -51,19 +72,40 @@ def open_folder(folder: Path, wished: Materials | None, *, resume: bool) -> Mate
             open_to_begin(folder)
         if wished is not None:
             _refuse_difference(folder, wished)
+            _agree(wished)
         return read_materials(folder)
     if wished is None:
         raise StudyError(f"{folder} holds no study ({DATABASE} is missing). Give the folder of a study.")
     _refuse_strangers(folder)
+    for task in wished.tasks:
+        if task.source is not None:
+            task.compiled_score()  # before anything is written, and the user's own file is blamed
+    _agree(wished)
     local, files = wished.copies()
+    sources = {**files, CONFIG: _text(local).encode()}
     with told(folder):
-        for name, content in {**files, CONFIG: _text(local).encode()}.items():
+        for name, content in sources.items():
             path = folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
             whole.write(path, content)
-    trials = max(task.trials for task in wished.tasks)
-    create(folder / DATABASE, plans(wished), trials)
+    create(folder / DATABASE, plans(wished), wished.tasks, sources)
     return read_materials(folder)
+
+
+def take_back(folder: Path, wished: Materials) -> None:
+    """Remove a study that was begun just now and failed before an evaluation of it was kept."""
+    if exists(folder):
+        with Reader(folder / DATABASE).reading() as database:
+            if database.execute("SELECT sum(evaluations) FROM run").fetchone()[0]:
+                return
+    files = [folder / name for name in wished.copies()[1]]
+    made = [folder / f"{DATABASE}{end}" for end in ("", "-wal", "-shm")]
+    for path in (*made, folder / CONFIG, *files):
+        path.unlink(missing_ok=True)
+    folders = {parent for path in files for parent in path.relative_to(folder).parents} - {Path()}
+    for name in sorted(folders, reverse=True):
+        with suppress(OSError):  # something else is in it
+            (folder / name).rmdir()
 
 
 def open_to_begin(folder: Path) -> None:
@@ -90,12 +132,64 @@ def read_config(folder: Path) -> StudyConfig:
         raise StudyError(f"{folder}: {what}. Give a study's folder, such as --out made it.")
     if not path.is_file():
         raise StudyError(f"{path}: missing. Restore it from a copy: the study cannot be read without it.")
-    return StudyConfig.from_toml(path, local=True)
+    there = StudyConfig.from_toml(path, local=True)
+    sources = Reader(folder / DATABASE).sources()
+    if sources is not None:
+        made = StudyConfig.from_dict(tomllib.loads(sources[CONFIG].decode()))
+        found = difference(_decisive(made.to_dict()), _decisive(there.to_dict()))
+        if found is not None:
+            key, was, now = found
+            raise StudyError(
+                f"{path} was edited since the study was made: {key} was {was!r}, now {now!r}. {EDITED}"
+            )
+    return there
+
+
+def own_config(folder: Path) -> StudyConfig:
+    """The same with the study's files by their whole paths.
+
+    Raises:
+        StudyError, ConfigError: as of `read_config`; or a file is missing or leads elsewhere.
+    """
+    return own(read_config(folder), folder)
 
 
 def read_materials(folder: Path) -> Materials:
-    """A study's robot, tasks and arenas, from its own copies."""
-    return gather(read_config(folder), folder)
+    """A study's robot, tasks and arenas, from its own copies; task files are run for it.
+
+    Raises:
+        StudyError: a copy is missing or was edited since, or is a program that is not trusted.
+    """
+    config = read_config(folder)
+    sources = Reader(folder / DATABASE).sources() or {}
+    refuse_edited(folder, {name: was for name, was in sources.items() if name != CONFIG})
+    return gather(config, folder)
+
+
+def read_profile(folder: Path) -> Profile:
+    """A study's robot, from its own copy; no task file is run.
+
+    Raises:
+        StudyError: the copy is missing or was edited since.
+    """
+    config = read_config(folder)
+    sources = Reader(folder / DATABASE).sources() or {}
+    refuse_edited(folder, {name: was for name, was in sources.items() if name == config.profile})
+    return load_profile(inside(folder, config.profile))
+
+
+def programs(folder: Path) -> list[Path]:
+    """The task files that a study brings and that this user has not agreed to run.
+
+    Raises:
+        StudyError, ConfigError: as of `own_config`.
+    """
+    return strange(task_files(own_config(folder)))
+
+
+def agree(folder: Path) -> None:
+    """Run the task files that a study brings from now on, whoever wrote them."""
+    agree_to(path.read_bytes() for path in programs(folder))
 
 
 @contextmanager
@@ -108,9 +202,11 @@ def lock(folder: Path) -> Iterator[None]:
     """
     from filelock import FileLock, Timeout
 
+    file, new = folder / LOCK, not (folder / LOCK).exists()
     with told(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        held = FileLock(folder / LOCK, timeout=0)
+        refuse_links(file)
+        held = FileLock(file, timeout=0)
         try:
             held.acquire()
         except Timeout:
@@ -123,6 +219,12 @@ def lock(folder: Path) -> Iterator[None]:
             raise StudyError(f"{folder}: {reason}. Choose another --out.") from None
     try:
         yield
+    except Exception:
+        if new:  # a start that failed leaves nothing behind
+            file.unlink(missing_ok=True)
+            with suppress(OSError):  # something is in it
+                folder.rmdir()
+        raise
     finally:
         held.release()
 
@@ -161,10 +263,18 @@ def _refuse_difference(folder: Path, wished: Materials) -> None:
         key, here, there = found
         raise StudyError(f"{folder}: the study was made with {key} = {here!r}, not {there!r}. {cure}")
     for name, content in files.items():
-        with told(folder / name):
-            same = (folder / name).read_bytes() == content
-        if not same:
-            raise StudyError(f"{folder}: the study keeps another {name} than the one given now. {cure}")
+        path = inside(folder, name)
+        with told(path):
+            where = changed(name, path.read_bytes(), content)
+        if where is not None:
+            raise StudyError(
+                f"{folder}: the study keeps another {name} than the one given now: {where}. {cure}"
+            )
+
+
+def _agree(wished: Materials) -> None:
+    """What a user evolves with is the user's own."""
+    agree_to(Path(task.source).read_bytes() for task in wished.tasks if task.source is not None)
 
 
 def _decisive(table: Mapping[str, object]) -> dict[str, object]:

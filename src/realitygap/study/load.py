@@ -6,9 +6,7 @@ Tables are dictionaries of NumPy columns: `pandas.DataFrame(study.evaluations())
 from __future__ import annotations
 
 import json
-import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -21,11 +19,10 @@ from realitygap.controller.layout import Genes, Layout
 from realitygap.errors import StudyError
 from realitygap.evolution.algorithm import State
 from realitygap.study.config import StudyConfig
-from realitygap.study.folder import read_config
-from realitygap.study.materials import Materials, gather
-from realitygap.study.plan import Plan, plans
-from realitygap.study.schema import check_format, told
-from realitygap.study.store import DATABASE
+from realitygap.study.folder import agree, read_config, read_materials, read_profile
+from realitygap.study.materials import Materials
+from realitygap.study.plan import Plan, run_stream
+from realitygap.study.reader import DATABASE, Reader
 from realitygap.tasks.task import Task
 from realitygap.world.noise import noise_name
 from realitygap.world.profile import Profile
@@ -35,13 +32,23 @@ __all__ = ["Run", "Study", "Table", "load_study"]
 Table = dict[str, NDArray[Any]]
 
 
-def load_study(path: str | Path) -> Study:
+def load_study(path: str | Path, *, trust: bool = False) -> Study:
     """A study from its folder, as it is now; evaluations are read when asked for.
 
+    Reading runs nobody's code. A simulation in a task of a user's own takes that task's file: one
+    that this user neither evolved with nor agreed to is not run.
+
+    Args:
+        path: the study's folder.
+        trust: agree to run the task files that it brings, from now on.
+
     Raises:
-        StudyError: no study there, or a database that is broken or of another format.
+        StudyError: no study there, a database that is broken or of another format, or a study.toml
+            that was edited since.
         ConfigError: a broken study.toml.
     """
+    if trust:
+        agree(Path(path))
     return Study(Path(path))
 
 
@@ -51,6 +58,7 @@ class Study:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.config: StudyConfig = read_config(folder)
+        self._reader = Reader(folder / DATABASE)
         self.runs: list[Run] = self._read_runs()
 
     def __repr__(self) -> str:
@@ -59,20 +67,39 @@ class Study:
 
     @cached_property
     def _materials(self) -> Materials:
-        return gather(self.config, self.folder)
+        return read_materials(self.folder)
 
-    @property
+    @cached_property
     def profile(self) -> Profile:
         """The robot."""
-        return self._materials.profile
+        return read_profile(self.folder)
 
     def task(self, name: str) -> Task:
-        """A task of the study, with the study's settings and arena."""
+        """A task of the study, with the study's settings and arena; a user's file is run for it.
+
+        Raises:
+            StudyError: a file that this user has not agreed to run, or that was edited since.
+        """
         return self._materials.task(name)
+
+    def facts(self, task: str) -> dict[str, Any]:
+        """A task without its score, as `Task.to_dict` has it: nobody's file is run.
+
+        Raises:
+            StudyError: the study has no such task.
+        """
+        found = self._reader.tasks()
+        if found is None:  # the format that kept none
+            return self.task(task).to_dict()
+        if task not in found:
+            known = ", ".join(found)
+            raise StudyError(f"{self.folder}: expected a task of the study ({known}), got {task!r}.")
+        return found[task]
 
     def layout(self, task: str) -> Layout:
         """The size of the genotypes that evolve in a task."""
-        return self.config.variation_for(self.task(task)).layout
+        encoding = self.config.encoding
+        return Layout(inputs=len(self.facts(task)["sensors"]), slots=encoding.slots, links=encoding.links)
 
     def run(self, id_or_name: int | str) -> Run:
         """One run.
@@ -90,15 +117,15 @@ class Study:
 
     def evaluations(self, run: int | None = None) -> Table:
         """Every evaluation of a run, or of all: run, number, fitness, score_1 …, parents, cell."""
-        with self.reading() as database:
+        with self._reader.reading() as database:
             names = [row[1] for row in database.execute("PRAGMA table_info(evaluation)")]
         kinds = {name: float if name.startswith(("fitness", "score_")) else np.int64 for name in names[:-1]}
-        return self._table("evaluation", kinds, "ORDER BY run, number", run)
+        return self._table("evaluation", kinds, "run, number", run)
 
     def genotypes(self, run: int) -> Genes:
         """int8 [n, slots, fields]: all individuals of a run, in the order of evaluation."""
-        shape = self.layout(self.run(run).task).shape
-        with self.reading() as database:
+        shape = self._shape
+        with self._reader.reading("evaluation", self.run(run).id) as database:
             query = "SELECT genotype FROM evaluation WHERE run = ? ORDER BY number"
             rows = [row[0] for row in database.execute(query, (run,))]
         return np.frombuffer(b"".join(rows), np.int8).reshape(-1, *shape)
@@ -109,8 +136,8 @@ class Study:
         Raises:
             StudyError: no such evaluation.
         """
-        shape = self.layout(self.run(run).task).shape
-        with self.reading() as database:
+        shape = self._shape
+        with self._reader.reading("evaluation", self.run(run).id) as database:
             query = "SELECT genotype FROM evaluation WHERE run = ? AND number = ?"
             row = database.execute(query, (run, number)).fetchone()
         if row is None:
@@ -120,22 +147,28 @@ class Study:
     def tests(self, run: int | None = None) -> Table:
         """Fresh trials: run, who (fittest or champion), noise, trial, score."""
         kinds = {"run": np.int64, "who": "U8", "noise": float, "trial": np.int64, "score": float}
-        return self._table("test", kinds, "ORDER BY run, who DESC, noise, trial", run)
+        return self._table("test", kinds, "run, who DESC, noise, trial", run)
 
     def retests(self, run: int | None = None) -> Table:
         """The last populations' retest: run, cell, number, trial, score."""
         kinds = {"run": np.int64, "cell": np.int64, "number": np.int64, "trial": np.int64, "score": float}
-        return self._table("retest", kinds, "ORDER BY run, cell, trial", run)
+        return self._table("retest", kinds, "run, cell, trial", run)
 
     def state(self, run: int) -> State | None:
         """What a run's last checkpoint holds; None before the first."""
-        with self.reading() as database:
+        with self._reader.reading("checkpoint", self.run(run).id) as database:
             row = database.execute("SELECT state FROM checkpoint WHERE run = ?", (run,)).fetchone()
         return None if row is None else State.from_bytes(row[0])
 
+    @property
+    def _shape(self) -> tuple[int, int]:
+        """Of every genotype: it takes no task to know it."""
+        encoding = self.config.encoding
+        return Layout(inputs=1, slots=encoding.slots, links=encoding.links).shape
+
     def versions(self) -> dict[str, list[str]]:
         """What has worked on it, by name, each version once: see `folder.versions`."""
-        with self.reading() as database:
+        with self._reader.reading("session", 0) as database:
             rows = database.execute("SELECT versions FROM session ORDER BY id").fetchall()
         found: dict[str, list[str]] = {}
         for (text,) in rows:
@@ -144,24 +177,12 @@ class Study:
                     found[name].append(version)
         return found
 
-    @contextmanager
-    def reading(self) -> Iterator[sqlite3.Connection]:
-        """The database, to read from.
-
-        Raises:
-            StudyError: it is broken, or not a study's.
-        """
-        path = self.folder / DATABASE
-        with told(path), closing(_open(path)) as database:
-            check_format(database, path)
-            yield database
-
     def _table(self, name: str, kinds: Mapping[str, Any], order: str, run: int | None) -> Table:
-        where, values = ("", ()) if run is None else ("WHERE run = ?", (self.run(run).id,))
-        with self.reading() as database:
-            database.execute("BEGIN")
+        whose = None if run is None else self.run(run).id
+        where, values = ("", ()) if whose is None else ("WHERE run = ?", (whose,))
+        with self._reader.reading(name, whose) as database:
             count = database.execute(f"SELECT count(*) FROM {name} {where}", values).fetchone()[0]
-            rows = database.execute(f"SELECT {', '.join(kinds)} FROM {name} {where} {order}", values)
+            rows = database.execute(f"SELECT {', '.join(kinds)} FROM {name} {where} ORDER BY {order}", values)
             filled = np.fromiter(map(_nan_for_none, rows), np.dtype(list(kinds.items())), count)
         return {key: np.ascontiguousarray(filled[key]) for key in kinds}
 
@@ -170,7 +191,7 @@ class Study:
             "SELECT id, name, task, noise, position, evaluations, best_fitness, fittest, champion, "
             "champion_fitness, finished FROM run ORDER BY id"
         )
-        with self.reading() as database:
+        with self._reader.reading("run") as database:
             return [
                 Run(
                     id=row[0],
@@ -226,7 +247,15 @@ class Run:
     @property
     def plan(self) -> Plan:
         """How the run was planned; its `stream` is where its randomness comes from."""
-        return plans(self.study._materials)[self.id - 1]
+        return Plan(
+            id=self.id,
+            name=self.name,
+            condition=(self.id - 1) // self.study.config.runs,
+            task=self.task,
+            noise=self.noise,
+            index=self.index,
+            stream=run_stream(self.seed, self.task, self.noise, self.index),
+        )
 
     @property
     def fittest(self) -> Genes | None:
@@ -250,21 +279,6 @@ class Run:
         table = self.study.tests(self.id)
         pairs = dict.fromkeys(zip(table["who"].tolist(), table["noise"].tolist(), strict=True))
         return {(w, n): table["score"][(table["who"] == w) & (table["noise"] == n)] for w, n in pairs}
-
-
-def _open(path: Path) -> sqlite3.Connection:
-    """Read-only; on a medium that cannot be written even SQLite's own side files are done without."""
-    uri = f"{path.resolve().as_uri()}?mode=ro"
-    database = sqlite3.connect(uri, uri=True, isolation_level=None)
-    try:
-        database.execute("SELECT 1 FROM sqlite_master")
-    except sqlite3.OperationalError:
-        database.close()
-        log = path.with_name(f"{path.name}-wal")
-        if log.exists() and log.stat().st_size:
-            raise
-        database = sqlite3.connect(f"{uri}&immutable=1", uri=True, isolation_level=None)
-    return database
 
 
 def _nan_for_none(row: Sequence[Any]) -> tuple[Any, ...]:

@@ -13,12 +13,14 @@ from pathlib import Path
 from realitygap import temporary
 from realitygap.errors import ConfigError
 from realitygap.study.config import StudyConfig
-from realitygap.tasks import copy_task, load_task
+from realitygap.study.sources import inside
+from realitygap.study.trust import refuse_strange
+from realitygap.tasks import TASKS, copy_task, load_task
 from realitygap.tasks.task import Task
 from realitygap.world.arena import load_arena
 from realitygap.world.profile import Profile, load_profile
 
-__all__ = ["Materials", "gather"]
+__all__ = ["Materials", "gather", "own", "task_files"]
 
 PROFILE = "profile.toml"
 
@@ -62,17 +64,38 @@ class Materials:
         return config, files
 
 
+def own(config: StudyConfig, folder: Path) -> StudyConfig:
+    """A study's configuration with its files named by their whole paths, all in its own folder.
+
+    Raises:
+        StudyError: one is missing, or lies elsewhere.
+    """
+
+    def place(name: str) -> str:
+        return str(inside(folder, name).resolve())
+
+    return replace(
+        config,
+        profile=place(config.profile),
+        conditions=tuple(c if c.task in TASKS else replace(c, task=place(c.task)) for c in config.conditions),
+        arenas={task: place(arena) for task, arena in config.arenas.items()},
+    )
+
+
 def gather(config: StudyConfig, folder: Path | None = None) -> Materials:
-    """Load and check everything that a configuration names.
+    """Load and check everything that a configuration names; task files are run for it.
 
     Args:
         config: paths in it are relative to `folder` (the current one if None).
-        folder: a study's folder.
+        folder: a study's folder: nothing but its own files is read, and only task files that this
+            user trusts are run.
 
     Raises:
         UsageError: says which file, task or key cannot be used.
     """
-    local = config if folder is None else config.beside(folder)
+    local = config if folder is None else own(config, folder)
+    if folder is not None:
+        refuse_strange(folder, task_files(local))
     profile = load_profile(local.profile)
     loaded = {c.task: load_task(c.task) for c in local.conditions}
     _refuse_same_name(list(loaded.values()))
@@ -91,6 +114,11 @@ def gather(config: StudyConfig, folder: Path | None = None) -> Materials:
     tasks = tuple(loaded[c.task] for c in local.conditions)
     _refuse_repetition([(task.name, c.noise) for task, c in zip(tasks, local.conditions, strict=True)])
     return Materials(config=config, profile=profile, tasks=tasks)
+
+
+def task_files(config: StudyConfig) -> list[Path]:
+    """The users' own task files that a configuration names."""
+    return [Path(task) for task in dict.fromkeys(c.task for c in config.conditions) if task not in TASKS]
 
 
 def _refuse_same_name(tasks: list[Task]) -> None:

@@ -12,7 +12,7 @@ from typing import Self
 
 from realitygap.errors import ConfigError, StudyError
 from realitygap.study.config import LARGEST, StudyConfig
-from realitygap.study.folder import CONFIG, exists, lock, open_to_begin
+from realitygap.study.folder import exists, lock, open_to_begin, own_config
 from realitygap.study.load import Study
 from realitygap.study.schema import told
 from realitygap.study.settings import difference, whole
@@ -83,7 +83,7 @@ def begun(folder: Path) -> Reproduction | None:
     asked = Reproduction.from_toml(folder / ASKED) if (folder / ASKED).is_file() else None
     if not exists(folder):
         return asked
-    config = StudyConfig.from_toml(folder / CONFIG)
+    config = own_config(folder)
     kept = asked or Reproduction()
     numbers = {"runs": config.runs, "evaluations": config.evaluations, "seed": config.seed}
     return replace(kept, **numbers, profile=config.profile)

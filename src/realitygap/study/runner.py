@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from pathlib import Path
 
-from realitygap.errors import StudyInterruptedError
+from realitygap.errors import RealityGapError, StudyInterruptedError
 from realitygap.study.config import StudyConfig
-from realitygap.study.folder import lock, open_folder, versions
+from realitygap.study.folder import exists, lock, open_folder, take_back, versions
 from realitygap.study.jobs import Advanced, Job, Message, Workshop
 from realitygap.study.load import Study, load_study
-from realitygap.study.materials import gather
+from realitygap.study.materials import Materials, gather
 from realitygap.study.progress import OnProgress, Progress, Reporter
+from realitygap.study.reader import DATABASE
 from realitygap.study.settings import whole
-from realitygap.study.store import DATABASE, Store
+from realitygap.study.store import Store
 from realitygap.study.workers import Pool, cores, refuse_unguarded_script
 
 __all__ = ["Progress", "run_study"]
@@ -52,7 +53,7 @@ def run_study(
     refuse_unguarded_script()
     try:
         wished = None if config is None else gather(config)
-        with lock(folder):
+        with lock(folder), _taken_back(folder, wished):
             workshop = Workshop(open_folder(folder, wished, resume=resume))
             with Store(folder / DATABASE) as store:
                 _carry_out(folder, workshop, store, size, on_progress)
@@ -60,6 +61,18 @@ def run_study(
         kept = f"What was saved in {folder} is kept: resume it (--resume)."
         raise StudyInterruptedError(f"stopped. {kept}") from None
     return load_study(folder)
+
+
+@contextmanager
+def _taken_back(folder: Path, wished: Materials | None) -> Iterator[None]:
+    """A start that fails leaves nothing behind, so that what was wrong can be mended."""
+    new = not exists(folder)
+    try:
+        yield
+    except RealityGapError:
+        if new and wished is not None:
+            take_back(folder, wished)
+        raise
 
 
 def _carry_out(

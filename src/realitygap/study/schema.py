@@ -10,12 +10,14 @@ from pathlib import Path
 
 from realitygap.errors import StudyError
 
-__all__ = ["APPLICATION", "FORMAT", "check_format", "schema", "told"]
+__all__ = ["APPLICATION", "FORMAT", "SEALED", "check_format", "schema", "told"]
 
 APPLICATION = 0x52474150
 """`PRAGMA application_id` of a study's database: "RGAP"."""
-FORMAT = 1
+FORMAT = 2
 """`PRAGMA user_version`: raised when the tables change."""
+SEALED = 2
+"""From this format on a database keeps its study's sources, and a digest of all that it holds."""
 
 _FIXED = """
 CREATE TABLE run (            -- one evolutionary run; its numbers are those of its checkpoint
@@ -58,6 +60,20 @@ CREATE TABLE session (        -- who has worked on this study, and with which ve
     pid INTEGER NOT NULL,
     versions TEXT NOT NULL    -- JSON
 );
+CREATE TABLE source (         -- all that the study follows from, as it was when it was made
+    name TEXT PRIMARY KEY,    -- a file's, from the study's folder
+    content BLOB NOT NULL
+);
+CREATE TABLE task (           -- what a task is, beside its score: nobody has to run its file for that
+    name TEXT PRIMARY KEY,
+    facts TEXT NOT NULL       -- JSON
+);
+CREATE TABLE digest (         -- of the rows of a table that belong to a run; run 0: of the whole table
+    run INTEGER NOT NULL,
+    part TEXT NOT NULL,
+    value BLOB NOT NULL,
+    PRIMARY KEY (run, part)
+) WITHOUT ROWID;
 """
 
 
@@ -81,20 +97,21 @@ PRAGMA user_version = {FORMAT};
 """
 
 
-def check_format(database: sqlite3.Connection, path: Path) -> None:
-    """Refuse a database that is no study's, or one of a newer realitygap.
+def check_format(database: sqlite3.Connection, path: Path) -> int:
+    """The database's format; one that is no study's, or of a newer realitygap, is refused.
 
     Raises:
         StudyError: names the file and the cure.
     """
     if database.execute("PRAGMA application_id").fetchone()[0] != APPLICATION:
         raise StudyError(f"{path}: not a study's database. Give the folder of a study, or another --out.")
-    version = database.execute("PRAGMA user_version").fetchone()[0]
-    if version != FORMAT:
+    version: int = database.execute("PRAGMA user_version").fetchone()[0]
+    if not 1 <= version <= FORMAT:
         raise StudyError(
-            f"{path}: written in format {version}, this realitygap reads format {FORMAT}. "
-            f"{'Upgrade realitygap' if version > FORMAT else 'Use the realitygap that wrote it'}."
+            f"{path}: written in format {version}, this realitygap reads formats 1 to {FORMAT}. "
+            f"{'Upgrade realitygap' if version > FORMAT else 'Restore it from a copy'}."
         )
+    return version
 
 
 @contextmanager

@@ -20,22 +20,29 @@ from typing import Self
 from realitygap import whole
 from realitygap.errors import StudyError
 from realitygap.evolution.algorithm import State
+from realitygap.study.digest import seal, seal_more, verify_all
 from realitygap.study.plan import Plan
 from realitygap.study.run import Records, Results
-from realitygap.study.schema import check_format, schema, told
+from realitygap.study.schema import SEALED, check_format, schema, told
+from realitygap.tasks.task import Task
 
 __all__ = ["Store", "create"]
 
-DATABASE = "study.db"
 
-
-def create(path: Path, plans: Sequence[Plan], trials: int) -> None:
+def create(path: Path, plans: Sequence[Plan], tasks: Sequence[Task], sources: Mapping[str, bytes]) -> None:
     """Make a database with these runs, whole or not at all.
+
+    Args:
+        path: the database's.
+        plans: of the runs; tasks: theirs.
+        sources: all that the study follows from: files by their names in its folder.
 
     Raises:
         StudyError: it cannot be written there.
     """
     rows = [(p.id, p.name, p.task, p.noise, p.index) for p in plans]
+    facts = {task.name: json.dumps(task.to_dict()) for task in tasks}
+    trials = max(task.trials for task in tasks)
     with told(path), whole.new(path) as new, closing(sqlite3.connect(new, isolation_level=None)) as database:
         database.execute("PRAGMA page_size = 8192")
         database.execute("PRAGMA journal_mode = DELETE")
@@ -43,6 +50,11 @@ def create(path: Path, plans: Sequence[Plan], trials: int) -> None:
         database.execute("BEGIN")
         columns = "id, name, task, noise, position"
         database.executemany(f"INSERT INTO run ({columns}) VALUES (?, ?, ?, ?, ?)", rows)
+        database.executemany("INSERT INTO source VALUES (?, ?)", sources.items())
+        database.executemany("INSERT INTO task VALUES (?, ?)", facts.items())
+        seal(database, 0, "source", "task")
+        for plan in plans:
+            seal(database, plan.id, "run")
         database.execute("COMMIT")
 
 
@@ -56,7 +68,7 @@ class Store:
         with told(path):
             self._database = sqlite3.connect(path, isolation_level=None)
             try:
-                check_format(self._database, path)
+                self._sealed = check_format(self._database, path) >= SEALED
                 self._check_whole()
                 self._database.execute("PRAGMA journal_mode = WAL")
                 self._database.execute("PRAGMA synchronous = NORMAL")
@@ -80,6 +92,7 @@ class Store:
         row = (datetime.now(UTC).isoformat(timespec="seconds"), os.getpid(), json.dumps(dict(versions)))
         with self._transaction():
             self._database.execute("INSERT INTO session (began, pid, versions) VALUES (?, ?, ?)", row)
+            self._seal(0, "session")
 
     def unfinished(self) -> list[tuple[int, int]]:
         """Ids of the runs that are not finished, and how many evaluations each has done."""
@@ -113,6 +126,9 @@ class Store:
                 "UPDATE run SET evaluations = ?, best_fitness = ?, fittest = ? WHERE id = ?",
                 (done, state.best_fitness, state.best_number, run),
             )
+            if self._sealed:
+                seal_more(self._database, run, "evaluation", done - len(records.number))
+            self._seal(run, "checkpoint", "run")
 
     def finish(self, run: int, results: Results) -> None:
         """Keep a run's tests and declare it finished."""
@@ -137,6 +153,12 @@ class Store:
                 "UPDATE run SET champion = ?, champion_fitness = ?, finished = 1 WHERE id = ?",
                 (champion, math.fsum(scores) / len(scores), run),
             )
+            self._seal(run, "retest", "test", "run")
+
+    def _seal(self, run: int, *parts: str) -> None:
+        """Renew digests after a change; a study of an older format has none."""
+        if self._sealed:
+            seal(self._database, run, *parts)
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
@@ -157,6 +179,8 @@ class Store:
                 f"{self.path}: the database is broken ({' '.join(str(answer).split())}). "
                 "Restore it from a copy, or start again with another --out."
             )
+        if self._sealed:
+            verify_all(self._database, self.path)
 
 
 def _rows(run: int, records: Records, trials: int) -> Iterator[tuple[object, ...]]:

@@ -17,7 +17,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from realitygap.errors import RealityGapError, StudyError
-from realitygap.study.folder import read_materials
+from realitygap.study.folder import agree, read_materials
 from realitygap.study.jobs import Finished, Workshop
 
 __all__ = ["Pool", "at_work", "cores", "refuse_unguarded_script"]
@@ -55,9 +55,10 @@ class Pool:
             for _ in range(size):
                 here, there = context.Pipe()
                 process = context.Process(target=life or serve, args=(there, str(folder)), daemon=True)
-                process.start()
+                with _deaf():
+                    process.start()
+                    self._processes[here] = process
                 there.close()
-                self._processes[here] = process
         except BaseException:
             self.stop()
             raise
@@ -131,6 +132,7 @@ class Pool:
 def at_work(connection: Connection) -> Iterator[None]:
     """A worker's life around its jobs: it ends with the parent, and sends the error that stops it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     threading.Thread(target=_die_with_parent, daemon=True).start()
     try:
         yield
@@ -140,9 +142,20 @@ def at_work(connection: Connection) -> Iterator[None]:
         pass
 
 
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Ctrl-C waits: a process that starts here is spared it until it can ignore it, as it soon does."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def serve(connection: Connection, folder: str) -> None:
     """Take a run, send its messages, until the parent is gone."""
     with at_work(connection):
+        agree(Path(folder))  # the parent has asked
         workshop = Workshop(read_materials(Path(folder)))
         while True:
             for message in workshop.carry_out(connection.recv()):

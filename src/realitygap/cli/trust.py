@@ -1,0 +1,44 @@
+"""Whether a program that came with somebody else's study may be run."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = ["ask_trust", "trust_option"]
+
+Decorated = TypeVar("Decorated", bound="Callable[..., Any]")
+
+
+def trust_option(command: Decorated) -> Decorated:
+    """`--trust`."""
+    says = "Run the task files of a study that was made elsewhere: they are programs."
+    return click.option("--trust", is_flag=True, help=says)(command)
+
+
+def ask_trust(study: str, trust: bool) -> None:
+    """See to it once, before a study's task files are run, that they may be.
+
+    Where nobody can answer, nothing is agreed to: whoever would run a file refuses it.
+
+    Raises:
+        click.Abort: the answer is no.
+    """
+    from realitygap.study.folder import agree, programs
+
+    found = [] if trust else programs(Path(study))
+    if found and not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return
+    for file in found:
+        click.echo(
+            f"{study} was made elsewhere. To simulate its task, this program has to run: {file}", err=True
+        )
+    if found:
+        click.confirm("Do you trust who wrote it?", abort=True, err=True)
+    agree(Path(study))

@@ -1,0 +1,79 @@
+"""The files that a study follows from: in its own folder, and as they were when it was made."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any
+
+from realitygap.errors import StudyError
+from realitygap.study.schema import told
+from realitygap.study.settings import difference
+
+__all__ = ["EDITED", "changed", "inside", "refuse_edited", "refuse_links"]
+
+EDITED = "Put it back as it was, or begin another study with it (--out)."
+
+
+def inside(folder: Path, name: str) -> Path:
+    """The file of a study's folder that is named from there.
+
+    Raises:
+        StudyError: it is missing, or leads out of the folder.
+    """
+    path, home = folder / name, folder.resolve()
+    if ".." in Path(name).parts or not path.resolve().is_relative_to(home):
+        raise StudyError(f"{folder}: expected a file in the study's own folder; {name!r} leads out of it.")
+    if not path.is_file():
+        raise StudyError(f"{path}: missing. Restore it from a copy: the study cannot be used without it.")
+    return path
+
+
+def refuse_edited(folder: Path, sources: Mapping[str, bytes]) -> None:
+    """See that files of a study's folder are as they were when it was made.
+
+    Raises:
+        StudyError: one is missing, leads elsewhere, or was edited: says where.
+    """
+    for name, was in sources.items():
+        path = inside(folder, name)
+        with told(path):
+            found = changed(name, was, path.read_bytes())
+        if found is not None:
+            raise StudyError(f"{path} was edited since the study was made: {found}. {EDITED}")
+
+
+def changed(name: str, was: bytes, now: bytes) -> str | None:
+    """Where a file differs from what it was, in words; None if it says the same."""
+    if was == now:
+        return None
+    before, after = (text.decode("utf-8", "backslashreplace") for text in (was, now))
+    if name.endswith(".toml"):
+        try:
+            found = difference(tomllib.loads(before), tomllib.loads(after))
+        except tomllib.TOMLDecodeError as error:
+            return f"it is no TOML any more ({error})"
+        return None if found is None else f"{found[0]} was {_shown(found[1])}, now {_shown(found[2])}"
+    pairs = zip_longest(before.splitlines(), after.splitlines())
+    for number, (left, right) in enumerate(pairs, start=1):
+        if left != right:
+            return f"line {number} was {_shown(left)}, now {_shown(right)}"
+    return "its ends of lines are others"
+
+
+def refuse_links(folder: Path) -> None:
+    """See that nothing written into a folder could land elsewhere.
+
+    Raises:
+        StudyError: the folder, or something in it, is a symbolic link.
+    """
+    for path in (folder, *sorted(folder.rglob("*"))):
+        if path.is_symlink():
+            raise StudyError(f"{path}: a link to {path.readlink()}, which is not followed. Remove the link.")
+
+
+def _shown(value: Any) -> str:
+    text = "nothing" if value is None else repr(value.strip() if isinstance(value, str) else value)
+    return text if len(text) <= 80 else text[:79] + "…"

@@ -1,0 +1,188 @@
+"""A study that somebody else made: what only looks runs no code and leaves the folder alone."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+from realitygap.errors import StudyError, TaskError
+from realitygap.report.build import build_report
+from realitygap.study import trust
+from realitygap.study.config import StudyConfig
+from realitygap.study.load import load_study
+from realitygap.study.runner import run_study
+
+TASK = """
+from realitygap import Start, Task
+{spy}
+def score(path, room):
+    return {score}
+
+task = Task(name="touch", arena="obstacle-avoidance", feeds="proximity", sensors=(2, 3),
+            start=Start(x_cm=25, y_cm=25), score=score)
+"""
+SMALL = {"evaluations": 66, "retest_trials": 1, "fresh_trials": 1}
+
+
+def wished(file: Path, **changes: object) -> StudyConfig:
+    return StudyConfig.single(file, **{**SMALL, **changes}).with_settings(["task.seconds=0.5"])
+
+
+def write(file: Path, score: str = "1.0 - path.contact.mean()", spy: str = "") -> Path:
+    file.write_text(TASK.format(score=score, spy=spy))
+    return file
+
+
+@pytest.fixture(scope="module")
+def theirs(tmp_path_factory) -> tuple[Path, Path]:
+    """A study of somebody's own task, which leaves a trace whenever its file is run; and that trace."""
+    place = tmp_path_factory.mktemp("theirs")
+    trace = place / "trace"
+    file = write(place / "touch.py", spy=f"open({str(trace)!r}, 'a').close()")
+    run_study(place / "study", wished(file), workers=1)
+    return place / "study", trace
+
+
+@pytest.fixture
+def stranger(theirs, tmp_path, monkeypatch) -> tuple[Path, Path]:
+    """That study, come to another user; and the trace, which is not there."""
+    study, trace = theirs
+    trace.unlink(missing_ok=True)
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    trust._known.cache_clear()
+    yield Path(shutil.copytree(study, tmp_path / "study")), trace
+    trust._known.cache_clear()
+
+
+def test_looking_runs_no_code(stranger):
+    """Runs, champions, genotypes, tables, layouts and streams come from the database."""
+    folder, trace = stranger
+    study = load_study(folder)
+    run = study.run("touch/observed/1")
+    assert run.champion.shape == study.layout("touch").shape and study.layout("touch").inputs == 2
+    assert study.facts("touch")["feeds"] == "proximity" and study.profile.name == "paper"
+    assert len(study.genotypes(1)) == len(study.evaluations()["number"]) == 66
+    assert run.plan.name == run.name
+    assert not trace.exists()
+
+
+def test_running_asks_first(stranger):
+    """A simulation, a report and a resumption are refused, naming the program; trust is remembered."""
+    folder, trace = stranger
+    for work in (lambda: load_study(folder).task("touch"), lambda: build_report(folder),
+                 lambda: run_study(folder, resume=True)):  # fmt: skip
+        with pytest.raises(StudyError, match=r"brings a program, .*touch.py, .* --trust .*trust=True"):
+            work()
+    assert not trace.exists()
+    assert load_study(folder, trust=True).task("touch").trials == 2
+    assert trace.exists()
+    trust._known.cache_clear()  # as in another process
+    assert load_study(folder).task("touch").trials == 2
+
+
+def test_ones_own_studies_are_trusted(theirs):
+    """Who evolved with a task file is not asked about it."""
+    folder, _ = theirs
+    assert load_study(folder).task("touch").name == "touch"
+
+
+@pytest.mark.parametrize("missing", ["profile.toml", "arenas/touch.toml", "tasks/touch/touch.py"])
+def test_nothing_is_taken_from_the_current_directory(theirs, tmp_path, monkeypatch, missing):
+    """A missing file of a study is refused, whatever lies where the user stands."""
+    folder = Path(shutil.copytree(theirs[0], tmp_path / "study"))
+    here = tmp_path / "here" / missing
+    here.parent.mkdir(parents=True)
+    (folder / missing).rename(here)
+    monkeypatch.chdir(tmp_path / "here")
+    with pytest.raises(StudyError, match=rf"{missing}: missing. Restore it"):
+        load_study(folder).task("touch")
+
+
+@pytest.mark.parametrize("way", ["../{}", "{}", "link"])
+def test_paths_that_lead_outside_are_refused(theirs, tmp_path, way):
+    """Two dots, a whole path and a link: a study is made of its own files."""
+    folder = Path(shutil.copytree(theirs[0], tmp_path / "study"))
+    other = shutil.copy(folder / "profile.toml", tmp_path / "other.toml")
+    if way == "link":
+        (folder / "profile.toml").unlink()
+        (folder / "profile.toml").symlink_to(other)
+        words = "'profile.toml' leads out of it"
+    else:
+        name = way.format("other.toml" if "." in way[:1] else other)
+        _first_format(folder)
+        config = folder / "study.toml"
+        config.write_text(config.read_text().replace('"profile.toml"', f'"{name}"'))
+        words = r"other.toml' leads out of it"
+    with pytest.raises(StudyError, match=words):
+        _ = load_study(folder).profile
+
+
+def _first_format(folder: Path) -> None:
+    """A database that keeps no sources to compare with."""
+    import sqlite3
+    from contextlib import closing
+
+    with closing(sqlite3.connect(folder / "study.db")) as database, database:
+        database.execute("PRAGMA user_version = 1")
+
+
+@pytest.mark.parametrize("link", ["report", "report/figures", "report/index.html", "study.lock"])
+def test_links_are_not_written_through(theirs, tmp_path, link):
+    """A report that leads elsewhere, or a lock that does, is refused; nothing is written there."""
+    folder = Path(shutil.copytree(theirs[0], tmp_path / "study"))
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir() if link in ("report", "report/figures") else elsewhere.write_text("precious")
+    (folder / link).parent.mkdir(exist_ok=True)
+    (folder / link).unlink(missing_ok=True)
+    (folder / link).symlink_to(elsewhere)
+    with pytest.raises(StudyError, match=f"{link}: a link to .*elsewhere, which is not followed"):
+        run_study(folder, resume=True) if link == "study.lock" else build_report(folder)
+    assert elsewhere.read_text() == "precious" if elsewhere.is_file() else not os.listdir(elsewhere)
+
+
+def test_an_edited_task_is_not_ignored(theirs, tmp_path):
+    """Whoever resumes with a task file that was edited since is told, with the line."""
+    folder = Path(shutil.copytree(theirs[0], tmp_path / "study"))
+    mine = tmp_path / "touch.py"
+    text = (folder / "tasks/touch/touch.py").read_text()
+    mine.write_text(text.replace("1.0 - ", "2.0 - "))
+    words = r"keeps another tasks/touch/touch.py .*: line \d+ was 'return 1.0 - .*, now 'return 2.0 - "
+    with pytest.raises(StudyError, match=words):
+        run_study(folder, wished(mine), resume=True)
+    (folder / "tasks/touch/touch.py").write_text(mine.read_text())
+    with pytest.raises(StudyError, match=r"touch.py was edited since the study was made: line \d+ was"):
+        run_study(folder, resume=True)
+
+
+@pytest.mark.parametrize("score", ["path.nothing.mean()", "path.x[0] * 0.0 / (path.x[0] * 0.0)"])
+def test_a_start_that_fails_leaves_nothing_behind(tmp_path, score):
+    """A score that does not compile, or gives no number, is mended and begun again in the same folder."""
+    file, folder = write(tmp_path / "touch.py", score), tmp_path / "study"
+    with pytest.raises(TaskError, match=r"touch"):
+        run_study(folder, wished(file), workers=1)
+    assert not folder.exists()
+    write(file, "path.x[0]")
+    assert run_study(folder, wished(file), workers=1).runs[0].finished
+
+
+def test_other_peoples_folders_keep_no_lock(tmp_path):
+    """A folder that is refused is left as it was."""
+    (tmp_path / "thesis.tex").write_text("…")
+    with pytest.raises(StudyError, match="other files"):
+        run_study(tmp_path, StudyConfig.single("light", **SMALL))
+    assert os.listdir(tmp_path) == ["thesis.tex"]
+
+
+def test_a_list_that_cannot_be_written_is_done_without(monkeypatch, tmp_path):
+    """Without a home that can be written, trust lasts for this process."""
+    monkeypatch.setenv("XDG_STATE_HOME", "/dev/null" if sys.platform != "win32" else "NUL")
+    trust._known.cache_clear()
+    file = write(tmp_path / "a.py")
+    assert trust.strange([file]) == [file]
+    trust.agree_to([file.read_bytes()])
+    assert trust.strange([file]) == []
+    trust._known.cache_clear()
