@@ -215,13 +215,16 @@ def test_sensors_in_the_tasks_order():
     assert low == -10 and front == same > -10
 
 
-@pytest.mark.parametrize("noise", [5.0, 10.0])
-def test_absurd_noise_stays_in_the_room(noise):
-    """Any noise level that is taken gives finite paths that stay in the room."""
-    simulation = Simulation(AVOIDANCE, PAPER, noise)
+@pytest.mark.parametrize(("noise", "wheel"), [(5.0, 0.058), (10.0, 0.058), (10.0, 1.0)])
+def test_absurd_noise_stays_in_the_room(noise, wheel):
+    """Any noise that is taken gives finite paths that stay in the room, also where speeds run away."""
+    profile = replace(PAPER, noise=replace(PAPER.noise, wheel=wheel))
+    simulation = Simulation(AVOIDANCE, profile, noise)
     for stream in range(20):
         trajectory, score = simulation.trajectory(decode(constant(8, 8, LAYOUT), LAYOUT), stream=stream)
         assert math.isfinite(score)
+        fastest = np.abs(trajectory.wheels).max()
+        assert fastest == pytest.approx(127) if wheel == 1.0 else fastest < 127
         assert ((trajectory.x >= 2.9 - 1e-6) & (trajectory.x <= 47.1 + 1e-6)).all()
         assert ((trajectory.y >= 2.9 - 1e-6) & (trajectory.y <= 47.1 + 1e-6)).all()
 

@@ -12,7 +12,7 @@ from realitygap.kernels.jit import step
 from realitygap.kernels.network import LIMIT, output, think, wake
 from realitygap.kernels.params import STEP_S
 from realitygap.kernels.rng import normals, sin_cos, uniform
-from realitygap.kernels.wheels import drive_arc, turn_wheel
+from realitygap.kernels.wheels import FASTEST, bound_wheel, drive_arc, turn_wheel
 from realitygap.kernels.work import DRAWS, MOTOR_NOISE, noise_blocks
 
 PROXIMITY, AMBIENT = 0, 1
@@ -115,6 +115,7 @@ def act(robot, nets, n, level, work):
             slip = level * robot.noise[3] * work.noise[2 + w]
         target = output(nets, n, work, w) * (robot.top_command / LIMIT) * robot.speed_per_unit[w]
         turn_wheel(robot, work.wheel[w], target, drag, slip)
+        bound_wheel(work.wheel[w], FASTEST * robot.top_command * robot.speed_per_unit[w])
 
 
 @step

@@ -11,6 +11,9 @@ MEMORY = 5
 # and how far (cm/s over a step) the wheel lies from the middle of its play.
 SPEED, CHANGE, ERRORS, TARGET, PLAY = 0, 1, 2, 7, 8
 
+FASTEST = 12.7
+"""A wheel's largest speed over that of its top command: a Khepera counts speeds up to 127 units."""
+
 
 @step
 def turn_wheel(robot, wheel, target, drag, slip):
@@ -41,6 +44,13 @@ def turn_wheel(robot, wheel, target, drag, slip):
     speed = speed + change - take_up_play(robot, wheel, target)
     wheel[SPEED] = speed + slip * speed
     return wheel[SPEED]
+
+
+@step
+def bound_wheel(wheel, fastest):
+    """Keep a wheel within ±`fastest` (cm/s), where noise that is a share of the speed drives it on and on."""
+    wheel[SPEED] = min(max(wheel[SPEED], -fastest), fastest)
+    wheel[CHANGE] = min(max(wheel[CHANGE], -2.0 * fastest), 2.0 * fastest)
 
 
 @step

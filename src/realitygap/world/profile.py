@@ -102,6 +102,8 @@ class Noise(Value):
     def _check(self) -> None:
         for key, value in self.to_dict().items():
             require(value >= 0, key, "0 or more", value)
+        require(self.wheel <= 1, "wheel", "a share of the speed, 0 to 1 (0.05 is 5 %)", self.wheel)
+        require(self.friction <= 10, "friction", "a share of the threshold, 0 to 10", self.friction)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,7 +130,11 @@ class Profile(Value):
             fastest * STEP_S,
             "Lower it, or lower wheels.top_command.",
         )
-        for part in ("infrared", "ambient"):
+        for part, keys in (("infrared", ("proximity", "proximity_dark")), ("ambient", ("ambient",))):
+            top = getattr(self, part).top
+            for key in keys:
+                value = getattr(self.noise, key)
+                require(value <= top, f"noise.{key}", f"at most the converter's range, {top:g} counts", value)
             for i, sensor in enumerate(getattr(self, part).sensors):
                 key, depth = f"{part}.sensors[{i}]", radius - math.hypot(sensor.x_cm, sensor.y_cm)
                 place = (sensor.x_cm, sensor.y_cm)

@@ -43,6 +43,12 @@ class Wheel:
         self.speed = (self.speed + self.change - self.taken_up(target)) * (1 + slip)
         return self.speed
 
+    def bound(self, fastest: float) -> float:
+        """The speed kept within ±fastest, cm/s; the last change within twice that."""
+        self.speed = max(-fastest, min(self.speed, fastest))
+        self.change = max(-2 * fastest, min(self.change, 2 * fastest))
+        return self.speed
+
     def taken_up(self, target: float) -> float:
         """Of the play left in the target's direction, what this step takes up; as a speed."""
         left = self.law.play_cm / 2 - self.play * (1 if target > 0 else -1)

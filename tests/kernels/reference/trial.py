@@ -103,7 +103,8 @@ def run(task: Task, profile: Profile, genes, *, level: float, stream: int, pose=
         for w in range(2):
             target = command[w] * units[w] * profile.wheels.top_command / 10
             drag = 1 + level * profile.noise.friction * z[w]
-            speeds.append(wheels[w].turn(target, drag, level * profile.noise.wheel * z[2 + w]))
+            wheels[w].turn(target, drag, level * profile.noise.wheel * z[2 + w])
+            speeds.append(wheels[w].bound(12.7 * profile.wheels.top_command * units[w]))
         pose, ground, touched = move(task, profile, pose, *speeds)
         record.poses.append(pose)
         record.ground.append(ground)
