@@ -13,7 +13,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Command", "Pose", "Readings", "Trajectory"]
+from realitygap.errors import UsageError
+
+__all__ = ["Command", "Pose", "Readings", "Trajectory", "as_stream"]
+
+
+def as_stream(value: object, name: str = "stream") -> np.uint64:
+    """A whole number from 0 to 2⁶⁴ − 1 as the name of a stream of random numbers.
+
+    Raises:
+        UsageError: anything else, under the name it was given by.
+    """
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or not 0 <= value < 2**64:  # type: ignore[operator]
+        raise UsageError(f"{name}: expected a whole number from 0 to 2**64 - 1, got {value!r}.")
+    return np.uint64(value)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -128,7 +128,7 @@ def random_scenes(seed: int, count: int, *, robots: bool = True):
 def nobody() -> Networks:
     """One network that does nothing."""
     return Networks(
-        neurons=np.full(1, 2), thresholds=np.zeros((1, 2), np.int16),
+        inputs=np.full(1, 8), neurons=np.full(1, 2), thresholds=np.zeros((1, 2), np.int16),
         sensor_links=np.zeros((1, 1, 4), np.int16), sensor_count=np.zeros(1, np.int64),
         links=np.zeros((1, 1, 4), np.int16), link_start=np.zeros((1, 3), np.int16),
     )  # fmt: skip

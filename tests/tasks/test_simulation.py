@@ -197,7 +197,7 @@ def test_other_robots():
             sensors = tuple(range(len(part.sensors)))
             layout = Layout(inputs=len(sensors), slots=len(sensors) + 10)
             simulation = Simulation(replace(task, sensors=sensors, seconds=2.0), profile, 1)
-            trajectory, score = simulation.trajectory(networks(3, layout)[1], stream=1)
+            trajectory, score = simulation.trajectory(networks(1, layout)[1], stream=1)
             assert trajectory.proximity.shape == (20, len(profile.infrared.sensors))
             assert trajectory.ambient.shape == (20, len(profile.ambient.sensors))
             assert trajectory.inputs.shape == (20, len(sensors)) and math.isfinite(score)

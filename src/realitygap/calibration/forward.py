@@ -125,9 +125,6 @@ def _work(robot: Robot) -> Work:
 
 @cache
 def _nobody() -> tuple[Trial, Networks]:
-    networks = Networks(
-        neurons=np.zeros(1, np.int64), thresholds=np.zeros((1, 2), np.int16),
-        sensor_links=np.zeros((1, 1, 4), np.int16), sensor_count=np.zeros(1, np.int64),
-        links=np.zeros((1, 1, 4), np.int16), link_start=np.zeros((1, 3), np.int16),
-    )  # fmt: skip
-    return Trial(steps=0, feed=0, channels=np.zeros(0, np.int64), start=np.zeros(5)), networks
+    from realitygap.kernels.halves import quiet
+
+    return Trial(steps=0, feed=0, channels=np.zeros(0, np.int64), start=np.zeros(5)), quiet()

@@ -60,12 +60,14 @@ def simulate(
         realitygap simulate avoidance --controller constant:5,-3 --pose 25 25 90 --json
     """
     from realitygap.controller.handmade import controller_genes
+    from realitygap.controller.layout import Layout
     from realitygap.controller.network import decode
 
     scene = Scene.load(task=task, profile=profile, noise=noise, pose=pose, arena=arena)
     genes = controller_genes(controller, scene.task.feeds, scene.layout)
+    network = decode(genes, Layout.of(genes, inputs=scene.layout.inputs))
     trajectory, score = scene.simulation().trajectory(
-        decode(genes, scene.layout), stream=seed, pose=scene.pose, seconds=seconds
+        network, stream=seed, pose=scene.pose, seconds=seconds
     )
     if picture is not None:
         scene.save_picture(picture, trajectory)

@@ -9,14 +9,37 @@ from realitygap.controller.layout import (
     FIRST_LINK,
     LINK_FIELDS,
     MAX_DELAY,
+    MAX_THRESHOLD,
+    MAX_WEIGHT,
     SOURCE,
     THRESHOLD,
     WEIGHT,
 )
-from realitygap.kernels.jit import routine, step
+from realitygap.kernels.jit import kernel, routine, step
 from realitygap.kernels.params import Networks
 
-__all__ = ["dense_networks"]
+__all__ = ["dense_networks", "first_fault"]
+
+
+@step
+def _slot_is_right(row, slots, inputs, slot):
+    """Whether a slot's content is in its ranges."""
+    right = 0 <= row[EXPRESSED] <= 1 and (row[EXPRESSED] == 1 or slot >= inputs + 2)
+    right = right and -MAX_THRESHOLD <= row[THRESHOLD] <= MAX_THRESHOLD
+    for at in range(FIRST_LINK, row.shape[0], LINK_FIELDS):
+        right = right and 0 <= row[at] <= 1 and 0 <= row[at + SOURCE] < slots
+        right = right and -MAX_WEIGHT <= row[at + WEIGHT] <= MAX_WEIGHT and 0 <= row[at + DELAY] <= MAX_DELAY
+    return right
+
+
+@kernel
+def first_fault(genes, inputs):
+    """The first of genotypes [N, slots, fields] with a value out of its range; −1: there is none."""
+    for i in range(genes.shape[0]):
+        for slot in range(genes.shape[1]):
+            if not _slot_is_right(genes[i, slot], genes.shape[1], inputs, slot):
+                return i
+    return -1
 
 
 @step
@@ -108,6 +131,7 @@ def dense_networks(genes, inputs, prune):
     m = slots - inputs
     k = m * ((columns - FIRST_LINK) // LINK_FIELDS)
     net = Networks(
+        np.full(n, inputs, np.int64),
         np.zeros(n, np.int64),
         np.zeros((n, m), np.int16),
         np.zeros((n, k, 4), np.int16),

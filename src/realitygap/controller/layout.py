@@ -15,7 +15,16 @@ from numpy.typing import NDArray
 from realitygap.errors import GenotypeError, UsageError
 from realitygap.kernels.params import MAX_DELAY
 
-__all__ = ["MAX_DELAY", "MAX_THRESHOLD", "MAX_WEIGHT", "Genes", "Layout", "check_genes"]
+__all__ = [
+    "MAX_DELAY",
+    "MAX_THRESHOLD",
+    "MAX_WEIGHT",
+    "Genes",
+    "Layout",
+    "check_genes",
+    "check_layout",
+    "shown",
+]
 
 Genes = NDArray[np.int8]
 
@@ -77,8 +86,25 @@ class Layout:
     @classmethod
     def of(cls, genes: Genes, *, inputs: int = 8) -> Layout:
         """The layout of a genotype that has `inputs` sensor neurons."""
+        if not isinstance(genes, np.ndarray) or genes.ndim != 2:
+            raise GenotypeError(f"the genotype: expected an array int8[slots, fields], got {shown(genes)}")
         slots, columns = genes.shape
         return cls(inputs=inputs, slots=slots, links=(columns - FIRST_LINK) // LINK_FIELDS)
+
+
+def shown(value: object) -> str:
+    """A value that is refused, in few words: an array's type and shape, or what else it is."""
+    return f"{value.dtype}{list(value.shape)}" if isinstance(value, np.ndarray) else type(value).__name__
+
+
+def check_layout(layout: object) -> None:
+    """Refuse what is no layout.
+
+    Raises:
+        UsageError: says what came.
+    """
+    if not isinstance(layout, Layout):
+        raise UsageError(f"layout: expected a Layout, got {shown(layout)}. Try study.layout(task).")
 
 
 def check_genes(genes: Genes, layout: Layout, *, source: str = "the genotype") -> None:
@@ -87,9 +113,9 @@ def check_genes(genes: Genes, layout: Layout, *, source: str = "the genotype") -
     Raises:
         GenotypeError: names the slot and the field.
     """
+    check_layout(layout)
     if not isinstance(genes, np.ndarray) or genes.dtype != np.int8 or genes.shape != layout.shape:
-        came = f"{genes.dtype}{list(genes.shape)}" if isinstance(genes, np.ndarray) else type(genes).__name__
-        raise GenotypeError(f"{source}: expected an array int8{list(layout.shape)}, got {came}")
+        raise GenotypeError(f"{source}: expected an array int8{list(layout.shape)}, got {shown(genes)}")
     links = genes[:, FIRST_LINK:].reshape(layout.slots, layout.links, LINK_FIELDS)
     for name, values, low, high in (
         ("an expressed flag", genes[:, EXPRESSED], 0, 1),

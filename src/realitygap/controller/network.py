@@ -12,25 +12,33 @@ from typing import NamedTuple
 
 import numpy as np
 
-from realitygap.controller.decoding import dense_networks
+from realitygap.controller.decoding import dense_networks, first_fault
 from realitygap.controller.layout import (
     EXPRESSED,
     FIRST_LINK,
     LINK_FIELDS,
     MAX_DELAY,
+    MAX_THRESHOLD,
+    MAX_WEIGHT,
     THRESHOLD,
     Genes,
     Layout,
     check_genes,
+    check_layout,
+    shown,
 )
 from realitygap.errors import GenotypeError, UsageError
+from realitygap.kernels.network import first_unfit
 from realitygap.kernels.params import UPDATES, Networks
 from realitygap.values import Command
 
-__all__ = ["Link", "NetworkController", "Neuron", "decode", "neurons"]
+__all__ = ["Link", "NetworkController", "Neuron", "check_networks", "decode", "neurons"]
 
 TOP = 10
 """Outputs are −10 .. 10 (§5.3)."""
+RANKS = [1, 1, 2, 3, 1, 3, 2]
+KINDS = ("int64", "int64", "int16", "int16", "int64", "int16", "int16")
+"""Dimensions and type of each array of `Networks`."""
 
 
 class Link(NamedTuple):
@@ -53,30 +61,50 @@ class Neuron(NamedTuple):
 def decode(genes: Genes, layout: Layout, *, prune: bool = True) -> Networks:
     """The networks of genotypes [N, slots, fields] (or of one, [slots, fields]).
 
-    Values are not checked here (`check_genes` does): genes come from the operators or from a
-    checked file. Slots and link fields are taken from the array's shape.
-
     Args:
-        genes: int8 genotypes, all of one shape.
-        layout: says how many of the slots are sensors.
+        genes: int8 genotypes of the layout's shape.
+        layout: theirs; how many of the slots are sensors cannot be seen in an array.
         prune: leave out what can never change an output: links of weight 0, and hidden neurons
             from which no motor can be reached.
 
     Raises:
-        GenotypeError: an array of another type or shape.
+        GenotypeError: an array of another type or shape, or a value out of its range.
     """
-    if genes.ndim == 2:
+    check_layout(layout)
+    if isinstance(genes, np.ndarray) and genes.ndim == 2:
         genes = genes[np.newaxis]
-    if (
-        genes.dtype != np.int8
-        or genes.ndim != 3
-        or genes.shape[1] < layout.first_hidden
-        or (genes.shape[2] - FIRST_LINK) % LINK_FIELDS
-    ):
+    if not isinstance(genes, np.ndarray) or genes.dtype != np.int8 or genes.shape[1:] != layout.shape:
         expected = f"int8[N, {layout.shape[0]}, {layout.shape[1]}]"
-        raise GenotypeError(f"genotypes must be an array {expected}, not {genes.dtype}{list(genes.shape)}")
-    networks: Networks = dense_networks(np.ascontiguousarray(genes), layout.inputs, prune)
+        raise GenotypeError(f"genotypes must be an array {expected}, not {shown(genes)}")
+    genes = np.ascontiguousarray(genes)
+    fault = first_fault(genes, layout.inputs)
+    if fault >= 0:
+        check_genes(genes[fault], layout, source=f"genotype {fault}")
+    networks: Networks = dense_networks(genes, layout.inputs, bool(prune))
     return networks
+
+
+def check_networks(networks: Networks, inputs: int) -> int:
+    """Refuse networks that the kernels cannot carry out on a number of inputs; how many there are.
+
+    Raises:
+        UsageError: another number of inputs, an array of another type or shape, or a link out of range.
+    """
+    if not isinstance(networks, Networks) or [np.ndim(array) for array in networks] != RANKS:
+        raise UsageError(f"networks: expected what `decode` makes of genotypes, got {shown(networks)}.")
+    n, m, k = len(networks.neurons), len(networks.thresholds[0]), len(networks.links[0])
+    shapes = ((n,), (n,), (n, m), (n, k, 4), (n,), (n, k, 4), (n, m + 1))
+    for name, array, kind, shape in zip(Networks._fields, networks, KINDS, shapes, strict=True):
+        fits = isinstance(array, np.ndarray) and array.dtype == kind and array.shape == shape
+        if not (fits and np.asarray(array).flags.c_contiguous):
+            expected = f"a contiguous array {kind}{list(shape)}"
+            raise UsageError(f"networks.{name}: expected {expected}, got {shown(array)}.")
+    fault, what = first_unfit(networks, inputs, MAX_WEIGHT, MAX_THRESHOLD)
+    if fault >= 0:
+        made = f"inputs: expected networks of the task's {inputs}, got one of {networks.inputs[fault]}"
+        wrong = made if what == 0 else f"expected links and neurons in range, not so in network {fault}"
+        raise UsageError(f"networks: {wrong}. Make them with `decode`, of genotypes of the task's layout.")
+    return n
 
 
 def neurons(genes: Genes, layout: Layout) -> tuple[Neuron, ...]:
@@ -124,10 +152,12 @@ class NetworkController:
         """One step of 100 ms: ten updates with the inputs held, then the motors' outputs.
 
         Raises:
-            UsageError: another number of inputs than the network has sensor neurons.
+            UsageError: another number of inputs than the network has sensor neurons, or one beyond ±10.
         """
         if len(inputs) != self.layout.inputs:
             raise UsageError(f"this network has {self.layout.inputs} inputs, not {len(inputs)}")
+        if not all(-TOP <= value <= TOP and value == int(value) for value in inputs):
+            raise UsageError(f"inputs must be whole numbers of -{TOP} to {TOP}, not {list(inputs)}")
         held = [int(value) for value in inputs]
         self._past[0] = held + self._past[0][len(held) :]
         for _ in range(UPDATES):

@@ -9,8 +9,9 @@ from typing import Literal
 import numpy as np
 
 from realitygap.controller import breeding
-from realitygap.controller.layout import Genes, Layout
+from realitygap.controller.layout import Genes, Layout, check_layout, shown
 from realitygap.errors import GenotypeError, UsageError
+from realitygap.values import as_stream
 
 __all__ = ["Variation"]
 
@@ -42,6 +43,7 @@ class Variation:
     sources: Literal["expressed", "all"] = "expressed"
 
     def __post_init__(self) -> None:
+        check_layout(self.layout)
         if self.sources not in ("expressed", "all"):
             raise UsageError(f'variation.sources must be "expressed" or "all", not {self.sources!r}')
         for name in self._chances():
@@ -61,12 +63,12 @@ class Variation:
     def random(self, stream: np.uint64) -> Genes:
         """A random genotype [slots, 2 + 4·links]; the same for the same stream."""
         layout = self.layout
-        genes: Genes = breeding.random_genes(layout.slots, layout.links, self._rates, np.uint64(stream))
+        genes: Genes = breeding.random_genes(layout.slots, layout.links, self._rates, as_stream(stream))
         return genes
 
     def crosses(self, stream: np.uint64) -> bool:
         """Whether `offspring` of this stream takes from both parents."""
-        return bool(breeding.crosses(self._rates.crossover, np.uint64(stream)))
+        return bool(breeding.crosses(self._rates.crossover, as_stream(stream)))
 
     def offspring(self, first: Genes, second: Genes, stream: np.uint64) -> Genes:
         """A new genotype from two parents, which stay as they are.
@@ -75,10 +77,9 @@ class Variation:
             GenotypeError: a parent that is not an int8 array of the layout's shape.
         """
         for parent in (first, second):
-            if parent.shape != self.layout.shape or parent.dtype != np.int8:
-                raise GenotypeError(
-                    f"a parent must be an array int8{list(self.layout.shape)}, "
-                    f"not {parent.dtype}{list(parent.shape)}"
-                )
-        genes: Genes = breeding.offspring(first, second, self._rates, np.uint64(stream))
+            fits = isinstance(parent, np.ndarray) and parent.dtype == np.int8
+            if not fits or parent.shape != self.layout.shape:
+                expected = f"an array int8{list(self.layout.shape)}"
+                raise GenotypeError(f"a parent must be {expected}, not {shown(parent)}")
+        genes: Genes = breeding.offspring(first, second, self._rates, as_stream(stream))
         return genes

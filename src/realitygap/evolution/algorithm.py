@@ -26,6 +26,8 @@ OFFSPRING = 3
 """Name of the stream under an event that makes the new individual."""
 NOBODY = -1
 """The number of a parent that is not there."""
+LARGEST = 4096
+"""Most individuals of a population: every evaluation copies it."""
 
 
 class Variation(Protocol):
@@ -106,6 +108,16 @@ class Algorithm(Protocol):
         """The state after this evaluation; the old one stays as it was."""
 
 
+def check_size(size: object, low: int, what: str) -> None:
+    """Refuse a size that is no whole number from `low` to LARGEST.
+
+    Raises:
+        UsageError: says what `what` must be.
+    """
+    if isinstance(size, bool) or not isinstance(size, int) or not low <= size <= LARGEST:
+        raise UsageError(f"{what} must be a whole number from {low} to {LARGEST}, not {size!r}")
+
+
 def empty(variation: Variation, stream: np.uint64, cells: int) -> State:
     """A state of empty cells for individuals of a variation."""
     blank = np.zeros_like(variation.random(np.uint64(0)))
@@ -125,10 +137,12 @@ def event_of(state: State, cells: int) -> np.uint64:
     """The stream of the state's next event.
 
     Raises:
-        StudyError: a state of another number of cells than the algorithm's.
+        StudyError: a state of another number of cells than the algorithm's, or not of one number.
     """
     if len(state.fitness) != cells:
         raise StudyError(f"the algorithm has {cells} cells, but the state to go on from {len(state.fitness)}")
+    if not state.genes.shape[:1] == state.numbers.shape == state.fitness.shape:
+        raise StudyError(f"a state's genes, fitness and numbers must each have {cells} cells")
     return np.uint64(substream(state.stream, state.evaluations))
 
 
@@ -151,14 +165,22 @@ def told(state: State, candidate: Candidate, fitness: float, *, placed: bool = T
     """The state after an evaluation; the candidate lives in its cell if it is `placed`.
 
     Raises:
-        UsageError: a fitness that is no finite number, or an answer out of turn.
+        UsageError: a fitness that is no finite number, an answer out of turn, or another's candidate.
     """
-    fitness = float(fitness)
+    try:
+        fitness = float(fitness)
+    except (TypeError, ValueError):
+        fitness = math.nan
     if not math.isfinite(fitness):
         raise UsageError(
             f"the fitness of evaluation {candidate.number} must be a finite number, "
             f"not {fitness}: see to the task's score"
         )
+    kind, shape = candidate.genes.dtype, candidate.genes.shape
+    cells = len(state.fitness)
+    if kind != np.int8 or shape != state.best_genes.shape or not 0 <= candidate.cell < cells:
+        expected = f"genes int8{list(state.best_genes.shape)} for a cell of 0 to {cells - 1}"
+        raise UsageError(f"the candidate must have {expected}, not {kind}{list(shape)} for {candidate.cell}")
     if candidate.number != state.evaluations:
         raise UsageError(f"expected the fitness of evaluation {state.evaluations}, not of {candidate.number}")
     genes, residents, numbers = state.genes, state.fitness, state.numbers

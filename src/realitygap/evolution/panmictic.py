@@ -6,8 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from realitygap.errors import UsageError
-from realitygap.evolution.algorithm import Candidate, State, Variation, bred, empty, event_of, first, told
+from realitygap.evolution.algorithm import (
+    Candidate,
+    State,
+    Variation,
+    bred,
+    check_size,
+    empty,
+    event_of,
+    first,
+    told,
+)
 from realitygap.evolution.selection import panmictic_event
 
 __all__ = ["Panmictic"]
@@ -21,8 +30,7 @@ class Panmictic:
     size: int = 64
 
     def __post_init__(self) -> None:
-        if isinstance(self.size, bool) or not isinstance(self.size, int) or self.size < 2:
-            raise UsageError(f"size of the population must be a whole number from 2, not {self.size!r}")
+        check_size(self.size, 2, "size of the population")
 
     @property
     def cells(self) -> int:

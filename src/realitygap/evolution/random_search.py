@@ -6,8 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from realitygap.errors import UsageError
-from realitygap.evolution.algorithm import Candidate, State, Variation, empty, event_of, first, told
+from realitygap.evolution.algorithm import (
+    Candidate,
+    State,
+    Variation,
+    check_size,
+    empty,
+    event_of,
+    first,
+    told,
+)
 
 __all__ = ["RandomSearch"]
 
@@ -20,8 +28,7 @@ class RandomSearch:
     size: int = 64
 
     def __post_init__(self) -> None:
-        if isinstance(self.size, bool) or not isinstance(self.size, int) or self.size < 1:
-            raise UsageError(f"size of the random search must be a whole number from 1, not {self.size!r}")
+        check_size(self.size, 1, "size of the random search")
 
     @property
     def cells(self) -> int:

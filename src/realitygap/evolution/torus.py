@@ -7,8 +7,17 @@ from functools import cached_property
 
 import numpy as np
 
-from realitygap.errors import UsageError
-from realitygap.evolution.algorithm import Candidate, State, Variation, bred, empty, event_of, first, told
+from realitygap.evolution.algorithm import (
+    Candidate,
+    State,
+    Variation,
+    bred,
+    check_size,
+    empty,
+    event_of,
+    first,
+    told,
+)
 from realitygap.evolution.selection import torus_event
 
 __all__ = ["DistributedGA"]
@@ -29,12 +38,8 @@ class DistributedGA:
 
     def __post_init__(self) -> None:
         for name in ("rows", "columns"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < 3:
-                raise UsageError(
-                    f"{name} of the torus must be a whole number from 3 (a cell has eight neighbours), "
-                    f"not {value!r}"
-                )
+            check_size(getattr(self, name), 3, f"{name} of the torus")  # a cell has eight neighbours
+        check_size(self.cells, 9, "rows · columns of the torus")
 
     @cached_property
     def cells(self) -> int:

@@ -14,7 +14,7 @@ from realitygap.kernels.trial import act, begin, draw_noise, move, sense
 def quiet() -> Networks:
     """One network of no neurons; whoever drives the robot writes its outputs, work.outputs[0] and [1]."""
     return Networks(
-        neurons=np.zeros(1, np.int64), thresholds=np.zeros((1, 2), np.int16),
+        inputs=np.zeros(1, np.int64), neurons=np.zeros(1, np.int64), thresholds=np.zeros((1, 2), np.int16),
         sensor_links=np.zeros((1, 1, 4), np.int16), sensor_count=np.zeros(1, np.int64),
         links=np.zeros((1, 1, 4), np.int16), link_start=np.zeros((1, 3), np.int16),
     )  # fmt: skip

@@ -122,6 +122,8 @@ class Networks(NamedTuple):
     """N decoded networks. Neurons are numbered densely: outputs 0 (left) and 1 (right) first,
     then the hidden ones; links are grouped by their target and sorted by source kind."""
 
+    inputs: I64
+    """[N] inputs that each is made for."""
     neurons: I64
     """[N] neurons that compute: 2 outputs + hidden."""
     thresholds: NDArray[np.int16]

@@ -24,6 +24,8 @@ __all__ = ["SimulatedBody", "SimulatedClock", "WheelCounts", "network_inputs"]
 KINDS = ("proximity", "ambient")
 PULSES_PER_STEP = 10
 """Pulses that a wheel turns by in a step at one Khepera unit (a pulse per 10 ms)."""
+MOST = 127
+"""Largest command, Khepera units: beyond it none is heard."""
 ROUNDING_S = 1e-6
 """A time this little short of a step's is that step's."""
 STAND_STEPS = 20
@@ -59,6 +61,8 @@ class SimulatedBody:
     def __init__(
         self, simulation: Simulation, *, stream: int = 0, kinds: tuple[str, ...] | None = None
     ) -> None:
+        if not isinstance(simulation, Simulation):
+            raise UsageError(f"simulation: expected a Simulation, got {simulation!r}.")
         kinds = (simulation.task.feeds,) if kinds is None else tuple(kinds)
         if not kinds or not set(kinds) <= set(KINDS):
             raise UsageError(f"kinds: expected {', '.join(KINDS)} or both, got {', '.join(kinds) or 'none'}.")
@@ -112,7 +116,14 @@ class SimulatedBody:
         return Readings(**kept)
 
     def act(self, command: Command) -> None:
-        """Wheel speeds from now on, as the network puts them out."""
+        """Wheel speeds from now on, as the network puts them out.
+
+        Raises:
+            UsageError: a command that no Khepera can be given.
+        """
+        for name, value in (("left", command.left), ("right", command.right)):
+            if not -MOST <= value <= MOST or value != int(value):
+                raise UsageError(f"command: {name}: expected a whole number of ±{MOST}, got {value!r}.")
         self._work.outputs[:2] = command.left, command.right
 
     def stop(self) -> None:

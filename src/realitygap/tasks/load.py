@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from difflib import get_close_matches
 from importlib.util import module_from_spec, spec_from_file_location
+from os import PathLike
 from pathlib import Path
 from types import ModuleType
 
@@ -24,16 +25,20 @@ TASKS = ("obstacle-avoidance", "light-seeking")
 """The paper's tasks (§6.1, §6.2)."""
 
 
-def load_task(name_or_file: str | Path) -> Task:
+def load_task(name_or_file: str | PathLike[str] | Task) -> Task:
     """A task from its name or from a user's Python file.
 
     Args:
         name_or_file: one of TASKS, one word of such a name ("light"), or the path of a .py file
-            that defines `task = Task(…)`. The file is run.
+            that defines `task = Task(…)`. The file is run. A Task stays itself.
 
     Raises:
         TaskError: unknown name, or a file that cannot be used: names the file and the line.
     """
+    if isinstance(name_or_file, Task):
+        return name_or_file
+    if not isinstance(name_or_file, str | PathLike):
+        raise TaskError(f"task: expected a Task, a task's name or a .py file, got {name_or_file!r}.")
     text = str(name_or_file).strip()
     tidy = text.lower().replace("_", "-").replace(" ", "-")
     for name in TASKS:

@@ -5,27 +5,34 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cached_property
+from os import PathLike
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.controller.layout import shown
+from realitygap.controller.network import check_networks
 from realitygap.errors import TaskError, UsageError
-from realitygap.kernels import batch
+from realitygap.kernels import batch, halves
 from realitygap.kernels.params import STEP_S, Networks, Path, Room, Trial
 from realitygap.kernels.work import MOTOR_NOISE, Record, Work, new_work
-from realitygap.values import Pose, Trajectory
+from realitygap.tasks.load import load_task
+from realitygap.values import Pose, Trajectory, as_stream
+from realitygap.world.arena import Arena, load_arena
 from realitygap.world.noise import noise_level
+from realitygap.world.profile import Profile, load_profile
 
 if TYPE_CHECKING:
     from realitygap.tasks.task import Score, Task
-    from realitygap.world.arena import Arena
-    from realitygap.world.profile import Profile
 
 __all__ = ["Simulation"]
 
 CHUNK = 64
 """Trials carried out before their scores are taken: bounds the memory of a batch."""
+LONGEST_S = 100_000
+MOST_READINGS = 10**6
+"""Limits on a trajectory's length and on one probe's repetitions."""
 Floats = NDArray[np.float64]
 Streams = NDArray[np.uint64]
 
@@ -39,17 +46,24 @@ class Simulation:
         noise: zero, observed, double, or any level (1 = observed).
         arena: another arena than the task's.
 
+    Task, profile and arena may be given by name or file too.
+
     Probing needs only the room and the robot. Everything else needs a robot that has the sensors
     which the task feeds and can stand at its start: else a TaskError says what is missing.
     """
 
     def __init__(
-        self, task: Task, profile: Profile, noise: str | float = 1.0, arena: Arena | None = None
+        self,
+        task: Task | str | PathLike[str],
+        profile: Profile | str | PathLike[str],
+        noise: str | float = 1.0,
+        arena: Arena | str | PathLike[str] | None = None,
     ) -> None:
-        self.task = task if arena is None else replace(task, arena=arena)
-        self.profile = profile
+        task = load_task(task)
+        self.task = task if arena is None else replace(task, arena=load_arena(arena))
+        self.profile = load_profile(profile)
         self.noise = noise_level(noise)
-        self._robot = profile.to_kernel()
+        self._robot = self.profile.to_kernel()
         self._arena = self.task.arena.to_kernel()
         self._work: dict[tuple[int, int], Work] = {}
 
@@ -79,9 +93,15 @@ class Simulation:
         Each trial is a function of its network and its stream alone.
 
         Raises:
+            UsageError: networks of another task's layout, or streams that are not a row for each.
             TaskError: a score was not a finite number.
         """
-        networks_n, trials = streams.shape
+        networks_n = check_networks(networks, self._trial.channels.shape[0])
+        fits = isinstance(streams, np.ndarray) and streams.dtype == np.uint64 and streams.ndim == 2
+        if not fits or len(streams) != networks_n:
+            expected = f"an array uint64[{networks_n}, trials], a row for each network"
+            raise UsageError(f"streams: expected {expected}, got {shown(streams)}.")
+        trials = streams.shape[1]
         which = np.repeat(np.arange(networks_n), trials)
         flat = streams.reshape(-1)
         scores = np.empty(flat.shape[0])
@@ -92,6 +112,7 @@ class Simulation:
                 self._robot, self._arena, self._trial, networks, which[first : first + CHUNK],
                 self.noise, some, self._paths, work,
             )  # fmt: skip
+            self._require_finite_path(self._paths[: some.shape[0]])
             for i in range(some.shape[0]):
                 scores[first + i] = self._score(self._rows[i], self._room)
         self._require_finite(scores)
@@ -109,8 +130,11 @@ class Simulation:
             seconds: how long it lasts; by default the task's length.
 
         Raises:
-            UsageError: the pose is not free, or the length is not positive.
+            UsageError: more than one network, another task's, a pose that is not free, a wrong length.
         """
+        if check_networks(networks, self._trial.channels.shape[0]) != 1:
+            raise UsageError(f"networks: expected one, got {len(networks.neurons)}. Decode one genotype.")
+        named = as_stream(stream)
         steps = self._trial.steps if seconds is None else self._steps(seconds)
         robot, profile, inputs = self._robot, self.profile, self._trial.channels.shape[0]
         proximity_n, ambient_n = len(profile.infrared.sensors), len(profile.ambient.sensors)
@@ -125,8 +149,9 @@ class Simulation:
         self._place(work, self.start(stream) if pose is None else pose)
         batch.record_trial(
             robot, self._arena, self._trial._replace(steps=steps), networks, self.noise,
-            np.uint64(stream), path, work, aside, _noise_for(aside.shape[0]), record,
+            named, path, work, aside, _noise_for(aside.shape[0]), record,
         )  # fmt: skip
+        self._require_finite_path(*path, record.proximity, record.ambient)
         score = np.array([self._score(path, self._room)])
         self._require_finite(score)
         return _trajectory(record, path), float(score[0])
@@ -134,28 +159,34 @@ class Simulation:
     def start(self, stream: int) -> Pose:
         """Where a trial on this stream starts."""
         starts = np.zeros((1, 3))
-        batch.draw_starts(self._trial, np.array([stream], np.uint64), starts)
+        batch.draw_starts(self._trial, np.array([as_stream(stream)]), starts)
         return Pose(x=float(starts[0, 0]), y=float(starts[0, 1]), heading=float(starts[0, 2]))
 
     def probe(self, pose: Pose, *, stream: int = 0, repeat: int = 1) -> tuple[Floats, Floats]:
         """What the robot's sensors read at a pose: proximity [repeat, P] and ambient [repeat, A].
 
         With noise as the robot reads them (whole counts); without, as the model gives them.
+
+        Raises:
+            UsageError: the pose is not free, or `repeat` is no whole number from 1 to a million.
         """
+        if isinstance(repeat, bool) or not isinstance(repeat, int) or not 1 <= repeat <= MOST_READINGS:
+            raise UsageError(f"repeat: expected a whole number from 1 to {MOST_READINGS}, got {repeat!r}.")
         proximity_n, ambient_n = len(self.profile.infrared.sensors), len(self.profile.ambient.sensors)
         nothing_fed = Trial(steps=0, feed=0, channels=np.zeros(0, np.int64), start=np.zeros(5))
-        work = new_work(self._robot, nothing_fed, _no_networks())
+        work = new_work(self._robot, nothing_fed, halves.quiet())
         self._place(work, pose)
         proximity, ambient = np.zeros((repeat, proximity_n)), np.zeros((repeat, ambient_n))
         streams = batch_streams(stream, repeat)
         noise = _noise_for(max(proximity_n, ambient_n))
         batch.probe(self._robot, self._arena, self.noise, streams, work, noise, proximity, ambient)
+        self._require_finite_path(proximity, ambient)
         return proximity, ambient
 
     def compile(self) -> None:
         """Compile what evolution needs, or load it from the cache; the first time takes seconds."""
         nobody = np.zeros(0, np.uint64)
-        networks = _no_networks()
+        networks = halves.quiet()
         batch.run_trials(
             self._robot, self._arena, self._trial, networks, np.zeros(0, np.int64), self.noise,
             nobody, self._paths, self._scratch(networks),
@@ -169,15 +200,18 @@ class Simulation:
         return self._work[size]
 
     def _steps(self, seconds: float) -> int:
-        steps = round(seconds / STEP_S) if math.isfinite(seconds) else 0
+        number = isinstance(seconds, int | float) and 0 < seconds <= LONGEST_S
+        steps = round(seconds / STEP_S) if number else 0
         if steps < 1 or abs(steps * STEP_S - seconds) > 1e-6:
-            raise UsageError(
-                f"seconds: expected a positive multiple of {STEP_S} (one step), got {seconds:g}."
-            )
+            expected = f"a positive multiple of {STEP_S} (one step), {LONGEST_S} at most"
+            raise UsageError(f"seconds: expected {expected}, got {seconds!r}.")
         return steps
 
-    def _place(self, work: Work, pose: Pose) -> None:
+    def _place(self, work: Work, pose: object) -> None:
         """Set the robot down, if nothing stands there."""
+        if not isinstance(pose, Pose):
+            cure = "Pose.from_degrees(25, 25, 90) makes one."
+            raise UsageError(f"pose: expected a Pose, got {shown(pose)}. {cure}")
         if not all(math.isfinite(value) for value in (pose.x, pose.y, pose.heading)):
             raise UsageError(f"pose: expected finite numbers, got {pose.x} {pose.y} {pose.heading_deg}.")
         if not batch.is_clear(self._robot, self._arena, pose.x, pose.y):
@@ -190,6 +224,14 @@ class Simulation:
                 f"The arena reaches from (0, 0) to ({arena.size_cm[0]:g}, {arena.size_cm[1]:g}) cm."
             )
         work.start[:] = pose.x, pose.y, pose.heading
+
+    def _require_finite_path(self, *arrays: Floats) -> None:
+        """No path or reading that is not finite is ever a result."""
+        if not all(math.isfinite(array.sum()) for array in arrays):
+            raise UsageError(
+                f"profile {self.profile.name!r} at noise {self.noise:g}: expected a finite path and finite "
+                "readings, got some that are not. Look for a constant beyond all measure, or lower the noise."
+            )
 
     def _require_finite(self, scores: Floats) -> None:
         if not np.isfinite(scores).all():
@@ -204,19 +246,12 @@ def batch_streams(stream: int, count: int) -> Streams:
     """`count` streams under one: substream(stream, 0), substream(stream, 1), …"""
     from realitygap.kernels.rng import substream
 
-    return np.array([substream(np.uint64(stream), i) for i in range(count)], np.uint64)
+    named = as_stream(stream)
+    return np.array([substream(named, i) for i in range(count)], np.uint64)
 
 
 def _noise_for(sensors: int) -> Floats:
     return np.zeros(16 * ((sensors + MOTOR_NOISE + 15) // 16))
-
-
-def _no_networks() -> Networks:
-    return Networks(
-        neurons=np.zeros(1, np.int64), thresholds=np.zeros((1, 2), np.int16),
-        sensor_links=np.zeros((1, 1, 4), np.int16), sensor_count=np.zeros(1, np.int64),
-        links=np.zeros((1, 1, 4), np.int16), link_start=np.zeros((1, 3), np.int16),
-    )  # fmt: skip
 
 
 def _trajectory(record: Record, path: Path) -> Trajectory:

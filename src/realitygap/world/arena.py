@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -145,8 +145,8 @@ class Arena(Value):
         return margin <= x <= width - margin and margin <= y <= depth - margin
 
 
-def load_arena(name_or_path: str | Path) -> Arena:
-    """An arena: "obstacle-avoidance", "light-seeking", or the path of a TOML file.
+def load_arena(name_or_path: str | PathLike[str] | Arena) -> Arena:
+    """An arena: "obstacle-avoidance", "light-seeking", or the path of a TOML file (an Arena stays itself).
 
     Raises:
         ConfigError: names the file and the key, what was expected and what came.

@@ -15,6 +15,7 @@ from difflib import get_close_matches
 from functools import cache
 from importlib.resources import files
 from numbers import Real
+from os import PathLike
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
@@ -69,19 +70,23 @@ def build(cls: type[T], table: Mapping[str, Any]) -> T:
     return cls(**table)
 
 
-def load(cls: type[T], name: str | Path, *, folder: str) -> T:
-    """A value from a shipped file's name or from the path of a user's TOML file.
+def load(cls: type[T], name: str | PathLike[str] | T, *, folder: str) -> T:
+    """A value from a shipped file's name or from the path of a user's TOML file; a value stays itself.
 
     Raises:
         ConfigError: unknown name, unreadable file, broken TOML, or a value that is refused.
     """
-    kind, where = folder.removesuffix("s"), str(name)
+    if isinstance(name, cls):
+        return name
+    kind = folder.removesuffix("s")
+    require(isinstance(name, str | PathLike), kind, f"{_a(kind)}'s name, or its file's path", name)
+    where = str(name)
     tidy = where.strip().lower().replace("_", "-").replace(" ", "-")
     names = shipped(folder)
     if tidy in names:
         table = tomllib.loads(files("realitygap.world").joinpath(folder, f"{tidy}.toml").read_text("utf-8"))
     else:
-        table = _table(Path(name), kind, names)
+        table = _table(Path(where), kind, names)
     try:
         return build(cls, table)
     except ConfigError as error:

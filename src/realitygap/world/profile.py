@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -229,8 +229,8 @@ class Profile(Value):
         return table
 
 
-def load_profile(name_or_path: str | Path) -> Profile:
-    """A robot's profile: "paper", or the path of a TOML file.
+def load_profile(name_or_path: str | PathLike[str] | Profile) -> Profile:
+    """A robot's profile: "paper", or the path of a TOML file (a Profile stays itself).
 
     Raises:
         ConfigError: names the file and the key, what was expected and what came.

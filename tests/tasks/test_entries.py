@@ -1,0 +1,160 @@
+"""Every public way into compiled code refuses arrays that do not fit, before anything is compiled on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import realitygap as rg
+from realitygap.errors import RealityGapError
+from realitygap.evolution import make_algorithm
+from realitygap.kernels.params import Networks
+from realitygap.tasks.body import SimulatedBody
+
+LAYOUT = rg.Layout()
+VARIATION = rg.Variation(start_neurons=0.4)
+GENES = np.stack([VARIATION.random(np.uint64(k)) for k in range(2)])
+STREAMS = np.zeros((2, 3), np.uint64)
+
+
+@pytest.fixture(scope="module")
+def simulation() -> rg.Simulation:
+    """The paper's robot avoiding obstacles for a second."""
+    from dataclasses import replace
+
+    return rg.Simulation(replace(rg.load_task("avoidance"), seconds=1.0), "paper")
+
+
+def nets(**change: object) -> Networks:
+    """Two networks with another array, or one value of an array changed: name=(place, value)."""
+    made = rg.decode(GENES, LAYOUT)
+    for name, new in change.items():
+        if isinstance(new, tuple):
+            array = getattr(made, name).copy()
+            array[new[0]] = new[1]
+            new = array
+        made = made._replace(**{name: new})
+    return made
+
+
+SCORES: dict[str, Callable[[rg.Simulation], object]] = {
+    "more rows of streams than networks": lambda s: s.scores(nets(), np.zeros((5000, 2), np.uint64)),
+    "fewer rows of streams": lambda s: s.scores(nets(), STREAMS[:1]),
+    "streams in one dimension": lambda s: s.scores(nets(), STREAMS[0]),
+    "streams of another type": lambda s: s.scores(nets(), np.zeros((2, 3))),
+    "streams in a list": lambda s: s.scores(nets(), [[1], [2]]),  # type: ignore[arg-type]
+    "genes for networks": lambda s: s.scores(GENES, STREAMS),  # type: ignore[arg-type]
+    "no networks": lambda s: s.scores(None, STREAMS),  # type: ignore[arg-type]
+    "more inputs": lambda s: s.scores(nets(inputs=np.full(2, 12)), STREAMS),
+    "other inputs than the task": lambda s: s.scores(
+        rg.decode(rg.random_genotype(rg.Layout(inputs=4), np.uint64(1)), rg.Layout(inputs=4)), STREAMS[:1]
+    ),
+    "more neurons than there are": lambda s: s.scores(nets(neurons=(0, 23)), STREAMS),
+    "no motors": lambda s: s.scores(nets(neurons=(1, 1)), STREAMS),
+    "a link from nowhere": lambda s: s.scores(nets(links=((0, 0, 1), 20000)), STREAMS),
+    "a link from below": lambda s: s.scores(nets(links=((0, 0, 1), -1)), STREAMS),
+    "a link too late": lambda s: s.scores(nets(links=((0, 0, 3), 5)), STREAMS),
+    "a link too heavy": lambda s: s.scores(nets(links=((0, 0, 2), 30000)), STREAMS),
+    "links that end beyond": lambda s: s.scores(nets(link_start=((0, 1), 9999)), STREAMS),
+    "links that end before they begin": lambda s: s.scores(nets(link_start=((0, 1), -1)), STREAMS),
+    "a sensor's link to nowhere": lambda s: s.scores(nets(sensor_links=((0, 0, 0), 99)), STREAMS),
+    "a sensor that is not there": lambda s: s.scores(nets(sensor_links=((0, 0, 1), 8)), STREAMS),
+    "sensor links out of order": lambda s: s.scores(nets(sensor_links=((0, 0, 3), 4)), STREAMS),
+    "too many sensor links": lambda s: s.scores(nets(sensor_count=(0, 10**6)), STREAMS),
+    "a threshold beyond all": lambda s: s.scores(nets(thresholds=((0, 0), 99)), STREAMS),
+    "weights as floats": lambda s: s.scores(nets(links=np.zeros((2, 176, 4))), STREAMS),
+    "arrays of another size": lambda s: s.scores(nets(thresholds=np.zeros((2, 3), np.int16)), STREAMS),
+    "arrays in a list": lambda s: s.scores(nets(neurons=[2, 2]), STREAMS),
+    "arrays with gaps": lambda s: s.scores(nets(neurons=np.full(4, 2)[::2]), STREAMS),
+    "two networks for one trajectory": lambda s: s.trajectory(nets(), stream=1),
+    "a stream below 0": lambda s: s.trajectory(rg.decode(GENES[0], LAYOUT), stream=-1),
+    "a stream of 65 bits": lambda s: s.start(2**64),
+    "a stream in words": lambda s: s.probe(rg.Pose(x=25, y=25, heading=0), stream="one"),  # type: ignore[arg-type]
+    "a pose in a tuple": lambda s: s.probe((25, 25, 0)),  # type: ignore[arg-type]
+    "no repetition": lambda s: s.probe(rg.Pose(x=25, y=25, heading=0), repeat=0),
+    "repetitions without end": lambda s: s.probe(rg.Pose(x=25, y=25, heading=0), repeat=10**12),
+    "seconds in words": lambda s: s.trajectory(rg.decode(GENES[0], LAYOUT), stream=1, seconds="long"),  # type: ignore[arg-type]
+    "seconds without end": lambda s: s.trajectory(rg.decode(GENES[0], LAYOUT), stream=1, seconds=1e12),
+    "a command beyond the robot's": lambda s: SimulatedBody(s).act(rg.Command(left=10**12, right=0)),
+    "a body of nothing": lambda s: SimulatedBody(None),  # type: ignore[arg-type]
+}
+
+
+@pytest.mark.parametrize("call", SCORES.values(), ids=SCORES.keys())
+def test_a_simulation_refuses_what_does_not_fit(simulation, call):
+    """Each wrong array, stream, pose or length is a UsageError, not a crash and not a score."""
+    with pytest.raises(rg.UsageError):
+        call(simulation)
+
+
+def test_what_fits_is_scored(simulation):
+    """The networks that the table spoils are scored as they are."""
+    assert np.isfinite(simulation.scores(nets(), STREAMS)).all()
+
+
+def genes(*place: object) -> np.ndarray:
+    """A genotype with one value changed: place and value."""
+    changed = GENES[0].copy()
+    changed[place[:2]] = place[2]  # type: ignore[index]
+    return changed
+
+
+def torus() -> tuple[object, object]:
+    """A torus of the paper's, and its first state."""
+    algorithm = make_algorithm("torus", VARIATION, rows=3, columns=3)
+    return algorithm, algorithm.init(np.uint64(1))
+
+
+def asked(**change: object) -> object:
+    """The first candidate of a torus, changed and told."""
+    algorithm, state = torus()
+    candidate = algorithm.ask(state)._replace(**change)  # type: ignore[attr-defined]
+    return algorithm.tell(state, candidate, 0.0)  # type: ignore[attr-defined]
+
+
+OTHERS: dict[str, Callable[[], object]] = {
+    "genes of another layout": lambda: rg.decode(np.zeros((1, 40, 14), np.int8), LAYOUT),
+    "genes as floats": lambda: rg.decode(GENES.astype(float), LAYOUT),
+    "genes in a list": lambda: rg.decode(GENES.tolist(), LAYOUT),
+    "a source that is no slot": lambda: rg.decode(genes(8, 3, 120), LAYOUT),
+    "a source below 0": lambda: rg.decode(genes(8, 3, -1), LAYOUT),
+    "a delay beyond the longest": lambda: rg.decode(genes(8, 5, 100), LAYOUT),
+    "a motor left out": lambda: rg.decode(genes(8, 0, 0), LAYOUT),
+    "no layout": lambda: rg.decode(GENES, None),
+    "a controller of another layout": lambda: rg.NetworkController(GENES[0], rg.Layout(slots=12)),
+    "a controller of a list": lambda: rg.NetworkController([1, 2]),
+    "inputs beyond the ten": lambda: rg.NetworkController(GENES[0]).decide([11] * 8),
+    "inputs that are no numbers": lambda: rg.NetworkController(GENES[0]).decide([float("nan")] * 8),
+    "a parent of another layout": lambda: VARIATION.offspring(GENES[0], GENES[0, :20], np.uint64(1)),
+    "a parent in a list": lambda: VARIATION.offspring(GENES[0].tolist(), GENES[1], np.uint64(1)),
+    "a stream of breeding below 0": lambda: VARIATION.random(-1),
+    "a layout in words": lambda: rg.Variation(layout="large"),
+    "a candidate for no cell": lambda: asked(cell=9),
+    "a candidate for a cell below 0": lambda: asked(cell=-1),
+    "a candidate of another layout": lambda: asked(genes=np.zeros((3, 6), np.int8)),
+    "a fitness in words": lambda: torus()[0].tell(torus()[1], torus()[0].ask(torus()[1]), "high"),
+    "a population beyond all memory": lambda: make_algorithm("torus", VARIATION, rows=10**6, columns=10**6),
+    "a size beyond all memory": lambda: make_algorithm("random", VARIATION, size=10**9),
+    "a task in numbers": lambda: rg.load_task(3),
+    "a profile in numbers": lambda: rg.load_profile(3),
+    "an arena of nothing": lambda: rg.load_arena(None),
+    "a simulation of nothing": lambda: rg.Simulation(None, None),
+}
+
+
+@pytest.mark.parametrize("call", OTHERS.values(), ids=OTHERS.keys())
+def test_everything_else_refuses_what_does_not_fit(call):
+    """Decoding, breeding, algorithms and loaders raise the package's own errors."""
+    with pytest.raises(RealityGapError):
+        call()
+
+
+def test_values_go_where_their_names_go(tmp_path: Path):
+    """A Task, a Profile, an Arena are taken wherever their names or files are."""
+    task, profile, arena = rg.load_task("light"), rg.load_profile("paper"), rg.load_arena("light-seeking")
+    assert rg.load_task(task) is task and rg.load_profile(profile) is profile
+    assert rg.load_arena(arena) is arena
+    assert rg.Simulation("light", "paper", "zero", arena="light-seeking").task.name == task.name
