@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,7 +37,7 @@ __all__ = ["Link", "NetworkController", "Neuron", "check_networks", "decode", "n
 TOP = 10
 """Outputs are −10 .. 10 (§5.3)."""
 RANKS = [1, 1, 2, 3, 1, 3, 2]
-KINDS = ("int64", "int64", "int16", "int16", "int64", "int16", "int16")
+KINDS = tuple(map(np.dtype, ("int64", "int64", "int16", "int16", "int64", "int16", "int16")))
 """Dimensions and type of each array of `Networks`."""
 
 
@@ -90,13 +90,13 @@ def check_networks(networks: Networks, inputs: int) -> int:
     Raises:
         UsageError: another number of inputs, an array of another type or shape, or a link out of range.
     """
-    if not isinstance(networks, Networks) or [np.ndim(array) for array in networks] != RANKS:
+    if not isinstance(networks, Networks) or [getattr(a, "ndim", 0) for a in networks] != RANKS:
         raise UsageError(f"networks: expected what `decode` makes of genotypes, got {shown(networks)}.")
     n, m, k = len(networks.neurons), len(networks.thresholds[0]), len(networks.links[0])
     shapes = ((n,), (n,), (n, m), (n, k, 4), (n,), (n, k, 4), (n, m + 1))
-    for name, array, kind, shape in zip(Networks._fields, networks, KINDS, shapes, strict=True):
-        fits = isinstance(array, np.ndarray) and array.dtype == kind and array.shape == shape
-        if not (fits and np.asarray(array).flags.c_contiguous):
+    arrays: tuple[Any, ...] = networks
+    for name, array, kind, shape in zip(Networks._fields, arrays, KINDS, shapes, strict=True):
+        if not (array.dtype == kind and array.shape == shape and array.flags.c_contiguous):
             expected = f"a contiguous array {kind}{list(shape)}"
             raise UsageError(f"networks.{name}: expected {expected}, got {shown(array)}.")
     fault, what = first_unfit(networks, inputs, MAX_WEIGHT, MAX_THRESHOLD)
