@@ -224,6 +224,21 @@ def test_nonsense_is_refused(recorded, spoil, words):
         calibrate([spoil(recorded("wall"))], PAPER)
 
 
+@pytest.mark.parametrize("object", ["wall", "lamp"])
+def test_neighbours_that_are_exchanged_are_named(recorded, object):
+    """Two columns of neighbours in each other's place are refused by number; a judge warns of them."""
+    sound = recorded(object)
+    for i, j in ((0, 1), (1, 2), (4, 5)):
+        order = list(range(8))
+        order[i], order[j] = j, i
+        wrong = replace(sound, counts=sound.counts[:, order])
+        words = f"sensors {i} and {j} seem .* Exchange columns s{i} and s{j}"
+        with pytest.raises(CalibrationError, match=words):
+            calibrate([wrong], PAPER)
+        assert any(f"sensors {i} and {j} seem" in warning for warning in judge(wrong, PAPER).warnings)
+    assert judge(sound, PAPER).warnings == ()
+
+
 def test_a_profile_is_judged_on_other_data(recorded):
     """A fit to a wall predicts a cylinder of the same robot; the paper's constants do not."""
     made = calibrate([recorded("wall")], PAPER)

@@ -39,7 +39,8 @@ PAPER = load_profile("paper")
 def test_inputs_are_the_kernels(reading, feeds):
     """Every reading becomes the input that the kernel makes of it."""
     low, high = (PAPER.infrared if feeds == "proximity" else PAPER.ambient).bands
-    assert PAPER.inputs([0, reading], feeds, (1,)) == [scale_input(float(low), float(high), float(reading))]
+    made = PAPER.inputs([0, reading, *[0] * 6], feeds, (1,))
+    assert made == [scale_input(float(low), float(high), float(reading))]
 
 
 @pytest.mark.parametrize("name", ["obstacle-avoidance", "light-seeking"])

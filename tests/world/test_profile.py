@@ -151,6 +151,10 @@ def test_everything_is_shown(paper):
         ("offset_cm = 0.0", "offset_cm = -0.5", "infrared.sensors[0].offset_cm: expected more than -0.41"),
         ("a = 3515.0", "a = 0", "infrared.sensors[0].a: expected more than 0, got 0.0."),
         ("bands = [0.0, 1023.0]", "bands = [5, 5]", "infrared.bands: expected two different readings"),
+        ("bands = [0.0, 1023.0]", "bands = [1023, 0]", "infrared.bands: expected what is read far"),
+        ("bands = [484.0, 55.0]", "bands = [55, 484]", "ambient.bands: expected what is read in"),
+        ("track_cm = 5.3", "track_cm = 53", "wheels.track_cm: expected 0.58 to 11.6 cm"),
+        ("track_cm = 5.3", "track_cm = 0.053", "wheels.track_cm: expected 0.58 to 11.6 cm"),
         ("dark = 484.0", "dark = 50", "ambient.dark: expected more than floor (55), got 50.0."),
         ("gain = 1.0", "gain = inf", "ambient.sensors[0].gain: expected a finite number, got inf."),
         ("wheel = 0.058", "wheel = -1", "noise.wheel: expected 0 or more, got -1.0."),
@@ -164,6 +168,33 @@ def test_everything_is_shown(paper):
 def test_wrong_values_are_refused_by_key(refused, old, new, told):
     """A wrong value is refused with the file's name, the key, what was expected and what came."""
     assert refused(old, new).startswith(told)
+
+
+@pytest.mark.parametrize("part", ["infrared", "ambient"])
+def test_directions_in_radians_are_refused(paper, part):
+    """Sensors that would look where they sit if their directions were radians."""
+    law = getattr(paper, part)
+    wrong = tuple(replace(s, direction_deg=math.radians(s.direction_deg)) for s in law.sensors)
+    with pytest.raises(ConfigError, match=r"sensors\[0\].direction_deg: expected degrees, .* radians"):
+        replace(law, sensors=wrong)
+    ahead = zip(law.sensors, [1, -2, 0, 0, 3, -1, 2, 1], strict=True)
+    forwards = tuple(replace(s, direction_deg=d) for s, d in ahead)
+    assert replace(law, sensors=forwards).sensors[1].direction_deg == -2
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (([1] * 8, "infrared", (0,)), "feeds: expected 'proximity' or 'ambient', got 'infrared'. The"),
+        (([1] * 7, "proximity", (0,)), r"readings: expected one of each proximity sensor \(8\), got 7"),
+        (([1] * 8, "ambient", (8,)), "sensors: expected numbers from 0 to 7"),
+        (([1] * 8, "ambient", (-1,)), "sensors: expected numbers from 0 to 7"),
+    ],
+)
+def test_inputs_of_other_sensors_are_refused(paper, words, told):
+    """What a program of a user's own hands over is checked, not taken for ambient light."""
+    with pytest.raises(ConfigError, match=told):
+        paper.inputs(*words)
 
 
 def test_broken_toml_names_the_line(refused):

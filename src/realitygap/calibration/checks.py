@@ -6,7 +6,9 @@ whole does is refused.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     from realitygap.calibration.channels import ChannelFit
     from realitygap.calibration.recordings.recording import Recording, SensorRecording
     from realitygap.world.profile import Profile
+    from realitygap.world.sensors import AmbientSensor, ProximitySensor
 
 __all__ = [
     "dead_sensors", "doubtful_light", "refuse_mixed", "refuse_nonsense", "refuse_other_kind",
@@ -34,6 +37,9 @@ STILL = 30.0
 SATURATED_SHARE = 0.8
 ASIDE_DEG = 60.0
 MOST_ODD = 3
+NEIGHBOURS_DEG, LIKELY_DEG, LIKELY_SHARE, SURE_DEG, SURE_SHARE = 100.0, 5.0, 0.4, 8.0, 0.6
+"""How far apart two sensors look at most that may be exchanged; and how far apart, and by which share of
+that, they answer the wrong way round where it is likely, and where it is sure."""
 BLIND_CM, DAZZLED_CM, BRIGHT = 15.0, 1.0, 300.0
 """Beyond, and nearer than, which a Khepera's infrared sees nothing, and any object as bright."""
 FEWEST_LIT = 40
@@ -80,11 +86,10 @@ def refuse_swapped(recording: SensorRecording, profile: Profile, dead: dict[int,
             f"{recording.source}: expected {len(looks)} sensors, as profile {profile.name!r} has, "
             f"got {recording.sensors}."
         )
-    if recording.pose is not None and recording.arena is not None:
-        return ()
     answers, sure = _answers(recording)
     live = np.array([k not in dead for k in range(len(looks))]) & sure
-    odd = live & (_apart(answers, looks) > ASIDE_DEG)
+    known = recording.pose is not None and recording.arena is not None  # walls throw light back
+    odd = live & (not known) & (_apart(answers, looks) > ASIDE_DEG)
     mirrored = live & (_apart(-answers, looks) <= ASIDE_DEG)
     if odd.sum() >= MOST_ODD:
         which = ", ".join(f"{k} at {answers[k]:.0f}° (looks to {looks[k]:.0f}°)" for k in np.flatnonzero(odd))
@@ -96,10 +101,45 @@ def refuse_swapped(recording: SensorRecording, profile: Profile, dead: dict[int,
         raise CalibrationError(
             f"{recording.source}: sensors answer to another side than they look: {which}. {cure}"
         )
-    return tuple(
+    crossed = _refuse_exchanged(recording, answers, _expected(part.sensors), live)
+    return crossed + tuple(
         f"{recording.source}: sensor {k} answers most at {answers[k]:.0f}° but looks to {looks[k]:.0f}°"
         for k in np.flatnonzero(odd)
     )
+
+
+def _expected(sensors: Sequence[ProximitySensor] | Sequence[AmbientSensor]) -> Array:
+    """[S] the bearing that each sensor should answer to: between its direction and that of its place."""
+    there = np.array([math.degrees(math.atan2(s.y_cm, s.x_cm)) for s in sensors])
+    looks = np.array([s.direction_deg for s in sensors])
+    return np.asarray(looks + _turn(there - looks) / 2)
+
+
+def _refuse_exchanged(
+    recording: SensorRecording, answers: Array, expected: Array, live: NDArray[np.bool_]
+) -> tuple[str, ...]:
+    """Warnings about two sensors that seem to be exchanged: each answers on the other's side of the other.
+
+    Raises:
+        CalibrationError: two plainly are.
+    """
+    told = []
+    for i, j in combinations(np.flatnonzero(live).tolist(), 2):
+        pair, other = [i, j], [j, i]
+        gap, seen = (float(_turn(of[i] - of[j])) for of in (expected, answers))
+        closer = _apart(answers[pair], expected[other]).sum() < _apart(answers[pair], expected[pair]).sum()
+        wrong = closer and seen * gap < 0 and abs(gap) <= NEIGHBOURS_DEG
+        if not wrong or abs(seen) < max(LIKELY_DEG, LIKELY_SHARE * abs(gap)):
+            continue
+        said = (
+            f"{recording.source}: sensors {i} and {j} seem to be exchanged: they answer most at "
+            f"{answers[i]:.0f}° and {answers[j]:.0f}°, where {expected[i]:.0f}° and {expected[j]:.0f}° are "
+            f"expected. Exchange columns s{i} and s{j}, or these sensors in --base"
+        )
+        if abs(seen) > max(SURE_DEG, SURE_SHARE * abs(gap)):
+            raise CalibrationError(f"{said}.")
+        told.append(said)
+    return tuple(told)
 
 
 def refuse_units(recording: SensorRecording) -> None:
@@ -217,5 +257,10 @@ def _answers(recording: SensorRecording) -> tuple[Array, NDArray[np.bool_]]:
     return np.degrees(np.angle(total)), np.asarray(sure)
 
 
+def _turn(degrees: Array) -> Array:
+    """The same turn the shorter way round."""
+    return np.asarray((degrees + 180.0) % 360.0 - 180.0)
+
+
 def _apart(a: Array, b: Array) -> Array:
-    return np.asarray(np.abs((a - b + 180.0) % 360.0 - 180.0))
+    return np.abs(_turn(a - b))

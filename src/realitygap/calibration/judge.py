@@ -22,6 +22,7 @@ from realitygap.calibration.recordings.recording import SensorRecording, WheelRe
 from realitygap.calibration.wheels.checks import (
     refuse_camera,
     refuse_counters,
+    refuse_fast,
     refuse_few_steps,
     refuse_lengths,
     refuse_still,
@@ -217,6 +218,7 @@ def _wheel_doubts(recording: WheelRecording, profile: Profile, odometry: Odometr
     said = list(recording.warnings)
     try:
         refuse_still(recording)
+        refuse_fast(recording, profile)
         refuse_counters(recording)
         if odometry is not None:
             refuse_lengths(recording, odometry, profile)

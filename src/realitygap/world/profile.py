@@ -27,6 +27,9 @@ __all__ = [
     "profile_names",
 ]
 
+FEEDS = ("proximity", "ambient")
+TRACK = (0.2, 4.0)
+"""The track's least and most, in radii of the body."""
 TOP_INPUT = 10
 """Inputs of a network are −10 … 10 (§5.3)."""
 
@@ -122,6 +125,14 @@ class Profile(Value):
     def _check(self) -> None:
         require(bool(self.name.strip()), "name", "a name", self.name)
         radius = self.body.radius_cm
+        least, most = (round(share * radius, 6) for share in TRACK)
+        require(
+            least <= self.wheels.track_cm <= most,
+            "wheels.track_cm",
+            f"{least:g} to {most:g} cm between the wheels of a body of radius {radius:g} cm",
+            self.wheels.track_cm,
+            "Is it in another unit?",
+        )
         fastest = self.wheels.top_command * max(self.wheels.speed_per_unit_cm_s)
         require(
             fastest * STEP_S <= radius,
@@ -201,7 +212,16 @@ class Profile(Value):
             readings: counts of all sensors that `feeds` names, "proximity" or "ambient".
             feeds: whose bands.
             sensors: which of them feeds each input.
+
+        Raises:
+            ConfigError: other feeds, readings of another number of sensors, or a sensor that there is not.
         """
+        hint = "The infrared sensors feed as 'proximity'." if feeds == "infrared" else ""
+        require(feeds in FEEDS, "feeds", " or ".join(map(repr, FEEDS)), feeds, hint)
+        there = len((self.infrared if feeds == "proximity" else self.ambient).sensors)
+        require(len(readings) == there, "readings", f"one of each {feeds} sensor ({there})", len(readings))
+        inside = all(0 <= sensor < there for sensor in sensors)
+        require(inside, "sensors", f"numbers from 0 to {there - 1}", sensors)
         low, high = (self.infrared if feeds == "proximity" else self.ambient).bands
         shares = ((float(readings[sensor]) - low) / (high - low) for sensor in sensors)
         scaled = (math.floor(share * (2.0 * TOP_INPUT) - TOP_INPUT + 0.5) for share in shares)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from realitygap.errors import ConfigError
@@ -11,8 +12,12 @@ from realitygap.world.files import Value, require
 
 __all__ = ["RAY_NUMBERS", "RESPONSES", "Ambient", "AmbientSensor", "Infrared", "ProximitySensor"]
 
+FEWEST_TURNED, OUTWARDS_DEG = 2, 35.0
+"""So many sensors that look aside tell radians from degrees; and how nearly a sensor looks outwards."""
 RESPONSES = ("paper", "linear")
 """Laws from illumination to counts."""
+TURN = "Turn them round: the first becomes input -10, the second +10."
+"""The cure for bands in the wrong order."""
 RAY_NUMBERS = (10, 16, 18, 20, 24, 27, 30, 32, 36, 40, 45, 48, 50, 54, 60)
 """How many rays reflected light may come in by: up to six fans of eight to ten each."""
 
@@ -56,6 +61,9 @@ class Infrared(Value):
         require(self.top > 0, "top", "more than 0", self.top)
         require(self.matt in (0.0, 1.0), "matt", "0 (as in the paper) or 1", self.matt)
         _check_bands(self.bands)
+        far, near = self.bands
+        require(far < near, "bands", "what is read far off, then what is read near by", self.bands, TURN)
+        _check_radians(self.sensors)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,6 +121,10 @@ class Ambient(Value):
         require(self.reflectance >= 0, "reflectance", "0 or more", self.reflectance)
         require(self.exponent >= 0, "exponent", "0 or more", self.exponent)
         _check_bands(self.bands)
+        dark, bright = self.bands
+        require(dark > bright, "bands", "what is read in the dark, then what is read near a lamp",
+                self.bands, TURN)  # fmt: skip
+        _check_radians(self.sensors)
         require(self.response in RESPONSES, "response", " or ".join(map(repr, RESPONSES)), self.response)
         require(0 <= self.facing <= 20, "facing", "an exponent from 0 to 20", self.facing)
         require(self.lamp_height_cm >= 0, "lamp_height_cm", "0 or more", self.lamp_height_cm)
@@ -139,6 +151,24 @@ class Ambient(Value):
 
 def _check_direction(direction_deg: float) -> None:
     require(-360 <= direction_deg <= 360, "direction_deg", "degrees from -360 to 360", direction_deg)
+
+
+def _check_radians(sensors: Sequence[ProximitySensor | AmbientSensor]) -> None:
+    """Refuse directions that are none in degrees, but look outwards in radians."""
+    turned = [s for s in sensors if s.direction_deg and math.hypot(s.x_cm, s.y_cm) > 0]
+    if len(turned) < FEWEST_TURNED or any(abs(s.direction_deg) > math.tau + 1e-3 for s in sensors):
+        return
+    places = [math.degrees(math.atan2(s.y_cm, s.x_cm)) for s in turned]
+    here = [_apart(s.direction_deg, place) for s, place in zip(turned, places, strict=True)]
+    there = [_apart(math.degrees(s.direction_deg), place) for s, place in zip(turned, places, strict=True)]
+    if max(there) < OUTWARDS_DEG < min(here):
+        key = f"sensors[{sensors.index(turned[0])}].direction_deg"
+        cure = "These look like radians: sensors would look where they sit. Convert all of them."
+        require(False, key, "degrees", turned[0].direction_deg, cure)
+
+
+def _apart(a_deg: float, b_deg: float) -> float:
+    return abs((a_deg - b_deg + 180.0) % 360.0 - 180.0)
 
 
 def _check_bands(bands: tuple[float, float]) -> None:

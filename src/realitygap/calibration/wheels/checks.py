@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from realitygap.world.profile import Profile
 
 __all__ = [
-    "refuse_camera", "refuse_counters", "refuse_few_steps", "refuse_lengths", "refuse_still", "refuse_wheels",
+    "refuse_camera", "refuse_counters", "refuse_fast", "refuse_few_steps", "refuse_lengths", "refuse_still",
+    "refuse_wheels",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -38,6 +39,23 @@ def refuse_still(recording: WheelRecording) -> None:
             raise CalibrationError(f"{recording.source}: the {side} wheel was never told to move.")
         if np.ptp(recording.counters[:, w]) == 0:
             raise CalibrationError(f"{recording.source}: counter_{side} never changes: it looks dead.")
+
+
+def refuse_fast(recording: WheelRecording, base: Profile) -> None:
+    """Refuse commands that no controller of the base's robot gives.
+
+    Raises:
+        CalibrationError: names the largest.
+    """
+    most, top = float(np.abs(recording.commands).max(initial=0.0)), base.wheels.top_command
+    if most > top:
+        left, right = base.wheels.speed_per_unit_cm_s
+        unit = 5.0 * (left + right)
+        raise CalibrationError(
+            f"{recording.source}: commands up to {most:g}, expected at most {top:g}, the top_command of "
+            f"profile {base.name!r}, in units of {unit:.3g} mm/s. Are these mm/s? Divide them by "
+            f"{unit:.3g}; or raise wheels.top_command in --base."
+        )
 
 
 def refuse_few_steps(recording: WheelRecording, measured: Array) -> None:

@@ -17,6 +17,7 @@ from realitygap.calibration.forward import wheel_speeds
 from realitygap.calibration.wheels.checks import (
     refuse_camera,
     refuse_counters,
+    refuse_fast,
     refuse_few_steps,
     refuse_lengths,
     refuse_still,
@@ -95,6 +96,7 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str = "refitted")
         CalibrationError: too little was recorded, or what no such robot can have done.
     """
     refuse_still(recording)
+    refuse_fast(recording, base)
     refuse_counters(recording)
     odometry = _seen(recording, base)
     per_pulse = odometry.cm_per_pulse if odometry else (1.0 / PULSES_PER_CM,) * 2
