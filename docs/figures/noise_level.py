@@ -1,9 +1,9 @@
-"""Writes docs/noise-level.md's figures and tables from the results kept in docs/noise-level.
+"""Writes docs/noise-level.md and its figures from the results kept in docs/noise-level.
 
-`python docs/figures/noise_level.py [RESULTS_DIR...]`: without a folder all of docs/noise-level/NAME
-are taken. Each has controllers.csv, cells.csv, calibration.csv and study.toml of one study. What
-stands between `<!-- NAME -->` and `<!-- /NAME -->` on the page is replaced, and so is what stands
-between the marks `together`; a study without marks on the page gets them at the end of the results.
+`python docs/figures/noise_level.py` renders docs/noise-level/page.md.j2: what is said stands there, what
+is printed as a figure comes from the tables of the studies, NAME/controllers.csv, cells.csv,
+calibration.csv and study.toml (and home.csv, scores on the home unit alone, where a study's cells.csv has
+none of single units). A study that the template does not speak of gets a place after the others.
 """
 
 from __future__ import annotations
@@ -11,78 +11,108 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import matplotlib
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from noise_level_power import STUDIES, Power, least_delta, powers, table
+from noise_level_told import AVOIDANCE, LIGHT, Makings, Told, judged_against, overview, paper_marks
+
 from realitygap.errors import UsageError
+from realitygap.report.noise.facts import BOTH, FAILED, PAPER, SATURATED
 from realitygap.report.noise.page import captions
-from realitygap.report.noise.report import NoiseReport
-from realitygap.report.noise.results import read_results
+from realitygap.report.noise.results import real_misfits
 
 DOCS = Path(__file__).resolve().parent.parent
-PAGE = DOCS / "noise-level.md"
+DRAWN_BY = DOCS / "figures" / "noise-level-drawn-by.txt"
+"""Another version of Matplotlib draws other pixels."""
 FIGURES = {"noise-map": "map", "noise-claims": "claims", "noise-fitness": "fitness"}
+STUDIES_TOLD = ("default", "evaluations-5000", "twin-noise-2", "default-first")
+TABLES = (
+    "both-tasks-a", "both-tasks-b", "both-tasks-c", "both-tasks-split", "ends", "peaks", "paper", "fitness",
+    "falls", "names", "calibration",
+)  # fmt: skip
+HEAD = "<!-- Made by docs/figures/noise_level.py of noise-level/page.md.j2: change that, not this. -->\n"
 
 
 def main() -> None:
-    """Read the studies, draw them, write them into the page."""
-    folders = [Path(name) for name in sys.argv[1:]] or sorted(
-        file.parent for file in (DOCS / "noise-level").glob("*/study.toml")
-    )
-    if not folders:
-        sys.exit("docs/noise-level holds no results yet: expected NAME/study.toml and its tables.")
+    """Read the studies, draw them, write the page."""
     try:
-        reports = {folder.resolve().name: NoiseReport(read_results(folder)) for folder in folders}
+        told = read()
     except UsageError as error:
         sys.exit(str(error))
-    page = PAGE.read_text("utf-8")
-    for name, report in reports.items():
+    for name in drawn(told):
         print(f"{name} …", flush=True)
-        page = replaced(page, name, study(name, report))
-    page = replaced(page, "together", together(reports))
-    PAGE.write_text(page, encoding="utf-8")
-    print(f"wrote {PAGE}")
+        draw(told[name], DOCS / "figures")
+    DRAWN_BY.write_text(f"matplotlib {matplotlib.__version__}\n", encoding="utf-8")
+    (DOCS / "noise-level.md").write_text(page(told), encoding="utf-8")
+    print(f"wrote {DOCS / 'noise-level.md'}")
 
 
-def study(name: str, report: NoiseReport) -> str:
-    """One study's part of the page; its figures are written beside it."""
-    target, told = DOCS / "figures", captions(report)
-    command = report.results.settings.get("command", "realitygap study noise")
-    parts = [f"```sh\n{command}\n```", report.paragraph]
+def read() -> dict[str, Told]:
+    """The kept studies by name; those that the template speaks of first."""
+    names = sorted(file.parent.name for file in (DOCS / "noise-level").glob("*/study.toml"))
+    order = sorted(names, key=lambda name: name not in STUDIES_TOLD)
+    return {name: Told(DOCS / "noise-level" / name) for name in order}
+
+
+def drawn(told: dict[str, Told]) -> list[str]:
+    """Studies with a section of their own."""
+    return [name for name in told if name != "default-first"]
+
+
+def draw(one: Told, folder: Path) -> None:
+    """A study's figures."""
     for which, word in FIGURES.items():
-        file = f"noise-level-{name}-{word}"
-        report.save_figure(which, target, file, dpi=130)
-        (target / f"{file}.svg").unlink()
-        parts += [f"![{word.capitalize()} of the study {name}](figures/{file}.png)", told[which]]
-    headline = report.facts.headline.name.replace(" ", "-")
-    claims = [f"{headline}-{key}" for key in "abc"]
-    for table in (*claims, "peaks", "paper", "fitness", "names", "calibration"):
-        one = report.tables[table]
-        if one.rows:
-            parts += [one.title, one.markdown()]
-    return "\n\n".join(parts)
+        file = f"noise-level-{one.name}-{word}"
+        one.report.save_figure(which, folder, file, dpi=130)
+        (folder / f"{file}.svg").unlink()
 
 
-def together(reports: dict[str, NoiseReport]) -> str:
-    """All studies in one table: verdicts and peaks. Does the peak stay at the noise that was measured?"""
-    head = ["study", "twin's dial", "evaluations", "(a)", "(b)", "(c)", "peak (a)", "peak (c)"]
-    lines = ["| " + " | ".join([*head, "noisiness passes zero"]) + " |", "|---" * (len(head) + 1) + "|"]
-    for name, report in reports.items():
-        settings, scope = report.results.settings, report.facts.headline
-        verdicts = [finding.verdict for finding in scope.findings]
-        row = report.tables["peaks"].texts()[0]
-        facts = [f"{settings['twin_noise']:g}", str(settings.get("evaluations", "–"))]
-        lines.append("| " + " | ".join([name, *facts, *verdicts, row[1], row[3], row[4]]) + " |")
-    return "\n".join(lines)
+def page(told: dict[str, Told]) -> str:
+    """The page's text."""
+    default, long, loud, first = (told[name] for name in STUDIES_TOLD)
+    marks, p = paper_marks()
+    rows = powers(default.data)
+    environment = Environment(
+        loader=FileSystemLoader(DOCS / "noise-level"), undefined=StrictUndefined, keep_trailing_newline=True,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    return HEAD + environment.get_template("page.md.j2").render(
+        default=default, first=first, long=long, loud=loud, avoidance=AVOIDANCE, light=LIGHT,
+        failed=f"{FAILED:g}", saturated=f"{SATURATED:g}",
+        loud_at_two=judged_against(loud, 2.0), makings=Makings(first, default),
+        real={m.channel: f"{m.ratio:.2f}" for m in real_misfits()},
+        paper={level: _paper_mean(level) for level in (0, 1, 2)}, paper_table=marks, paper_p=p,
+        studies=STUDIES, power_table=table(rows), least_delta=f"{least_delta(rows):.2f}",
+        failures_found=one_of(rows[-1]), overview=overview([*told.values()]),
+        home_tables=tables(default, [f"{s.replace(' ', '-')}-home" for s in (BOTH, AVOIDANCE, LIGHT)]),
+        study=lambda name: study(told[name]), others=[name for name in told if name not in STUDIES_TOLD],
+    )  # fmt: skip
 
 
-def replaced(page: str, name: str, text: str) -> str:
-    """The page with the text between a name's marks."""
-    start, end = f"<!-- {name} -->", f"<!-- /{name} -->"
-    if start not in page:
-        before, after = page.split("<!-- end of results -->")
-        page = f"{before}### {name}\n\n{start}\n{end}\n\n<!-- end of results -->{after}"
-    head, rest = page.split(start, 1)
-    if end not in rest:
-        sys.exit(f"{PAGE.name}: expected {end} after {start}, found none.")
-    return f"{head}{start}\n\n{text}\n\n{end}{rest.split(end, 1)[1]}"
+def study(one: Told) -> str:
+    """One study's part of the page."""
+    words = captions(one.report)
+    parts = [f"```sh\n{one.settings.get('command', 'realitygap study noise')}\n```", one.report.paragraph]
+    for which, word in FIGURES.items():
+        file = f"noise-level-{one.name}-{word}"
+        parts += [f"![{word.capitalize()} of the study {one.name}](figures/{file}.png)", words[which]]
+    return "\n\n".join([*parts, tables(one, TABLES)])
+
+
+def tables(one: Told, names: list[str] | tuple[str, ...]) -> str:
+    """Some of a study's tables, each with its title; those that it has."""
+    made = (one.report.tables[name] for name in names if name in one.report.tables)
+    return "\n\n".join(f"{table.title}\n\n{table.markdown()}" for table in made if table.rows)
+
+
+def one_of(row: Power) -> str:
+    """How often something is found, in words."""
+    return f"one study of {1 / row.found:.0f}"
+
+
+def _paper_mean(level: float) -> str:
+    marks = [mark for task in (AVOIDANCE, LIGHT) for mark in PAPER[task][level]]
+    return f"{sum(marks) / len(marks):.1f}"
 
 
 if __name__ == "__main__":

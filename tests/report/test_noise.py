@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import re
 import shutil
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -17,12 +15,13 @@ import pytest
 from realitygap.correspondence.claims import CLAIMS
 from realitygap.errors import UsageError
 from realitygap.report.noise import report as noise
+from realitygap.report.noise.aside_words import falls_words
+from realitygap.report.noise.facts import gather_facts
 from realitygap.report.noise.figures import map_figure
 from realitygap.report.noise.results import read_results
 from realitygap.world.profile import load_profile
 from tests.correspondence.crosses import TASKS, comparison, flat, study, write
 
-PROJECT = Path(__file__).parents[2]
 SMALL = (0.0, 1.0, 2.0)
 
 
@@ -139,7 +138,7 @@ def test_scores_of_the_home_unit_may_come_in_a_file_of_their_own(built: Path, tm
     assert report.facts.headline.home[0].effect[:3] == same.effect[:3]
     assert report.facts.headline.home[0].means == same.means
     assert "On the home unit alone" in report.paragraph
-    assert "home unit alone" in noise.build_noise_report(tmp_path).read_text("utf-8")
+    assert "home unit alone" in report.tables["both-tasks-home"].title
     (folder / "home.csv").write_text("\n".join(map(",".join, [head, *some, some[0]])) + "\n")
     with pytest.raises(UsageError, match=r"home\.csv, line \d+: expected each controller once a level"):
         read_results(folder)
@@ -154,14 +153,15 @@ def test_scores_for_each_unit_are_read_from_the_cells(built: Path, tmp_path: Pat
     assert (data.home_score == data.home[:, None]).all()
 
 
-def test_a_fall_from_home_that_shrinks_with_noise_is_found(tmp_path: Path) -> None:
+def test_a_fall_from_home_that_shrinks_with_noise_is_found() -> None:
     """Fitness that falls less the noisier its evolution was is said to, with rho; level falls are not."""
     data = study(flat, runs=20, levels=SMALL)
-    assert "no change of its fall with evolved noise is shown" in said(write(data, tmp_path / "level"))
+    level = gather_facts(data, resamples=0).falls
+    assert falls_words(level).count("no change of its fall with evolved noise is shown") == 2
     falls = (0.02 * (3 - data.evolved) + 0.1 * data.home) * data.simulated
-    out = write(replace(data, situated_foreign=data.situated_home - falls), tmp_path / "shrinks")
-    assert said(out).count("its fall shrinks with evolved noise") == 2
-    assert noise.noise_summary(out)["falls"][0]["rho"]["interval"][1] < 0
+    found = gather_facts(replace(data, situated_foreign=data.situated_home - falls), resamples=0).falls
+    assert falls_words(found).count("its fall shrinks with evolved noise") == 2
+    assert all(fall.shown and fall.rho.high < 0 for fall in found)
 
 
 def test_beside_the_twins_model_error_stands_a_real_robots(built: Path) -> None:
@@ -242,28 +242,3 @@ def test_what_is_read_is_what_was_written(tmp_path: Path) -> None:
     np.testing.assert_allclose(read.score, data.score, rtol=1e-5)
     assert (read.evolved == data.evolved).all()
     assert read.tasks == list(TASKS)
-
-
-def test_the_docs_script_fills_the_page(built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures and tables go between a study's marks; doing it again changes nothing."""
-    spec = importlib.util.spec_from_file_location("noise_level", PROJECT / "docs/figures/noise_level.py")
-    assert spec and spec.loader
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    page = tmp_path / "noise-level.md"
-    page.write_text((PROJECT / "docs" / "noise-level.md").read_text("utf-8"), encoding="utf-8")
-    shutil.copytree(built / "results", tmp_path / "noise-level" / "try")
-    (tmp_path / "figures").mkdir()
-    monkeypatch.setattr(script, "DOCS", tmp_path)
-    monkeypatch.setattr(script, "PAGE", page)
-    monkeypatch.setattr(sys, "argv", ["noise_level.py"])
-    script.main()
-    text = page.read_text("utf-8")
-    assert "| try | 1 | 1000 | supported | not supported | supported |" in text
-    assert "<!-- default -->" in text
-    for name in re.findall(r"\]\((figures/noise-level-try[^)]+)\)", text):
-        assert (tmp_path / name).is_file()
-    once = script.replaced(text, "try", "other words")
-    assert "| try | 1" in once
-    assert "other words" in once
-    assert script.replaced(once, "try", "other words") == once

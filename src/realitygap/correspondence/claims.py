@@ -143,14 +143,16 @@ def judge_claims(data: Crossed, *, resamples: int = RESAMPLES) -> tuple[Finding,
 def judge_home(data: Crossed, *, resamples: int = RESAMPLES) -> tuple[Contrast, ...]:
     """Claim (c) on the home unit alone: each controller against the very simulation that it was evolved in.
 
-    It was not planned, so Holm's correction is over these contrasts alone. Levels without such scores
-    are left out.
+    It was not planned, so Holm's correction is over these contrasts alone. Levels that lack such scores in
+    any task and seed set are left out.
     """
+    wanted = set(zip(data.task.tolist(), data.seed_set.tolist(), strict=True))
     data = data.only(np.isfinite(data.own(home=True)))
-    there = set(data.evolved.tolist())
-    others = [float(level) for level in data.levels if level != data.robot and level in there]
+    cells = set(zip(data.task.tolist(), data.seed_set.tolist(), data.evolved.tolist(), strict=True))
+    there = [level for level in data.levels.tolist() if all((*pair, level) in cells for pair in wanted)]
     if data.robot not in there:
         return ()
+    others = [level for level in there if level != data.robot]
     weights = data.resamples(resamples)
     made = [_contrast(data, _by_evolved, data.own(home=True), other, weights) for other in others]
     corrected = holm([c.effect.p for c in made])
