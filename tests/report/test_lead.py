@@ -11,7 +11,7 @@ import pytest
 
 from realitygap.report import build_report
 from realitygap.report.gather import parts_of
-from realitygap.report.lead import is_paper, lead
+from realitygap.report.lead import departures, is_paper, lead
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study
 from realitygap.study.reproduction import ASKED, Reproduction, again
@@ -123,6 +123,25 @@ def test_a_calibrated_khepera_is_the_papers_robot(reproduced, tmp_path):
     )
     study = _like(reproduced, tmp_path, profile=_calibrated("mine"))
     assert "the robot of profile “mine”, calibrated to recordings of it" in lead(study, parts_of(study))
+
+
+def test_a_calibrated_simulation_is_not_passed_off_as_the_printed_one(reproduced, monkeypatch, tmp_path):
+    """The page says what of the printed equations is no more, and nothing where all of them are there."""
+    assert departures(load_profile("paper")) == ""
+    both = "none of the printed sensor equations is used as it stands"
+    assert departures(load_profile("khepera")) == both  # its wheels are the paper's
+    paper = load_profile("paper")
+    infrared = FittedChannel(channel="infrared", form="extended", rmse=1.0)
+    near = replace(paper, provenance=Provenance(base="paper", fits=(infrared,)))
+    assert departures(near) == "the infrared sensors have another equation than the printed one"
+    driven = FittedChannel(channel="wheels", form="refitted", rmse=1.0)
+    wheels = replace(paper.wheels, ki=1e-9, friction_cm_s2=0.0)
+    made = replace(paper, wheels=wheels, provenance=Provenance(base="paper", fits=(driven,)))
+    assert departures(made) == "the wheels have no integral term and no static friction"
+    assert "calibrated, not printed" not in _page(reproduced, monkeypatch)
+    config = StudyConfig.reproduction(runs=1, evaluations=64, seed=3).with_settings(["profile=khepera"])
+    text = _page(run_study(tmp_path / "measured", config, workers=1), monkeypatch)
+    assert f"The simulation is calibrated, not printed: {both}." in text
 
 
 def test_the_lead_says_noise_and_length(reproduced, tmp_path, monkeypatch):

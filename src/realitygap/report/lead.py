@@ -12,13 +12,17 @@ from realitygap.world.files import shipped
 from realitygap.world.noise import NOISE_LEVELS, noise_name
 from realitygap.world.profile import Profile, load_profile
 
-__all__ = ["is_paper", "lead"]
+__all__ = ["departures", "is_paper", "lead"]
 
 FOUND = {
     "torus": "evolved by the paper’s distributed genetic algorithm",
     "panmictic": "evolved by a genetic algorithm in one well-mixed population",
     "random": "found by random search",
 }
+
+
+NO_GAIN = 1e-3
+"""Below it the wheels' integral gain, printed as 800, does nothing: a fit ends beside its bound."""
 
 
 def is_paper(study: Any, parts: Sequence[TaskPart]) -> bool:
@@ -47,6 +51,24 @@ def lead(study: Any, parts: Sequence[TaskPart]) -> str:
     listed = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
     noise = "without noise" if levels == [0.0] else f"at {listed} noise"
     return f"Neural networks {found} in a simulation of {_robot(study.profile)}, {noise}"
+
+
+def departures(profile: Profile) -> str:
+    """What a calibrated simulation has of the paper's printed equations no more; "" where it has all."""
+    forms = {fit.channel: fit.form for fit in profile.provenance.fits}
+    other = [forms.get(channel, "paper") != "paper" for channel in ("infrared", "ambient")]
+    sensors = {
+        (True, True): "none of the printed sensor equations is used as it stands",
+        (True, False): "the infrared sensors have another equation than the printed one",
+        (False, True): "the ambient light sensors have other equations than the printed ones",
+    }.get((other[0], other[1]), "")
+    wheels = profile.wheels
+    gone = [
+        *(["integral term"] if wheels.ki < NO_GAIN else []),
+        *(["static friction"] if wheels.friction_cm_s2 == 0 else []),
+    ]
+    told = [sensors, f"the wheels have no {' and no '.join(gone)}" if gone and forms else ""]
+    return ", and ".join(words for words in told if words)
 
 
 def _other_rates(config: Any) -> bool:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from realitygap.report.gather import PER_CONDITION, TaskPart
-from realitygap.report.lead import is_paper, lead
+from realitygap.report.lead import departures, is_paper, lead
 from realitygap.report.statistics import mean_of
 from realitygap.report.style import noise_styles
 from realitygap.report.tables import WHO, NoiseClass, Table
@@ -122,6 +122,7 @@ def render(
         finished=sum(bool(run.finished) for run in runs),
         paper=is_paper(study, parts),
         lead=lead(study, parts),
+        departures=departures(study.profile),
         changes=", ".join(f"{key} = {value}" for key, value in study.config.task.to_dict().items()),
         again=again(study),
         stand_in=_stand_in(sections),
