@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -10,6 +11,7 @@ import subprocess
 import sys
 import time
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -17,13 +19,16 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from realitygap.calibration.recorder import camera
+from realitygap.calibration.recorder import record as recorder
 from realitygap.calibration.recorder.plans import ambient_plan, infrared_plan, sensor_plans
-from realitygap.calibration.recorder.record import drive_trial, record
+from realitygap.calibration.recorder.record import drive_trial, record, twin_sites
 from realitygap.calibration.recorder.site import EnoughError, PersonSite, TwinSite
 from realitygap.calibration.recorder.wheel_plans import FLOOR_CM, Trial, wheel_plan
 from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, SensorRecording, load_recording
 from realitygap.cli import realitygap
 from realitygap.errors import BaudError, RecordingError
+from realitygap.film.calibrate import calibrate_camera
 from realitygap.values import Pose
 from tests.robot.conftest import ROOT, Bench, bench
 
@@ -138,6 +143,35 @@ def test_kill_9_loses_one_place_at_most(tmp_path):
     made = load_recording(tmp_path / "a")
     assert isinstance(made, SensorRecording) and made.warnings == ()
     assert int(made.place().max()) + 1 == len(made.repeat) == len(infrared_plan("wall").places)
+
+
+def test_resuming_gives_the_bits_of_an_undisturbed_recording(tmp_path, monkeypatch):
+    """A place's noise follows from the place, a trial's and its pictures' from the trial: stopped or not."""
+    wall = infrared_plan("wall")
+    few = [replace(wall, places=wall.places[:5])]
+    drives = [t for t in wheel_plan(1, 0) if t.kind == "straight"][-2:]
+    monkeypatch.setattr(recorder, "sensor_plans", lambda plan, name: few)
+    monkeypatch.setattr(recorder, "wheel_plan", lambda repeats, seed: tuple(drives))
+    options = {"open_site": twin_sites(unit=3, noise=1.0, seed=7), "facts": {}, "repeats": 2, "seed": 7}
+
+    def stop(name: str, done: int, total: int) -> None:
+        if (name, done) in (("infrared-wall", 2), ("wheels", 1)):
+            raise KeyboardInterrupt
+
+    found = []
+
+    def once(*seen: object) -> object:  # the same each time, and slow
+        found[:] = found or [calibrate_camera(*seen)]
+        return found[0]
+
+    monkeypatch.setattr(camera, "calibrate_camera", once)
+    record("all", tmp_path / "whole", **options)
+    for _ in range(2):
+        with contextlib.suppress(KeyboardInterrupt):
+            record("all", tmp_path / "broken", resume=True, on_progress=stop, **options)
+    record("all", tmp_path / "broken", resume=True, **options)
+    for table in ("infrared-wall/readings.csv", "wheels/steps.csv"):
+        assert (tmp_path / "broken" / table).read_text() == (tmp_path / "whole" / table).read_text(), table
 
 
 def test_ctrl_c_ends_a_recording_in_order(tmp_path):

@@ -140,7 +140,7 @@ def _site(
     khepera = stack.enter_context(Khepera.connect(robot.port, baud=None if baud == "any" else int(baud)))
     facts = {"robot": "Khepera", "port": robot.port, **khepera.versions._asdict()}
     site = PersonSite(khepera, _ask)
-    return (lambda name, room, done: nullcontext(site)), facts, _written
+    return (lambda name, room: nullcontext(site)), facts, _written
 
 
 def _stoppable(stack: ExitStack, report: Progress) -> Progress:

@@ -26,6 +26,8 @@ from realitygap.values import Pose
 __all__ = ["FloorCamera"]
 
 STEP_MS = 100
+FRAMES = 10_000
+"""More than the steps of a trial: each has frame numbers of its own."""
 
 
 class FloorCamera:
@@ -39,14 +41,13 @@ class FloorCamera:
     def __init__(self, room: Mapping[str, Any], *, unit: int, noise: float, seed: int) -> None:
         self._camera = OverheadCamera(room, unit=unit, noise=noise, view="drawn", seed=seed)
         self._disk = load_disk()
-        self._frames = 0
         try:
             known = camera_places()
             places = States.standing(
                 range(len(known)), [p.x for p in known], [p.y for p in known], [p.heading for p in known]
             )
             frames = [
-                KnownFrame(name=str(k), picture=self._picture(places.pose[k]), pose=pose)
+                KnownFrame(name=str(k), picture=self._picture(places.pose[k], k), pose=pose)
                 for k, pose in enumerate(known)
             ]
             self._model = calibrate_camera(frames, self._disk).camera
@@ -54,15 +55,15 @@ class FloorCamera:
             self._camera.close()
             raise
 
-    def poses(self, film: Path, steps: Sequence[int]) -> dict[int, Pose]:
-        """Where the robot is seen at steps (100 ms) of a film; those at which it is lost are left out."""
+    def poses(self, film: Path, steps: Sequence[int], trial: int) -> dict[int, Pose]:
+        """Where the robot is seen at steps (100 ms) of a trial's film; not those at which it is lost."""
         states = States.from_file(film)
         tracker = Tracker(self._model, self._disk)
         seen: dict[int, Pose] = {}
         for step in steps:
             due = int(states.time_ms[0]) + STEP_MS * step
             row = int(np.searchsorted(states.time_ms, due, side="right")) - 1
-            found = tracker.see(self._picture(states.pose[row]))
+            found = tracker.see(self._picture(states.pose[row], FRAMES * (trial + 1) + step))
             if found is not None:
                 seen[step] = found[0]
         return seen
@@ -75,10 +76,9 @@ class FloorCamera:
     ) -> None:
         self._camera.close()
 
-    def _picture(self, pose: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """The next frame in grey."""
+    def _picture(self, pose: NDArray[np.float64], number: int) -> NDArray[np.uint8]:
+        """A frame in grey; its number names its noise."""
         import cv2
 
-        frame = self._camera.frame(pose, self._frames)
-        self._frames += 1
+        frame = self._camera.frame(pose, number)
         return np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)

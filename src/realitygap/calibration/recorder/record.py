@@ -43,8 +43,8 @@ Progress = Callable[[str, int, int], None]
 """Is told the recording's name, the places done, and all."""
 
 Stop = TypeVar("Stop", Place, Trial)
-OpenSite = Callable[[str, Mapping[str, Any], int], AbstractContextManager[Site]]
-"""Opens the site of a recording: of its name, in a room, with so many places done already."""
+OpenSite = Callable[[str, Mapping[str, Any]], AbstractContextManager[Site]]
+"""Opens the site of a recording: of its name, in a room."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,10 +67,10 @@ class Made:
 
 
 def twin_sites(*, unit: int, noise: float, seed: int) -> OpenSite:
-    """Sites with a twin: its noise differs from recording to recording, and after each resuming."""
+    """Sites with a twin: its noise differs from recording to recording, and from place to place."""
 
-    def open_site(name: str, room: Mapping[str, Any], done: int) -> TwinSite:
-        digest = hashlib.sha256(f"{seed}/{name}/{done}".encode()).digest()
+    def open_site(name: str, room: Mapping[str, Any]) -> TwinSite:
+        digest = hashlib.sha256(f"{seed}/{name}".encode()).digest()
         own = int.from_bytes(digest[:7])
         return TwinSite(room, unit=unit, noise=noise, seed=own, camera=name == "wheels")
 
@@ -161,7 +161,7 @@ def _sensors(
             journal.add([(*where, str(k), *map(str, row)) for k, row in enumerate(readings)])
         report(plan.name, len(journal.done), len(plan.places))
 
-    opened = open_site(plan.name, plan.room, len(journal.done))
+    opened = open_site(plan.name, plan.room)
     stopped = _visited(opened, plan.begins, left, visit)
     return _made(journal, plan.name, plan.kind, len(plan.places), begun, stopped=stopped)
 
@@ -196,7 +196,7 @@ def _wheels(
             journal.add([(*row, *_pose(seen.get(k))) for k, row in enumerate(rows)])
         report("wheels", len(journal.done), len(trials))
 
-    opened = open_site("wheels", ROOM, len(journal.done))
+    opened = open_site("wheels", ROOM)
     stopped = _visited(opened, FLOOR, left, visit)
     return _made(journal, "wheels", "wheels", len(trials), begun, stopped=stopped)
 

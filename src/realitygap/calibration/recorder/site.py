@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import math
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from realitygap import temporary
 from realitygap.calibration.recorder.plans import Place
@@ -16,6 +17,9 @@ from realitygap.calibration.recorder.wheel_plans import Trial
 from realitygap.robot.clock import VirtualClock
 from realitygap.robot.khepera import Khepera
 from realitygap.values import Pose
+
+if TYPE_CHECKING:
+    from realitygap.twin.process import TwinProcess
 
 __all__ = ["Ask", "EnoughError", "PersonSite", "Site", "TwinSite"]
 
@@ -54,22 +58,18 @@ class TwinSite:
         room: in plain numbers (cm).
         unit: which robot of the population.
         noise: the dial on its whole noise.
-        seed: of its noise.
+        seed: of its noise, with the place: no place or trial leaves the next a trace.
         camera: whether a camera hangs over the floor.
     """
 
     def __init__(
         self, room: Mapping[str, Any], *, unit: int, noise: float, seed: int, camera: bool = False
     ) -> None:
-        from realitygap.twin.process import start_twin
-
-        self._stack = ExitStack()
+        self._room, self._unit, self._noise, self._seed = room, unit, noise, seed
+        self._twin: TwinProcess | None = None
+        self._camera = None
+        self._place_stack, self._stack = ExitStack(), ExitStack()
         with ExitStack() as stack:
-            self._twin = stack.enter_context(start_twin(room, unit=unit, noise=noise, seed=seed))
-            clock = VirtualClock(self._twin.channel)
-            stack.callback(clock.close)
-            self._khepera = stack.enter_context(Khepera.connect(self._twin.device, clock=clock))
-            self._camera = None
             if camera:
                 from realitygap.calibration.recorder.camera import FloorCamera
 
@@ -89,23 +89,23 @@ class TwinSite:
 
     def stand(self, place: Place) -> bool:
         """Put the twin down."""
-        self._place(place.pose)
+        self._put("/".join(f"{number:g}" for number in place.where), place.pose)
         return True
 
     def begin(self, trial: Trial) -> bool:
         """Put the twin down, and film it from now on."""
-        self._place(trial.pose)
+        twin = self._put(str(trial.number), trial.pose)
         if self._camera is not None and trial.filmed:
-            self._twin.film(self._film)
+            twin.film(self._film)
         return True
 
     def end(self, trial: Trial) -> Mapping[int, Pose]:
         """What the camera saw."""
-        if self._camera is None or not trial.filmed:
+        if self._camera is None or self._twin is None or not trial.filmed:
             return {}
         self._khepera.clock.settle()
         self._twin.film(None)
-        return self._camera.poses(self._film, trial.seen())
+        return self._camera.poses(self._film, trial.seen(), trial.number)
 
     def __enter__(self) -> TwinSite:
         return self
@@ -113,11 +113,27 @@ class TwinSite:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._place_stack.close()
         self._stack.close()
 
-    def _place(self, pose: Pose) -> None:
-        self._khepera.clock.settle()
+    def _put(self, where: str, pose: Pose) -> TwinProcess:
+        """Switch the twin off and on again, its noise named by the place: the same whatever was before."""
+        from realitygap.twin.process import start_twin
+
+        digest = hashlib.sha256(f"{self._seed}/{where}".encode()).digest()
+        own = int.from_bytes(digest[:7])
+        self._place_stack.close()
+        if self._twin is None:
+            started = start_twin(self._room, unit=self._unit, noise=self._noise, seed=own)
+            self._twin = self._stack.enter_context(started)
+        else:
+            self._twin.renew(own)
+        clock = VirtualClock(self._twin.channel)
+        self._place_stack.callback(clock.close)
+        self._khepera = self._place_stack.enter_context(Khepera.connect(self._twin.device, clock=clock))
+        clock.settle()
         self._twin.place(pose)
+        return self._twin
 
 
 class PersonSite:
