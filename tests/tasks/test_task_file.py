@@ -59,7 +59,7 @@ def test_machine_code_is_kept_across_processes(mine, tmp_path):
     file = mine(HEAD + SCORE + TAIL)
     program = (
         "from realitygap.tasks import copy_task, load_task; import sys;"
-        "stats = load_task(sys.argv[1]).compiled_score().stats;"
+        "stats = load_task(sys.argv[1]).compiled_score().compiled.stats;"
         "print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))"
     )
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
@@ -106,7 +106,7 @@ def test_mistakes_are_named(mine, text, told):
         ("    if room.radius > 3:\n        return 1.0", "it returns nothing on some ways out"),
         (
             "    a = 1\n    return path.speed[0]",
-            "line 4: the score cannot be compiled: Unknown attribute 'speed'",
+            "line 4: the score cannot be compiled: there is no path.speed: path has x, y, heading, left,",
         ),
         ("    return elsewhere(path)", "line 3: the score cannot be compiled: NameError"),
         ("    return float(open('x').read())", "the score cannot be compiled: Untyped global name 'open'"),
@@ -165,3 +165,65 @@ def test_the_example_robot():
     """The example robot has six proximity and two light sensors."""
     robot = load_profile(EXAMPLES / "hexagon.toml").to_kernel()
     assert robot.proximity_place.shape == (6, 2) and robot.ambient_place.shape == (2, 2)
+
+
+@pytest.mark.parametrize(
+    ("body", "told"),
+    [
+        (
+            "    a = 0.0\n    for i in range(path.x.size):\n        a += path.x[i + 1]\n    return a",
+            "line 5: the score stops with IndexError: index 200 is out of bounds",
+        ),
+        ("    return path.x[-201]", "line 3: the score stops with IndexError"),
+        ("    return room.lamps[1, 0]", "line 3: the score stops with IndexError"),
+        ("    return 1.0 + BIG[int(path.x[0]) - 1]", "line 3: the score stops with IndexError"),
+        ("    print(1)\n    return path.x[0]", "line 3: a score is called a thousand times: take `print`"),
+        ("    return random.random()", "line 3: a score draws nothing at random: take `random` out"),
+        ("    return np.random.rand() + path.x[0]", "line 3: a score draws nothing at random"),
+        ("    return path.x[0] + draw()", "line 3: a score draws nothing at random: take `draw` out"),
+        ("    path.x[0] = 3.0\n    return path.x.mean()", "line 2: the score changes the path"),
+        (
+            "    n = 1\n    for i in range(70):\n        n = n * 2\n    return float(n)",
+            "line 2: the score gives 0.0 compiled and 1.1805916207174113e+21 as plain Python",
+        ),
+        ("    n = path.x.size\n    return float(7 // (n - 200))", "line 4: the score stops with ZeroDiv"),
+    ],
+)
+def test_a_score_that_cannot_be_believed(mine, body, told):
+    """An index out of range, chance, prints and what compiles to something else are refused by line."""
+    head = "import random; import numpy as np; from random import random as draw; BIG = np.zeros(100)\n"
+    if numba.config.DISABLE_JIT and ("compiled" in told or "ZeroDiv" in told):
+        pytest.skip("nothing is compiled that could differ")
+    text = head + f"def score(path, room):\n{body}\n" + HEAD + TAIL
+    with pytest.raises(TaskError) as caught:
+        load_task(mine(text)).compiled_score()
+    assert f"mine.py, {told}" in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "    return path.x[199] - path.x[0]",  # right for a trial of 200 steps
+        "    return room.lamps[0, 0] + room.lamps[:, 1].sum()",
+        "    return np.hypot(path.x - room.lamps[0, 0], path.y).mean() / path.contact.sum()",
+        "    return math.sqrt(path.x.sum() - 1e6)",
+    ],
+)
+def test_a_score_that_suits_its_task_is_taken(mine, body):
+    """What is right at the task's own length and in its own room is no fault, nor is a bad value."""
+    head = "import math; import numpy as np\n"
+    load_task(mine(head + f"def score(path, room):\n{body}\n" + HEAD + TAIL)).compiled_score()
+
+
+@compiler
+def test_an_index_out_of_range_is_never_read(mine):
+    """An index that no example reaches is refused where it happens: a shorter trial, a rare value."""
+    from realitygap import Simulation, constant, decode
+    from realitygap.controller.layout import Layout
+
+    text = "def score(path, room):\n    return path.x[150]\n"
+    simulation = Simulation(load_task(mine(text + HEAD + TAIL)), "paper")
+    still = decode(constant(0, 0, Layout()), Layout())
+    assert simulation.trajectory(still, stream=1)[1] > 0
+    with pytest.raises(TaskError, match=r"mine.py, line 2: .*IndexError.* This path has 10 rows"):
+        simulation.trajectory(still, stream=1, seconds=1.0)

@@ -1,10 +1,19 @@
-"""A task's score, compiled once and kept on disk as the kernels are."""
+"""A task's score, compiled once and kept on disk as the kernels are.
+
+Every index is checked while it runs: that costs a trial nothing that could be measured.
+"""
 
 from __future__ import annotations
 
+import builtins
+import dis
 import inspect
+import random
 import re
+import traceback
+from collections.abc import Iterator
 from functools import lru_cache
+from types import FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -13,23 +22,56 @@ from realitygap.errors import TaskError
 from realitygap.kernels.params import Path, Room
 from realitygap.tasks.task import Score
 
-__all__ = ["compile_score", "example"]
+__all__ = ["CompiledScore", "compile_score", "example"]
+
+
+class CompiledScore:
+    """A score as it is called: compiled, and what goes wrong in it told by the user's file and line.
+
+    Attributes:
+        plain: the user's function.
+        compiled: Numba's; the user's own where the compiler is off.
+    """
+
+    def __init__(self, plain: Score, compiled: Any) -> None:
+        self.plain, self.compiled = plain, compiled
+
+    def __call__(self, path: Path, room: Room) -> float:
+        try:
+            return self.compiled(path, room)  # type: ignore[no-any-return]
+        except Exception as error:
+            raise self.failure(error, path, room) from None
+
+    def failure(self, error: Exception, path: Path, room: Room) -> TaskError:
+        """What stopped the score; machine code knows no lines, so plain Python goes there once more."""
+        try:
+            with np.errstate(all="ignore"):
+                self.plain(Path(*map(np.copy, path)), room)
+        except Exception as again:
+            error = again
+        own = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == _file(self.plain)]
+        where = f"{_file(self.plain)}, line {own[-1]}" if own else _where(self.plain)
+        told = f"{type(error).__name__}: {error}".rstrip(": ")
+        there = f"{path.x.size} rows, the room {len(room.lamps)} lamps and {len(room.cylinders)} cylinders"
+        cure = f"This path has {there}." if isinstance(error, IndexError) else "Correct that line."
+        return TaskError(f"{where}: the score stops with {told}. {cure}")
 
 
 @lru_cache(maxsize=64)
-def compile_score(score: Score) -> Score:
-    """`score` compiled by Numba for (Path, Room); `score` itself where the compiler is off.
+def compile_score(score: Score) -> CompiledScore:
+    """`score` compiled by Numba for (Path, Room), or as it is where the compiler is off.
 
     Raises:
-        TaskError: it does not compile or returns no float; names file and line.
+        TaskError: it draws at random, prints, does not compile or returns no float; names file and line.
     """
+    _refuse_unrepeatable(score, set())
     import numba
 
     from realitygap.kernels.jit import SHELF
 
     if numba.config.DISABLE_JIT:
-        return score
-    compiled = SHELF.compiled(score, error_model="numpy")
+        return CompiledScore(score, score)
+    compiled = SHELF.compiled(score, error_model="numpy", boundscheck=True)
     types = tuple(numba.typeof(value) for value in example())
     try:
         compiled.compile(types)
@@ -41,7 +83,49 @@ def compile_score(score: Score) -> Score:
             f"{_where(score)}: score: expected a function that returns a float, it returns "
             f"{_named(returned)}. Return one number on every way out, as float(…)."
         )
-    return compiled  # type: ignore[no-any-return]
+    return CompiledScore(score, compiled)
+
+
+def _refuse_unrepeatable(function: Any, seen: set[Any]) -> None:
+    """A score is a function of path and room: nothing in it, or in what it calls, is drawn or printed.
+
+    Compiled functions that it calls check their indices too from then on.
+    """
+    seen.add(function)
+    for line, found, name in _used(function):
+        where = f"{_file(function)}, line {line}"
+        if found is print:
+            raise TaskError(f"{where}: a score is called a thousand times: take `print` out.")
+        if _is_random(found):
+            cure = "The same path must give the same score; a trial's chance is in its noise."
+            raise TaskError(f"{where}: a score draws nothing at random: take `{name}` out. {cure}")
+        plain = getattr(found, "py_func", None)
+        if plain is not None and plain not in seen:
+            found.targetoptions.setdefault("boundscheck", True)
+            _refuse_unrepeatable(plain, seen)
+
+
+def _used(function: FunctionType) -> Iterator[tuple[int, Any, str]]:
+    """What a function's names stand for, through modules too: line, value and name of each."""
+    scope = {**vars(builtins), **function.__globals__, **inspect.getclosurevars(function).nonlocals}
+    found: Any = None
+    for step in dis.get_instructions(function):
+        name, line = str(step.argval), getattr(step.positions, "lineno", None)
+        if step.opname.startswith(("LOAD_GLOBAL", "LOAD_DEREF")):
+            found = scope.get(name)
+        elif step.opname in ("LOAD_ATTR", "LOAD_METHOD") and isinstance(found, ModuleType):
+            found = getattr(found, name, None)
+        else:
+            continue
+        yield line or function.__code__.co_firstlineno, found, name
+
+
+def _is_random(found: Any) -> bool:
+    """Whether it is Python's or NumPy's module of random numbers, or something out of them."""
+    sources = (random, np.random)
+    own = getattr(found, "__self__", None)
+    drawn = isinstance(own, random.Random | np.random.RandomState | np.random.Generator)
+    return found in sources if isinstance(found, ModuleType) else drawn
 
 
 def example() -> tuple[Path, Room]:
@@ -54,9 +138,13 @@ def example() -> tuple[Path, Room]:
     return path, room
 
 
+def _file(score: Score) -> str:
+    return inspect.getfile(score)
+
+
 def _where(score: Score, error: Any = None) -> str:
     line = getattr(getattr(error, "loc", None), "line", None) or score.__code__.co_firstlineno
-    return f"{inspect.getfile(score)}, line {line}"
+    return f"{_file(score)}, line {line}"
 
 
 def _named(returned: Any) -> str:
@@ -73,6 +161,11 @@ def _reason(error: Exception) -> str:
     """The line of Numba's report that says what is wrong, and what a score may use."""
     dull = ("Failed in", "During:", "File ", "<source", "This error", "-", "^", ">>>", "def ")
     plain = re.sub(r"\x1b\[[0-9;]*m", "", str(error))
+    unknown = re.search(r"Unknown attribute '(\w+)' of type (Path|Room)\(", plain)
+    if unknown:
+        fields = Path._fields if unknown[2] == "Path" else Room._fields
+        has = f"{', '.join(fields[:-1])} and {fields[-1]}"
+        return f"there is no {unknown[2].lower()}.{unknown[1]}: {unknown[2].lower()} has {has}."
     lines = [line.strip() for line in plain.splitlines()]
     told = [line for line in lines if line and not line.startswith(dull)]
     first = next((line for line in told if "rror" in line or "nknown" in line or "No " in line), "")

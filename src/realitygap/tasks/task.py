@@ -146,14 +146,14 @@ class Task:
         )
 
     def compiled_score(self) -> Score:
-        """The score, compiled (or as it is where the compiler is off).
+        """The score, compiled (or as it is where the compiler is off) and tried on examples.
 
         Raises:
-            TaskError: the score cannot be compiled; says why, in one line.
+            TaskError: the score cannot be compiled or used; says why, in one line.
         """
-        from realitygap.tasks.scoring import compile_score
+        from realitygap.tasks.trying import tried
 
-        return compile_score(self.score)
+        return tried(self.score, self.arena, self.steps)
 
     def to_dict(self) -> dict[str, Any]:
         """The task as data, without its score, ready for JSON."""
