@@ -1,0 +1,113 @@
+"""Break the code in one place at a time, and see whether its tests notice.
+
+    python tests/mutate.py [--only WORD] [--list]
+
+Each mutation of `tests/mutations.py` is made in a copy of the tree, and the tests named beside it are run
+there: a mutation that they pass has *survived*, and wants a test. The copy has a compile cache of its own
+(a mutated kernel is compiled anew: half a minute). First the tests are run unmutated. Ends with 1 if a
+mutation survived, breaks more than a test (a module that cannot be loaded shows nothing), or is stale:
+the text that it replaces does not stand exactly once in its file any more.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+from tests.mutations import MUTATIONS, Mutation  # noqa: E402
+
+PACKAGE = Path("src") / "realitygap"
+KEPT = ("src", "tests", "examples", "docs", "benchmarks", "pyproject.toml", "README.md", "CHANGELOG.md")
+WORDS = {0: "SURVIVED", 1: "killed"}
+"""By pytest's exit code; any other is a mutation that says nothing."""
+LONGEST_S = 1200
+
+
+def is_stale(one: Mutation, tree: Path) -> bool:
+    """Whether its text does not stand exactly once in its file."""
+    file = tree / PACKAGE / one.file
+    return not file.is_file() or file.read_text("utf-8").count(one.old) != 1
+
+
+def copy_tree(to: Path) -> Path:
+    """The tree without what is not tried; returns its folder."""
+    tree = to / "tree"
+    tree.mkdir()
+    for name in KEPT:
+        source = ROOT / name
+        if source.is_dir():
+            shutil.copytree(source, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
+        elif source.is_file():
+            shutil.copy(source, tree / name)
+    return tree
+
+
+def tried(tree: Path, tests: Sequence[str]) -> tuple[int, str]:
+    """pytest's exit code on these tests of the tree, and its last line; 2 if they never end."""
+    environment = dict(os.environ)
+    environment |= {"PYTHONPATH": f"{tree / 'src'}{os.pathsep}{tree}", "PYTHONDONTWRITEBYTECODE": "1"}
+    environment |= {"XDG_CACHE_HOME": str(tree.parent / "cache")}
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
+    try:
+        done = subprocess.run(
+            command, cwd=tree, env=environment, capture_output=True, text=True, timeout=LONGEST_S, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return 1, f"no end within {LONGEST_S} s"
+    return done.returncode, (done.stdout.strip().splitlines() or [done.stderr.strip()[-200:]])[-1]
+
+
+def mutated(one: Mutation, tree: Path) -> tuple[str, str]:
+    """What became of a mutation: a word, and pytest's last line."""
+    file = tree / PACKAGE / one.file
+    text = file.read_text("utf-8")
+    file.write_text(text.replace(one.old, one.new), "utf-8")
+    try:
+        code, line = tried(tree, one.tests)
+    finally:
+        file.write_text(text, "utf-8")
+    return WORDS.get(code, "BROKEN"), line
+
+
+def main() -> int:
+    """Mutate, test, tell."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--only", default="", metavar="WORD", help="mutations whose file or title has it")
+    parser.add_argument("--list", action="store_true", help="name them, look for stale ones, run nothing")
+    told = parser.parse_args()
+    chosen = [one for one in MUTATIONS if told.only in f"{one.file} {one.title}"]
+    stale = [one for one in chosen if is_stale(one, ROOT)]
+    for one in stale if not told.list else chosen:
+        print(f"{'STALE     ' if one in stale else ''}{one.file}: {one.title}")
+    if stale or told.list:
+        return int(bool(stale))
+    with tempfile.TemporaryDirectory(prefix="realitygap-mutate-") as place:
+        tree = copy_tree(Path(place))
+        files = dict.fromkeys(test for one in chosen for test in one.tests)
+        code, line = tried(tree, [*files])
+        if code:
+            print(f"the tests do not pass before anything is mutated: {line}")
+            return 1
+        bad = 0
+        for one in chosen:
+            begun = time.monotonic()
+            word, line = mutated(one, tree)
+            bad += word != "killed"
+            tail = "" if word == "killed" else f"  ({line})"
+            print(f"{word:9} {one.file}: {one.title}, {time.monotonic() - begun:.0f} s{tail}", flush=True)
+    print(f"{len(chosen)} mutations, {bad} not killed")
+    return int(bad > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,188 @@
+"""Small errors that a test should notice, for `tests/mutate.py`: what is replaced where, and by whom it is seen."""  # noqa: E501
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Mutation(NamedTuple):
+    """A wrong line: `old` becomes `new` in a file of the package; `tests` should fail then."""
+
+    file: str
+    title: str
+    old: str
+    new: str
+    tests: tuple[str, ...]
+
+
+INFRARED = ("tests/kernels/test_infrared.py",)
+AMBIENT = ("tests/kernels/test_ambient.py",)
+NOISE = ("tests/kernels/test_noise.py", "tests/kernels/test_readings.py")
+NETWORK = ("tests/kernels/test_network.py",)
+WHEELS = ("tests/kernels/test_wheels.py",)
+CONTACT = ("tests/kernels/test_contact.py",)
+RANDOM = ("tests/kernels/test_rng.py",)
+TRIALS = ("tests/kernels/test_trials.py",)
+FITS = ("tests/calibration/test_fits.py",)
+WHEEL_FITS = ("tests/calibration/test_wheels.py",)
+TRACKER = ("tests/film/test_tracker.py",)
+TRACK = ("tests/film/test_track.py",)
+SCORE = ("tests/correspondence/test_score.py",)
+NAMES = ("tests/correspondence/test_names.py",)
+CLAIMS = ("tests/correspondence/test_claims.py",)
+STUDY = ("tests/study/test_noise_compared.py",)
+ARENA = ("tests/world/test_arena.py",)
+
+MUTATIONS = (
+    # kernels
+    Mutation("kernels/infrared.py", "squares are not squared",
+             "(a * (inverse[i] * inverse[i]) + b)", "(a * inverse[i] + b)", INFRARED),
+    Mutation("kernels/infrared.py", "an outermost ray twice, another never",
+             "return (t[0] + t[9]) + (t[1] + t[8]) + ((t[2] + t[7])",
+             "return (t[0] + t[0]) + (t[1] + t[8]) + ((t[2] + t[7])", INFRARED),
+    Mutation("kernels/infrared.py", "the short cut overlooks a wall to the north",
+             "near = near | (depth - py < reach * north) | (py < reach * south)",
+             "near = near | (py < reach * south)", INFRARED),
+    Mutation("kernels/infrared.py", "the short cut's reach is a tenth too short for cylinders",
+             "reach = robot.proximity_reach[k] + radius",
+             "reach = 0.9 * robot.proximity_reach[k] + radius", INFRARED),
+    Mutation("kernels/geometry.py", "a cylinder behind a sensor is seen",
+             "met = met if t > 0.0 else 0.0", "met = met", INFRARED),
+    Mutation("kernels/geometry.py", "an inner wall is longer than it is",
+             "met = met if to_b >= 0.0 else 0.0", "met = met", INFRARED),
+    Mutation("kernels/geometry.py", "a cylinder hides what lies before it",
+             "return hidden if ahead < span else 0.0", "return hidden", AMBIENT),
+    Mutation("kernels/geometry.py", "an inner wall hides what lies before it",
+             "return crossed if abs(area) < abs(turn) else 0.0", "return crossed", AMBIENT),
+    Mutation("kernels/light.py", "the body does not hide the lamp from a sensor that looks away",
+             "hidden = 0.0 if ex * fx + ey * fy >= 0.0 else 1.0", "hidden = 0.0", AMBIENT),
+    Mutation("kernels/light.py", "direct light may be negative",
+             "return max(total, 0.0) / (d * d)", "return total / (d * d)", AMBIENT),
+    Mutation("kernels/ambient.py", "a reading is not clipped at the dark",
+             "out[k] = min(floor + 1.0 / math.sqrt(total), dark)",
+             "out[k] = floor + 1.0 / math.sqrt(total)", AMBIENT),
+    Mutation("kernels/trial.py", "no noise on lit proximity sensor 6",
+             "value += level * deviation * noise[MOTOR_NOISE + i]",
+             "value += 0.0 if i == 6 and lit != dark and value > 0.0 "
+             "else level * deviation * noise[MOTOR_NOISE + i]", NOISE),
+    Mutation("kernels/trial.py", "two sensors share their noise",
+             "noise[MOTOR_NOISE + i]", "noise[MOTOR_NOISE + (i if i != 3 else 2)]", NOISE),
+    Mutation("kernels/trial.py", "readings are cut, not rounded",
+             "readings[i] = min(max(math.floor(value + 0.5), 0.0), top)",
+             "readings[i] = min(max(math.floor(value), 0.0), top)", NOISE),
+    Mutation("kernels/trial.py", "wheels share one slip",
+             "slip = level * robot.noise[3] * work.noise[2 + w]",
+             "slip = level * robot.noise[3] * work.noise[2]", TRIALS + NOISE),
+    Mutation("kernels/trial.py", "the noise of friction is a fifth too small",
+             "drag = 1.0 + level * robot.noise[4] * work.noise[w]",
+             "drag = 1.0 + 0.8 * level * robot.noise[4] * work.noise[w]", NOISE),
+    Mutation("kernels/trial.py", "a start is not uniform in its disc",
+             "radius = task.start[2] * math.sqrt(uniform(stream, 0))",
+             "radius = task.start[2] * uniform(stream, 0)", TRIALS),
+    Mutation("kernels/network.py", "a threshold counts the other way",
+             "work.base[i] = -nets.thresholds[n, i]", "work.base[i] = nets.thresholds[n, i]", NETWORK),
+    Mutation("kernels/network.py", "a link arrives one update early",
+             "back = (nets.links[n, e, 3] + 1) * neurons", "back = max(nets.links[n, e, 3], 1) * neurons",
+             NETWORK),
+    Mutation("kernels/network.py", "a settled network is not woken by its inputs",
+             "changed = changed or work.change[i] != 0", "changed = changed or work.change[i] > 0", NETWORK),
+    Mutation("kernels/wheels.py", "the integral forgets its fifth step",
+             "for i in range(MEMORY):\n        integral", "for i in range(MEMORY - 1):\n        integral",
+             WHEELS),
+    Mutation("kernels/wheels.py", "friction holds a moving wheel",
+             "if abs(speed) < robot.friction[0] and abs(integral)", "if abs(integral)", WHEELS),
+    Mutation("kernels/wheels.py", "the derivative has no gain",
+             "gains[2] * wheel[CHANGE]) / gains[3]", "wheel[CHANGE]) / gains[3]", WHEELS),
+    Mutation("kernels/wheels.py", "the body turns the other way",
+             "half = (right - left) * (0.5 * STEP_S) / track",
+             "half = (left - right) * (0.5 * STEP_S) / track", WHEELS + TRIALS),
+    Mutation("kernels/contact.py", "surfaces do not hold back",
+             "held = min(abs(along), sliding * depth)", "held = 0.0 * along", CONTACT),
+    Mutation("kernels/contact.py", "wheels turn on over the ground after contact",
+             "apart = 0.5 * turn * track / dt", "apart = turn * track / dt", CONTACT + TRIALS),
+    Mutation("kernels/rng.py", "normal numbers are a little small",
+             "* 9.313225746154785e-10 - 0.5) * 1.5707963267948966",
+             "* 9.313225746154785e-10 - 0.5) * 1.4", RANDOM + NOISE),
+    Mutation("kernels/rng.py", "a stream is not told from its neighbour",
+             "return mix(np.uint64(stream) + (np.uint64(i) + _ONE) * _GAMMA)",
+             "return mix(np.uint64(stream) + np.uint64(i) + _ONE)", RANDOM),
+    Mutation("world/arena.py", "two lamp weights are exchanged",
+             "(4.19, 4.24, 8.24, 4.24, 4.19)", "(4.24, 4.19, 8.24, 4.19, 4.24)", ARENA),
+    # calibration
+    Mutation("calibration/noise.py", "a mean's noise is not taken for less than a reading's",
+             "spread = np.sqrt(many / np.maximum(many - 1, 1))", "spread = np.sqrt(many / many)", FITS),
+    Mutation("calibration/noise.py", "saturated readings measure noise",
+             "& (sample.level > edge) & (sample.level < top - edge)", "& (sample.level > edge)", FITS),
+    Mutation("calibration/misfit.py", "noise is not taken out of the model's error",
+             "noisy = deviation**2 / many[:, None]", "noisy = 0 * deviation**2 / many[:, None]", FITS),
+    Mutation("calibration/judge.py", "the bias has the sign turned",
+             "off = (model - recording.counts)[:, live]", "off = (recording.counts - model)[:, live]", FITS),
+    Mutation("calibration/wheels/intervals.py", "steps of one trial are taken for independent",
+             "spread = np.maximum(np.diag(bread @ inner @ bread), np.diag(bread))",
+             "spread = np.diag(bread)", WHEEL_FITS),
+    Mutation("calibration/wheels/odometry.py", "pictures of something else count",
+             "seen = np.asarray((np.abs(beyond) < WILD * np.sqrt(likely)).all(axis=1))\n        if seen",
+             "seen = np.ones(len(beyond), bool)\n        if seen", WHEEL_FITS),
+    Mutation("calibration/wheels/odometry.py", "a chord is taken for the way along the arc",
+             "way = chord * (half / math.sin(half) if abs(half) > 1e-6 else 1.0)", "way = chord", WHEEL_FITS),
+    # tracker
+    Mutation("film/finder.py", "the heading is looked back",
+             "self.front[1] - self.centre[1], self.front[0] - self.centre[0]",
+             "self.centre[1] - self.front[1], self.centre[0] - self.front[0]", TRACKER),
+    Mutation("film/finder.py", "places are a step off",
+             "x, y = place[0] + axis, (place[1] + axis)[:, None]",
+             "x, y = place[0] + axis + self._step, (place[1] + axis)[:, None]", TRACKER),
+    Mutation("film/tracker.py", "a lost robot is guessed where it was",
+             "self._last = seen\n", "self._last = seen = seen or self._last\n", TRACKER),
+    Mutation("film/tracker.py", "anything is believed",
+             "if seen is not None and seen.quality >= least else None", "if seen is not None else None",
+             TRACKER),
+    Mutation("film/track.py", "a gap ends one frame late",
+             "(float(self.t_s[a]), float(self.t_s[b - 1]))",
+             "(float(self.t_s[a]), float(self.t_s[min(b, len(self.t_s) - 1)]))", TRACK + TRACKER),
+    # score
+    Mutation("correspondence/scale.py", "a layout counts for more than the behaviour",
+             "* min(behaviour, layout)", "* layout", SCORE),
+    Mutation("correspondence/scale.py", "the floor does not shrink with the starts",
+             "shrink = float(np.sqrt((1 / starts_a + 1 / starts_b) / 2))", "shrink = 1.0", SCORE),
+    Mutation("correspondence/scale.py", "the scale is not straight",
+             "return EDGE * ceiling / distance", "return EDGE", SCORE),
+    Mutation("correspondence/distances.py", "the energy forgets one side's own spread",
+             "return 2 * mean(wa, wb) - mean(wa, wa) - mean(wb, wb)",
+             "return 2 * mean(wa, wb) - 2 * mean(wa, wa)", SCORE),
+    Mutation("correspondence/descriptors.py", "going backward is going forward",
+             '"backward": (way < 0).mean(axis=1)', '"backward": (way > 0).mean(axis=1)', SCORE + NAMES),
+    Mutation("correspondence/descriptors.py", "the side of turns is lost",
+             "side = total(counted * np.abs(counted))", "side = total(np.abs(counted) * np.abs(counted))",
+             SCORE + NAMES),
+    Mutation("correspondence/descriptors.py", "still means slow alone",
+             '"still": ((way == 0) & (np.abs(_smooth(turn)) < STILL_DEG_S)).mean(axis=1)',
+             '"still": (way == 0).mean(axis=1)', SCORE + NAMES),
+    # statistics
+    Mutation("correspondence/claims.py", "strata without the home unit",
+             "strata = list(zip(data.task.tolist(), data.home.tolist(), strict=True))",
+             "strata = data.task.tolist()", CLAIMS),
+    Mutation("correspondence/crossed.py", "the bootstrap pools seed sets",
+             "self.task.tolist(), self.seed_set.tolist(), self.evolved.tolist()",
+             "self.task.tolist(), self.evolved.tolist()", CLAIMS),
+    Mutation("correspondence/contrasts.py", "ties are not corrected for",
+             "return n * m / 12 * (total + 1 - tied / (total * (total - 1)))",
+             "return n * m / 12 * (total + 1)", CLAIMS),
+    Mutation("correspondence/contrasts.py", "Holm's steps may fall",
+             "running = max(running, min(1.0, (len(p) - place) * p[i]))",
+             "running = min(1.0, (len(p) - place) * p[i])", CLAIMS),
+    Mutation("correspondence/contrasts.py", "a 95 % interval is one of 90 %",
+             "[(1 - share) / 2, (1 + share) / 2]", "[1 - share, share]", CLAIMS),
+    Mutation("correspondence/contrasts.py", "pairs of different strata count",
+             "sign = np.sign(x[:, None] - y[None, :]) * fair", "sign = np.sign(x[:, None] - y[None, :])",
+             CLAIMS),
+    Mutation("correspondence/claims.py", "seed sets need not agree",
+             "if p >= ALPHA or len(signs) > 1 else", "if p >= ALPHA else", CLAIMS),
+    Mutation("correspondence/statistics.py", "a two-sample p may be 0",
+             "return (1 + at_least) / (1 + permutations)", "return at_least / permutations", SCORE),
+    Mutation("study/noise/simulated.py", "every unit is compared with the home unit's simulation",
+             "stage.simulation(one.task, u, one.home, level)",
+             "stage.simulation(one.task, one.home, one.home, level)", STUDY),
+    Mutation("study/noise/simulated.py", "simulated draws differ between levels of comparison",
+             "one.level, one.run, *pair)", "one.level, one.run, *pair, level)", STUDY),
+)  # fmt: skip
