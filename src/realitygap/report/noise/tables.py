@@ -198,7 +198,7 @@ def names_table(facts: NoiseFacts) -> NoiseTable:
     for task in data.tasks:
         part = data.part(task=task)
         counts = [Counter(part.name[part.evolved == level].tolist()) for level in data.levels]
-        for name in sorted(set(part.name.tolist()), key=lambda n: -sum(c[n] for c in counts)):
+        for name in sorted(set(part.name.tolist()), key=lambda n: (-sum(c[n] for c in counts), n)):
             rows.append((titled(task), str(name), *(c[name] for c in counts)))
     return NoiseTable(
         name="names",
