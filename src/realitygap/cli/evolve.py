@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from realitygap.cli.estimate import consider
 from realitygap.cli.options import (
     as_json,
     evaluations_option,
@@ -17,6 +18,7 @@ from realitygap.cli.options import (
     seed_option,
     workers_option,
 )
+from realitygap.cli.scene import note_dark
 from realitygap.cli.studies import carry_out, interrupted_config
 
 if TYPE_CHECKING:
@@ -27,7 +29,7 @@ __all__ = ["evolve"]
 
 @click.command()
 @click.argument("task")
-@noise_option(None, " [default: observed]")
+@noise_option(None, " May be repeated: so many conditions. [default: observed]", several=True)
 @profile_option(None, " [default: paper]")
 @seed_option(None, " [default: 1995]")
 @runs_option("Runs [default: 1].")
@@ -48,7 +50,7 @@ __all__ = ["evolve"]
 @as_json
 def evolve(
     task: str,
-    noise: float | None,
+    noise: tuple[float, ...],
     profile: str | None,
     seed: int | None,
     runs: int | None,
@@ -84,17 +86,32 @@ def evolve(
     begun = replace(begun, conditions=_conditions(begun, task, noise), arenas=arenas).with_settings(settings)
     given: dict[str, Any] = {"profile": profile, "seed": seed, "runs": runs, "evaluations": evaluations}
     chosen = replace(begun, **{key: value for key, value in given.items() if value is not None})
+    if not resume:
+        _notes(chosen, task, workers)
     words = f"evolve {shlex.quote(task)}"
     carry_out(folder, chosen, words=words, workers=workers, resume=resume, json_output=json_output)
 
 
-def _conditions(config: StudyConfig, task: str, noise: float | None) -> tuple[Condition, ...]:
+def _notes(config: StudyConfig, task: str, workers: int | None) -> None:
+    """What is taken as it was said, though it may be a slip."""
+    from realitygap.tasks import load_task
+    from realitygap.world.arena import load_arena
+
+    loaded = load_task(task)
+    named = config.arenas.get(loaded.name)
+    note_dark(loaded, loaded.arena if named is None else load_arena(named))
+    population = config.evolution.make(config.variation).cells
+    runs = config.runs * len(config.conditions)
+    consider(runs=runs, evaluations=config.evaluations, workers=workers, population=population)
+
+
+def _conditions(config: StudyConfig, task: str, noise: tuple[float, ...]) -> tuple[Condition, ...]:
     """The task at `noise`; without that at the levels that a configuration has for it, or observed."""
     from realitygap.study.config import Condition
     from realitygap.tasks import load_task
 
-    if noise is not None:
-        return (Condition(task=task, noise=noise),)
+    if noise:
+        return tuple(Condition(task=task, noise=level) for level in noise)
 
     def same(other: str) -> bool:
         """By what it is called: a configuration's task files are not run to find that out."""

@@ -15,6 +15,7 @@ from typing import Any, NoReturn
 
 import click
 
+from realitygap.cli.words import tidy
 from realitygap.errors import RealityGapError
 
 __all__ = ["Commands", "StoppedError"]
@@ -37,6 +38,13 @@ class Commands(click.Group):
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Commands in the order in which a person meets them."""
         return list(self.commands)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command that the arguments name, and its words, tidied."""
+        name, command, rest = super().resolve_command(ctx, args)
+        return name, command, rest if command is None else tidy(command, ctx, rest)
 
     def main(self, *args: Any, **extra: Any) -> NoReturn:
         """Run the command that the arguments name, and exit."""

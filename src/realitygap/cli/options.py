@@ -42,12 +42,15 @@ Numbers = tuple[float, float, float]
 Decorated = TypeVar("Decorated", bound="Callable[..., Any]")
 
 
-def noise_option(default: str | None = "observed", says: str = "") -> Callable[[Decorated], Decorated]:
-    """`--noise LEVEL`."""
+def noise_option(
+    default: str | None = "observed", says: str = "", *, several: bool = False
+) -> Callable[[Decorated], Decorated]:
+    """`--noise LEVEL`; with `several` it may be repeated."""
     return click.option(
         "--noise",
         type=Noise(),
         default=default,
+        multiple=several,
         show_default=default is not None,
         metavar="LEVEL",
         help=f"Noise level: zero, observed, double or a number.{says}",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from realitygap.cli.estimate import consider
 from realitygap.cli.kinds import Whole
 from realitygap.cli.options import (
     as_json,
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
     from realitygap.study.load import Study
 
 __all__ = ["reproduce"]
+
+CONDITIONS = 6
+"""Two tasks at three levels of noise."""
 
 
 @click.command()
@@ -78,6 +82,10 @@ def reproduce(
     }  # fmt: skip
     asked = (begun(out) if resume else None) or Reproduction()
     wished = replace(asked, **{key: value for key, value in given.items() if value is not None})
+    if not resume:
+        all_runs = CONDITIONS * wished.runs
+        trials = 0 if no_transfer else all_runs * wished.starts
+        consider(runs=all_runs, evaluations=wished.evaluations, trials=trials, workers=workers)
 
     def prepare(progress: ProgressLine) -> StudyConfig:
         return configured(out, wished, resume=resume, workers=workers, on_progress=progress.calibrating)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from realitygap.cli.estimate import note
 from realitygap.cli.options import checked_pose
 from realitygap.cli.output import print_table
 
@@ -16,9 +17,10 @@ if TYPE_CHECKING:
     from realitygap.tasks.simulation import Simulation
     from realitygap.tasks.task import Task
     from realitygap.values import Pose, Trajectory
+    from realitygap.world.arena import Arena
     from realitygap.world.profile import Profile
 
-__all__ = ["Scene", "print_path"]
+__all__ = ["Scene", "note_dark", "print_path"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +46,7 @@ class Scene:
         loaded, robot = load_task(task), load_profile(profile)
         room = loaded.arena if arena is None else load_arena(arena)
         place = checked_pose(pose, room, robot)
+        note_dark(loaded, room)
         start = Start(x_cm=place.x, y_cm=place.y)  # the task's own starts need not be free here
         begun = replace(loaded, arena=room, start=start)
         return cls(task=begun, profile=robot, noise=noise, pose=place)
@@ -82,6 +85,12 @@ class Scene:
             "noise": self.noise,
             "seed": seed,
         }
+
+
+def note_dark(task: Task, arena: Arena) -> None:
+    """Say so if a task that feeds ambient light is done where no lamp is."""
+    if task.feeds == "ambient" and not arena.lamps:
+        note(f"arena {arena.name!r} has no lamp: the light sensors that task {task.name!r} feeds read dark")
 
 
 def print_path(trajectory: Trajectory, every: int = 10) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from realitygap.cli.estimate import consider
 from realitygap.cli.failure import StoppedError
 from realitygap.cli.kinds import SECONDS, Whole
 from realitygap.cli.options import (
@@ -90,6 +91,10 @@ def noise(out: Path, workers: int | None, resume: bool, json_output: bool, **opt
     from realitygap.study.noise.run import noise_study
 
     config = _config(out, resume, options)
+    if not resume:
+        runs = config.runs * len(config.tasks) * len(config.levels)
+        trials = runs * config.units * config.starts
+        consider(runs=runs, evaluations=config.evaluations, trials=trials, workers=workers)
     try:
         with ProgressLine() as progress:
             results = noise_study(out, config, workers=workers, resume=resume, on_progress=progress.noise)

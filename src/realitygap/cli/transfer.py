@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Self
 
 import click
 
+from realitygap.cli.estimate import consider
 from realitygap.cli.failure import StoppedError
 from realitygap.cli.kinds import SECONDS, Whole
 from realitygap.cli.options import as_json, baud_option, seed_option, twin_noise_option, workers_option
@@ -130,10 +131,12 @@ def transfer(
     from realitygap.study.transfer.run import transfer as carry_over
 
     ask_trust(study, trust)
+    loaded = load_study(study)
+    consider(trials=(len(runs) or len(loaded.runs)) * len(robots) * starts, workers=workers)
     try:
         with TransferLine() as progress:
             made = carry_over(
-                load_study(study),
+                loaded,
                 runs,
                 robots=robots,
                 starts=starts,

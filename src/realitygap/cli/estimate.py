@@ -1,0 +1,57 @@
+"""What a command is about to cost, said and asked before work of days begins."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import click
+
+__all__ = ["consider", "note"]
+
+EVALUATIONS_A_SECOND = 650
+"""Of one core: two trials of twenty seconds each, tests included (docs/noise-level.md)."""
+TRIALS_A_SECOND = 1.0
+"""Of one core: watched trials of twenty seconds on the twin (the same)."""
+DAY_S = 86400.0
+POPULATION = 64
+"""Of the paper's grid."""
+LONG_S = DAY_S / 2
+"""Work that nobody waits for without having meant to."""
+
+
+def note(text: str) -> None:
+    """One line on stderr about something that is taken as it was said."""
+    click.echo(f"note: {text}", err=True)
+
+
+def consider(
+    *, runs: int = 0, evaluations: int = 0, trials: int = 0, workers: int | None, population: int = POPULATION
+) -> None:
+    """Say what an amount of work comes to, where that may not be meant; where somebody can answer, ask.
+
+    Args:
+        runs: of evolution; evaluations: of each.
+        trials: on the twin.
+        workers: processes; one a core if None.
+        population: individuals that a run begins with.
+
+    Raises:
+        click.Abort: the answer is no.
+    """
+    if runs and evaluations < population:
+        note(
+            f"{evaluations} evaluations are fewer than the population's {population}: all individuals are "
+            "random, none is bred"
+        )
+    hands = workers or os.cpu_count() or 1
+    seconds = runs * evaluations / EVALUATIONS_A_SECOND / max(1, min(runs, hands))
+    seconds += trials / TRIALS_A_SECOND / max(1, min(trials, hands))
+    if seconds < LONG_S:
+        return
+    much = f"{seconds / 3600:.0f} hours" if seconds < 2 * DAY_S else f"{seconds / DAY_S:,.0f} days"
+    work = {"evaluations": runs * evaluations, "trials on robots": trials}
+    said = " and ".join(f"{count:,} {what}" for what, count in work.items() if count)
+    note(f"{said}: about {much} on this machine")
+    if sys.stdin.isatty() and sys.stderr.isatty():
+        click.confirm("Begin?", abort=True, err=True)
