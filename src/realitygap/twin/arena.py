@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import ConfigError
+from realitygap.twin.arithmetic import hypot
 
 __all__ = ["WALL_HALF", "check_arena", "edges", "load_arena"]
 
@@ -74,7 +75,7 @@ def edges(arena: Mapping[str, Any]) -> NDArray[np.float64]:
     w, h = (v / 100.0 for v in arena["size_cm"])
     faces = [(0, 0, w, 0), (w, 0, w, h), (w, h, 0, h), (0, h, 0, 0)]
     for x0, y0, x1, y1 in (np.array(wall) / 100.0 for wall in arena["walls"]):
-        length = float(np.hypot(x1 - x0, y1 - y0))
+        length = float(hypot(x1 - x0, y1 - y0))
         ux, uy = (x1 - x0) / length * WALL_HALF, (y1 - y0) / length * WALL_HALF
         a, b = (x0 - ux + uy, y0 - uy - ux), (x1 + ux + uy, y1 + uy - ux)
         c, d = (x1 + ux - uy, y1 + uy + ux), (x0 - ux - uy, y0 - uy + ux)

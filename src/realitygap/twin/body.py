@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from realitygap.errors import ConfigError
 from realitygap.twin.arena import check_arena
+from realitygap.twin.arithmetic import arctan2, cos_sin
 from realitygap.twin.model import BODY_RADIUS, NOMINAL_VOLT, build_xml
 from realitygap.twin.noise import CREEP_MS, Creep, check_dial, draws
 from realitygap.twin.sensors import CYCLE_MS, PHASE_MS, Sensors
@@ -147,7 +147,8 @@ class TwinBody:
         data = self._data
         angles = float(data.qpos[7]), float(data.qpos[8])
         mujoco.mj_resetData(self._model, data)
-        data.qpos[:7] = (x_cm / 100.0, y_cm / 100.0, 0.0, math.cos(heading / 2), 0, 0, math.sin(heading / 2))
+        c, s = cos_sin(heading / 2)
+        data.qpos[:7] = (x_cm / 100.0, y_cm / 100.0, 0.0, c, 0, 0, s)
         data.qpos[7:9] = angles
         mujoco.mj_forward(self._model, data)
         self._history[:] = data.qpos[:7]
@@ -229,7 +230,7 @@ class TwinBody:
     def truth(self) -> tuple[float, float, float]:
         """x, y (cm) and heading (rad, −π to π) as they are: for tests and the sealed file only."""
         px, py, _, w, x, y, z = self._qpos[:7].tolist()
-        heading = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        heading = arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
         return px * 100.0, py * 100.0, float(heading)
 
     def states(self) -> States:

@@ -18,7 +18,7 @@ from realitygap.errors import ConfigError
 from realitygap.twin.arena import check_arena
 from realitygap.twin.drawing import WHOLE, Drawing, Window
 from realitygap.twin.lens import HEIGHT, WIDTH, hang_camera
-from realitygap.twin.noise import check_dial, draws
+from realitygap.twin.noise import check_dial, draws, normal_draws
 from realitygap.twin.render import open_renderer
 from realitygap.twin.states import States, heading_of
 from realitygap.twin.unit import draw_unit
@@ -67,7 +67,7 @@ class OverheadCamera:
         corner = (WIDTH**2 + HEIGHT**2) / 4
         light = who.camera.gain * (1 - FALL_OFF * (columns**2 + rows**2) / corner)
         self._light = np.repeat(light.astype(np.float32)[..., None], 3, axis=2)
-        self._bank = draws(unit, seed, 53).standard_normal(2 * WIDTH * HEIGHT * 3, np.float32)
+        self._bank = normal_draws(draws(unit, seed, 53), 2 * WIDTH * HEIGHT * 3).astype(np.float32)
         self._bank *= np.float32(PIXEL_NOISE * self._noise)
 
     def __enter__(self) -> OverheadCamera:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.twin.arena import WALL_HALF
+from realitygap.twin.arithmetic import cos_sin, hypot
 from realitygap.twin.lens import HEIGHT, WIDTH, Lens
 from realitygap.twin.model import BODY_RADIUS, BODY_TOP, WALL_HEIGHT
 from realitygap.twin.painting import paint_robot
@@ -98,9 +99,9 @@ class Drawing:
             shade = np.float32(0.72 if layer < LAYERS else 1.0)
             stands = np.zeros(x.shape, np.bool_)
             for cx, cy, r in np.array(arena["cylinders"]).reshape(-1, 3) / 100.0:
-                stands |= np.hypot(x - cx, y - cy) < r
+                stands |= hypot(x - cx, y - cy) < r
             for x0, y0, x1, y1 in np.array(arena["walls"]).reshape(-1, 4) / 100.0:
-                length = np.hypot(x1 - x0, y1 - y0)
+                length = hypot(x1 - x0, y1 - y0)
                 along = ((x - x0) * (x1 - x0) + (y - y0) * (y1 - y0)) / length
                 off = ((y - y0) * (x1 - x0) - (x - x0) * (y1 - y0)) / length
                 stands |= (along > -WALL_HALF) & (along < length + WALL_HALF) & (np.abs(off) < WALL_HALF)
@@ -112,7 +113,7 @@ class Drawing:
         picture[out >= 0.01] = OUTSIDE
         for cx, cy in np.array(arena["lamps"]).reshape(-1, 2) / 100.0:
             x, y = self._at(0.05)
-            picture[np.hypot(x - cx, y - cy) < 0.008] = LAMP
+            picture[hypot(x - cx, y - cy) < 0.008] = LAMP
         return picture
 
     def _about(self, x: float, y: float, window: Window) -> list[tuple[int, int]]:
@@ -131,7 +132,8 @@ class Drawing:
             [rows, columns, 3] of the window.
         """
         picture = self.background[window].copy()
-        ahead = x + FRONT_AHEAD * float(np.cos(heading)), y + FRONT_AHEAD * float(np.sin(heading))
+        c, s = cos_sin(heading)
+        ahead = x + FRONT_AHEAD * float(c), y + FRONT_AHEAD * float(s)
         rows, columns = self._about(x, y, window)
         corner = window[0].start, window[1].start
         still = self._floor, self._slope, self._fine, self._over

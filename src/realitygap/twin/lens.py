@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.twin.arithmetic import cos_sin, product
 from realitygap.twin.unit import Unit
 
 __all__ = ["HEIGHT", "WIDTH", "Lens", "hang_camera"]
@@ -45,7 +46,7 @@ class Lens:
 
     def pixels(self, points: Array) -> Array:
         """[..., 2] column and row of world points [..., 3] (m)."""
-        q = (points - self.position) @ self.rotation
+        q = product(points - self.position, self.rotation)
         x, y = q[..., 0] / -q[..., 2], q[..., 1] / -q[..., 2]
         r2 = x * x + y * y
         bend = self.focal * (1.0 + self.k1 * r2 + self.k2 * r2 * r2)
@@ -69,13 +70,13 @@ class Lens:
             [..., 2] x, y on the floor (m) and [..., 2] their change for each metre of height.
         """
         x, y = self.straightened(columns, rows)
-        ray = np.stack([x, y, -np.ones_like(x)], axis=-1) @ self.rotation.T
+        ray = product(np.stack([x, y, -np.ones_like(x)], axis=-1), self.rotation.T)
         slope = ray[..., :2] / ray[..., 2:]
         return self.position[:2] - self.position[2] * slope, slope
 
 
 def _turn(axis: int, angle: float) -> Array:
-    c, s = np.cos(angle), np.sin(angle)
+    c, s = cos_sin(angle)
     out = np.eye(3)
     i, j = (axis + 1) % 3, (axis + 2) % 3
     out[i, i], out[i, j], out[j, i], out[j, j] = c, -s, s, c
@@ -89,7 +90,7 @@ def hang_camera(arena: Mapping[str, Any], unit: Unit) -> Lens:
     nominal = max(LOWEST, ABOVE * max(w, h))
     height = nominal * hung.height_share
     focal = min(WIDTH / (w * MARGIN), HEIGHT / (h * MARGIN)) * nominal
-    rotation = _turn(0, hung.tilt[0]) @ _turn(1, hung.tilt[1]) @ _turn(2, hung.roll)
+    rotation = product(product(_turn(0, hung.tilt[0]), _turn(1, hung.tilt[1])), _turn(2, hung.roll))
     # somebody looked at the picture and pushed the camera until the floor was about in its middle
     straight_down = height * rotation[:2, 2] / rotation[2, 2]
     off = min(w, h) * np.array(hung.offset_share)

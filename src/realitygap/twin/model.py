@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
 from realitygap.twin.arena import WALL_HALF
+from realitygap.twin.arithmetic import arctan2, cos_sin, hypot
 from realitygap.twin.unit import Unit
 
 __all__ = ["BODY_RADIUS", "BODY_TOP", "CLEARANCE", "NOMINAL_VOLT", "WALL_HEIGHT", "build_xml"]
@@ -36,8 +36,8 @@ CONTACT = 'solref="0.002 1" solimp="0.95 0.995 0.00005"'
 
 def _gravity(unit: Unit) -> str:
     """A tilted table is a level one with gravity askew."""
-    ax, ay = unit.tilt
-    return f"{9.81 * math.sin(ax):.9g} {9.81 * math.sin(ay):.9g} -9.81"
+    x, y = cos_sin(unit.tilt)[1]
+    return f"{9.81 * x:.9g} {9.81 * y:.9g} -9.81"
 
 
 def _arena(arena: Mapping[str, Any], contact: str) -> str:
@@ -53,8 +53,8 @@ def _arena(arena: Mapping[str, Any], contact: str) -> str:
              (-0.005, h / 2, 0.005, h / 2), (w + 0.005, h / 2, 0.005, h / 2))  # fmt: skip
     rows += [f'<geom {box} pos="{x} {y} {z}" size="{a} {b} {z}"/>' for x, y, a, b in sides]
     for x0, y0, x1, y1 in ([v / 100.0 for v in wall] for wall in arena["walls"]):
-        half = math.hypot(x1 - x0, y1 - y0) / 2 + WALL_HALF
-        angle = math.atan2(y1 - y0, x1 - x0)
+        half = hypot(x1 - x0, y1 - y0) / 2 + WALL_HALF
+        angle = float(arctan2(y1 - y0, x1 - x0))
         rows.append(
             f'<geom {box} pos="{(x0 + x1) / 2} {(y0 + y1) / 2} {z}" size="{half} {WALL_HALF} {z}" '
             f'euler="0 0 {angle}"/>'

@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import ConfigError
+from realitygap.twin.arithmetic import cos, normals
 
-__all__ = ["Creep", "SensorNoise", "check_dial", "draws"]
+__all__ = ["Creep", "SensorNoise", "check_dial", "draws", "normal_draws"]
 
 PROXIMITY_COUNTS = 21.0
 AMBIENT_COUNTS = 4.5
@@ -34,8 +35,9 @@ OUTLIERS, OUTLIER_SIZE = 0.1, 2.2
 """Heavier tails than normal: one draw in ten has 2.2 times the others' deviation."""
 _CORE = 1.0 / math.sqrt(1.0 - OUTLIERS + OUTLIERS * OUTLIER_SIZE**2)
 
-SLIP_SHARE, SLIP_MS = 0.064, 40.0
-"""Slip of the tyre: deviation of the creep, and the time in which it is forgotten."""
+SLIP_SHARE, SLIP_KEPT = 0.064, 0.8824969025845955
+"""Slip of the tyre: deviation of the creep, and what is left of it after `CREEP_MS`: exp(−5/40), for it is
+forgotten in 40 ms."""
 GROUND_SHARE, GROUND_CELL_M, GROUND_CELLS = 0.042, 0.006, 64
 """The ground: creep that belongs to a place (dust, seams), in cells of 6 mm."""
 AXLE_SHARE = 0.025
@@ -54,6 +56,12 @@ def draws(*name: int) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64([n & _MASK for n in name]))
 
 
+def normal_draws(generator: np.random.Generator, *shape: int) -> NDArray[np.float64]:
+    """Normal draws of a generator: NumPy's own take a logarithm of the C library, this one of the twin's."""
+    bits: NDArray[np.uint64] = generator.bit_generator.random_raw(math.prod(shape))
+    return normals(bits.reshape(shape))
+
+
 def spread(numbers: NDArray[np.uint64]) -> NDArray[np.uint64]:
     """Mix the bits of whole numbers (splitmix64, Steele et al. 2014)."""
     z = (numbers + _GOLDEN).astype(np.uint64)
@@ -63,11 +71,8 @@ def spread(numbers: NDArray[np.uint64]) -> NDArray[np.uint64]:
 
 
 def _normals(keys: NDArray[np.uint64]) -> NDArray[np.float64]:
-    """One normal draw for each key (Box and Muller 1958)."""
-    bits: NDArray[np.uint64] = spread(keys)
-    first = ((bits >> np.uint64(32)).astype(np.float64) + 0.5) * 2.0**-32
-    second = (bits & np.uint64(0xFFFFFFFF)).astype(np.float64) * 2.0**-32
-    return np.asarray(np.sqrt(-2.0 * np.log(first)) * np.cos(2.0 * math.pi * second))
+    """One normal draw for each key."""
+    return normals(spread(keys))
 
 
 def _heavy(keys: NDArray[np.uint64]) -> NDArray[np.float64]:
@@ -97,7 +102,8 @@ class SensorNoise:
         here, there = _normals(self._drift ^ knots)
         share = rest / DRIFT_KNOT_MS
         share = share * share * (3.0 - 2.0 * share)
-        return np.asarray((here * (1.0 - share) + there * share) / math.hypot(share, 1.0 - share))
+        size = math.sqrt(share * share + (1.0 - share) ** 2)
+        return np.asarray((here * (1.0 - share) + there * share) / size)
 
     def at(self, time_ms: int, refreshed: NDArray[np.int64]) -> NDArray[np.float64]:
         """[8] the whole noise, deviation 1."""
@@ -116,16 +122,15 @@ class Creep:
         self._noise = noise
         self._phases = phases
         self._generator = generator
-        self._slip = [float(v) for v in generator.standard_normal(2) * SLIP_SHARE]
-        field = generator.standard_normal((2, GROUND_CELLS, GROUND_CELLS))
+        self._slip: list[float] = (SLIP_SHARE * normal_draws(generator, 2)).tolist()
+        field = normal_draws(generator, 2, GROUND_CELLS, GROUND_CELLS)
         self._ground: list[list[list[float]]] = (GROUND_SHARE * field).tolist()
-        self._keep = math.exp(-CREEP_MS / SLIP_MS)
-        self._fresh = SLIP_SHARE * math.sqrt(1.0 - self._keep**2)
+        self._fresh = SLIP_SHARE * math.sqrt(1.0 - SLIP_KEPT**2)
         self._block: list[float] = []
 
     def _normal(self) -> float:
         if not self._block:
-            self._block = self._generator.standard_normal(512).tolist()
+            self._block = normal_draws(self._generator, 512).tolist()
         return self._block.pop()
 
     def at(self, wheel: int, x: float, y: float, angle: float) -> float:
@@ -135,10 +140,10 @@ class Creep:
         """
         if self._noise == 0.0:
             return 0.0
-        self._slip[wheel] = self._keep * self._slip[wheel] + self._fresh * self._normal()
+        self._slip[wheel] = SLIP_KEPT * self._slip[wheel] + self._fresh * self._normal()
         column, row = int(x / GROUND_CELL_M), int(y / GROUND_CELL_M)
         ground = self._ground[wheel][row % GROUND_CELLS][column % GROUND_CELLS]
-        axle = AXLE_SHARE * math.cos(angle + self._phases[wheel])
+        axle = AXLE_SHARE * cos(angle + self._phases[wheel])
         return self._noise * (self._slip[wheel] + ground + axle)
 
 

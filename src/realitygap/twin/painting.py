@@ -18,6 +18,12 @@ __all__ = ["paint_robot"]
 
 
 @step
+def _length(x: Any, y: Any) -> Any:
+    """Of x, y, in double precision."""
+    return math.sqrt(np.float64(x) * np.float64(x) + np.float64(y) * np.float64(y))
+
+
+@step
 def _cover_body(
     row: int, first: int, still: Any, x: Any, y: Any, heights: Any, radius: Any, body: Any
 ) -> None:
@@ -39,8 +45,8 @@ def _cover_body(
             for k in range(body.shape[0]):
                 dx = slope_x[k] * z + floor_x[k] - x
                 dy = slope_y[k] * z + floor_y[k] - y
-                if abs(dx * dx + dy * dy - square) < near and math.hypot(dx, dy) < np.float32(radius):
-                    body[k] = 1
+                if abs(dx * dx + dy * dy - square) < near:
+                    body[k] |= np.float32(_length(dx, dy)) < np.float32(radius)
 
 
 @step
@@ -59,7 +65,7 @@ def _cover_mark(x: Any, y: Any, radius: Any, samples: Any, share: Any) -> None:
             if full <= square <= out:
                 off = math.sqrt(square)
                 if abs(off - radius) < soft:
-                    off = math.hypot(x[k], y[k])
+                    off = x.dtype.type(_length(x[k], y[k]))
                 share[k] = min(max((radius - off) * samples + 0.5, 0.0), 1.0)
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.twin.arithmetic import hypot
+
 __all__ = ["Scene"]
 
 Array = NDArray[np.float64]
@@ -18,7 +20,7 @@ class Scene:
     def __init__(self, faces: Array, circles: Array) -> None:
         self._p = faces[:, :2].T.copy()
         along = (faces[:, 2:] - faces[:, :2]).T
-        self._length = np.hypot(*along)
+        self._length = hypot(*along)
         self._u = along / self._length
         self._circles = circles
 
@@ -27,7 +29,7 @@ class Scene:
         rx, ry = x - self._p[0], y - self._p[1]
         along = np.minimum(np.maximum(rx * self._u[0] + ry * self._u[1], 0.0), self._length)
         cx, cy, r = self._circles.T
-        return np.hypot(rx - along * self._u[0], ry - along * self._u[1]), np.hypot(x - cx, y - cy) - r
+        return hypot(rx - along * self._u[0], ry - along * self._u[1]), hypot(x - cx, y - cy) - r
 
     def clearance(self, x: float, y: float) -> float:
         """How far it is from a point to the nearest thing (m)."""
@@ -104,7 +106,7 @@ class Scene:
 
     def clear(self, x: Array, y: Array, ax: Array, ay: Array) -> NDArray[np.bool_]:
         """Whether nothing stands between a point and another, `ax`, `ay` further on."""
-        way = np.hypot(ax, ay) + 1e-12
+        way = hypot(ax, ay) + 1e-12
         dx, dy = ax / way, ay / way
         free = np.ones(np.shape(dx), dtype=np.bool_)
         if len(self._length) > 4:  # the four sides of the floor never stand between two points inside

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.twin.arena import edges
+from realitygap.twin.arithmetic import arctan2, cos_sin, hypot, power, weighted
 from realitygap.twin.model import BODY_RADIUS, WALL_HEIGHT
 from realitygap.twin.noise import (
     AMBIENT_COUNTS,
@@ -72,11 +73,11 @@ class Sensors:
         self._near = SensorNoise(seed=seed, purpose=1)
         self._light = SensorNoise(seed=seed, purpose=2)
         self._idle = SensorNoise(seed=seed, purpose=3)
-        weight = np.cos(FAN) ** IR_EXPONENT
-        self._ir_weight = weight * IR_GAIN
+        self._fan_cos, self._fan_sin = cos_sin(FAN)
+        self._ir_weight = power(self._fan_cos, IR_EXPONENT) * IR_GAIN
         self._gain = np.array(unit.proximity_gain)
-        fan = np.cos(FAN) ** EYE_EXPONENT
-        self._eye_weight = fan / fan.sum()
+        fan = power(self._fan_cos, EYE_EXPONENT)
+        self._eye_weight = fan / math.fsum(fan)
 
     @staticmethod
     def _hang(lamps: Array, arena: Mapping[str, Any]) -> Array:
@@ -93,14 +94,14 @@ class Sensors:
 
     def _stand(self, poses: Array) -> tuple[Array, Array, Array]:
         """Where the sensors are and where they look, [8] each, from the poses of their refreshing."""
-        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        c, s = cos_sin(poses[:, 2])
         x = poses[:, 0] + c * self._x - s * self._y
         y = poses[:, 1] + s * self._x + c * self._y
         return x, y, poses[:, 2] + self._direction
 
     def _fan(self, look: Array) -> tuple[Array, Array]:
-        angles = look[:, None] + FAN
-        return np.cos(angles), np.sin(angles)
+        c, s = (part[:, None] for part in cos_sin(look))
+        return c * self._fan_cos - s * self._fan_sin, s * self._fan_cos + c * self._fan_sin
 
     # infrared
 
@@ -116,7 +117,7 @@ class Sensors:
             return np.full(8, -IR_OFFSET)
         distance, incidence = near.hits(x, y, *self._fan(look))
         thrown = incidence / (distance + IR_DEPTH) ** 2
-        return np.asarray((thrown @ self._ir_weight) * self._gain - IR_OFFSET)
+        return np.asarray(weighted(thrown, self._ir_weight) * self._gain - IR_OFFSET)
 
     def proximity(self, time_ms: int, refreshed: NDArray[np.int64], poses: Array) -> list[int]:
         """[8] counts."""
@@ -139,22 +140,24 @@ class Sensors:
         if not len(self._lamps):
             return total
         distance, _, px, py, nx, ny = self._scene.meet(x, y, *self._fan(look))
-        tall = np.arctan((WALL_HEIGHT - EYE_HEIGHT) / distance) + np.arctan(EYE_HEIGHT / distance)
+        up, down = np.full_like(distance, WALL_HEIGHT - EYE_HEIGHT), np.full_like(distance, EYE_HEIGHT)
+        tall = arctan2(up, distance) + arctan2(down, distance)
         tall /= EYE_MIDDLE  # share of a sensor's view, up and down, that a wall fills
         centre = poses.mean(axis=0)
         for lamp in self._lamps:
             total += self._direct(x, y, look, lamp)
             lit = self._on_walls(px, py, nx, ny, lamp, centre)
-            total += WALL_WHITE * ((lit * tall) @ self._eye_weight)
+            total += WALL_WHITE * weighted(lit * tall, self._eye_weight)
         return total * self._unit.lamp_power
 
     def _direct(self, x: Array, y: Array, look: Array, lamp: Array) -> Array:
         ax, ay = lamp[0] - x, lamp[1] - y
         flat = ax * ax + ay * ay
         square = flat + self._rise**2
-        facing = (ax * np.cos(look) + ay * np.sin(look)) / np.sqrt(square)
+        c, s = cos_sin(look)
+        facing = (ax * c + ay * s) / np.sqrt(square)
         free = self._scene.clear(x, y, ax, ay)
-        return np.asarray(np.where(free, np.maximum(facing, 0.0) ** EYE_EXPONENT / square, 0.0))
+        return np.asarray(np.where(free, power(facing, EYE_EXPONENT) / square, 0.0))
 
     def _on_walls(self, px: Array, py: Array, nx: Array, ny: Array, lamp: Array, centre: Array) -> Array:
         """Light of the lamp on points of walls [8, RAYS] (normals point to the robot)."""
@@ -165,7 +168,7 @@ class Sensors:
         free = self._scene.clear(px + 1e-6 * nx, py + 1e-6 * ny, ax, ay)
         flat = np.maximum(ax * ax + ay * ay, 1e-12)
         along = np.clip(((centre[0] - px) * ax + (centre[1] - py) * ay) / flat, 0.0, 1.0)
-        off = np.hypot(px + along * ax - centre[0], py + along * ay - centre[1])
+        off = hypot(px + along * ax - centre[0], py + along * ay - centre[1])
         return np.asarray(np.where(free & (off > BODY_RADIUS), facing / square, 0.0))
 
     def ambient(self, time_ms: int, refreshed: NDArray[np.int64], poses: Array) -> list[int]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from realitygap.errors import ConfigError
+from realitygap.twin.arithmetic import arctan2, cos_sin
 
 __all__ = ["States", "heading_of"]
 
@@ -19,7 +20,7 @@ _COLUMNS = ("t_s", "x_cm", "y_cm", "heading_deg")
 def heading_of(pose: NDArray[np.float64]) -> NDArray[np.float64]:
     """[...] heading (rad, −π to π) of poses [..., 7]."""
     w, x, y, z = (pose[..., k] for k in (3, 4, 5, 6))
-    return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+    return arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 class States(NamedTuple):
@@ -50,7 +51,7 @@ class States(NamedTuple):
         half = np.asarray(heading, np.float64) / 2.0
         pose = np.zeros((len(t), 7))
         pose[:, 0], pose[:, 1] = np.asarray(x_cm) / 100.0, np.asarray(y_cm) / 100.0
-        pose[:, 3], pose[:, 6] = np.cos(half), np.sin(half)
+        pose[:, 3], pose[:, 6] = cos_sin(half)
         return cls(t, pose)
 
     @classmethod

@@ -75,6 +75,7 @@ def draw_unit(number: int) -> Unit:
     """
     if not isinstance(number, int) or isinstance(number, bool) or number < 0:
         raise ConfigError(f"a unit is named by a whole number from 0 on, got {number!r}")
+    # NumPy's normal draws: those within three deviations are the same on every processor
     generator = draws(number, 7)
 
     def around(mean: float, deviation: float) -> float:

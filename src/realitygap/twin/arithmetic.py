@@ -1,0 +1,189 @@
+"""The twin's own cosine, logarithm and the like: the same bits on every processor.
+
+Those of NumPy and of the C library take other ways on other processors (AVX-512, FMA) and differ in the last
+bit. These are made of sums, products, quotients and square roots alone, which IEEE 754 rounds one way only,
+in one order. Polynomials of fdlibm (Sun Microsystems 1993): errors of a few units in the last place.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from realitygap.twin.jit import jit, step
+
+__all__ = ["arctan2", "cos", "cos_sin", "hypot", "normals", "power", "product", "weighted"]
+
+Array = NDArray[np.float64]
+
+LN2_HIGH, LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
+QUARTER = (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21)
+"""π/2 in three parts; whole multiples of the first two are exact."""
+
+
+@step
+def _log(x: float) -> float:
+    m, e = math.frexp(x)
+    if m < 0.7071067811865476:
+        m, e = 2.0 * m, e - 1
+    f = m - 1.0
+    s = f / (2.0 + f)
+    z, h = s * s, 0.5 * f * f
+    r = 1.531383769920937332e-01 + z * 1.479819860511658591e-01
+    r = 2.857142874366239149e-01 + z * (2.222219843214978396e-01 + z * (1.818357216161805012e-01 + z * r))
+    r = z * (6.666666666666735130e-01 + z * (3.999999999940941908e-01 + z * r))
+    return e * LN2_HIGH - ((h - (s * (h + r) + e * LN2_LOW)) - f)
+
+
+@step
+def _exp(x: float) -> float:
+    k = math.floor(x / (LN2_HIGH + LN2_LOW) + 0.5)
+    high, low = x - k * LN2_HIGH, k * LN2_LOW
+    r = high - low
+    t = r * r
+    c = 6.61375632143793436117e-05 + t * (-1.65339022054652515390e-06 + t * 4.13813679705723846039e-08)
+    c = r - t * (1.66666666666666019037e-01 + t * (-2.77777777770155933842e-03 + t * c))
+    return math.ldexp(1.0 - ((low - (r * c) / (2.0 - c)) - high), int(k))
+
+
+@step
+def _cos_sin(x: float) -> tuple[float, float]:
+    k = math.floor(x / (QUARTER[0] + QUARTER[1]) + 0.5)
+    r = ((x - k * QUARTER[0]) - k * QUARTER[1]) - k * QUARTER[2]
+    z = r * r
+    s = 2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)
+    s = 8.33333333332248946124e-03 + z * (-1.98412698298579493134e-04 + z * s)
+    s = r + r * z * (-1.66666666666666324348e-01 + z * s)
+    c = -2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)
+    c = -1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * c)
+    c = 1.0 - (0.5 * z - z * z * (4.16666666666666019037e-02 + z * c))
+    quadrant = int(k) & 3
+    if quadrant == 0:
+        return c, s
+    if quadrant == 1:
+        return -s, c
+    return (-c, -s) if quadrant == 2 else (s, -c)
+
+
+@step
+def _arctan2(y: float, x: float) -> float:
+    wide, high = abs(x), abs(y)
+    if wide == 0.0 and high == 0.0:
+        return 0.0
+    a = min(wide, high) / max(wide, high)
+    base = 0.0
+    if a > 0.4142135623730951:
+        base, a = 0.7853981633974483, (a - 1.0) / (a + 1.0)
+    z = a * a
+    p = 4.97687799461593236017e-02 + z * (-3.65315727442169155270e-02 + z * 1.62858201153657823623e-02)
+    p = 9.09088713343650656196e-02 + z * (-7.69187620504482999495e-02 + z * (6.66107313738753120669e-02
+        + z * (-5.83357013379057348645e-02 + z * p)))  # fmt: skip
+    p = 3.33333333333329318027e-01 + z * (-1.99999999998764832476e-01 + z * (1.42857142725034663711e-01
+        + z * (-1.11111104054623557880e-01 + z * p)))  # fmt: skip
+    angle = base + (a - a * z * p)
+    if high > wide:
+        angle = 1.5707963267948966 - angle
+    if x < 0.0:
+        angle = 3.141592653589793 - angle
+    return -angle if y < 0.0 else angle
+
+
+@jit
+def _all_cos_sin(angles: Any, c: Any, s: Any) -> None:
+    for k in range(angles.shape[0]):
+        c[k], s[k] = _cos_sin(angles[k])
+
+
+@jit
+def _all_arctan2(y: Any, x: Any, out: Any) -> None:
+    for k in range(out.shape[0]):
+        out[k] = _arctan2(y[k], x[k])
+
+
+@jit
+def _all_power(base: Any, exponent: float, out: Any) -> None:
+    for k in range(out.shape[0]):
+        out[k] = _exp(exponent * _log(base[k])) if base[k] > 0.0 else 0.0
+
+
+@jit
+def _all_normals(bits: Any, out: Any) -> None:
+    for k in range(out.shape[0]):
+        first = (np.float64(bits[k] >> np.uint64(32)) + 0.5) * 2.3283064365386963e-10
+        second = np.float64(bits[k] & np.uint64(0xFFFFFFFF)) * 2.3283064365386963e-10
+        c, _ = _cos_sin(6.283185307179586 * second)
+        out[k] = math.sqrt(-2.0 * _log(first)) * c
+
+
+@jit
+def _all_weighted(rows: Any, weights: Any, out: Any) -> None:
+    for n in range(rows.shape[0]):
+        total = 0.0
+        for k in range(rows.shape[1]):
+            total += rows[n, k] * weights[k]
+        out[n] = total
+
+
+def cos_sin(angles: ArrayLike) -> tuple[Array, Array]:
+    """Cosines and sines of angles (rad, below a million), shaped as these."""
+    flat, shape = _flat(angles)
+    c, s = np.empty_like(flat), np.empty_like(flat)
+    _all_cos_sin(flat, c, s)
+    return c.reshape(shape), s.reshape(shape)
+
+
+def cos(angle: float) -> float:
+    """The cosine of one angle (rad)."""
+    return float(_cos_sin(float(angle))[0])
+
+
+def arctan2(y: ArrayLike, x: ArrayLike) -> Array:
+    """Angles (rad, −π to π) of the points x, y, shaped as these."""
+    (flat, shape), (other, _) = _flat(y), _flat(x)
+    out = np.empty_like(flat)
+    _all_arctan2(flat, other, out)
+    return out.reshape(shape)
+
+
+def power(base: ArrayLike, exponent: float) -> Array:
+    """base to a power; 0 where the base is not above 0."""
+    flat, shape = _flat(base)
+    out = np.empty_like(flat)
+    _all_power(flat, exponent, out)
+    return out.reshape(shape)
+
+
+def normals(bits: NDArray[np.uint64]) -> Array:
+    """A draw of deviation 1 from each word of 64 random bits, shaped as these (Box and Muller 1958)."""
+    flat = np.ascontiguousarray(bits, np.uint64).ravel()
+    out = np.empty(flat.shape)
+    _all_normals(flat, out)
+    return out.reshape(np.shape(bits))
+
+
+def hypot(x: Any, y: Any) -> Any:
+    """Length of x, y."""
+    return np.sqrt(x * x + y * y)
+
+
+def product(a: Array, b: Array) -> Array:
+    """a @ b for [..., n] and [n, m], summed in order: a BLAS library has an order for each processor."""
+    total = a[..., 0, None] * b[0]
+    for k in range(1, len(b)):
+        total = total + a[..., k, None] * b[k]
+    return np.asarray(total)
+
+
+def weighted(rows: Array, weights: Array) -> Array:
+    """[n] sums of [n, m] rows times [m] weights, in order."""
+    out = np.empty(len(rows))
+    _all_weighted(np.ascontiguousarray(rows), weights, out)
+    return out
+
+
+def _flat(values: ArrayLike) -> tuple[Array, tuple[int, ...]]:
+    array = np.asarray(values, np.float64)
+    return np.ascontiguousarray(array).ravel(), array.shape
