@@ -11,6 +11,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from types import TracebackType
@@ -50,6 +51,7 @@ class Pool:
         refuse_unguarded_script()
         self._last = last
         context = multiprocessing.get_context("spawn")
+        resource_tracker.ensure_running()  # now, since its start would let Ctrl-C through again
         self._processes: dict[Connection, Any] = {}
         try:
             for _ in range(size):
