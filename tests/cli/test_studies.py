@@ -256,3 +256,31 @@ def test_ctrl_c_says_how_to_go_on(tmp_path):
     assert f"realitygap evolve light --out {folder} --resume" in said[-1]
     shown = CliRunner().invoke(realitygap, ["show", str(folder), "--json"])
     assert json.loads(shown.stdout)["runs"][0]["finished"] is False
+
+
+def test_a_strangers_task_file_is_asked_about(call, refused, json_of, monkeypatch, tmp_path):
+    """`show` runs nothing; `replay` refuses, or asks on a terminal; --trust and a yes are remembered."""
+    from realitygap.study import trust
+
+    task = tmp_path / "mine.py"
+    task.write_text(
+        "from realitygap import Start, Task\n"
+        "def score(path, room):\n    return 1.0 - path.contact.mean()\n"
+        "task = Task(name='mine', arena='obstacle-avoidance', feeds='proximity', sensors=(2, 3),\n"
+        "            start=Start(x_cm=25, y_cm=25), score=score)\n"
+    )
+    study = tmp_path / "study"
+    call("evolve", task, *SMALL, "--out", study)
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "elsewhere"))
+    trust._known.cache_clear()
+    assert json_of("show", study)["runs"][0]["champion"]
+    for words in (("replay", study, 1), ("report", study), ("transfer", study, "--robot", "twin")):
+        assert "--trust" in refused(*words) and "mine.py" in refused(*words)
+    monkeypatch.setattr("realitygap.cli.trust._at_terminal", lambda: True)
+    replay = ["replay", str(study), "1"]
+    no = CliRunner().invoke(realitygap, replay, input="n\n")
+    assert no.exit_code == 130 and "this program has to run" in no.stderr
+    yes = CliRunner().invoke(realitygap, replay, input="y\n")
+    assert yes.exit_code == 0 and "score" in yes.stdout
+    trust._known.cache_clear()
+    assert call(*replay).exit_code == 0

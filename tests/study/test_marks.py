@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import shutil
 from pathlib import Path
@@ -118,6 +119,24 @@ def test_marks_are_computed_once(study: Study, monkeypatch) -> None:
     assert made == [SEEKER]
     (study.folder / MARKS).write_text("{")
     assert marks_of(study)[0] == before[0] and made == [SEEKER, AVOIDER, SEEKER]
+
+
+@pytest.mark.parametrize(
+    "spoilt",
+    [
+        lambda kept: {key: {**one, "mark": {**one["mark"], "behaviour": 9.9}} for key, one in kept.items()},
+        lambda kept: {key: {"mark": {"nonsense": 1}, "check": one["check"]} for key, one in kept.items()},
+        lambda kept: {key: one["mark"] for key, one in kept.items()},
+        lambda kept: dict.fromkeys(kept, 7),
+        lambda kept: [*kept],
+    ],
+)
+def test_marks_with_the_right_keys_and_another_content_are_made_anew(finished, tmp_path, spoilt):
+    """What somebody wrote into marks.json is neither believed nor stumbled over."""
+    study = load_study(shutil.copytree(finished.folder, tmp_path / "study"))
+    before, file = marks_of(study), study.folder / MARKS
+    file.write_text(json.dumps(spoilt(json.loads(file.read_text()))))
+    assert marks_of(study) == before
 
 
 def test_trials_too_short_to_be_named_are_said_to_be(finished: Study, tmp_path: Path) -> None:

@@ -9,10 +9,9 @@ import pytest
 
 from realitygap.errors import ConfigError, TaskError
 from realitygap.study.config import StudyConfig
-from realitygap.study.materials import gather
+from realitygap.study.materials import gather, own
 from realitygap.study.parts import Condition
 from realitygap.study.plan import plans, run_stream, trial_streams
-from realitygap.study.trust import agree_to
 from realitygap.world.arena import load_arena
 from realitygap.world.profile import load_profile
 
@@ -48,10 +47,9 @@ def test_copies_load_to_the_same(mine, tmp_path):
     first = gather(config)
     local, files = first.copies()
     put(files, tmp_path / "study")
-    agree_to([mine.read_bytes()])
     mine.unlink()
     (mine.parent / "room.toml").unlink()
-    again = gather(local, tmp_path / "study")
+    again = gather(own(local, tmp_path / "study"))
     assert again.tasks[0].to_dict() == first.tasks[0].to_dict() and again.tasks[0].seconds == 3
     assert again.profile == first.profile
     assert again.copies() == (local, files)

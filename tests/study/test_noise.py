@@ -18,7 +18,7 @@ from realitygap.study.load import load_study
 from realitygap.study.noise import simulated
 from realitygap.study.noise.config import NoiseConfig, levels_of, tasks_of
 from realitygap.study.noise.folder import Seconds
-from realitygap.study.noise.plan import controllers, evolved_folder, situated_file
+from realitygap.study.noise.plan import controllers, evolved_folder, simulated_file, situated_file
 from realitygap.study.noise.progress import COMPARING, Reporter
 from realitygap.study.noise.run import noise_study
 from realitygap.study.noise.simulated import read_compared
@@ -306,3 +306,45 @@ def test_levels_and_tasks_are_read_as_they_are_typed():
     assert tasks_of("light") == ("light-seeking",)
     config = tiny(twin_noise=2.0)
     assert NoiseConfig.from_dict(tomllib.loads(config.to_toml())) == config
+
+
+@pytest.mark.parametrize(("old", "new", "words"), [
+    ("twin_noise = 1.0", "twin_noise = 2.0", "noise-study.toml was edited .*: twin_noise was 1.0, now 2.0"),
+    ("starts = 3", "starts = 4", "starts was 3, now 4"),
+])  # fmt: skip
+def test_edited_settings_are_refused(done, tmp_path, old, new, words):
+    """--resume does not go on with other settings than those that the study was made with."""
+    folder = Path(shutil.copytree(done, tmp_path / "study"))
+    file = folder / "noise-study.toml"
+    assert old in file.read_text()
+    file.write_text(file.read_text().replace(old, new))
+    with pytest.raises(StudyError, match=words):
+        noise_study(folder, NoiseConfig.from_folder(folder), resume=True, workers=1)
+
+
+def test_an_edited_calibration_is_refused(done, tmp_path):
+    """Nor with another robot than the controllers evolved in."""
+    folder = Path(shutil.copytree(done, tmp_path / "study"))
+    robot = folder / "calibration" / "unit-1" / "robot.toml"
+    text = robot.read_text()
+    assert "track_cm = " in text
+    robot.write_text(text.replace("track_cm = ", "track_cm = 1", 1))
+    with pytest.raises(StudyError, match=r"keeps another profile.toml .*: wheels.track_cm was"):
+        noise_study(folder, resume=True, workers=1)
+
+
+def test_spoilt_files_of_controllers_are_refused_by_name(done):
+    """A flipped bit in what a controller did is noticed: another figure is not believed."""
+    stage = Stage(done, tiny())
+    one = controllers(tiny())[0]
+    for file, read in ((situated_file(done, one), read_situated), (simulated_file(done, one), read_compared)):
+        data, noticed, expected = file.read_bytes(), 0, repr(read(stage, one))
+        for at in range(0, len(data), len(data) // 40):
+            file.write_bytes(data[:at] + bytes([data[at] ^ 4]) + data[at + 1 :])
+            try:
+                assert repr(read(stage, one)) == expected
+            except StudyError as error:
+                assert str(file) in str(error) and "Delete it and resume" in str(error)
+                noticed += 1
+        file.write_bytes(data)
+        assert noticed >= 30

@@ -33,7 +33,7 @@ def ask_trust(study: str, trust: bool) -> None:
     from realitygap.study.folder import agree, programs
 
     found = [] if trust else programs(Path(study))
-    if found and not (sys.stdin.isatty() and sys.stderr.isatty()):
+    if found and not _at_terminal():
         return
     for file in found:
         click.echo(
@@ -42,3 +42,8 @@ def ask_trust(study: str, trust: bool) -> None:
     if found:
         click.confirm("Do you trust who wrote it?", abort=True, err=True)
     agree(Path(study))
+
+
+def _at_terminal() -> bool:
+    """Whether somebody is there who can answer."""
+    return sys.stdin.isatty() and sys.stderr.isatty()

@@ -6,6 +6,7 @@ row by row, run by run: what is added costs its own length, what is read is chec
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from collections.abc import Iterable
 from hashlib import blake2b
@@ -14,7 +15,7 @@ from typing import Any
 
 from realitygap.errors import StudyError
 
-__all__ = ["seal", "seal_more", "verify", "verify_all"]
+__all__ = ["check_of", "seal", "seal_more", "verify", "verify_all"]
 
 OF_RUN = {
     "run": "id",
@@ -27,6 +28,11 @@ OF_RUN = {
 OF_STUDY = {"source": "name", "task": "name", "session": "id"}
 """Tables that are one whole; their digests stand under run 0."""
 BYTES = 16
+
+
+def check_of(facts: object) -> str:
+    """A digest of what JSON holds, to stand beside it in its file."""
+    return blake2b(json.dumps(facts).encode(), digest_size=8).hexdigest()
 
 
 def seal(database: sqlite3.Connection, run: int, *parts: str) -> None:

@@ -22,7 +22,7 @@ from realitygap.study.schema import told
 from realitygap.study.settings import difference
 from realitygap.study.sources import EDITED, changed, inside, refuse_edited, refuse_links
 from realitygap.study.store import create
-from realitygap.study.trust import agree_to, strange
+from realitygap.study.trust import agree_to, refuse_strange, strange
 from realitygap.toml import to_toml
 from realitygap.world.profile import Profile, load_profile
 
@@ -149,9 +149,12 @@ def own_config(folder: Path) -> StudyConfig:
     """The same with the study's files by their whole paths.
 
     Raises:
-        StudyError, ConfigError: as of `read_config`; or a file is missing or leads elsewhere.
+        StudyError, ConfigError: as of `read_config`; or a file is missing, leads elsewhere or was edited.
     """
-    return own(read_config(folder), folder)
+    config = read_config(folder)
+    sources = Reader(folder / DATABASE).sources() or {}
+    refuse_edited(folder, {name: was for name, was in sources.items() if name != CONFIG})
+    return own(config, folder)
 
 
 def read_materials(folder: Path) -> Materials:
@@ -160,10 +163,9 @@ def read_materials(folder: Path) -> Materials:
     Raises:
         StudyError: a copy is missing or was edited since, or is a program that is not trusted.
     """
-    config = read_config(folder)
-    sources = Reader(folder / DATABASE).sources() or {}
-    refuse_edited(folder, {name: was for name, was in sources.items() if name != CONFIG})
-    return gather(config, folder)
+    config = own_config(folder)
+    refuse_strange(folder, task_files(config))
+    return gather(config)
 
 
 def read_profile(folder: Path) -> Profile:
@@ -256,6 +258,7 @@ def _text(config: StudyConfig) -> str:
 
 def _refuse_difference(folder: Path, wished: Materials) -> None:
     """Refuse to resume with another configuration than the study was made with."""
+    own_config(folder)  # who edited the study's own copies is told of those
     config, files = wished.copies()
     cure = "Leave it as it was, or choose another --out."
     found = difference(_decisive(read_config(folder).to_dict()), _decisive(config.to_dict()))

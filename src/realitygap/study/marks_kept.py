@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from realitygap import whole
+from realitygap.study.digest import check_of
 
 __all__ = ["MARKS", "Kept", "digest"]
 
@@ -46,18 +47,14 @@ class Kept:
         """Write the file, without what nobody asks for any more; not through a link."""
         if not self._changed or self._file.is_symlink():
             return
-        kept = {k: {"mark": mark, "check": _check(mark)} for k, mark in self._marks.items() if k in wanted}
+        kept = {k: {"mark": mark, "check": check_of(mark)} for k, mark in self._marks.items() if k in wanted}
         with contextlib.suppress(OSError):
             whole.write(self._file, json.dumps(kept, indent=1))
 
 
 def _is_sound(kept: object) -> bool:
     """Whether this is a mark as it was kept."""
-    return isinstance(kept, dict) and "mark" in kept and kept.get("check") == _check(kept["mark"])
-
-
-def _check(mark: object) -> str:
-    return hashlib.blake2b(json.dumps(mark).encode(), digest_size=8).hexdigest()
+    return isinstance(kept, dict) and "mark" in kept and kept.get("check") == check_of(kept["mark"])
 
 
 def digest(words: Iterable[object], data: bytes, paths: Iterable[Path]) -> str:

@@ -14,7 +14,6 @@ from realitygap import temporary
 from realitygap.errors import ConfigError
 from realitygap.study.config import StudyConfig
 from realitygap.study.sources import inside
-from realitygap.study.trust import refuse_strange
 from realitygap.tasks import TASKS, copy_task, load_task
 from realitygap.tasks.task import Task
 from realitygap.world.arena import load_arena
@@ -82,37 +81,29 @@ def own(config: StudyConfig, folder: Path) -> StudyConfig:
     )
 
 
-def gather(config: StudyConfig, folder: Path | None = None) -> Materials:
+def gather(config: StudyConfig) -> Materials:
     """Load and check everything that a configuration names; task files are run for it.
-
-    Args:
-        config: paths in it are relative to `folder` (the current one if None).
-        folder: a study's folder: nothing but its own files is read, and only task files that this
-            user trusts are run.
 
     Raises:
         UsageError: says which file, task or key cannot be used.
     """
-    local = config if folder is None else own(config, folder)
-    if folder is not None:
-        refuse_strange(folder, task_files(local))
-    profile = load_profile(local.profile)
-    loaded = {c.task: load_task(c.task) for c in local.conditions}
+    profile = load_profile(config.profile)
+    loaded = {c.task: load_task(c.task) for c in config.conditions}
     _refuse_same_name(list(loaded.values()))
     names = {task.name for task in loaded.values()}
-    for name in local.arenas:
+    for name in config.arenas:
         if name not in names:
             near = get_close_matches(name, names, n=1) or sorted(names)
             raise ConfigError(f"arenas.{name}: no such task in this study. Did you mean {near[0]!r}?")
     for key, task in loaded.items():
-        if task.name in local.arenas:
-            task = replace(task, arena=load_arena(local.arenas[task.name]))
-        task = replace(task, **local.task.changes())
+        if task.name in config.arenas:
+            task = replace(task, arena=load_arena(config.arenas[task.name]))
+        task = replace(task, **config.task.changes())
         task.to_kernel(profile)  # the robot fits its start and has the sensors
-        local.variation_for(task)  # the genotype has room for the inputs
+        config.variation_for(task)  # the genotype has room for the inputs
         loaded[key] = task
-    tasks = tuple(loaded[c.task] for c in local.conditions)
-    _refuse_repetition([(task.name, c.noise) for task, c in zip(tasks, local.conditions, strict=True)])
+    tasks = tuple(loaded[c.task] for c in config.conditions)
+    _refuse_repetition([(task.name, c.noise) for task, c in zip(tasks, config.conditions, strict=True)])
     return Materials(config=config, profile=profile, tasks=tasks)
 
 

@@ -13,13 +13,16 @@ from realitygap.study.noise.config import CONFIG, NoiseConfig
 from realitygap.study.noise.plan import Controller
 from realitygap.study.schema import told
 from realitygap.study.settings import difference
-from realitygap.toml import to_toml
+from realitygap.study.sources import EDITED
+from realitygap.toml import read_toml, to_toml
 
 __all__ = ["RESULTS", "Seconds", "command_of", "missing", "open_folder"]
 
 RESULTS = "results"
 """Folder of the tables that come out: all that a report needs."""
 SECONDS = "seconds.json"
+MADE = f".{CONFIG}"
+"""The settings once more: a person may have edited those that are shown."""
 
 _HEADER = """\
 # A study of the level of noise: all that its results depend on.
@@ -40,9 +43,11 @@ def open_folder(folder: Path, wished: NoiseConfig | None, *, resume: bool) -> No
         _refuse_strangers(folder)
         text = to_toml({**wished.to_dict(), "versions": versions()})
         with told(folder):
+            whole.write(folder / MADE, text)
             whole.write(folder / CONFIG, f"{_HEADER}\n{text}")
         return wished
     there = NoiseConfig.from_folder(folder)
+    _refuse_edited(folder, there)
     if not resume:
         done = "a finished" if (folder / RESULTS / "study.toml").is_file() else "an unfinished"
         cure = "Go on with it (--resume) or choose another --out."
@@ -93,6 +98,19 @@ class Seconds:
         table = self.read()
         table[phase] = round(table.get(phase, 0.0) + seconds, 1)
         whole.write(self._file, json.dumps(table, indent=1) + "\n")
+
+
+def _refuse_edited(folder: Path, there: NoiseConfig) -> None:
+    """Refuse settings that are not those that the study was made with (one of 0.1.0 keeps no copy)."""
+    if not (folder / MADE).is_file():
+        return
+    made = NoiseConfig.from_dict(read_toml(folder / MADE, StudyError, "", broken="Restore it from a copy."))
+    found = difference(made.to_dict(), there.to_dict())
+    if found is not None:
+        key, was, now = found
+        raise StudyError(
+            f"{folder / CONFIG} was edited since the study was made: {key} was {was!r}, now {now!r}. {EDITED}"
+        )
 
 
 def _refuse_strangers(folder: Path) -> None:

@@ -19,6 +19,7 @@ from realitygap.correspondence.setting import Setting, setting_of
 from realitygap.correspondence.trials import Trial, resampled, trial_of
 from realitygap.errors import StudyError, TrackError
 from realitygap.kernels.params import STEP_S
+from realitygap.study.digest import check_of
 from realitygap.study.noise.plan import Controller, simulated_file, stream
 from realitygap.study.noise.situated import read_situated
 from realitygap.study.noise.stage import Stage
@@ -104,9 +105,12 @@ def read_compared(stage: Stage, one: Controller) -> dict[str, Any]:
     file = simulated_file(stage.folder, one)
     try:
         found: dict[str, Any] = json.loads(file.read_text("utf-8"))
+        check = found.pop("check", None)  # one of 0.1.0 has none
+        if check not in (None, check_of(found)):
+            raise ValueError
         if [cell["comparison_level"] for cell in found["cells"]] != list(stage.config.levels):
             raise ValueError
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         cure = "Delete it and resume: it is made again."
         raise StudyError(f"{file}: expected what came of a controller's comparisons. {cure}") from None
     return found
@@ -179,4 +183,4 @@ def _mean(values: Sequence[float]) -> float:
 def _keep(stage: Stage, one: Controller, kept: dict[str, Any]) -> None:
     file = simulated_file(stage.folder, one)
     file.parent.mkdir(parents=True, exist_ok=True)
-    whole.write(file, json.dumps(kept, indent=1) + "\n")
+    whole.write(file, json.dumps({**kept, "check": check_of(kept)}, indent=1) + "\n")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,11 +121,14 @@ def read_situated(stage: Stage, one: Controller) -> Situated:
     config = stage.config
     shape = (config.units, config.starts, stage.task(one.task).steps + 1, 3)
     try:
+        with ZipFile(file) as parts:
+            if parts.testzip() is not None:  # before a damaged head is believed
+                raise ValueError
         with np.load(file) as kept:
             found = Situated(kept["poses"], kept["streams"])
         if found.poses.shape != shape:
             raise ValueError
-    except (OSError, ValueError, KeyError):
+    except (OSError, ValueError, KeyError, RuntimeError, EOFError, BadZipFile):
         cure = "Delete it and resume: it is made again."
         raise StudyError(f"{file}: expected paths {list(shape)} of a controller. {cure}") from None
     return found
