@@ -1,9 +1,11 @@
 """How the tests of commands call them."""
 
 import json
+import re
 from collections.abc import Callable
 from typing import Any
 
+import click
 import pytest
 from click.testing import CliRunner, Result
 
@@ -35,6 +37,19 @@ def json_of(call: Callable[..., Result]) -> Callable[..., Any]:
     return run
 
 
+def _advice_can_be_followed(line: str, words: list[str]) -> None:
+    """An option that a message names belongs to the command, or stands with its command in backticks."""
+    command: click.Command = realitygap
+    for word in words:
+        if not isinstance(command, click.Group) or word not in command.commands:
+            break
+        command = command.commands[word]
+    own = {name for param in command.params for name in (*param.opts, *param.secondary_opts)}
+    named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", re.sub(r"`[^`]*`", "", line)))
+    asked = {word.partition("=")[0] for word in words}
+    assert named <= own | asked | {"--help"}, f"{line}: {command.name} has no {named - own}"
+
+
 @pytest.fixture
 def refused(call: Callable[..., Result]) -> Callable[..., str]:
     """Runs a command that must be refused: exit code 2, one line on stderr, nothing on stdout."""
@@ -46,6 +61,7 @@ def refused(call: Callable[..., Result]) -> Callable[..., str]:
         lines = result.stderr.splitlines()
         assert len(lines) == 1, result.stderr
         assert lines[0].startswith("error: ")
+        _advice_can_be_followed(lines[0], [str(word) for word in words])
         return lines[0]
 
     return run

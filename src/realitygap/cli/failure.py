@@ -100,7 +100,7 @@ def _describe(failure: Exception) -> tuple[str, int]:
     if _from_sqlite(failure):
         return f"error: the study's database cannot be used: {failure}", 2
     if isinstance(failure, MemoryError):
-        return "error: not enough memory; try fewer --workers", 2
+        return "error: not enough memory; ask for less at a time, or for fewer workers", 2
     detail = f"{type(failure).__name__}: {failure}" if str(failure) else type(failure).__name__
     return f"error: unexpected {detail} ({DEBUG}=1 shows where; please report it)", 1
 

@@ -114,7 +114,8 @@ def _individual(study: Study, run: Run, who: str) -> tuple[str, Genes]:
         genes = run.champion if who == "champion" else run.fittest
         if genes is None:
             raise click.BadParameter(
-                f"run {run.id} has no {who} yet; finish the study with --resume, or name an evaluation.",
+                f"run {run.id} has no {who} yet; name an evaluation, or finish the study "
+                "(`realitygap … --resume`).",
                 param_hint="'--individual'",
             )
         return who, genes

@@ -192,7 +192,7 @@ class CameraModel:
             raise FilmError(
                 f"height_cm: the disk is {height_cm:g} cm above the floor, but the camera was calibrated at "
                 f"{self.plane_cm:g} cm and does not know where its lens is. Calibrate with this disk, "
-                "or calibrate with --lens-height."
+                "or say where the lens is: `realitygap camera calibrate … --lens-height CM`."
             )
 
     def to_dict(self) -> dict[str, Any]:

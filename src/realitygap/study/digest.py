@@ -59,7 +59,7 @@ def verify(database: sqlite3.Connection, path: Path, run: int, part: str) -> Non
         whose = f"run {run}: " if run else ""
         raise StudyError(
             f"{path}: {whose}table {part!r} does not hold what was written there: the file is damaged or was "
-            "edited. Restore it from a copy, or start again with another --out."
+            "edited. Restore it from a copy, or begin again in another folder."
         )
 
 

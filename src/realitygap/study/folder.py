@@ -129,7 +129,7 @@ def read_config(folder: Path) -> StudyConfig:
     path = folder / CONFIG
     if not exists(folder):
         what = "no such folder" if not folder.exists() else f"no study there ({DATABASE} is missing)"
-        raise StudyError(f"{folder}: {what}. Give a study's folder, such as --out made it.")
+        raise StudyError(f"{folder}: {what}. Give a study's folder, such as `realitygap evolve` makes.")
     if not path.is_file():
         raise StudyError(f"{path}: missing. Restore it from a copy: the study cannot be read without it.")
     there = StudyConfig.from_toml(path, local=True)

@@ -104,7 +104,7 @@ def check_format(database: sqlite3.Connection, path: Path) -> int:
         StudyError: names the file and the cure.
     """
     if database.execute("PRAGMA application_id").fetchone()[0] != APPLICATION:
-        raise StudyError(f"{path}: not a study's database. Give the folder of a study, or another --out.")
+        raise StudyError(f"{path}: not a study's database. Give the folder of a study, or a new one.")
     version: int = database.execute("PRAGMA user_version").fetchone()[0]
     if not 1 <= version <= FORMAT:
         raise StudyError(
@@ -123,7 +123,7 @@ def told(path: Path) -> Iterator[None]:
         raise StudyError(f"{path}: {_words(error)}") from error
     except OSError as error:
         kept = "What was saved is kept. " if error.errno == errno.ENOSPC else ""
-        cure = "Free some space and resume" if kept else "Check the path and its rights, or use another --out"
+        cure = "Free some space and resume" if kept else "Check the path and its rights, or take another"
         raise StudyError(f"{error.filename or path}: {error.strerror or error}. {kept}{cure}.") from error
 
 
@@ -137,4 +137,4 @@ def _words(error: sqlite3.Error) -> str:
         return f"{error}. Check the folder's rights, or copy the study elsewhere."
     if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
         return f"another program holds the database ({error}). Close it and resume."
-    return f"the database is broken ({error}). Restore it from a copy, or start again with another --out."
+    return f"the database is broken ({error}). Restore it from a copy, or begin again in another folder."

@@ -14,7 +14,7 @@ from realitygap.study.settings import difference
 
 __all__ = ["EDITED", "changed", "inside", "refuse_edited", "refuse_links"]
 
-EDITED = "Put it back as it was, or begin another study with it (--out)."
+EDITED = "Put it back as it was, or begin another study with it, in a folder of its own."
 
 
 def inside(folder: Path, name: str) -> Path:

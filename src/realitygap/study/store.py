@@ -64,7 +64,7 @@ class Store:
     def __init__(self, path: Path) -> None:
         self.path = path
         if not path.is_file():
-            raise StudyError(f"{path}: no such database. Restore it from a copy, or choose another --out.")
+            raise StudyError(f"{path}: no such database. Restore it from a copy, or choose another folder.")
         with told(path):
             self._database = sqlite3.connect(path, isolation_level=None)
             try:
@@ -177,7 +177,7 @@ class Store:
         if answer != "ok":
             raise StudyError(
                 f"{self.path}: the database is broken ({' '.join(str(answer).split())}). "
-                "Restore it from a copy, or start again with another --out."
+                "Restore it from a copy, or begin again in another folder."
             )
         if self._sealed:
             verify_all(self._database, self.path)

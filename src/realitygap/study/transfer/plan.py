@@ -135,6 +135,9 @@ class Situation:
         }
 
 
+FINISH = "Finish the study (`realitygap … --resume`)."
+
+
 def chosen_runs(study: Study, runs: Sequence[int | str], individual: str) -> list[Run]:
     """The named runs, all that are finished if none is named.
 
@@ -146,13 +149,12 @@ def chosen_runs(study: Study, runs: Sequence[int | str], individual: str) -> lis
     if not runs:
         finished = [run for run in study.runs if run.finished]
         if not finished:
-            raise StudyError(f"{study.folder}: no run is finished yet. Finish the study with --resume.")
+            raise StudyError(f"{study.folder}: no run is finished yet. {FINISH}")
         return finished
     chosen = list({run.id: run for run in map(study.run, runs)}.values())
     for run in chosen:
         if _number(run, individual) is None:
-            cure = "Finish the study with --resume."
-            raise StudyError(f"{study.folder}: run {run.id} has no {individual} yet. {cure}")
+            raise StudyError(f"{study.folder}: run {run.id} has no {individual} yet. {FINISH}")
     return chosen
 
 
