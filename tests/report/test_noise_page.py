@@ -17,6 +17,8 @@ import pytest
 from PIL import Image
 
 from realitygap.correspondence.contrasts import unpaired
+from realitygap.report.calibration import beside_real
+from realitygap.world.profile import load_profile
 
 DOCS = Path(__file__).parents[2] / "docs"
 TEMPLATE = (DOCS / "noise-level" / "page.md.j2").read_text("utf-8")
@@ -80,7 +82,22 @@ def test_the_split_of_the_diagonal_is_what_the_cells_say() -> None:
     assert printed[:6] == [0.73, 0.5, 0.23, 0.27, 0.46, 1.19]
 
 
-def test_many_rank_tests_at_once_are_the_studys_own() -> None:
+def test_beside_the_twins_model_error_stands_a_real_robots_wherever_it_is_told() -> None:
+    """0.2 and 0.3 of units of the twin, 1.08 and 3.52 of a real robot's tables: as calibrations have them."""
+    with (DOCS / "noise-level" / "default" / "calibration.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    fits = {fit.channel: fit.ratio for fit in load_profile("khepera").provenance.fits}
+    for channel, twin, real in (("infrared", "0.2", "1.08"), ("ambient", "0.3", "3.52")):
+        assert {f"{float(row['ratio']):.1f}" for row in rows if row["channel"] == channel} == {twin}
+        assert f"{fits[channel]:.2f}" == real
+        assert real in beside_real(channel)
+    told = {"twin.md": "0.2 (proximity) and 0.3 (light)", "guide.md": "0.2 deviations of the noise"}
+    for file, words in told.items():
+        text = (DOCS / file).read_text("utf-8")
+        assert words in text and "1.08 and 3.52" in text
+
+
+def test_many_rank_tests_at_once_are_the_studys_own(script: ModuleType) -> None:
     """What power is computed by gives delta and p of the planned test, ties and strata included."""
     power = importlib.import_module("noise_level_power")
     draw = np.random.default_rng(3)

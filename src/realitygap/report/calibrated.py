@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from realitygap.report.noise.results import real_misfits
 from realitygap.report.page import Card
 from realitygap.report.style import GRID, INK, MUTED, PAGE, new_figure
 
@@ -37,6 +38,7 @@ class CalibratedPart:
     rows: list[list[str]]
     sensors: list[list[str]]
     limits: str
+    real: str
     figure: Card | None
 
 
@@ -72,8 +74,16 @@ def calibrated_part(study: Any, draw: Callable[..., Card]) -> CalibratedPart | N
         rows=rows,
         sensors=[_ratios(one) for one in found if one.kind in LIMITS],
         limits=" and ".join(f"{value:g} for {CHANNELS[kind]}" for kind, value in LIMITS.items()),
+        real=_real(study.profile.name),
         figure=figure,
     )
+
+
+def _real(name: str) -> str:
+    """How near such a fit comes to a real robot; nothing beside that robot's own profile."""
+    ratios = " and ".join(f"{m.ratio:.2f} in {CHANNELS[m.channel]}" for m in real_misfits())
+    beside = f"On the tables of a real Khepera (profile khepera) the error over noise is {ratios}."
+    return "" if name == "khepera" else beside
 
 
 def _said(study: Any, kept: bool) -> str:

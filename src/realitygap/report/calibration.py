@@ -14,6 +14,7 @@ from realitygap.calibration.recordings.recording import WheelRecording
 from realitygap.report import calibration_figures as draw
 from realitygap.report.page import Card
 from realitygap.report.style import inline_svg, styled
+from realitygap.world.profile import load_profile
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from realitygap.calibration.channels import ChannelFit
     from realitygap.calibration.wheels.fit import WheelFit
 
-__all__ = ["write_calibration_page"]
+__all__ = ["beside_real", "write_calibration_page"]
 
 TITLES = {"infrared": "Infrared proximity", "ambient": "Ambient light"}
 ROOM = "the model's against what was measured, all over a room"
@@ -96,8 +97,8 @@ def _sensors(fit: ChannelFit) -> _Part:
     head = ["sensor", "RMSE", "bias", "model error", "over noise", "where lit", "spans"]
     title = (
         f"Model minus measured, counts. ▲: model error over noise deviation above {limit:g}, so "
-        f"that the level of noise "
-        "can explain nothing. Where lit: the same where readings are neither dark nor saturated"
+        f"that the level of noise can explain nothing. {beside_real(fit.kind)}Where lit: the same where "
+        "readings are neither dark nor saturated"
     )
     part.tables.append(_Table(title=title, head=head, rows=rows))
     what = f"Sensors of {fit.source.split('/')[-1]}"
@@ -118,6 +119,13 @@ def _sensors(fit: ChannelFit) -> _Part:
                   "the data, and the 95 % interval of the whole.")
         )  # fmt: skip
     return part
+
+
+def beside_real(kind: str) -> str:
+    """What such a fit leaves of a real robot's tables: a twin is easier to model."""
+    fits = load_profile("khepera").provenance.fits
+    ratios = [f"{fit.ratio:.2f}" for fit in fits if fit.channel == kind]
+    return "".join(f"Tables of a real Khepera (profile khepera) leave {ratio}. " for ratio in ratios)
 
 
 def _read(fit: ChannelFit) -> list[str]:
