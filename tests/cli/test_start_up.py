@@ -36,6 +36,21 @@ def test_help_loads_nothing_heavy():
     assert made.stdout.splitlines()[-1] == "[]"
 
 
+def test_ctrl_c_while_commands_are_loaded():
+    """Ctrl-C before there is a command to end says so in one line, with the code of Ctrl-C."""
+    code = (
+        "import sys\n"
+        "from realitygap.__main__ import main\n"
+        "class Pressed:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'realitygap.cli.evolve': raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Pressed())\n"
+        "main()\n"
+    )
+    made = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (made.returncode, made.stdout, made.stderr) == (130, "", "stopped\n")
+
+
 @pytest.mark.parametrize("name", package.__all__)
 def test_every_public_name_is_there(name):
     """Every name of `realitygap.__all__` can be had."""
