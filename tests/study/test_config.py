@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 from realitygap.controller.operators import Variation
 from realitygap.errors import ConfigError
 from realitygap.study.config import StudyConfig
+from realitygap.study.materials import gather
 from realitygap.study.parts import Condition, Evolution
 from realitygap.study.settings import difference
+from realitygap.world.profile import load_profile
 
 TASKS = ("obstacle-avoidance", "light-seeking")
 PAPER = StudyConfig.reproduction()
@@ -131,3 +133,14 @@ def test_the_first_difference_is_named():
     assert difference(PAPER.to_dict(), other.to_dict()) == ("variation.add_link", 0.1, 0.2)
     other = PAPER.with_settings(["conditions=[{task='light'}]"])
     assert difference(PAPER.to_dict(), other.to_dict()) == ("conditions", 6, 1)
+
+
+def test_what_a_file_names_is_not_looked_for_elsewhere(tmp_path, monkeypatch):
+    """A robot that a configuration names lies beside it, not where the user happens to stand."""
+    path = tmp_path / "there" / "study.toml"
+    path.parent.mkdir()
+    path.write_text('profile = "robot.toml"\nconditions = [{task = "light"}]\n')
+    (tmp_path / "robot.toml").write_text(load_profile("khepera").to_toml())
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ConfigError, match=r"there/robot.toml: no such file"):
+        gather(StudyConfig.from_toml(path))

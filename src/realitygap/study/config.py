@@ -129,11 +129,11 @@ class StudyConfig(Value):
             raise ConfigError(f"{path}: {error}") from None
 
     def beside(self, folder: Path) -> Self:
-        """The same with the files that lie in `folder` named by their whole path."""
+        """The same with the files that it names from `folder` by their whole paths."""
 
         def found(name: str) -> str:
-            place = folder / name
-            return str(place.resolve()) if place.suffix in (".py", ".toml") and place.is_file() else name
+            path = Path(name).expanduser()
+            return str((folder / path).resolve()) if path.suffix in (".py", ".toml") else name
 
         return replace(
             self,

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from realitygap import whole
 from realitygap.report.noise.results import Misfit, NoiseResults, read_results, real_misfits
+from realitygap.study.sources import refuse_links
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,6 +41,7 @@ def build_noise_report(out: str | Path, *, on_progress: Progress | None = None) 
     from realitygap.report.noise.page import render
 
     folder = Path(out) / "report"
+    refuse_links(folder)
     report = NoiseReport(read_results(Path(out) / "results"))
     for name in ("figures", "tables"):
         (folder / name).mkdir(parents=True, exist_ok=True)
