@@ -8,11 +8,13 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from markupsafe import escape
 
 from realitygap.report import build_report
 from realitygap.report.gather import parts_of
 from realitygap.report.lead import departures, is_paper, lead
 from realitygap.study.config import StudyConfig
+from realitygap.study.folder import versions
 from realitygap.study.load import Study
 from realitygap.study.reproduction import ASKED, Reproduction, again
 from realitygap.study.runner import run_study
@@ -57,6 +59,13 @@ def test_the_page_prints_the_command_that_makes_the_study_again(reproduced, monk
     text = _page(reproduced, monkeypatch)
     assert f"<code>{command}</code>" in text
     assert "the same two tasks, robot, networks and genetic algorithm" in text
+
+
+def test_the_page_names_the_processor_and_the_versions(reproduced, monkeypatch):
+    """Those of every session, as bits may depend on them."""
+    text = _page(reproduced, monkeypatch)
+    for name, version in versions().items():
+        assert f"<dt>{name}</dt><dd>{escape(version)}</dd>" in text
 
 
 def test_the_command_tells_what_is_not_usual(reproduced, tmp_path):
