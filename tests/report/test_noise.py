@@ -19,6 +19,7 @@ from realitygap.report.noise.aside_words import falls_words
 from realitygap.report.noise.facts import gather_facts
 from realitygap.report.noise.figures import map_figure
 from realitygap.report.noise.results import read_results
+from realitygap.report.noise.tables import names_table
 from realitygap.world.profile import load_profile
 from tests.correspondence.crosses import TASKS, comparison, flat, study, write
 
@@ -170,6 +171,14 @@ def test_beside_the_twins_model_error_stands_a_real_robots(built: Path) -> None:
     fits = {fit.channel: f"{fit.ratio:.2f}" for fit in load_profile("khepera").provenance.fits}
     assert {row[1]: row[4] for row in table if row[0] == "a real Khepera"} == fits
     assert f"a real robot's tables: {fits['ambient']}" in said(built)
+
+
+def test_behaviours_that_are_as_frequent_are_told_by_name() -> None:
+    """No table hangs on the order of a set, which is another in each process."""
+    data = study(flat, runs=2, levels=SMALL)
+    names = np.array([f"kind {i % 4}" for i in range(len(data))])
+    told = names_table(gather_facts(replace(data, name=names), resamples=0)).texts()
+    assert [row[1] for row in told] == ["kind 0", "kind 1", "kind 2", "kind 3"] * 2
 
 
 def test_the_map_shows_every_mean() -> None:

@@ -28,26 +28,24 @@ def split_table(scope: Scope, robot: float) -> NoiseTable:
     """The diagonal's difference from each level, as steps of evolved and comparison level in both orders."""
     rows: list[Row] = []
     for split in scope.split:
-        steps = (
-            split.diagonal, split.evolved_first, split.comparison_after, split.evolved_after,
-            split.comparison_first,
-        )  # fmt: skip
-        spans = [effect_spans(step) for step in steps]
+        orders = {
+            "evolved level": (split.evolved_first, split.comparison_after),
+            "comparison level": (split.evolved_after, split.comparison_first),
+        }
         for which, word in ((1, "difference of means"), (0, "Cliff's delta")):
-            shown = [Number(span=pair[which], signed=True) for pair in spans]
-            rows.append((f"{split.other:g}", word, *shown))
+            for first, parts in orders.items():
+                spans = (effect_spans(effect)[which] for effect in (split.diagonal, *parts))
+                shown = [Number(span=span, signed=True) for span in spans]
+                rows.append((f"{split.other:g}", first, word, *shown))
     return NoiseTable(
         name=f"{scope.name.replace(' ', '-')}-split",
         title=f"What the diagonal's difference between {robot:g} and each other level is made of, "
-        f"{scope.name}. Of means it is the sum of the first pair of columns, in which the evolved level "
-        "changes first, and of the second, in which the comparison level does; deltas do not add up.",
-        head=(
-            "against level", "measure", "diagonal", f"evolved level, judged at {robot:g}",
-            "+ comparison level, evolved there", "or: evolved level, judged there",
-            f"+ comparison level, evolved at {robot:g}",
-        ),
+        f"{scope.name}. Of means it is the sum of both parts; deltas do not add up. Evolved level first: it "
+        f"is judged at {robot:g}, and the comparison level by controllers evolved at the other; comparison "
+        f"level first: by controllers evolved at {robot:g}, and the evolved level is judged at the other.",
+        head=("against level", "first", "measure", "diagonal", "evolved level", "comparison level"),
         rows=tuple(rows),
-    )  # fmt: skip
+    )
 
 
 def home_table(scope: Scope, settings: Mapping[str, Any]) -> NoiseTable:
