@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.damage import KINDS, damage
+from tests.hostile.damage import KINDS, damage
 
 SMALL = """
 from realitygap.machine_code import Shelf
@@ -154,7 +154,7 @@ def test_what_a_kill_left_is_swept(place: Place) -> None:
 
 def test_a_command_survives_a_damaged_entry_of_its_own(tmp_path: Path) -> None:
     """`simulate` with its score's compiled code cut short ends as without."""
-    from tests.damage import command, copied_cache
+    from tests.hostile.damage import command, copied_cache
 
     cache = copied_cache(tmp_path)
     right, _ = command(cache)

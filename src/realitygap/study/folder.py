@@ -244,7 +244,7 @@ def versions() -> dict[str, str]:
         "python": platform.python_version(),
         "numpy": numpy.__version__,
         "numba": numba.__version__,
-        "mujoco": version("mujoco"),
+        "mujoco": version("mujoco-core"),
         "opencv": version("opencv-python-headless"),
         "sqlite": sqlite3.sqlite_version,
         "platform": platform.platform(),

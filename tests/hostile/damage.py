@@ -1,13 +1,14 @@
-"""Damages the compiled code on file, an entry at a time, and sees that a command ends as before.
+"""Damage the compiled code on file, an entry at a time: a command ends as before.
 
-    python -m tests.damage [ROUNDS [SEED]]     60 rounds if not told otherwise
+    python -m tests.hostile.damage [--rounds 60] [--seed 1]
 
 Each round damages one entry of a copy of the user's own cache, in one of five ways, and runs `realitygap
-simulate` or a twin. Where an entry is loaded, it is compiled again (up to half a minute).
+simulate` or a twin. What is loaded of it is compiled again. Ends with 1 if a result changed.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 import random
 import shutil
@@ -69,30 +70,34 @@ def command(cache: Path | None, words: list[str] = SIMULATE) -> tuple[str, str]:
         environment["XDG_CACHE_HOME"] = str(cache)
     done = subprocess.run(
         [sys.executable, *words], env=environment, capture_output=True, text=True, timeout=600, check=False,
-        cwd=Path(__file__).parents[1],
+        cwd=Path(__file__).parents[2],
     )  # fmt: skip
     assert done.returncode == 0, (done.returncode, done.stderr)
     return done.stdout, done.stderr
 
 
-def main(rounds: int, seed: int) -> int:
+def main() -> int:
     """The rounds; the exit code."""
-    chance = random.Random(seed)
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--rounds", type=int, default=60)
+    parser.add_argument("--seed", type=int, default=1)
+    told = parser.parse_args()
+    chance = random.Random(told.seed)
     with tempfile.TemporaryDirectory() as name:
         cache = copied_cache(Path(name))
         right = {tuple(words): command(cache, words)[0] for words in (SIMULATE, TWIN)}
         entries = sorted(cache.rglob("*.code"))
-        loaded = wrong = 0
-        for k in range(rounds):
-            entry, other, kind = chance.choice(entries), chance.choice(entries), chance.choice(KINDS)
+        met = wrong = 0
+        for k in range(told.rounds):
             words = TWIN if k % 4 == 3 else SIMULATE
-            damage(entry, kind, other, seed=chance.randrange(2**32))
+            entry, other = chance.choice(entries), chance.choice(entries)
+            damage(entry, chance.choice(KINDS), other, seed=chance.randrange(2**32))
             out, err = command(cache, words)
-            loaded += "was damaged" in err
+            met += "was damaged" in err
             wrong += out != right[tuple(words)]
-        print(f"{rounds} entries damaged (seed {seed}): {loaded} were met, {wrong} results changed")
+        print(f"{told.rounds} entries damaged (seed {told.seed}): {met} were met, {wrong} results changed")
     return int(wrong > 0)
 
 
 if __name__ == "__main__":
-    sys.exit(main(*(int(word) for word in [*sys.argv[1:], *["60", "1"][len(sys.argv) - 1 :]])))
+    sys.exit(main())
