@@ -30,6 +30,8 @@ COMMANDS = {
                   "--resume", "--out"),
     "transfer": ("transfer", "--robot", "twin:1", "--robot", "twin:2", "--starts", "2", "--seconds", "2"),
 }  # fmt: skip
+LOADED_S = 0.5
+"""Before that Python itself is loading, and says so in its own way."""
 SAME = ("simulated.csv", "situated.csv", "steps.csv", "sealed.csv", "track.csv")
 """What a trial on the twin leaves, without the times of the computer's own clock."""
 
@@ -39,6 +41,7 @@ class Told:
     """What went wrong, and how often a command was disturbed."""
 
     kills: int = 0
+    rounds: int = 0
     wrong: list[str] = field(default_factory=list)
 
 
@@ -59,12 +62,12 @@ def run(words: tuple[str, ...], folder: Path, how: tuple[float, int] | None = No
         return process.returncode, said
 
 
-def disturbed(words: tuple[str, ...], folder: Path, kills: int, seconds: float, draw: random.Random) -> Told:
-    """Kill and begin again until it has come to its end, or been killed often enough; then let it end."""
-    told, code = Told(), -1
-    while told.kills < kills and code != 0:
+def disturbed(words: tuple[str, ...], folder: Path, told: Told, seconds: float, draw: random.Random) -> None:
+    """Kill and begin again until it comes to its end."""
+    code = -1
+    while code != 0:
         number = draw.choice(SIGNALS)
-        moment = draw.uniform(0.0, seconds) * draw.choice((0.2, 0.5, 1.0))
+        moment = LOADED_S + draw.uniform(0.0, seconds) * draw.choice((0.2, 1.0))
         code, said = run(words, folder, (moment, number))
         told.kills += code != 0
         what = f"{signal.Signals(number).name} after {moment:.2f} s"
@@ -72,10 +75,8 @@ def disturbed(words: tuple[str, ...], folder: Path, kills: int, seconds: float, 
             told.wrong.append(f"{what}: exit {code}: {said[-300:]}")
         if "Traceback" in said or "unexpected" in said:
             told.wrong.append(f"{what}: {said[-600:]}")
-    code, said = run(words, folder) if code != 0 else (0, "")
-    if code != 0:
-        told.wrong.append(f"undisturbed at the end: exit {code}: {said[-600:]}")
-    return told
+        if told.wrong:
+            return
 
 
 def result(folder: Path) -> dict[str, object]:
@@ -98,19 +99,24 @@ def living(folder: Path) -> list[str]:
 
 
 def attack(name: str, place: Path, kills: int, draw: random.Random) -> Told:
-    """One command, undisturbed in one folder and disturbed in another."""
-    calm, wild = place / f"{name}-calm", place / f"{name}-wild"
+    """One command, undisturbed in one folder and disturbed in others, until it was killed often enough."""
+    begun, calm, told = place / "begun", place / "calm", Told()
     if name == "transfer":
-        run(COMMANDS["evolve"], calm)
-        shutil.copytree(calm, wild)
-    begun = time.monotonic()
+        run(COMMANDS["evolve"], begun)
+        shutil.copytree(begun, calm)
+    since = time.monotonic()
     code, said = run(COMMANDS[name], calm)
     assert code == 0, said
-    told = disturbed(COMMANDS[name], wild, kills, time.monotonic() - begun, draw)
-    if not told.wrong and result(calm) != result(wild):
-        told.wrong.append("the result has other bits")
-    told.wrong += [f"lives on: {words}" for words in living(wild)]
-    told.wrong += [f"left behind: {path}" for path in wild.rglob("*") if path.name.startswith(".part-")]
+    seconds = time.monotonic() - since
+    while told.kills < kills and not told.wrong:
+        wild = place / f"wild-{told.rounds}"
+        if begun.exists():
+            shutil.copytree(begun, wild)
+        disturbed(COMMANDS[name], wild, told, seconds, draw)
+        told.rounds += 1
+        if not told.wrong and result(calm) != result(wild):
+            told.wrong.append("the result has other bits")
+        told.wrong += [f"lives on: {words}" for words in living(wild)]
     return told
 
 
@@ -124,7 +130,8 @@ def main() -> int:
     for name in given.commands or COMMANDS:
         with tempfile.TemporaryDirectory() as place:
             told = attack(name, Path(place), given.kills, random.Random(f"{given.seed}/{name}"))
-        print(f"{name}: {told.kills} kills, {len(told.wrong)} faults", *told.wrong, sep="\n  ")
+        counts = f"{told.kills} kills in {told.rounds} rounds, {len(told.wrong)} faults"
+        print(f"{name}: {counts}", *told.wrong, sep="\n  ", flush=True)
         failed |= bool(told.wrong)
     return 1 if failed else 0
 

@@ -41,14 +41,17 @@ def wished(folder, longer) -> Path:
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_kill_9_at_random_moments(wished, uninterrupted, workers):
-    """Killed again and again, resumed each time, a study comes to the bits of an undisturbed one."""
+def test_kills_at_random_moments(wished, uninterrupted, workers):
+    """Killed again and again, resumed each time, a study comes to the bits of an undisturbed one.
+
+    This is a slice of `tests/hostile/kill.py`.
+    """
     moments = random.Random(workers)
-    for least in (0, 1, 3000):
+    for least, number in ((0, signal.SIGKILL), (1, signal.SIGTERM), (3000, signal.SIGKILL)):
         process = start(wished, "--workers", str(workers))
         wait_for(process, "evolving", least)
         time.sleep(moments.uniform(0.0, 0.4))
-        process.kill()
+        process.send_signal(number)
         end(process)
         runs = load_study(wished).runs
         assert all(run.evaluations % 25 == 0 for run in runs)
