@@ -90,14 +90,16 @@ def random_profile(random: np.random.Generator) -> Profile:
         "lamp_proud_cm": random.choice([0.0, 0.8]),
         "matt": random.choice([0.0, 1.0]),
         "rays": random.choice([10.0, 27.0, 32.0, 50.0]),
+        "sensor_height_cm": 1.0,
     }
+    body = replace(PAPER.body, height_cm=random.choice([0.0, 2.5, 4.5, 6.0]))
     infrared = replace(
         PAPER.infrared, sensors=seen, exponent=random.choice([0.0, 1.0, 2.6]), matt=random.choice([0.0, 1.0])
     )
     ambient = replace(
         PAPER.ambient, sensors=lit, exponent=random.uniform(0, 3), reflectance=random.uniform(0, 2), **beyond
     )
-    return replace(PAPER, infrared=infrared, ambient=ambient)
+    return replace(PAPER, body=body, infrared=infrared, ambient=ambient)
 
 
 def random_pose(random: np.random.Generator, arena: Arena, radius: float = RADIUS):

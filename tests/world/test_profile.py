@@ -157,11 +157,13 @@ def test_everything_is_shown(paper):
         ("track_cm = 5.3", "track_cm = 0.053", "wheels.track_cm: expected 0.58 to 11.6 cm"),
         ("dark = 484.0", "dark = 50", "ambient.dark: expected more than floor (55), got 50.0."),
         ("gain = 1.0", "gain = inf", "ambient.sensors[0].gain: expected a finite number, got inf."),
+        ("height_cm = 0.0", "height_cm = -1", "body.height_cm: expected 0 (no end) or more, got -1.0."),
+        ("sensor_height_cm = 0.0", "sensor_height_cm = -1", "ambient.sensor_height_cm: expected 0 or more"),
         ("wheel = 0.058", "wheel = -1", "noise.wheel: expected 0 or more, got -1.0."),
         ("wheel = 0.058", "wheel = 1e300", "noise.wheel: expected a share of the speed, 0 to 1"),
         ("friction = 0.3", "friction = 30", "noise.friction: expected a share of the threshold, 0 to 10"),
         ("ambient = 4.5", "ambient = 5000", "noise.ambient: expected at most the converter's range"),
-        ("[body]\nradius_cm = 2.9", "body = 3", "body: expected a table of keys and values, got 3."),
+        ("[body]\nradius_cm = 2.9\nheight_cm = 0.0", "body = 3", "body: expected a table of keys"),
         ('name = "paper"', "name = 3", "name: expected a text in quotes, got 3."),
     ],
 )
@@ -195,6 +197,16 @@ def test_inputs_of_other_sensors_are_refused(paper, words, told):
     """What a program of a user's own hands over is checked, not taken for ambient light."""
     with pytest.raises(ConfigError, match=told):
         paper.inputs(*words)
+
+
+def test_sensors_lie_below_the_top_of_a_body_that_has_one(paper):
+    """A body's height is refused unless the sensors lie lower."""
+    with pytest.raises(ConfigError, match=r"sensor_height_cm: expected less than body.height_cm \(3\)"):
+        replace(
+            paper,
+            body=replace(paper.body, height_cm=3.0),
+            ambient=replace(paper.ambient, sensor_height_cm=3.0),
+        )
 
 
 def test_broken_toml_names_the_line(refused):

@@ -10,6 +10,7 @@ import numpy as np
 from realitygap.kernels.geometry import circle_blocks, covers, from_segment
 from realitygap.kernels.jit import step
 from realitygap.kernels.light import (
+    CLEAR,
     FACING,
     FLAT,
     HEIGHT2,
@@ -176,6 +177,7 @@ def light_walls(robot, arena, lamp, a, b, work):
     slant, hidden = work.slant[a:b], work.hidden[a:b]
     x, y = work.pose[0], work.pose[1]
     form, points = robot.ambient_form, lamp_points(robot)
+    low = 1.0 - form[CLEAR]
     for i in range(b - a):
         light[i] = arena.lamp_offset[lamp]
         far[i] = 0.0
@@ -188,9 +190,10 @@ def light_walls(robot, arena, lamp, a, b, work):
             d = max(math.sqrt(ex * ex + ey * ey + form[HEIGHT2]), 1e-3)
             far[i] += d
             slant[i] += max(ex * normal_x[i] + ey * normal_y[i], 0.0) / d
-            hidden[i] = circle_blocks(x - end_x[i], y - end_y[i], ex, ey, robot.radius)
-        if covers(x - lx, y - ly, robot.radius):
-            hidden[:] = 1.0
+            # From where light is above the body's top on, the body hides nothing: the line ends there.
+            wx, wy, ex, ey = x - end_x[i], y - end_y[i], low * ex, low * ey
+            under = 1.0 if covers(wx - ex, wy - ey, robot.radius) else 0.0
+            hidden[i] = max(circle_blocks(wx, wy, ex, ey, robot.radius), under)
         hide_behind_obstacles(arena, lx, ly, a, b, work)
         for i in range(b - a):
             light[i] += weight * (1.0 - hidden[i])

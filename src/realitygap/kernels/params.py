@@ -73,10 +73,11 @@ class Robot(NamedTuple):
     ambient_range: F
     """[A, 2] floor and dark of each sensor: the paper's are all alike."""
     ambient_form: F
-    """[8] what goes beyond the paper, all 0 in it: 1 = V = dark − A, clipped at floor; the exponent of
+    """[9] what goes beyond the paper, all 0 in it: 1 = V = dark − A, clipped at floor; the exponent of
     the cosine under which direct light falls in; the lamp's height² (cm²); 1 = reflected light as
     1/√(d² + c²); that c (cm); 1 = surfaces are lit by the cosine of the angle under which light meets them;
-    the share by which a lamp's points are drawn to its centre; how far it hangs off a wall (cm)."""
+    the share by which a lamp's points are drawn to its centre; how far it hangs off a wall (cm); the share
+    of light's way from a lamp to a surface that is above the body's top."""
 
     bands: F
     """[2, 2] readings that become inputs −10 and +10: row 0 proximity (0, 1023), row 1 ambient (484, 55)."""

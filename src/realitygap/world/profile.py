@@ -36,12 +36,14 @@ TOP_INPUT = 10
 
 @dataclass(frozen=True, kw_only=True)
 class Body(Value):
-    """A disc."""
+    """A disc, and how high its top is above the floor; 0: endlessly, as in the paper's two dimensions."""
 
     radius_cm: float
+    height_cm: float = 0.0
 
     def _check(self) -> None:
         require(self.radius_cm > 0, "radius_cm", "more than 0", self.radius_cm)
+        require(self.height_cm >= 0, "height_cm", "0 (no end) or more", self.height_cm)
 
 
 def largest_pole(kp: float, ki: float, kd: float, divisor: float) -> float:
@@ -133,6 +135,9 @@ class Profile(Value):
             self.wheels.track_cm,
             "Is it in another unit?",
         )
+        top, eyes = self.body.height_cm, self.ambient.sensor_height_cm
+        below = f"less than body.height_cm ({top:g})"
+        require(top == 0 or eyes < top, "ambient.sensor_height_cm", below, eyes)
         fastest = self.wheels.top_command * max(self.wheels.speed_per_unit_cm_s)
         require(
             fastest * STEP_S <= radius,
@@ -153,6 +158,11 @@ class Profile(Value):
                 offset = getattr(sensor, "offset_cm", 0.0)
                 cure = "The sensor's distance to what the body touches would be 0."
                 require(offset > -depth, f"{key}.offset_cm", f"more than {-depth:.3g}", offset, cure)
+
+    def _clear_share(self) -> float:
+        """The share of light's way from the lamp to a surface that is above the body's top."""
+        top, rise = self.body.height_cm - self.ambient.sensor_height_cm, self.ambient.lamp_height_cm
+        return 1.0 - top / rise if 0 < top < rise else 0.0
 
     def to_kernel(self) -> Robot:
         """The robot as the kernels' arrays."""
@@ -199,6 +209,7 @@ class Profile(Value):
                     ambient.matt,
                     ambient.lamp_narrow,
                     ambient.lamp_proud_cm,
+                    self._clear_share(),
                 ]
             ),
             bands=np.array([infrared.bands, ambient.bands]),

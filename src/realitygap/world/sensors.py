@@ -94,7 +94,8 @@ class Ambient(Value):
     sensors, its points drawn to its centre by the share `lamp_narrow`, and at least `lamp_proud_cm`
     off the walls. Reflected light falls off as 1/d² (falloff 2) or 1/√(d² + near_cm²) (falloff 1); with
     matt 1 surfaces are lit by the cosine of the angle under which light meets them (Lambert); it comes
-    in by 10 rays or more (RAY_NUMBERS).
+    in by 10 rays or more (RAY_NUMBERS). `sensor_height_cm` is the sensors' height above the floor, and that
+    of the points of walls that they see: with body.height_cm it says where light passes over the body.
     """
 
     floor: float
@@ -113,6 +114,7 @@ class Ambient(Value):
     near_cm: float = 0.0
     matt: float = 0.0
     rays: float = 10.0
+    sensor_height_cm: float = 0.0
 
     def _check(self) -> None:
         require(self.floor >= 0, "floor", "0 or more", self.floor)
@@ -133,6 +135,7 @@ class Ambient(Value):
         require(self.falloff in (1.0, 2.0), "falloff", "2 (as in the paper) or 1", self.falloff)
         require(self.near_cm >= 0, "near_cm", "0 or more", self.near_cm)
         require(self.matt in (0.0, 1.0), "matt", "0 (as in the paper) or 1", self.matt)
+        require(self.sensor_height_cm >= 0, "sensor_height_cm", "0 or more", self.sensor_height_cm)
         known = ", ".join(map(str, RAY_NUMBERS))
         require(self.rays in RAY_NUMBERS, "rays", f"10 (as in the paper) or one of {known}", self.rays)
         for i, (floor, dark) in enumerate(self.ranges()):

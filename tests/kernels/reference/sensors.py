@@ -96,11 +96,16 @@ def light_on_sensor(arena: Arena, lamp, place: Point, direction: float, law: Amb
     return light * mean**law.facing
 
 
-def light_on_surface(arena: Arena, lamp, place: Point, body: Cylinder, height: float) -> float:
-    """D_ij of the place where a ray ends: the robot's own disc throws a shadow too."""
+def light_on_surface(
+    arena: Arena, lamp, place: Point, body: Cylinder, height: float, top: float = math.inf
+) -> float:
+    """D_ij of the place where a ray ends: the robot's own disc throws a shadow too, where light passes
+    less than `top` above the place."""
 
     def visible(point: Point) -> bool:
-        return not circle_hides(body, place, point) and not hidden_by_obstacles(arena, place, point)
+        share = min(top / height, 1.0) if height else 1.0
+        risen = tuple(a + share * (b - a) for a, b in zip(place, point, strict=True))
+        return not circle_hides(body, place, risen) and not hidden_by_obstacles(arena, place, point)
 
     return direct(lamp, place, visible, height)
 
@@ -113,6 +118,7 @@ def illumination(profile: Profile, arena: Arena, pose, k: int) -> float:
     place, direction = place_and_direction(sensor, pose)
     body = Cylinder(x_cm=pose[0], y_cm=pose[1], radius_cm=profile.body.radius_cm)
     total = sum(light_on_sensor(arena, lamp, place, direction, law) for lamp in lamps)
+    top = profile.body.height_cm - law.sensor_height_cm if profile.body.height_cm else math.inf
     step = 180 / law.rays
     angles = [-90 + step * (i + 0.5) for i in range(int(law.rays))]
     for degrees in angles:
@@ -124,7 +130,7 @@ def illumination(profile: Profile, arena: Arena, pose, k: int) -> float:
         light = 0.0
         for lamp in lamps:
             cosine = incidence(lamp, end, normal_at(arena, end, ray), law.lamp_height_cm) if law.matt else 1.0
-            light += cosine * light_on_surface(arena, lamp, end, body, law.lamp_height_cm)
+            light += cosine * light_on_surface(arena, lamp, end, body, law.lamp_height_cm, top)
         reached = 1 / d**2 if law.falloff == 2 else 1 / math.hypot(d, law.near_cm)
         total += light * math.cos(beta) ** law.exponent * law.reflectance * reached * 10 / len(angles)
     return total * sensor.gain
