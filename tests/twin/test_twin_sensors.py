@@ -190,3 +190,15 @@ def test_ambient_looks_like_the_real_table() -> None:
     for k, share in zip((15, 30), seen[1:] / seen[0], strict=True):
         both = (drop[k] + drop[180 - k]) / 2 / drop[[0, 1, 2, 178, 179]].mean()
         assert share == pytest.approx(both, abs=0.12)
+
+
+def test_light_passes_over_the_body() -> None:
+    """Of a wall behind the robot the body shades what light would reach below its top, and no more."""
+    sensors, rise = eyes({"size_cm": [200, 200], "lamps": [[150, 100]]}), draw_unit(0).lamp_height - 0.012
+    lamp, wall = np.array([1.5, 1.0]), (np.array([[0.0]]), np.array([[1.0]]))
+    normal = (np.array([[1.0]]), np.array([[0.0]]))
+    over = (0.030 - 0.012) / rise * 1.5  # m from the wall: there light is as high as the body's top
+    shaded, lit = (
+        sensors._on_walls(*wall, *normal, lamp, np.array([over + off, 1.0]))[0, 0] for off in (0.027, 0.028)
+    )
+    assert shaded == 0 and lit > 0

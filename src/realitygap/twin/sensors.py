@@ -1,7 +1,8 @@
 """What the eight sensors see: infrared thrown back, and the lamp's light, direct and off the walls.
 
 The laws are the twin's own, taken from what the real tables show, not from the paper's equations.
-Everything stands upright, so light is followed in the plane; lamps hang at a height.
+Everything stands upright, so light is followed in the plane. Lamps hang higher than the robot is tall:
+what of their light passes over it, it does not shade.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from realitygap.twin.arena import edges
 from realitygap.twin.arithmetic import arctan2, cos_sin, hypot, power, weighted
-from realitygap.twin.model import BODY_RADIUS, WALL_HEIGHT
+from realitygap.twin.model import BODY_RADIUS, BODY_TOP, WALL_HEIGHT
 from realitygap.twin.noise import (
     AMBIENT_COUNTS,
     DARK_COUNTS,
@@ -70,6 +71,8 @@ class Sensors:
         self._scene = Scene(edges(arena), np.array(arena["cylinders"]).reshape(-1, 3) / 100.0)
         self._lamps = self._hang(np.array(arena["lamps"]).reshape(-1, 2) / 100.0, arena)
         self._rise = unit.lamp_height - EYE_HEIGHT
+        # Of the way from a wall, at the eyes' height, up to a lamp: the share below the body's top
+        self._low = (BODY_TOP - EYE_HEIGHT) / max(self._rise, BODY_TOP - EYE_HEIGHT)
         self._near = SensorNoise(seed=seed, purpose=1)
         self._light = SensorNoise(seed=seed, purpose=2)
         self._idle = SensorNoise(seed=seed, purpose=3)
@@ -160,14 +163,17 @@ class Sensors:
         return np.asarray(np.where(free, power(facing, EYE_EXPONENT) / square, 0.0))
 
     def _on_walls(self, px: Array, py: Array, nx: Array, ny: Array, lamp: Array, centre: Array) -> Array:
-        """Light of the lamp on points of walls [8, RAYS] (normals point to the robot)."""
+        """Light of the lamp on points of walls [8, RAYS] (normals point to the robot).
+
+        The body shades them where light comes nearer than its radius before it has risen above its top.
+        """
         ax, ay = lamp[0] - px, lamp[1] - py
         square = ax * ax + ay * ay + self._rise**2
         facing = np.maximum(ax * nx + ay * ny, 0.0) / np.sqrt(square)
         # a hair off the surface, so that a wall does not shade itself
         free = self._scene.clear(px + 1e-6 * nx, py + 1e-6 * ny, ax, ay)
         flat = np.maximum(ax * ax + ay * ay, 1e-12)
-        along = np.clip(((centre[0] - px) * ax + (centre[1] - py) * ay) / flat, 0.0, 1.0)
+        along = np.clip(((centre[0] - px) * ax + (centre[1] - py) * ay) / flat, 0.0, self._low)
         off = hypot(px + along * ax - centre[0], py + along * ay - centre[1])
         return np.asarray(np.where(free & (off > BODY_RADIUS), facing / square, 0.0))
 
