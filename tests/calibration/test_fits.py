@@ -116,6 +116,21 @@ def test_recordings_of_several_robots_are_refused(recorded):
         calibrate([one, replace(two, hash="a")], PAPER)
 
 
+def test_heights_are_taken_as_they_are_stated(recorded):
+    """Of body and sensors, not fitted, and the profile says so; without them the base's stay."""
+    table = recorded("lamp", noise=4.5)
+    heights = {"body_height_cm": 3.0, "sensor_height_cm": 1.2}
+    plain = calibrate([table], PAPER, light="linear", beside=False).profile
+    assert (plain.body.height_cm, plain.ambient.sensor_height_cm) == (0.0, 0.0)
+    tall = replace(table, facts=heights)
+    made = calibrate([tall], PAPER, light="linear", beside=False).profile
+    assert (made.body.height_cm, made.ambient.sensor_height_cm) == (3.0, 1.2)
+    assert any("as the recordings state them, not fitted" in note for note in made.provenance.notes)
+    other = replace(recorded("lamp", noise=4.5, seed=5), facts={**heights, "body_height_cm": 4.0})
+    with pytest.raises(CalibrationError, match="expected one robot, got"):
+        calibrate([tall, other], PAPER, light="linear", beside=False)
+
+
 def test_a_body_that_is_not_said_is_that_of_the_base(recorded, tmp_path):
     """And a warning tells so; a recording that says another is of another robot."""
     save_recording(tmp_path / "said", recorded("wall"))

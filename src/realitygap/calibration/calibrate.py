@@ -14,7 +14,7 @@ import numpy as np
 from realitygap.calibration.channels import ChannelFit, fit_infrared, fit_light, ticks, unmeasured
 from realitygap.calibration.checks import refuse_mixed
 from realitygap.calibration.forms import Tick
-from realitygap.calibration.recordings.recording import SensorRecording, WheelRecording
+from realitygap.calibration.recordings.recording import HEIGHTS_CM, SensorRecording, WheelRecording
 from realitygap.calibration.wheels.fit import PULSES_PER_CM, WheelFit, fit_wheels
 from realitygap.errors import CalibrationError
 from realitygap.world.provenance import FittedChannel, FittedConstant, Provenance, SourceFile
@@ -84,7 +84,7 @@ def calibrate(
     recordings = [
         r.of_body(base.body.radius_cm, whose) if isinstance(r, SensorRecording) else r for r in recordings
     ]
-    base = _of_its_size(recordings, base)
+    base = _of_its_height(recordings, _of_its_size(recordings, base))
     seen = [r for r in recordings if isinstance(r, SensorRecording)]
     near, lit = ([r for r in seen if r.kind == kind] for kind in ("infrared", "ambient"))
     driven = [r for r in recordings if isinstance(r, WheelRecording)]
@@ -138,6 +138,25 @@ def _of_its_size(recordings: Sequence[Recording], base: Profile) -> Profile:
             "Correct them; a recording that does not say it has that of --base."
         )
     return replace(base, body=replace(base.body, radius_cm=next(iter(radii)))) if radii else base
+
+
+def _of_its_height(recordings: Sequence[Recording], base: Profile) -> Profile:
+    """The base with the heights that its recordings state, which say where light passes over the body."""
+    said = {tuple(r.facts[key] for key in HEIGHTS_CM): r.source for r in recordings if _tells_heights(r)}
+    if len(said) > 1:
+        (one, here), (two, there) = list(said.items())[:2]
+        raise CalibrationError(
+            f"{' and '.join(HEIGHTS_CM)}: expected one robot, got {one} in {here} and {two} in {there}. "
+            "Correct them."
+        )
+    for top, eyes in said:
+        lower = replace(base.ambient, sensor_height_cm=eyes)
+        base = replace(base, body=replace(base.body, height_cm=top), ambient=lower)
+    return base
+
+
+def _tells_heights(recording: Recording) -> bool:
+    return HEIGHTS_CM.keys() <= recording.facts.keys()
 
 
 def _joined(
@@ -194,6 +213,8 @@ def _provenance(
             "the paper's law "
             "reads half-way between floor and dark were read half-way here"
         )
+    if any(map(_tells_heights, recordings)):
+        notes.append("body.height_cm, ambient.sensor_height_cm: as the recordings state them, not fitted")
     pulses: tuple[float, ...] = ()
     if wheels is not None:
         fits.append(FittedChannel(channel="wheels", form=wheels.form, rmse=wheels.rmse[wheels.form]))

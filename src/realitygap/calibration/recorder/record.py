@@ -23,7 +23,7 @@ from realitygap.calibration.recorder.plans import Place, SensorPlan, sensor_plan
 from realitygap.calibration.recorder.site import EnoughError, Site, TwinSite
 from realitygap.calibration.recorder.wheel_plans import ROOM, Trial, wheel_plan
 from realitygap.calibration.recordings.files import POSE, READINGS, STEP_COLUMNS, STEPS, UNITS
-from realitygap.calibration.recordings.recording import BODY_RADIUS_CM
+from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, HEIGHTS_CM
 from realitygap.errors import BaudError
 from realitygap.robot.body import SerialBody
 from realitygap.robot.signals import MOVING, Stopping
@@ -137,7 +137,7 @@ def _sensors(
     begun = time.perf_counter()
     own = {"kind": plan.kind, "object": plan.object, "body_radius_cm": BODY_RADIUS_CM, "sensors": SENSORS}
     if plan.arena is not None:
-        own["arena"] = ARENA
+        own |= {"arena": ARENA, **HEIGHTS_CM}
         folder.mkdir(parents=True, exist_ok=True)
     journal = Journal(
         folder,

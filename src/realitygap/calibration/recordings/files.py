@@ -15,6 +15,7 @@ from realitygap import whole
 from realitygap.calibration.recordings.checks import check_readings, check_steps
 from realitygap.calibration.recordings.recording import (
     BODY_RADIUS_CM,
+    HEIGHTS_CM,
     KINDS,
     STEP_KINDS,
     Recording,
@@ -42,10 +43,10 @@ STEP_COLUMNS = (
 UNITS = "cm, degrees, s, counts, Khepera units, pulses"
 FULL, MOST_SENSORS = 1023, 16
 KNOWN = (
-    "kind", "object", "sensors", "body_radius_cm", "arena", "units", "notes", "robot", "unit", "twin_noise",
-    "port", "bios", "protocol", "plan", "seed", "repeats", "places", "date",
+    "kind", "object", "sensors", "body_radius_cm", *HEIGHTS_CM, "arena", "units", "notes", "robot", "unit",
+    "twin_noise", "port", "bios", "protocol", "plan", "seed", "repeats", "places", "date",
 )  # fmt: skip
-"""Keys of recording.toml: the first six a calibration reads, the others are its history."""
+"""Keys of recording.toml: the first eight a calibration reads, the others are its history."""
 DRIVE = "end"
 """A key of a drive's recording.toml, which is another file of the same name."""
 
@@ -120,6 +121,7 @@ def save_recording(folder: str | Path, recording: Recording) -> None:
 def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> SensorRecording:
     table = read_table(folder / READINGS, ends="places" in facts)
     sensors = _sensor_columns(table, facts)
+    _check_heights(folder, facts)
     pose, arena = None, None
     if "arena" in facts and "x_cm" in table.columns:
         need(table, (*POSE, "repeat"))
@@ -228,6 +230,16 @@ def _body_radius(folder: Path, facts: Mapping[str, Any]) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e3:
         raise RecordingError(f"{folder / FACTS}: body_radius_cm: expected cm above 0, got {value!r}.")
     return float(value)
+
+
+def _check_heights(folder: Path, facts: Mapping[str, Any]) -> None:
+    said = [facts[key] for key in HEIGHTS_CM if key in facts]
+    numbers = [v for v in said if isinstance(v, int | float) and not isinstance(v, bool) and v > 0]
+    if said and (len(numbers) < len(HEIGHTS_CM) or not numbers[1] < numbers[0] < 1e3):
+        raise RecordingError(
+            f"{folder / FACTS}: {' and '.join(HEIGHTS_CM)}: expected both, in cm above the floor, the "
+            f"sensors below the body's top, got {' and '.join(map(repr, said))}."
+        )
 
 
 def _unfinished(table: Table, facts: Mapping[str, Any]) -> tuple[str, ...]:

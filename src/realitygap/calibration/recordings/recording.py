@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BODY_RADIUS_CM",
+    "HEIGHTS_CM",
     "KINDS",
     "STEP_KINDS",
     "Recording",
@@ -52,6 +53,8 @@ STEP_KINDS = ("step", "start", "straight", "turn")
 
 BODY_RADIUS_CM = 2.75
 """Half the diameter that the robot's maker states (55 mm); distances count from this edge."""
+HEIGHTS_CM = {"body_height_cm": 3.0, "sensor_height_cm": 1.2}
+"""Of the robot's top, as its maker states it (30 mm), and of its sensors, by a ruler, above the floor."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
