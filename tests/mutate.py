@@ -53,7 +53,7 @@ def copy_tree(to: Path) -> Path:
 
 
 def tried(tree: Path, tests: Sequence[str]) -> tuple[int, str]:
-    """pytest's exit code on these tests of the tree, and its last line; 2 if they never end."""
+    """pytest's exit code on these tests of the tree, and a line that says why; 1 if they never end."""
     environment = dict(os.environ)
     environment |= {"PYTHONPATH": f"{tree / 'src'}{os.pathsep}{tree}", "PYTHONDONTWRITEBYTECODE": "1"}
     environment |= {"XDG_CACHE_HOME": str(tree.parent / "cache")}
@@ -64,11 +64,12 @@ def tried(tree: Path, tests: Sequence[str]) -> tuple[int, str]:
         )
     except subprocess.TimeoutExpired:
         return 1, f"no end within {LONGEST_S} s"
-    return done.returncode, (done.stdout.strip().splitlines() or [done.stderr.strip()[-200:]])[-1]
+    lines = done.stdout.strip().splitlines() or [done.stderr.strip()[-200:]]
+    return done.returncode, next((line for line in lines if line.startswith(("FAILED", "ERROR"))), lines[-1])
 
 
 def mutated(one: Mutation, tree: Path) -> tuple[str, str]:
-    """What became of a mutation: a word, and pytest's last line."""
+    """What became of a mutation: a word, and pytest's line."""
     file = tree / PACKAGE / one.file
     text = file.read_text("utf-8")
     file.write_text(text.replace(one.old, one.new), "utf-8")

@@ -72,7 +72,8 @@ def serve(
     settings |= {"baud": int(baud), "clock": clock}
     if start is not None:
         settings["pose"] = (start.x, start.y, start.heading)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for number in (signal.SIGTERM, signal.SIGHUP):  # its folder is removed however it is ended
+        signal.signal(number, signal.default_int_handler)
     with serving(settings) as server:
         if json_output:
             print_json({"device": server.device, "clock_channel": server.channel, **settings})
