@@ -76,7 +76,8 @@ def reason(why: Exception) -> str:
         return f"tables or lists nested more than {DEEPEST} deep"
     if "integer string conversion" in str(why):
         return "a whole number of thousands of digits"
-    return str(why).rstrip(".")
+    said = str(why).rstrip(".")
+    return said if len(said) <= 4 * LONGEST else f"{said[: 2 * LONGEST]}…{said[-LONGEST:]}"
 
 
 def refuse_odd_values(data: Any, depth: int = 0) -> None:

@@ -23,6 +23,9 @@ __all__ = ["Commands", "StoppedError"]
 DEBUG = "REALITYGAP_DEBUG"
 """Set to 1 in the environment, this shows the traceback of a failure."""
 
+LONGEST = 400
+"""Characters of one word, a path say, that a message shows."""
+
 _NOT_MENDABLE = {errno.EIO, errno.ENOMEM, errno.EBADF, errno.EINVAL}
 
 
@@ -72,12 +75,17 @@ def explain(failure: Exception) -> int:
         _close_stdout()  # whoever read our output has seen enough
         return 1
     line, code = _describe(failure)
-    click.echo(" ".join(line.split()), err=True)
+    click.echo(" ".join(_shortened(word) for word in line.split()), err=True)
     try:
         sys.stdout.flush()
     except OSError:  # stdout itself is full: the interpreter would try it once more
         _close_stdout()
     return code
+
+
+def _shortened(word: str) -> str:
+    """A word that a damaged file made endless, cut short."""
+    return word if len(word) <= LONGEST else f"{word[: LONGEST // 2]}…{word[-LONGEST // 4 :]}"
 
 
 def _describe(failure: Exception) -> tuple[str, int]:

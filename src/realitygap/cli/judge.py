@@ -117,7 +117,7 @@ def _scores(path: Path) -> dict[int, float]:
     try:
         rows: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
         return {int(row["pair"]): float(row["score"]) for row in rows}
-    except (OSError, ValueError, TypeError, KeyError, RecursionError):
+    except (OSError, ValueError, TypeError, KeyError, OverflowError, RecursionError):
         raise TrackError(f"{path}: expected the key that `realitygap judge page` wrote.") from None
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from realitygap import whole
 from realitygap.errors import UsageError
 from realitygap.robot.body import Odometry
+from realitygap.text import read_text
 from realitygap.toml import read_toml, to_toml
 from realitygap.values import Command, Readings
 
@@ -32,6 +33,8 @@ LATE_S = 0.01
 
 FACTS = "recording.toml"
 STEPS = "steps.csv"
+LARGEST = 1e12
+"""No number of a drive goes further."""
 _GROUPS = ("proximity", "ambient", "input")
 _PAIRS = ("command", "counter", "speed")
 
@@ -132,10 +135,13 @@ class Recording:
             raise UsageError(f"{str(folder)!r} holds no recording: there is no {FACTS} in it")
         facts = read_toml(facts_file, UsageError, "It says what was recorded.")
         ended = str(facts.pop("end", {}).get("ended", KILLED))
-        text = steps_file.read_text(encoding="utf-8") if steps_file.is_file() else ""
+        text = read_text(steps_file, UsageError, "It holds the steps.") if steps_file.is_file() else ""
         lines = text[: text.rfind("\n") + 1].splitlines()
-        columns = next(csv.reader(lines[:1]), ["t_s", "late_s", *_pair_columns()])
-        rows = [_row(line, len(columns), f"{steps_file}, line {k}") for k, line in enumerate(lines[1:], 2)]
+        always = ["t_s", "late_s", *_pair_columns()]
+        columns = next(csv.reader(lines[:1]), always)
+        if [columns.count(name) for name in always] != [1] * len(always):
+            raise UsageError(f"{steps_file}, line 1: expected columns {', '.join(always)} and others")
+        rows = [_row(line, columns, f"{steps_file}, line {k}") for k, line in enumerate(lines[1:], 2)]
         return cls.from_rows(columns, rows, ended=ended, facts=facts)
 
 
@@ -199,11 +205,17 @@ def _pair_columns() -> list[str]:
     return [f"{name}_{side}" for name in _PAIRS for side in ("left", "right")]
 
 
-def _row(line: str, width: int, where: str) -> list[float]:
+def _row(line: str, columns: Sequence[str], where: str) -> list[float]:
     words = line.split(",")
     try:
-        if len(words) == width:
-            return [float(word) for word in words]
+        row = [float(word) for word in words]
+        if len(row) == len(columns) and not any(map(_is_odd, columns, row)):
+            return row
     except ValueError:
         pass
-    raise UsageError(f"{where}: expected {width} numbers, got {line!r}")
+    raise UsageError(f"{where}: expected {len(columns)} numbers, got {line!r}")
+
+
+def _is_odd(name: str, value: float) -> bool:
+    """A number that nothing can have been; counters and readings may be missing, commands not."""
+    return abs(value) > LARGEST or (math.isnan(value) and name.startswith(("command", "input")))

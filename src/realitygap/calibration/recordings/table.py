@@ -19,7 +19,7 @@ __all__ = ["Table", "need", "read_table"]
 Array = NDArray[np.float64]
 
 LARGEST = 10**9
-"""Numbers of trials and repeats go no further."""
+"""No number of a recording goes further."""
 
 
 class Table(NamedTuple):
@@ -50,8 +50,9 @@ class Table(NamedTuple):
                 out[k] = float(text)
             except ValueError:
                 out[k] = math.nan
-            if not math.isfinite(out[k]):
-                raise RecordingError(f"{self.at(k)}: {name}: expected a number, got {text!r}.")
+            if not abs(out[k]) <= LARGEST:
+                limits = f" from -{LARGEST:g} to {LARGEST:g}" if math.isfinite(out[k]) else ""
+                raise RecordingError(f"{self.at(k)}: {name}: expected a number{limits}, got {text!r}.")
         return out
 
     def texts(self, name: str) -> NDArray[np.str_]:

@@ -90,7 +90,7 @@ class Seconds:
         """Seconds by phase; a file that cannot be read tells nothing, and no result hangs on it."""
         try:
             return {str(key): float(value) for key, value in json.loads(self._file.read_text()).items()}
-        except (OSError, ValueError, AttributeError, TypeError):
+        except (OSError, ValueError, AttributeError, TypeError, ArithmeticError, RecursionError):
             return {}
 
     def add(self, phase: str, seconds: float) -> None:

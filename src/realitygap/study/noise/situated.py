@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
-from zipfile import BadZipFile, ZipFile
+from zipfile import ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,7 +128,7 @@ def read_situated(stage: Stage, one: Controller) -> Situated:
             found = Situated(kept["poses"], kept["streams"])
         if found.poses.shape != shape:
             raise ValueError
-    except (OSError, ValueError, KeyError, RuntimeError, EOFError, BadZipFile):
+    except Exception:  # a broken archive has a dozen ways to say so
         cure = "Delete it and resume: it is made again."
         raise StudyError(f"{file}: expected paths {list(shape)} of a controller. {cure}") from None
     return found
