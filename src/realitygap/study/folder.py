@@ -72,7 +72,7 @@ def open_folder(folder: Path, wished: Materials | None, *, resume: bool) -> Mate
             open_to_begin(folder)
         if wished is not None:
             _refuse_difference(folder, wished)
-            _agree(wished)
+            agree_to(wished.own_code())
         return read_materials(folder)
     if wished is None:
         raise StudyError(f"{folder} holds no study ({DATABASE} is missing). Give the folder of a study.")
@@ -80,7 +80,7 @@ def open_folder(folder: Path, wished: Materials | None, *, resume: bool) -> Mate
     for task in wished.tasks:
         if task.source is not None:
             task.compiled_score()  # before anything is written, and the user's own file is blamed
-    _agree(wished)
+    agree_to(wished.own_code())
     local, files = wished.copies()
     sources = {**files, CONFIG: _text(local).encode()}
     with told(folder):
@@ -273,11 +273,6 @@ def _refuse_difference(folder: Path, wished: Materials) -> None:
             raise StudyError(
                 f"{folder}: the study keeps another {name} than the one given now: {where}. {cure}"
             )
-
-
-def _agree(wished: Materials) -> None:
-    """What a user evolves with is the user's own."""
-    agree_to(Path(task.source).read_bytes() for task in wished.tasks if task.source is not None)
 
 
 def _decisive(table: Mapping[str, object]) -> dict[str, object]:

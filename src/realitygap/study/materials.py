@@ -6,6 +6,7 @@ changed, and it still resumes and replays to the same bits.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -44,6 +45,10 @@ class Materials:
                 return task
         known = ", ".join(dict.fromkeys(task.name for task in self.tasks))
         raise ConfigError(f"task: expected one of the study's ({known}), got {name!r}.")
+
+    def own_code(self) -> Iterator[bytes]:
+        """The text of each task file that is not the package's."""
+        return (Path(task.source).read_bytes() for task in self.tasks if task.source is not None)
 
     def copies(self) -> tuple[StudyConfig, dict[str, bytes]]:
         """The configuration with every file named inside the study's folder, and those files."""
