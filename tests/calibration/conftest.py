@@ -20,6 +20,7 @@ from realitygap.calibration.forward import (
 )
 from realitygap.calibration.recordings.recording import SensorRecording, WheelRecording
 from realitygap.world.profile import Profile, load_profile
+from tests.calibration.tables import write_tables
 
 DISTANCES = np.array([0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0])
 BEARINGS = np.arange(-180.0, 180.0, 10.0) + 10.0
@@ -33,6 +34,12 @@ def tables() -> Path:
     if not (folder / "wall.sam").is_file():
         pytest.skip(f"no real tables in {folder}; set REALITYGAP_DATA to the folder of wall.sam")
     return folder
+
+
+@pytest.fixture(scope="session")
+def made_tables(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of tables of our own making, with the faults of the real ones."""
+    return write_tables(tmp_path_factory.mktemp("tables"))
 
 
 @pytest.fixture(scope="session")

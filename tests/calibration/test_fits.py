@@ -16,6 +16,7 @@ from realitygap.calibration.wheels.odometry import measure_odometry
 from realitygap.errors import CalibrationError
 from realitygap.report.calibration import write_calibration_page
 from realitygap.world.profile import load_profile
+from tests.calibration.tables import DIRTY, TURN_DEG
 
 PAPER = load_profile("paper")
 
@@ -262,6 +263,23 @@ def test_a_profile_is_judged_on_other_data(recorded):
     assert good.rmse < 18 < 60 < bad.rmse
     assert good.turn_deg == pytest.approx(1.0, abs=0.5) and good.noise_fits
     assert set(good.to_dict()) >= {"rmse", "bias", "per_sensor", "noise"}
+
+
+def test_a_table_with_the_faults_of_real_ones(made_tables):
+    """A turned rig, dirt before a sensor, rows a millimetre off, one reading a place: found, and named."""
+    made = calibrate([load_recording(made_tables / "wall.sam", object="wall")], PAPER)
+    assert made.infrared.rmse < 19 and made.infrared.held_out["extended"] < 1.15 * made.infrared.rmse
+    assert 18 < made.profile.noise.proximity < 24  # measured by neighbouring bearings: 21 counts
+    turn = next(c for c in made.infrared.fit.constants if c.key == "turn_0_deg")
+    assert turn.value == pytest.approx(-TURN_DEG, abs=0.5)
+    gains = [s.a for s in made.profile.infrared.sensors]
+    assert np.argmin(gains) == DIRTY and gains[DIRTY] < 0.7 * np.median(gains)
+
+
+def test_a_table_of_light_with_the_faults_of_real_ones(made_tables):
+    """Steps of five counts and a turned rig: sensors are told apart all the same."""
+    made = calibrate([load_recording(made_tables / "light.sam", object="lamp")], PAPER, beside=False)
+    assert made.ambient.rmse < 12 and made.profile.ambient.facing == pytest.approx(1.3, abs=0.4)
 
 
 @pytest.mark.parametrize(("form", "limit"), [("paper", 86), ("individual", 52), ("extended", 30)])

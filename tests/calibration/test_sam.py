@@ -66,8 +66,10 @@ def test_a_broken_table_is_refused_by_its_line(sam, change, words):
     assert str(path) in str(caught.value)
 
 
-def test_tables_of_the_other_kind_are_refused(tables):
+@pytest.mark.parametrize("which", ["made_tables", "tables"])
+def test_tables_of_the_other_kind_are_refused(which, request):
     """A light table is no wall's, and a wall's no lamp's."""
+    tables = request.getfixturevalue(which)
     with pytest.raises(RecordingError, match="Give --object lamp"):
         load_recording(tables / "light.sam", object="wall")
     with pytest.raises(RecordingError, match="Give --object wall"):
@@ -80,3 +82,11 @@ def test_the_real_tables(tables):
     assert (wall.object, wall.counts.shape) == ("wall", (3600, 8))
     assert (light.object, light.counts.shape) == ("lamp", (4680, 8))
     assert wall.distance_cm.max() == pytest.approx(4.3) and 480 < light.counts.max() < 500
+
+
+def test_tables_of_our_own_making(made_tables):
+    """What is read from them: distances, bearings, light turned back into readings."""
+    wall, light = (load_recording(made_tables / name) for name in ("wall.sam", "light.sam"))
+    assert (wall.object, wall.counts.shape, wall.distance_cm.max()) == ("wall", (900, 8), pytest.approx(4.4))
+    assert (light.object, light.counts.shape) == ("lamp", (600, 8))
+    assert 480 < light.counts.max() <= 500 and 40 < light.counts.min() < 70
