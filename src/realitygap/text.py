@@ -5,17 +5,49 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
+from os import PathLike
 from pathlib import Path
+from types import UnionType
 from typing import Any
 
 from realitygap.errors import UsageError
 
-__all__ = ["read_json", "read_text", "reason", "refuse_odd_values", "refuse_separator", "refuse_unknown"]
+__all__ = [
+    "as_path",
+    "must_be",
+    "read_json",
+    "read_text",
+    "reason",
+    "refuse_odd_values",
+    "refuse_separator",
+    "refuse_unknown",
+]
 
 DEEPEST, LARGEST = 32, 2**63 - 1
 """Tables in tables, and whole numbers, beyond which no file of this project goes."""
 LONGEST = 60
 """Characters of a key that a message shows."""
+
+
+def as_path(value: object, what: str) -> Path:
+    """A path from what a Python caller gives for one; a study stands for its folder.
+
+    Raises:
+        UsageError: something else.
+    """
+    if not isinstance(value, str | PathLike):
+        raise UsageError(f"{what}: expected a path, got {value!r}.")
+    return Path(value)
+
+
+def must_be(value: object, kind: type | UnionType, what: str, cure: str) -> None:
+    """Refuse a Python caller's value of another kind.
+
+    Raises:
+        UsageError: says what was expected, what came, and the cure.
+    """
+    if not isinstance(value, kind):
+        raise UsageError(f"{what}: expected a {getattr(kind, '__name__', kind)}, got {value!r}. {cure}")
 
 
 def read_text(path: str | Path, error: type[UsageError], cure: str) -> str:

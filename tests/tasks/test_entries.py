@@ -14,6 +14,7 @@ from realitygap.evolution import make_algorithm
 from realitygap.kernels.params import Networks
 from realitygap.tasks.body import SimulatedBody
 
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "follow_the_wall.py"
 LAYOUT = rg.Layout()
 VARIATION = rg.Variation(start_neurons=0.4)
 GENES = np.stack([VARIATION.random(np.uint64(k)) for k in range(2)])
@@ -142,6 +143,29 @@ OTHERS: dict[str, Callable[[], object]] = {
     "a profile in numbers": lambda: rg.load_profile(3),
     "an arena of nothing": lambda: rg.load_arena(None),
     "a simulation of nothing": lambda: rg.Simulation(None, None),
+    "a study in numbers": lambda: rg.load_study(3),
+    "a study of nothing": lambda: rg.run_study("nowhere", 3),
+    "a folder in a list": lambda: rg.run_study([1]),
+    "marks of a list": lambda: rg.marks_of([1]),
+    "transfers of nothing": lambda: rg.load_transfers(None),
+    "a transfer of nothing": lambda: rg.transfer(None),
+    "a report on nothing": lambda: rg.build_report(None),
+    "a recording in numbers": lambda: rg.load_recording(3),
+    "a calibration of paths": lambda: rg.calibrate(["unit-1"], "paper"),
+    "a calibration of no known form": lambda: rg.calibrate([], "paper", form="best"),
+    "a unit in words": lambda: rg.calibrated_unit("nowhere", unit="one", noise=1.0, seed=0),
+    "tracks in numbers": lambda: rg.read_trials(3),
+    "trials that are none": lambda: rg.setting_of([1]),
+    "a task that is none": lambda: rg.setting_of([], 3),
+    "a setting that is none": lambda: rg.namer("light"),
+    "a comparison of numbers": lambda: rg.compare([1], [2], None),
+    "a genotype's file in numbers": lambda: rg.load_genotype(3),
+    "a controller without a layout": lambda: rg.constant(1, 1, None),
+    "a vehicle without a layout": lambda: rg.braitenberg("ambient", 8),
+    "a variation that is none": lambda: make_algorithm("torus", 3),
+    "an algorithm in a list": lambda: make_algorithm(["torus"], VARIATION),
+    "a study of a task in numbers": lambda: rg.StudyConfig.single(3),
+    "a level in a list": lambda: rg.StudyConfig.single("light", [1, 2]),
 }
 
 
@@ -158,3 +182,31 @@ def test_values_go_where_their_names_go(tmp_path: Path):
     assert rg.load_task(task) is task and rg.load_profile(profile) is profile
     assert rg.load_arena(arena) is arena
     assert rg.Simulation("light", "paper", "zero", arena="light-seeking").task.name == task.name
+    assert rg.StudyConfig.single(task) == rg.StudyConfig.single("light-seeking")
+    assert rg.setting_of([], task) == rg.setting_of([], "light")
+
+
+def test_a_task_of_a_file_is_named_by_its_file():
+    """A Task stands for the file that it came from; one that was changed in Python is refused."""
+    from dataclasses import replace
+
+    task = rg.load_task(EXAMPLE)
+    assert rg.StudyConfig.single(task).conditions[0].task == str(EXAMPLE)
+    for changed in (replace(task, seconds=3.0), replace(task, score=lambda path, room: 1.0)):
+        with pytest.raises(rg.UsageError, match=r"is not what .*follow_the_wall\.py says any more"):
+            rg.StudyConfig.single(changed)
+    with pytest.raises(rg.UsageError, match="loaded from a file"):
+        rg.StudyConfig.single(replace(task, source=None))
+
+
+def test_a_study_goes_where_its_folder_goes(tmp_path: Path):
+    """Whoever wants a study's path takes a Study, and whoever wants a Study its path."""
+    small = {"retest_trials": 1, "fresh_trials": 1, "evaluations": 2}
+    config = rg.StudyConfig.single(rg.load_task("light"), **small)
+    study = rg.run_study(tmp_path / "study", config.with_settings(["task.seconds=0.5"]), workers=1)
+    task = study.task("light-seeking")
+    assert rg.load_study(study).folder == study.folder and rg.load_transfers(study) == []
+    assert study.layout(task) == study.layout(task.name) and study.task(task) == task
+    assert rg.marks_of(study.folder) == rg.marks_of(study)
+    assert rg.run_study(study, resume=True, workers=1).runs == study.runs
+    assert rg.build_report(study) == study.folder / "report" / "index.html"

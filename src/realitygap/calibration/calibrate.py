@@ -17,6 +17,8 @@ from realitygap.calibration.forms import Tick
 from realitygap.calibration.recordings.recording import HEIGHTS_CM, SensorRecording, WheelRecording
 from realitygap.calibration.wheels.fit import PULSES_PER_CM, WheelFit, fit_wheels
 from realitygap.errors import CalibrationError
+from realitygap.text import must_be
+from realitygap.world.profile import load_profile
 from realitygap.world.provenance import FittedChannel, FittedConstant, Provenance, SourceFile
 
 if TYPE_CHECKING:
@@ -76,6 +78,12 @@ def calibrate(
     Raises:
         CalibrationError: recordings that no sensible profile can be made from.
     """
+    base = load_profile(base)
+    must_be(recordings, Sequence, "recordings", "Give a list of what load_recording(path) reads.")
+    for one in recordings:
+        must_be(one, SensorRecording | WheelRecording, "recordings", "load_recording(path) reads one.")
+    if form not in FORMS:
+        raise CalibrationError(f"form: expected {' or '.join(FORMS)}, got {form!r}.")
     if not recordings:
         raise CalibrationError("no recordings: give folders made by `realitygap record`, or .sam tables.")
     refuse_mixed(recordings)

@@ -21,7 +21,7 @@ from typing import Any
 from realitygap import whole
 from realitygap.calibration.recordings.files import FACTS
 from realitygap.errors import CalibrationError, RobotError
-from realitygap.text import refuse_unknown
+from realitygap.text import as_path, must_be, refuse_unknown
 from realitygap.toml import read_toml, to_toml
 
 __all__ = ["PARTS", "PROFILE", "SETTINGS", "calibrated_unit"]
@@ -68,7 +68,9 @@ def calibrated_unit(
         CalibrationError: the folder belongs to another unit or other settings.
         RobotError: a recording's process died.
     """
-    folder = Path(folder).resolve()
+    folder = as_path(folder, "folder").resolve()
+    for key, value, kind in (("unit", unit, int), ("seed", seed, int), ("noise", noise, int | float)):
+        must_be(value, kind, key, "See `realitygap record --help`.")
     settings = {"recipe": RECIPE, "unit": unit, "twin_noise": float(noise), "seed": seed}
     _claim(folder, settings)
     profile = folder / PROFILE

@@ -40,6 +40,7 @@ from realitygap.controller.layout import (
 )
 from realitygap.controller.operators import Variation
 from realitygap.errors import GenotypeError, UsageError
+from realitygap.text import as_path
 
 __all__ = [
     "Layout",
@@ -207,8 +208,9 @@ def load_genotype(path: str | Path, layout: Layout | None = None) -> Genes:
     Raises:
         GenotypeError: names the file and the line.
     """
+    path = as_path(path, "genotype")
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not a text in UTF-8"
         raise GenotypeError(f"cannot read the genotype {path}: {reason}") from None

@@ -22,6 +22,7 @@ from realitygap.controller.layout import (
     THRESHOLD,
     Genes,
     Layout,
+    check_layout,
 )
 from realitygap.errors import UsageError
 
@@ -52,6 +53,7 @@ def constant(left: int, right: int, layout: Layout) -> Genes:
     Raises:
         UsageError: a command that is no whole number of −10 .. 10.
     """
+    check_layout(layout)
     genes = _bare(layout)
     for name, slot, value in (("left", layout.inputs, left), ("right", layout.inputs + 1, right)):
         whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
@@ -72,6 +74,7 @@ def braitenberg(feeds: str, layout: Layout) -> Genes:
     """
     if feeds not in ("proximity", "ambient"):
         raise UsageError(f'a Braitenberg controller feeds on "proximity" or "ambient", not {feeds!r}')
+    check_layout(layout)
     vehicle = _AVOIDS if feeds == "proximity" else _SEEKS
     if layout.inputs != len(vehicle.left):
         raise UsageError(

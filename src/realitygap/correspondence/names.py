@@ -23,6 +23,7 @@ from realitygap.correspondence.setting import Setting
 from realitygap.correspondence.trials import Trial
 from realitygap.errors import TrackError
 from realitygap.tasks.load import load_task
+from realitygap.text import must_be
 
 __all__ = ["NONE", "Name", "Namer", "common_name", "namer"]
 
@@ -111,6 +112,7 @@ def namer(setting: Setting) -> Namer:
     Raises:
         TrackError: a setting that nobody knows: names need walls and lamps.
     """
+    must_be(setting, Setting, "setting", "setting_of(trials) makes one.")
     task = setting.exemplars
     if task is None:
         raise TrackError(

@@ -15,6 +15,7 @@ from realitygap.correspondence.heading import with_doubts
 from realitygap.correspondence.trials import Trial, resampled
 from realitygap.errors import TrackError
 from realitygap.film.tables import read_table
+from realitygap.text import as_path
 
 __all__ = ["COLUMNS", "doubts_of", "read_transfer", "read_trials"]
 
@@ -38,7 +39,7 @@ def read_trials(path: str | Path) -> list[Trial]:
     Raises:
         TrackError, FilmError: names the file, the line and the column.
     """
-    place = Path(path)
+    place = as_path(path, "tracks")
     if not place.exists():
         raise TrackError(f"{path}: no such file or folder. Give a CSV file of tracks, or a folder of them.")
     if not place.is_dir():

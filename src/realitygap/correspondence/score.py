@@ -12,9 +12,10 @@ from realitygap.correspondence.distances import Distances, matched_starts
 from realitygap.correspondence.scale import PARTS, Scale, scale_of
 from realitygap.correspondence.setting import Setting
 from realitygap.correspondence.statistics import parting_s, resampled_weights, transferability, two_sample_p
-from realitygap.correspondence.trials import SHORTEST_S, Trial
+from realitygap.correspondence.trials import SHORTEST_S, Trial, require_trials
 from realitygap.correspondence.words import differences, signed
 from realitygap.errors import TrackError
+from realitygap.text import must_be
 
 __all__ = ["Comparison", "comparable", "compare"]
 
@@ -89,6 +90,9 @@ def compare(
     Raises:
         TrackError: no trials, or too short ones.
     """
+    must_be(setting, Setting, "setting", "setting_of(trials) makes one.")
+    for trials in (a, b, ceiling or []):
+        require_trials(trials)
     others = list(ceiling or [])
     given = [a, b, others] if others else [a, b]
     counted = len(a), len(b)

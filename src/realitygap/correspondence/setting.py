@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from os import PathLike
 
 from realitygap.correspondence.surroundings import fits
-from realitygap.correspondence.trials import Trial
+from realitygap.correspondence.trials import Trial, require_trials
 from realitygap.errors import TrackError
 from realitygap.tasks.load import TASKS, load_task
 from realitygap.tasks.task import Task
@@ -30,13 +31,15 @@ class Setting:
     exemplars: str | None
 
 
-def setting_of(trials: Sequence[Trial], task: Task | None = None) -> Setting:
+def setting_of(trials: Sequence[Trial], task: Task | str | PathLike[str] | None = None) -> Setting:
     """Where trials took place: in a task's arena, or in the paper's arena that they fit in.
 
     Raises:
         TrackError: a track that leaves the task's arena.
     """
+    require_trials(trials)
     if task is not None:
+        task = load_task(task)
         _require_inside(trials, task)
         return _setting(task, task.name)
     for name in TASKS:

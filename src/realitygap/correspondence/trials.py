@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import TrackError
+from realitygap.text import must_be
 from realitygap.values import Trajectory
 
 __all__ = ["LONGEST_GAP_S", "RATE_HZ", "SHORTEST_S", "STEP_S", "Trial", "resampled", "trial_of"]
@@ -157,3 +158,14 @@ def _require_seen(t: Floats, where: str) -> None:
             f"{where}: the robot is lost for {lost:.1f} of {seconds:.1f} s; expected at most a quarter. "
             "Leave this start out."
         )
+
+
+def require_trials(trials: object) -> None:
+    """Refuse what is no list of trials.
+
+    Raises:
+        UsageError: says what came.
+    """
+    must_be(trials, Sequence, "trials", "read_trials(path) reads them.")
+    for one in trials:  # type: ignore[attr-defined]
+        must_be(one, Trial, "trial", "read_trials(path) reads them.")

@@ -33,8 +33,10 @@ def make_algorithm(name: str, variation: Variation, **params: Any) -> Algorithm:
     """
     kinds: dict[str, type[DistributedGA] | type[Panmictic] | type[RandomSearch]]
     kinds = {"torus": DistributedGA, "panmictic": Panmictic, "random": RandomSearch}
-    if name not in kinds:
+    if not isinstance(name, str) or name not in kinds:
         raise UsageError(f"the algorithm must be one of {', '.join(ALGORITHMS)}; not {name!r}")
+    if not all(hasattr(variation, way) for way in ("random", "crosses", "offspring")):
+        raise UsageError(f"variation: expected a Variation, got {variation!r}")
     known = [key for key in kinds[name].__dataclass_fields__ if key != "variation"]
     for key in params:
         if key not in known:

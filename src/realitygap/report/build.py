@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,7 @@ PAPER = {
 """What the paper calls each task's arena, curves, paths and table."""
 
 
-def build_report(study_path: str | Path, *, on_progress: Progress | None = None) -> Path:
+def build_report(study_path: str | PathLike[str], *, on_progress: Progress | None = None) -> Path:
     """Write a study's report into its folder `report/`, and return the page's path.
 
     Args:
@@ -65,7 +66,7 @@ def build_report(study_path: str | Path, *, on_progress: Progress | None = None)
     from realitygap.study.load import load_study
 
     study = load_study(study_path)
-    folder = Path(study_path) / "report"
+    folder = study.folder / "report"
     refuse_links(folder)
     for name in ("figures", "tables"):
         (folder / name).mkdir(parents=True, exist_ok=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
+from os import PathLike
 from pathlib import Path
 from typing import Any, Self
 
@@ -16,6 +17,7 @@ from realitygap.controller.operators import Variation
 from realitygap.errors import ConfigError
 from realitygap.study.parts import Condition, Encoding, Evolution, TaskSettings
 from realitygap.study.settings import apply, whole
+from realitygap.tasks.load import reference
 from realitygap.tasks.task import Task
 from realitygap.toml import read_toml
 from realitygap.toml import to_toml as write_toml
@@ -94,9 +96,9 @@ class StudyConfig(Value):
         return cls(title=title, runs=runs, evaluations=evaluations, seed=seed, conditions=conditions)
 
     @classmethod
-    def single(cls, task: str | Path, noise: str | float = "observed", **others: Any) -> Self:
+    def single(cls, task: str | PathLike[str] | Task, noise: str | float = "observed", **others: Any) -> Self:
         """One task at one noise level; `others` are further fields."""
-        condition = Condition(task=str(task), noise=noise_level(noise))
+        condition = Condition(task=reference(task), noise=noise_level(noise))
         return cls(conditions=(condition,), **{"runs": 1, **others})
 
     @classmethod

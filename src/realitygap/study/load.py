@@ -9,6 +9,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -24,22 +25,23 @@ from realitygap.study.materials import Materials
 from realitygap.study.plan import Plan, run_stream
 from realitygap.study.reader import DATABASE, Reader
 from realitygap.tasks.task import Task
+from realitygap.text import as_path
 from realitygap.world.noise import noise_name
 from realitygap.world.profile import Profile
 
-__all__ = ["Run", "Study", "Table", "load_study"]
+__all__ = ["Run", "Study", "Table", "as_study", "load_study"]
 
 Table = dict[str, NDArray[Any]]
 
 
-def load_study(path: str | Path, *, trust: bool = False) -> Study:
+def load_study(path: str | PathLike[str], *, trust: bool = False) -> Study:
     """A study from its folder, as it is now; evaluations are read when asked for.
 
     Reading runs nobody's code. A simulation in a task of a user's own takes that task's file: one
     that this user neither evolved with nor agreed to is not run.
 
     Args:
-        path: the study's folder.
+        path: the study's folder, or a Study, which is read anew.
         trust: agree to run the task files that it brings, from now on.
 
     Raises:
@@ -47,9 +49,15 @@ def load_study(path: str | Path, *, trust: bool = False) -> Study:
             that was edited since.
         ConfigError: a broken study.toml.
     """
+    folder = as_path(path, "study")
     if trust:
-        agree(Path(path))
-    return Study(Path(path))
+        agree(folder)
+    return Study(folder)
+
+
+def as_study(study: object) -> Study:
+    """A Study as it is; the study of a folder's path."""
+    return study if isinstance(study, Study) else load_study(as_path(study, "study"))
 
 
 class Study:
@@ -60,6 +68,10 @@ class Study:
         self.config: StudyConfig = read_config(folder)
         self._reader = Reader(folder / DATABASE)
         self.runs: list[Run] = self._read_runs()
+
+    def __fspath__(self) -> str:
+        """Its folder: a study goes wherever a path to one is wanted."""
+        return str(self.folder)
 
     def __repr__(self) -> str:
         done = sum(run.finished for run in self.runs)
@@ -74,20 +86,21 @@ class Study:
         """The robot."""
         return read_profile(self.folder)
 
-    def task(self, name: str) -> Task:
+    def task(self, name: str | Task) -> Task:
         """A task of the study, with the study's settings and arena; a user's file is run for it.
 
         Raises:
             StudyError: a file that this user has not agreed to run, or that was edited since.
         """
-        return self._materials.task(name)
+        return self._materials.task(_name(name))
 
-    def facts(self, task: str) -> dict[str, Any]:
+    def facts(self, task: str | Task) -> dict[str, Any]:
         """A task without its score, as `Task.to_dict` has it: nobody's file is run.
 
         Raises:
             StudyError: the study has no such task.
         """
+        task = _name(task)
         found = self._reader.tasks()
         if found is None:  # the format that kept none
             return self.task(task).to_dict()
@@ -96,7 +109,7 @@ class Study:
             raise StudyError(f"{self.folder}: expected a task of the study ({known}), got {task!r}.")
         return found[task]
 
-    def layout(self, task: str) -> Layout:
+    def layout(self, task: str | Task) -> Layout:
         """The size of the genotypes that evolve in a task."""
         encoding = self.config.encoding
         return Layout(inputs=len(self.facts(task)["sensors"]), slots=encoding.slots, links=encoding.links)
@@ -283,3 +296,8 @@ class Run:
 
 def _nan_for_none(row: Sequence[Any]) -> tuple[Any, ...]:
     return tuple(np.nan if value is None else value for value in row)
+
+
+def _name(task: str | Task) -> str:
+    """A task's name; a Task object has it."""
+    return task.name if isinstance(task, Task) else task

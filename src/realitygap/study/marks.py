@@ -13,8 +13,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from os import PathLike
 
-from realitygap.study.load import Study
+from realitygap.study.load import Study, as_study
 from realitygap.study.mark import Bench, Job, Mark
 from realitygap.study.marks_kept import Kept
 from realitygap.study.transfer.load import Transferred, load_transfers
@@ -24,13 +25,14 @@ __all__ = ["Mark", "kind_of", "marks_of"]
 OnProgress = Callable[[int, int], None]
 
 
-def marks_of(study: Study, *, on_progress: OnProgress | None = None) -> list[Mark]:
+def marks_of(study: Study | str | PathLike[str], *, on_progress: OnProgress | None = None) -> list[Mark]:
     """A mark for each finished run, individual and kind of robot; the champion's where none drove one.
 
     Args:
-        study: with its transfers, as far as there are any.
+        study: with its transfers, as far as there are any; or its folder.
         on_progress: called with marks done and in all.
     """
+    study = as_study(study)
     kept = Kept(study.folder)
     jobs = [job for task in dict.fromkeys(run.task for run in study.runs) for job in _jobs(study, task)]
     marks = []

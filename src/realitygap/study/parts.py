@@ -11,6 +11,7 @@ from realitygap.errors import ConfigError, UsageError
 from realitygap.evolution import make_algorithm
 from realitygap.evolution.algorithm import Algorithm
 from realitygap.study.settings import whole
+from realitygap.tasks.load import reference
 from realitygap.world.files import Value, require
 from realitygap.world.noise import NOISE_LEVELS, noise_level, noise_name
 
@@ -19,12 +20,13 @@ __all__ = ["Condition", "Encoding", "Evolution", "TaskSettings"]
 
 @dataclass(frozen=True, kw_only=True)
 class Condition(Value):
-    """A task (a name or a user's file) at a noise level (zero, observed, double or a number)."""
+    """A task (its name or file, or itself) at a noise level (zero, observed, double or a number)."""
 
     task: str
     noise: float = 1.0
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "task", reference(self.task))
         object.__setattr__(self, "noise", noise_level(self.noise))
         super().__post_init__()
 

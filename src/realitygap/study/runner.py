@@ -17,6 +17,7 @@ from realitygap.study.reader import DATABASE
 from realitygap.study.settings import whole
 from realitygap.study.store import Store
 from realitygap.study.workers import Pool, cores, refuse_unguarded_script
+from realitygap.text import as_path, must_be
 
 __all__ = ["Progress", "run_study"]
 
@@ -47,7 +48,9 @@ def run_study(
         UsageError: a wrong configuration, or a folder that cannot be used.
         StudyInterruptedError: Ctrl-C; what was saved is kept.
     """
-    folder = Path(folder)
+    folder = as_path(folder, "folder")
+    if config is not None:
+        must_be(config, StudyConfig, "config", "StudyConfig.single(task) makes one.")
     size = cores() if workers is None else workers
     whole("workers", size, 1, 1024)
     refuse_unguarded_script()

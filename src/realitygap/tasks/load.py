@@ -19,7 +19,7 @@ from types import ModuleType
 from realitygap.errors import TaskError, UsageError
 from realitygap.tasks.task import Task
 
-__all__ = ["TASKS", "copy_task", "load_task"]
+__all__ = ["TASKS", "copy_task", "load_task", "reference"]
 
 TASKS = ("obstacle-avoidance", "light-seeking")
 """The paper's tasks (§6.1, §6.2)."""
@@ -55,6 +55,30 @@ def load_task(name_or_file: str | PathLike[str] | Task) -> Task:
             "that defines `task = Task(…)`."
         )
     return _from_file(path)
+
+
+def reference(task: object) -> str:
+    """The name or file that a task is loaded from again: what a study writes down.
+
+    Raises:
+        TaskError: a Task that no file holds, or one that was changed since it was loaded.
+    """
+    if isinstance(task, PathLike):
+        return str(Path(task))
+    if not isinstance(task, Task):
+        if not isinstance(task, str):
+            raise TaskError(f"task: expected a Task, a task's name or a .py file, got {task!r}.")
+        return task
+    if task.source is None and task.name not in TASKS:
+        cure = "A study keeps its task's file: write it into one, and give that."
+        raise TaskError(f"task {task.name!r}: expected one that was loaded from a file. {cure}")
+    place = task.source or task.name
+    there = load_task(place)
+    same_score = there.score.__code__ == task.score.__code__
+    if there.to_dict() != task.to_dict() or not same_score:
+        cure = "Change it there, or give the study task.seconds, task.trials, task.sensors or arenas."
+        raise TaskError(f"task {task.name!r} is not what {place} says any more. {cure}")
+    return place
 
 
 def copy_task(task: Task, folder: Path) -> Path:

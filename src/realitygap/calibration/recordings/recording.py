@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import RecordingError
+from realitygap.text import as_path
 from realitygap.world.arena import Arena
 
 if TYPE_CHECKING:
@@ -217,7 +218,7 @@ def load_recording(path: str | Path, *, object: str | None = None, kind: str | N
     Raises:
         RecordingError: what is missing or wrong, with file and line.
     """
-    path = Path(path)
+    path = as_path(path, "recording")
     if path.suffix.lower() == ".sam":
         from realitygap.calibration.recordings.sam import read_sam
 

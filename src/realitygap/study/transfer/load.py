@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cached_property
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from realitygap.study.settings import difference
 from realitygap.study.transfer.paths import Table, read_path
 from realitygap.study.transfer.plan import FOLDER, SOURCES, Situation
 from realitygap.study.transfer.trial import SIMULATED, SITUATED, TRIAL
-from realitygap.text import refuse_unknown
+from realitygap.text import as_path, refuse_unknown
 from realitygap.toml import read_toml
 from realitygap.values import Pose
 
@@ -87,13 +88,13 @@ class Transferred:
         return {**plain, "folder": str(self.folder), "pose": pose}
 
 
-def load_transfers(study_folder: str | Path) -> list[Transferred]:
+def load_transfers(study_folder: str | PathLike[str]) -> list[Transferred]:
     """All finished trials on robots in a study's folder, by robot, run and start; [] without any.
 
     Raises:
         StudyError: a trial's file that cannot be read.
     """
-    files = Path(study_folder, FOLDER).glob(f"*/*/start-*/{TRIAL}")
+    files = (as_path(study_folder, "study") / FOLDER).glob(f"*/*/start-*/{TRIAL}")
     found = [load_transfer(file.parent) for file in files if file.parent.name[6:].isdecimal()]
     return sorted(found, key=lambda one: (one.unit is None, one.unit or 0, one.robot, one.run, one.start))
 

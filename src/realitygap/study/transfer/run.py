@@ -14,13 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from realitygap.errors import RobotStoppedError, StudyInterruptedError, UsageError
 from realitygap.film.disk import Disk, load_disk
 from realitygap.study.folder import lock
-from realitygap.study.load import Study
+from realitygap.study.load import Study, as_study
 from realitygap.study.schema import told
 from realitygap.study.settings import whole
 from realitygap.study.transfer.load import Transferred, is_done, load_transfer, load_transfers
@@ -37,7 +38,7 @@ __all__ = ["TransferProgress", "Transferred", "load_transfers", "transfer"]
 
 
 def transfer(
-    study: Study,
+    study: Study | str | PathLike[str],
     runs: Sequence[int | str] = (),
     *,
     robots: Sequence[str | Robot] = ("twin",),
@@ -63,7 +64,7 @@ def transfer(
     trial is a function of unit, seed, run and start: the same bits with any number of workers.
 
     Args:
-        study: its folder gets a folder `transfer`.
+        study: its folder gets a folder `transfer`; or that folder.
         runs: ids or names; all finished ones if empty.
         robots: "twin", "twin:UNIT" or "serial:PORT".
         starts: trials of each individual on each robot.
@@ -92,6 +93,7 @@ def transfer(
         RobotError: a line that was lost; the recording is kept.
         FilmError: a camera that does not open, or does not see the robot.
     """
+    study = as_study(study)
     whole("starts", starts, 1, 10**6)
     size = cores() if workers is None else workers
     whole("workers", size, 1, 1024)
