@@ -31,6 +31,8 @@ def test_clean_film_is_exact(clean_film, camera, poses, errors_of):
     assert off.mean() < 0.4
     assert off.max() < 1.5
     assert turned.mean() < 0.5
+    for seen, true in ((track.x_cm, poses[:, 0]), (track.y_cm, poses[:, 1])):
+        assert abs(np.mean(seen - true)) < 0.01, "errors to all sides, not to one: under 0.1 mm on average"
     assert np.allclose(track.t_s, np.arange(len(poses)) * 4 / 25, atol=1e-3)
 
 
