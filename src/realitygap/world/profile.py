@@ -28,7 +28,7 @@ __all__ = [
 ]
 
 FEEDS = ("proximity", "ambient")
-TRACK = (0.2, 4.0)
+TRACK = (0.2, 15.0)
 """The track's least and most, in radii of the body."""
 TOP_INPUT = 10
 """Inputs of a network are −10 … 10 (§5.3)."""
