@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -29,6 +30,8 @@ surfaces that are matt."""
 PROXIMITY_COUNTS = 21.0
 """Noise that residuals are weighed by before it is measured."""
 
+NEAREST_CM = 1e-3
+"""To what a sensor has of its own, at the least, where the body touches."""
 DIRECTION_PRIOR_DEG = 5.0
 """How straight sensors are soldered in: keeps a turned rig and eight turned sensors apart."""
 TURN_DEG, TURN_PRIOR_DEG = 10.0, 2.0
@@ -120,6 +123,11 @@ def with_infrared(profile: Profile, values: Values) -> Profile:
         for key in ("a", "b", "direction_deg", "offset_cm")
         if key in values
     }
+    if "offset_cm" in columns:  # what a profile can hold: no distance comes to 0
+        depth = [profile.body.radius_cm - math.hypot(s.x_cm, s.y_cm) - NEAREST_CM for s in sensors]
+        columns["offset_cm"] = [max(off, -d) for off, d in zip(columns["offset_cm"], depth, strict=True)]
+    if "direction_deg" in columns:
+        columns["direction_deg"] = [min(360.0, max(-360.0, turned)) for turned in columns["direction_deg"]]
     fitted = tuple(
         replace(sensor, **{key: column[k] for key, column in columns.items()})
         for k, sensor in enumerate(sensors)

@@ -5,6 +5,7 @@ Gains are fitted as logarithms: they are scales, and a lamp's brightness is unkn
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -37,6 +38,8 @@ known, what walls throw back."""
 COMMON = (
     "floor", "dark", "facing", "lamp_height_cm", "lamp_proud_cm", "reflectance", "exponent", "near_cm",
 )  # fmt: skip
+NARROWEST, INSIDE_CM = 1.0, 0.01
+"""Counts between floor and dark, and how far within the body's edge a sensor sits, at the least."""
 SHIFT_PRIOR = 10.0
 """Counts by which sensors of one robot differ in the dark and when saturated."""
 DIRECTION_PRIOR_DEG = 5.0
@@ -150,20 +153,33 @@ def with_light(profile: Profile, values: Values, form: str) -> Profile:
         for key in ("direction_deg", "floor_shift", "dark_shift")
         if key in values
     }
-    if "floor_shift" in values:  # no sensor reads below 0, where few places are bright enough to tell
-        lowest = np.maximum(values["floor_shift"], -values["floor"])
+    common = {key: float(values[key][0]) for key in COMMON if key in values}
+    if "dark" in values:  # what a profile can hold, where few places are dark or bright enough to tell
+        common["dark"] = min(common["dark"], law.top)
+        common["floor"] = min(common["floor"], common["dark"] - NARROWEST)
+    if "floor_shift" in values:  # no sensor reads below 0
+        dark = np.minimum(values["dark_shift"], law.top - common["dark"])
+        highest = common["dark"] + dark - NARROWEST - common["floor"]
+        lowest = np.minimum(np.maximum(values["floor_shift"], -common["floor"]), highest)
         columns["floor_shift"] = np.broadcast_to(lowest, (n,)).tolist()
+        columns["dark_shift"] = np.broadcast_to(dark, (n,)).tolist()
     if "log_gain" in values:
         columns["gain"] = np.broadcast_to(np.exp(values["log_gain"]), (n,)).tolist()
     for key, axis in (("x_cm", "forward_cm"), ("y_cm", "left_cm")):
         if axis in values:
             moved = zip(law.sensors, values[axis].tolist(), strict=True)
             columns[key] = [getattr(sensor, key) + off for sensor, off in moved]
+    if "x_cm" in columns:
+        inside = profile.body.radius_cm - INSIDE_CM
+        places = [(x, y, min(1.0, inside / max(math.hypot(x, y), 1e-9)))
+                  for x, y in zip(columns["x_cm"], columns["y_cm"], strict=True)]  # fmt: skip
+        columns["x_cm"], columns["y_cm"] = [x * s for x, _, s in places], [y * s for _, y, s in places]
+    if "direction_deg" in columns:
+        columns["direction_deg"] = [min(360.0, max(-360.0, turned)) for turned in columns["direction_deg"]]
     sensors = tuple(
         replace(sensor, **{key: column[k] for key, column in columns.items()})
         for k, sensor in enumerate(law.sensors)
     )
-    common = {key: float(values[key][0]) for key in COMMON if key in values}
     if "lobe" in values:  # a sensor takes in light off a wall as it takes in the lamp's
         common |= dict.fromkeys(("facing", "exponent"), float(values["lobe"][0]))
     response = "linear" if form in ("linear", "extended") else "paper"

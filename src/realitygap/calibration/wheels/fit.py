@@ -219,7 +219,8 @@ def _with(base: Profile, values: dict[str, float]) -> Profile:
     wheels = base.wheels
     gains = {key: values[key] for key in (*GAINS, "play_cm") if key in values}
     speeds = (values["speed_left"], values["speed_right"])
-    top = min(wheels.top_command, base.body.radius_cm / STEP_S / max(speeds))
+    # A little below the loader's bound, which rounding could pass by a bit.
+    top = min(wheels.top_command, base.body.radius_cm / STEP_S / max(speeds) * (1 - 1e-9))
     return replace(base, wheels=replace(wheels, speed_per_unit_cm_s=speeds, top_command=top, **gains))
 
 
