@@ -327,8 +327,8 @@ def test_an_edited_calibration_is_refused(done, tmp_path):
     folder = Path(shutil.copytree(done, tmp_path / "study"))
     robot = folder / "calibration" / "unit-1" / "robot.toml"
     text = robot.read_text()
-    assert "track_cm = " in text
-    robot.write_text(text.replace("track_cm = ", "track_cm = 1", 1))
+    assert "track_cm = 5." in text
+    robot.write_text(text.replace("track_cm = 5.", "track_cm = 6.", 1))
     with pytest.raises(StudyError, match=r"keeps another profile.toml .*: wheels.track_cm was"):
         noise_study(folder, resume=True, workers=1)
 
