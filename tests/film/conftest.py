@@ -13,10 +13,24 @@ from realitygap.film.disk import Disk
 from realitygap.film.frames import KnownFrame
 from realitygap.film.video import FilmWriter
 from realitygap.values import Pose
-from tests.film.scene import Renderer, Scene, wander
+from tests.film.scene import Lens, Renderer, Scene, wander
 
 STRIDE = 4
 """The tests' robot is filmed at 25 / STRIDE frames a second: few frames, a long way."""
+
+
+def pinhole(radial: tuple[float, float] = (-0.05, 0.01), plane_cm: float = 3.0) -> CameraModel:
+    """The tests' camera, looking through its picture's middle, as its construction says."""
+    lens = Lens()
+    return CameraModel.from_pinhole(
+        width_px=640,
+        height_px=480,
+        focal_px=lens.focal,
+        lens_cm=lens.place,
+        rotation=lens.rotation(),
+        radial=radial,
+        plane_cm=plane_cm,
+    )
 
 
 def known_frames(scene: Scene, count: int = 12, seed: int = 3) -> list[KnownFrame]:

@@ -12,28 +12,15 @@ from hypothesis import strategies as st
 
 from realitygap.errors import FilmError
 from realitygap.film.calibrate import calibrate_camera
-from realitygap.film.camera import CameraModel, load_camera
+from realitygap.film.camera import load_camera
 from realitygap.film.disk import Disk
 from realitygap.film.fit import lens_place
 from realitygap.film.frames import read_frames
 from realitygap.values import Pose
+from tests.film.conftest import pinhole
 from tests.film.scene import Lens
 
 PLACES = st.tuples(st.floats(0, 50), st.floats(2, 45))
-
-
-def pinhole(radial=(-0.05, 0.01), plane_cm=3.0):
-    """The tests' camera, looking through its picture's middle, as its construction says."""
-    lens = Lens()
-    return CameraModel.from_pinhole(
-        width_px=640,
-        height_px=480,
-        focal_px=lens.focal,
-        lens_cm=lens.place,
-        rotation=lens.rotation(),
-        radial=radial,
-        plane_cm=plane_cm,
-    )
 
 
 @given(PLACES, st.floats(0, 20), st.floats(-0.15, 0.15), st.floats(-0.05, 0.05))
