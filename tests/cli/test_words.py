@@ -101,8 +101,7 @@ def test_work_of_days_is_estimated(capsys, work, told):
 
 def test_work_of_days_is_asked_where_somebody_can_answer(monkeypatch):
     """On a terminal, "no" ends the command before anything is begun."""
-    for stream in ("stdin", "stderr"):
-        monkeypatch.setattr(getattr(estimate.sys, stream), "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(estimate, "at_terminal", lambda: True)
     asked = []
     monkeypatch.setattr(click, "confirm", lambda text, **how: asked.append((text, how)))
     estimate.consider(trials=10**6, workers=1)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-import sys
 
 import click
+
+from realitygap.cli.output import at_terminal
 
 __all__ = ["consider", "note"]
 
@@ -53,5 +54,5 @@ def consider(
     work = {"evaluations": runs * evaluations, "trials on robots": trials}
     said = " and ".join(f"{count:,} {what}" for what, count in work.items() if count)
     note(f"{said}: about {much} on this machine")
-    if sys.stdin.isatty() and sys.stderr.isatty():
+    if at_terminal():
         click.confirm("Begin?", abort=True, err=True)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import click
 
-__all__ = ["plain", "print_json", "print_table", "warn"]
+__all__ = ["at_terminal", "plain", "print_json", "print_table", "warn"]
 
 
 def plain(value: Any) -> Any:
@@ -47,3 +48,8 @@ def print_table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
             for cell, width, to_right in zip(line, widths, right, strict=True)
         ]
         click.echo("  ".join(text).rstrip())
+
+
+def at_terminal() -> bool:
+    """Whether somebody is there who can answer a question."""
+    return sys.stdin.isatty() and sys.stderr.isatty()

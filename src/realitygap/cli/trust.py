@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+
+from realitygap.cli.output import at_terminal
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -33,7 +34,7 @@ def ask_trust(study: str, trust: bool) -> None:
     from realitygap.study.folder import agree, programs
 
     found = [] if trust else programs(Path(study))
-    if found and not _at_terminal():
+    if found and not at_terminal():
         return
     for file in found:
         click.echo(
@@ -42,8 +43,3 @@ def ask_trust(study: str, trust: bool) -> None:
     if found:
         click.confirm("Do you trust who wrote it?", abort=True, err=True)
     agree(Path(study))
-
-
-def _at_terminal() -> bool:
-    """Whether somebody is there who can answer."""
-    return sys.stdin.isatty() and sys.stderr.isatty()
