@@ -45,6 +45,9 @@ SHIFT_PRIOR = 10.0
 DIRECTION_PRIOR_DEG = 5.0
 PLACE_CM, PLACE_PRIOR_CM = 0.15, 0.05
 """How far a sensor may sit from where the profile has it, and how far it is likely to."""
+LAMP_JUMP_CM = 0.4
+"""By the lamp's height all rays that pass over the body change at once: least squares may end more than a
+centimetre beside it, and a search with steps of 0.1 cm stayed there."""
 TURN_DEG, TURN_PRIOR_DEG = 10.0, 2.0
 """How far a rig may be turned, and how far it is likely to be."""
 
@@ -103,7 +106,9 @@ def _extended(profile: Profile, room: bool) -> list[Free]:
             key="direction_deg", start=direction, low=-360, high=360, prior=DIRECTION_PRIOR_DEG,
             tie=None if room else 0.02, step=0.05, jump=0.5,
         ),
-        Free(key="lamp_height_cm", start=np.array([3.0]), low=0.0, high=50.0, step=0.02, jump=0.1),
+        Free(
+            key="lamp_height_cm", start=np.array([3.0]), low=0.0, high=50.0, step=0.02, jump=LAMP_JUMP_CM
+        ),
     ]  # fmt: skip
     if room:
         reflectance = law.reflectance if law.falloff == 2.0 else 0.03

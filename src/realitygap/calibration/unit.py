@@ -31,7 +31,7 @@ PARTS = ("ambient", "wheels", "infrared-wall", "infrared-cylinder")
 """The recordings, the longest first: so that two workers end at about the same time."""
 FIT = "fit"
 CURE = "Choose another folder, or remove this one."
-RECIPE = 2
+RECIPE = 3
 """Changes whenever the same settings would make another profile."""
 
 Progress = Callable[[str, int, int], None]
