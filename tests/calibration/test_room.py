@@ -11,6 +11,7 @@ import pytest
 from realitygap.calibration import calibrate as fits
 from realitygap.calibration import forms, light_forms, unit_work
 from realitygap.calibration.calibrate import calibrate
+from realitygap.calibration.checks import refuse_swapped
 from realitygap.calibration.forward import illumination, light_readings, scene_of
 from realitygap.calibration.judge import judge
 from realitygap.calibration.recorder import plans
@@ -19,6 +20,7 @@ from realitygap.calibration.recordings.recording import SensorRecording, load_re
 from realitygap.calibration.rows import FOLDS
 from realitygap.calibration.search import search
 from realitygap.calibration.unit import PARTS
+from realitygap.errors import CalibrationError
 from realitygap.toml import to_toml
 from realitygap.world.profile import load_profile
 
@@ -60,6 +62,27 @@ def test_gains_come_back_in_an_arena(lit):
     judged = judge(table, made.profile)
     assert (judged.turn_deg, judged.brightness) == (0.0, 1.0) and judged.noise_fits
     assert judged.rmse == pytest.approx(made.ambient.rmse, rel=0.01)
+
+
+def test_front_sensors_that_look_past_each_other_are_no_exchange(lit):
+    """In a room the front pair may answer crosswise, as unit 7's does; exchanged neighbours are refused."""
+
+    def turned(*degrees):
+        pairs = zip(PAPER.ambient.sensors, degrees, strict=True)
+        return tuple(replace(s, gain=2000.0, direction_deg=s.direction_deg + d) for s, d in pairs)
+
+    law = {
+        "response": "linear", "facing": 1.4, "exponent": 1.4, "falloff": 1.0, "near_cm": 1.0,
+        "reflectance": 0.05, "matt": 1.0, "lamp_height_cm": 3.0,
+    }  # fmt: skip
+    unit = lit(2, sensors=turned(-6, -2, -9, 11, -2, -3, -3, 10), **law)
+    (lamp,), (x, y, heading) = unit.arena.lamps, unit.pose.T
+    bearing = np.degrees(np.arctan2(lamp.y_cm - y, lamp.x_cm - x) - heading)
+    unit = replace(unit, bearing_deg=(bearing + 180.0) % 360.0 - 180.0)
+    assert refuse_swapped(unit, PAPER, {}) == ()
+    order = [0, 1, 2, 3, 5, 4, 6, 7]
+    with pytest.raises(CalibrationError, match="sensors 4 and 5 seem to be exchanged"):
+        refuse_swapped(replace(unit, counts=unit.counts[:, order]), PAPER, {})
 
 
 def test_an_arenas_walls_are_found(lit, monkeypatch):

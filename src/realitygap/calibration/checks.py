@@ -101,7 +101,8 @@ def refuse_swapped(recording: SensorRecording, profile: Profile, dead: dict[int,
         raise CalibrationError(
             f"{recording.source}: sensors answer to another side than they look: {which}. {cure}"
         )
-    crossed = _refuse_exchanged(recording, answers, _expected(part.sensors), live)
+    expected = looks if known else _expected(part.sensors)  # a lamp across a room is too far for places
+    crossed = _refuse_exchanged(recording, answers, expected, live)
     return crossed + tuple(
         f"{recording.source}: sensor {k} answers most at {answers[k]:.0f}° but looks to {looks[k]:.0f}°"
         for k in np.flatnonzero(odd)
