@@ -52,13 +52,13 @@ def _advice_can_be_followed(line: str, words: list[str]) -> None:
 
 @pytest.fixture
 def refused(call: Callable[..., Result]) -> Callable[..., str]:
-    """Runs a command that must be refused: exit code 2, one line on stderr, nothing on stdout."""
+    """Runs a command that must be refused: exit code 2, one line on stderr (and notes), no stdout."""
 
     def run(*words: object) -> str:
         result = call(*words)
         assert result.exit_code == 2, result.output
         assert result.stdout == ""
-        lines = result.stderr.splitlines()
+        lines = [line for line in result.stderr.splitlines() if not line.startswith("note: ")]
         assert len(lines) == 1, result.stderr
         assert lines[0].startswith("error: ")
         _advice_can_be_followed(lines[0], [str(word) for word in words])

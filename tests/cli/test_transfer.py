@@ -102,11 +102,15 @@ def test_a_study_without_runs_is_refused(study, refused, tmp_path):
     """A folder without a study, a study without a finished run, a folder in the way."""
     import sqlite3
 
+    from realitygap.study.digest import seal
+
     assert "no study" in refused("transfer", tmp_path, "--robot", "twin")
     (study / "transfer").write_text("in the way")
     assert "rights" in refused("transfer", study, "--robot", "twin", *SHORT)
     with sqlite3.connect(study / "study.db") as database:
         database.execute("UPDATE run SET finished = 0, champion = NULL")
+        for (number,) in database.execute("SELECT id FROM run").fetchall():
+            seal(database, number, "run")
     database.close()
     assert "no run is finished" in refused("transfer", study, "--robot", "twin")
     assert "no champion" in refused("transfer", study, 1, "--robot", "twin")

@@ -22,7 +22,7 @@ from realitygap.values import Readings
 from realitygap.world.profile import load_profile
 
 UNITS = (1, 2)
-DRAWS = 8
+DRAWS = 20
 TOUCHED = 500.0
 """Infrared counts of a wall or a lamp that is almost touched."""
 GLARING, LIFTED = 50.0, 20.0
