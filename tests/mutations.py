@@ -27,8 +27,8 @@ FITS = ("tests/calibration/test_fits.py",)
 WHEEL_FITS = ("tests/calibration/test_wheels.py",)
 TRACKER = ("tests/film/test_tracker.py",)
 TRACK = ("tests/film/test_track.py",)
+DESCRIPTORS = ("tests/correspondence/test_descriptors.py",)
 SCORE = ("tests/correspondence/test_score.py",)
-NAMES = ("tests/correspondence/test_names.py",)
 CLAIMS = ("tests/correspondence/test_claims.py",)
 STUDY = ("tests/study/test_noise_compared.py",)
 ARENA = ("tests/world/test_arena.py",)
@@ -46,8 +46,10 @@ MUTATIONS = (
     Mutation("kernels/infrared.py", "the short cut's reach is a tenth too short for cylinders",
              "reach = robot.proximity_reach[k] + radius",
              "reach = 0.9 * robot.proximity_reach[k] + radius", INFRARED),
-    Mutation("kernels/geometry.py", "a cylinder behind a sensor is seen",
-             "met = met if t > 0.0 else 0.0", "met = met", INFRARED),
+    # (That a cylinder behind a sensor is seen changes nothing: its 1/d is negative, any wall's is more.)
+    Mutation("kernels/geometry.py", "a cylinder's far side is seen",
+             "met = (t + math.sqrt(max(under, 0.0))) * inverse_k",
+             "met = (t - math.sqrt(max(under, 0.0))) * inverse_k", INFRARED),
     Mutation("kernels/geometry.py", "an inner wall is longer than it is",
              "met = met if to_b >= 0.0 else 0.0", "met = met", INFRARED),
     Mutation("kernels/geometry.py", "a cylinder hides what lies before it",
@@ -151,13 +153,13 @@ MUTATIONS = (
              "return 2 * mean(wa, wb) - mean(wa, wa) - mean(wb, wb)",
              "return 2 * mean(wa, wb) - 2 * mean(wa, wa)", SCORE),
     Mutation("correspondence/descriptors.py", "going backward is going forward",
-             '"backward": (way < 0).mean(axis=1)', '"backward": (way > 0).mean(axis=1)', SCORE + NAMES),
+             '"backward": (way < 0).mean(axis=1)', '"backward": (way > 0).mean(axis=1)', DESCRIPTORS),
     Mutation("correspondence/descriptors.py", "the side of turns is lost",
              "side = total(counted * np.abs(counted))", "side = total(np.abs(counted) * np.abs(counted))",
-             SCORE + NAMES),
+             DESCRIPTORS),
     Mutation("correspondence/descriptors.py", "still means slow alone",
              '"still": ((way == 0) & (np.abs(_smooth(turn)) < STILL_DEG_S)).mean(axis=1)',
-             '"still": (way == 0).mean(axis=1)', SCORE + NAMES),
+             '"still": (way == 0).mean(axis=1)', DESCRIPTORS),
     # statistics
     Mutation("correspondence/claims.py", "strata without the home unit",
              "strata = list(zip(data.task.tolist(), data.home.tolist(), strict=True))",
