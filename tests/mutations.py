@@ -24,6 +24,7 @@ CONTACT = ("tests/kernels/test_contact.py",)
 RANDOM = ("tests/kernels/test_rng.py",)
 TRIALS = ("tests/kernels/test_trials.py",)
 FITS = ("tests/calibration/test_fits.py",)
+MISFIT = ("tests/calibration/test_misfit.py",)
 WHEEL_FITS = ("tests/calibration/test_wheels.py",)
 TRACKER = ("tests/film/test_tracker.py",)
 TRACK = ("tests/film/test_track.py",)
@@ -116,9 +117,10 @@ MUTATIONS = (
     Mutation("calibration/noise.py", "saturated readings measure noise",
              "& (sample.level > edge) & (sample.level < top - edge)", "& (sample.level > edge)", FITS),
     Mutation("calibration/misfit.py", "noise is not taken out of the model's error",
-             "noisy = deviation**2 / many[:, None]", "noisy = 0 * deviation**2 / many[:, None]", FITS),
+             "noisy = deviation**2 / many[:, None]", "noisy = 0 * deviation**2 / many[:, None]", MISFIT),
     Mutation("calibration/judge.py", "the bias has the sign turned",
-             "off = (model - recording.counts)[:, live]", "off = (recording.counts - model)[:, live]", FITS),
+             "off = (model - recording.counts)[:, live]", "off = (recording.counts - model)[:, live]",
+             MISFIT),
     Mutation("calibration/wheels/intervals.py", "steps of one trial are taken for independent",
              "spread = np.maximum(np.diag(bread @ inner @ bread), np.diag(bread))",
              "spread = np.diag(bread)", WHEEL_FITS),

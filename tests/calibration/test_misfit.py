@@ -1,0 +1,30 @@
+"""How far a model is from readings: its sign, and the noise that is not the model's."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from realitygap.calibration.judge import judge
+from realitygap.calibration.misfit import misfits
+
+
+@pytest.mark.parametrize("off", [0.0, 10.0])
+def test_noise_is_no_error_of_the_model(off):
+    """Of 4 readings a place with noise of 21 counts, a model that is off by 10 has an error of 10, not of
+    14.5 as the places' means have; a right one none that would show beside the noise."""
+    random, place = np.random.default_rng(1), np.repeat(np.arange(3000), 4)
+    true = np.repeat(random.uniform(200, 800, 3000), 4)[:, None]
+    counts = true + 21 * random.normal(size=true.shape)
+    (made,) = misfits(counts, true + off, place, "infrared", 21.0)
+    assert made.error == pytest.approx(off, abs=0.5 if off else 2.1)
+    assert made.ratio == pytest.approx(made.error / 21) and made.lit_ratio == pytest.approx(made.ratio)
+    assert made.bias == pytest.approx(off, abs=0.8)
+
+
+def test_bias_is_model_minus_measured(recorded, robot):
+    """A model that reads more than was measured has a positive bias, in all as for each sensor."""
+    table = recorded("wall")
+    told = judge(replace(table, counts=np.rint(0.8 * table.counts)), robot)
+    assert told.bias > 10
+    assert told.bias == pytest.approx(np.mean([one.bias for one in told.per_sensor]))
