@@ -1,6 +1,6 @@
 """Break the code in one place at a time, and see whether its tests notice.
 
-    python tests/mutate.py [--only WORD] [--list]
+    python tests/mutate.py [--only WORD] [--jobs N] [--list]
 
 Each mutation of `tests/mutations.py` is made in a copy of the tree, and the tests named beside it are run
 there: a mutation that they pass has *survived*, and wants a test. The copy has a compile cache of its own
@@ -19,7 +19,9 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from queue import SimpleQueue
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
@@ -68,16 +70,36 @@ def tried(tree: Path, tests: Sequence[str]) -> tuple[int, str]:
     return done.returncode, next((line for line in lines if line.startswith(("FAILED", "ERROR"))), lines[-1])
 
 
-def mutated(one: Mutation, tree: Path) -> tuple[str, str]:
-    """What became of a mutation: a word, and pytest's line."""
-    file = tree / PACKAGE / one.file
+def mutated(one: Mutation, tree: Path) -> bool:
+    """Whether a mutation is killed; says what became of it, and pytest's line."""
+    begun, file = time.monotonic(), tree / PACKAGE / one.file
     text = file.read_text("utf-8")
     file.write_text(text.replace(one.old, one.new), "utf-8")
     try:
         code, line = tried(tree, one.tests)
     finally:
         file.write_text(text, "utf-8")
-    return WORDS.get(code, "BROKEN"), line
+    word = WORDS.get(code, "BROKEN")
+    print(f"{word:9} {one.file}: {one.title}, {time.monotonic() - begun:.0f} s  ({line})", flush=True)
+    return word == "killed"
+
+
+def all_mutated(chosen: Sequence[Mutation], place: Path, jobs: int) -> list[bool]:
+    """Whether each is killed: every job has a tree and a compile cache of its own."""
+    trees: SimpleQueue[Path] = SimpleQueue()
+    for number in range(jobs):
+        (place / str(number)).mkdir()
+        trees.put(copy_tree(place / str(number)))
+
+    def one_of(one: Mutation) -> bool:
+        tree = trees.get()
+        try:
+            return mutated(one, tree)
+        finally:
+            trees.put(tree)
+
+    with ThreadPoolExecutor(jobs) as pool:
+        return list(pool.map(one_of, chosen))
 
 
 def main() -> int:
@@ -85,6 +107,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--only", default="", metavar="WORD", help="mutations whose file or title has it")
     parser.add_argument("--list", action="store_true", help="name them, look for stale ones, run nothing")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="so many at once (default 1)")
     told = parser.parse_args()
     chosen = [one for one in MUTATIONS if told.only in f"{one.file} {one.title}"]
     stale = [one for one in chosen if is_stale(one, ROOT)]
@@ -99,15 +122,9 @@ def main() -> int:
         if code:
             print(f"the tests do not pass before anything is mutated: {line}")
             return 1
-        bad = 0
-        for one in chosen:
-            begun = time.monotonic()
-            word, line = mutated(one, tree)
-            bad += word != "killed"
-            tail = "" if word == "killed" else f"  ({line})"
-            print(f"{word:9} {one.file}: {one.title}, {time.monotonic() - begun:.0f} s{tail}", flush=True)
-    print(f"{len(chosen)} mutations, {bad} not killed")
-    return int(bad > 0)
+        killed = sum(all_mutated(chosen, Path(place), max(1, told.jobs)))
+    print(f"{killed} killed, {len(chosen) - killed} not, of {len(chosen)}")
+    return int(killed < len(chosen))
 
 
 if __name__ == "__main__":
