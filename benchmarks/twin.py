@@ -17,13 +17,13 @@ from pathlib import Path
 from realitygap.controller.handmade import braitenberg
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import NetworkController
-from realitygap.robot.body import SerialBody
-from realitygap.robot.clock import Clock, RealClock, VirtualClock
-from realitygap.robot.khepera import Khepera
-from realitygap.robot.loop import drive
-from realitygap.robot.recording import Recording
-from realitygap.study.situated import Stand
+from realitygap.robots.body import SerialBody
+from realitygap.robots.clock import Clock, RealClock, VirtualClock
+from realitygap.robots.khepera.driver import Khepera
+from realitygap.robots.loop import drive
+from realitygap.robots.recording import Recording
 from realitygap.tasks import load_task
+from realitygap.transfer.rig import Stand
 from realitygap.twin.arena import load_arena
 from realitygap.twin.camera import OverheadCamera
 from realitygap.twin.process import TwinProcess, start_twin

@@ -125,8 +125,8 @@ def evolution() -> list[Any]:
 def track() -> list[Any]:
     """The tracker's view of drawn frames (OpenCV's filters)."""
     from realitygap.film.disk import load_disk
-    from realitygap.study.transfer.film import calibrated
     from realitygap.tasks import load_task
+    from realitygap.transfer.film import calibrated
 
     load_disk()
     with tempfile.TemporaryDirectory() as name:

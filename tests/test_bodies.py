@@ -1,4 +1,4 @@
-"""One contract for every body: simulated, the twin behind its line, and a serial one (tests/robot)."""
+"""One contract for every body: simulated, the twin behind its line, and a serial one (tests/robots)."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from realitygap.controller.network import NetworkController, decode
 from realitygap.controller.operators import Variation
 from realitygap.errors import UsageError
 from realitygap.kernels.rng import substream
-from realitygap.robot.body import SerialBody
-from realitygap.robot.clock import Clock, VirtualClock
-from realitygap.robot.khepera import Khepera
-from realitygap.robot.loop import drive
+from realitygap.robots.body import SerialBody
+from realitygap.robots.clock import Clock, VirtualClock
+from realitygap.robots.khepera.driver import Khepera
+from realitygap.robots.loop import drive
 from realitygap.tasks import Start, load_task
 from realitygap.tasks.body import SimulatedBody, network_inputs
 from realitygap.tasks.simulation import Simulation
@@ -25,7 +25,7 @@ from realitygap.twin.process import start_twin
 from realitygap.values import Command, Pose
 from realitygap.world.arena import Arena
 from realitygap.world.profile import load_profile
-from tests.robot.contract import MIDDLE, BodyContract
+from tests.robots.contract import MIDDLE, BodyContract
 
 PAPER = load_profile("paper")
 LAYOUT = Layout()

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.correspondence.exemplars import KINDS, exemplar
-from realitygap.correspondence.ladders import behaviours, ladders_of
-from realitygap.correspondence.validation import (
+from realitygap.correspondence.exemplars.kinds import KINDS, exemplar
+from realitygap.correspondence.exemplars.ladders import behaviours, ladders_of
+from realitygap.correspondence.exemplars.validation import (
     Ladder,
     against,
     climb,

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.correspondence.crossed import Crossed
+from realitygap.experiments.noise.crossed import Crossed
 from realitygap.report.noise.facts import FAILED
 from realitygap.report.noise.results import read_results
 

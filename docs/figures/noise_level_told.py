@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from realitygap.correspondence.claims import Contrast, Finding, Split, judge_claims
-from realitygap.correspondence.contrasts import unpaired
-from realitygap.correspondence.crossed import Crossed
+from realitygap.experiments.noise.claims import Contrast, Finding, Split, judge_claims
+from realitygap.experiments.noise.contrasts import unpaired
+from realitygap.experiments.noise.crossed import Crossed
 from realitygap.report.noise.facts import BOTH, FAILED, PAPER, SATURATED, Scope, Span
 from realitygap.report.noise.report import NoiseReport
 from realitygap.report.noise.results import read_results

@@ -30,12 +30,12 @@ if TYPE_CHECKING:
     from realitygap.report.build import build_report
     from realitygap.study.config import StudyConfig
     from realitygap.study.load import load_study
-    from realitygap.study.marks import marks_of
     from realitygap.study.runner import run_study
-    from realitygap.study.transfer.run import load_transfers, transfer
     from realitygap.tasks import load_task
     from realitygap.tasks.simulation import Simulation
     from realitygap.tasks.task import Start, Task
+    from realitygap.transfer.run import load_transfers, transfer
+    from realitygap.transfer.score_rows import marks_of
     from realitygap.values import Command, Pose, Readings, Trajectory
     from realitygap.world.arena import Arena, load_arena
     from realitygap.world.noise import noise_level

@@ -30,7 +30,7 @@ from realitygap.cli import realitygap
 from realitygap.errors import BaudError, RecordingError
 from realitygap.film.calibrate import calibrate_camera
 from realitygap.values import Pose
-from tests.robot.conftest import ROOT, Bench, bench
+from tests.robots.conftest import ROOT, Bench, bench
 
 __all__ = ["bench"]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from tests.study.noise_parts import quick_units
+from tests.experiments.noise_parts import quick_units
 
-from realitygap.study.noise.config import NoiseConfig
+from realitygap.experiments.noise.config import NoiseConfig
 
 SMALL = (
     "--levels", "0,1", "--runs", 2, "--seed-sets", 2, "--units", 1, "--starts", 2, "--evaluations", 40,
@@ -52,13 +52,13 @@ def test_what_cannot_be_done_is_refused(refused, tmp_path):
 
 def test_ctrl_c_says_how_to_go_on(units, call, tmp_path):
     """Stopped by Ctrl-C the command says so in a line, with the command that goes on; exit code 130."""
-    import realitygap.study.situated
+    import realitygap.transfer.rig
 
     def stopped(*_, **__):
         raise KeyboardInterrupt
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(realitygap.study.situated.Stand, "drive", stopped)
+        patch.setattr(realitygap.transfer.rig.Stand, "drive", stopped)
         result = call("study", "noise", "--out", tmp_path / "study", *SMALL)
     assert result.exit_code == 130 and result.stdout == ""
     last = result.stderr.splitlines()[-1]

@@ -16,14 +16,14 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-import realitygap.study.transfer.run as study_transfer
+import realitygap.transfer.run as study_transfer
 from realitygap.cli import realitygap
 from realitygap.film.video import FilmWriter
 from realitygap.study.config import StudyConfig
 from realitygap.study.parts import Condition
 from realitygap.study.runner import run_study
-from realitygap.study.transfer.film import calibrated
 from realitygap.tasks import load_task
+from realitygap.transfer.film import calibrated
 from realitygap.twin.camera import OverheadCamera
 from realitygap.twin.process import start_twin
 from realitygap.twin.states import States
@@ -193,7 +193,7 @@ def test_reproduce_transfers_before_it_reports(json_of, monkeypatch, tmp_path):
         assert not (study.folder / "report" / "index.html").exists()
         return []
 
-    monkeypatch.setattr("realitygap.study.reproduction.transfer", transfer)
+    monkeypatch.setattr("realitygap.experiments.reproduction.transfer", transfer)
     words = ("reproduce", "--runs", 1, "--evaluations", 66, "--workers", 1, "--profile", "paper")
     words = (*words, "--starts", 3, "--out", tmp_path / "study")
     assert json_of(*words)["transfers"] == []

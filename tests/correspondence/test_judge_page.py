@@ -5,9 +5,9 @@ Skipped where there is no Chromium (in the PATH, or named by CHROMIUM).
 
 from pathlib import Path
 
+from realitygap.correspondence.exemplars.ladders import Behaviour
+from realitygap.correspondence.exemplars.validation import setting_for
 from realitygap.correspondence.judging import Pair, blind_pairs, page
-from realitygap.correspondence.ladders import Behaviour
-from realitygap.correspondence.validation import setting_for
 from tests.browser import Browser
 
 ROBOT = Behaviour(task="obstacle-avoidance", kind="two way turner", seed=1)

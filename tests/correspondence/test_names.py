@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from realitygap.correspondence.exemplars import KINDS, exemplar
-from realitygap.correspondence.marks import shows
+from realitygap.correspondence.exemplars.evidence import shows
+from realitygap.correspondence.exemplars.kinds import KINDS, exemplar
+from realitygap.correspondence.exemplars.validation import held_out, setting_for
 from realitygap.correspondence.names import NONE, common_name, namer
-from realitygap.correspondence.validation import held_out, setting_for
 from realitygap.tasks.load import load_task
 from realitygap.values import Command
 from tests.correspondence.tracks import mirrored, random_walker, standing

@@ -12,23 +12,23 @@ from realitygap.controller.layout import Layout
 from realitygap.controller.network import decode
 from realitygap.correspondence.behaviour import behaviour_score, ends_of
 from realitygap.correspondence.distances import Distances, matched_starts
-from realitygap.correspondence.ladders import Behaviour, behaviours, ladders_of
-from realitygap.correspondence.scale import exemplar_scale
-from realitygap.correspondence.score import compare
-from realitygap.correspondence.statistics import correlation, parting_s, transferability
-from realitygap.correspondence.trials import resampled, trial_of
-from realitygap.correspondence.validation import (
+from realitygap.correspondence.exemplars.ladders import Behaviour, behaviours, ladders_of
+from realitygap.correspondence.exemplars.validation import (
     against,
     climb,
     order_of_phrases,
     phrase_scores,
     setting_for,
 )
+from realitygap.correspondence.scale import exemplar_scale
+from realitygap.correspondence.score import compare
+from realitygap.correspondence.statistics import correlation, parting_s, transferability
+from realitygap.correspondence.trials import resampled, trial_of
 from realitygap.correspondence.words import differences, noisiness
 from realitygap.errors import UsageError
-from realitygap.study.transfer import paths
 from realitygap.tasks.load import load_task
 from realitygap.tasks.simulation import Simulation
+from realitygap.transfer import paths
 from realitygap.world.profile import load_profile
 from tests.correspondence.tracks import half_round, in_mirror, mirrored, turned
 

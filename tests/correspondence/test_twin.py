@@ -6,15 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from realitygap.correspondence.exemplars import KINDS, Ruled
-from realitygap.correspondence.marks import shows
+from realitygap.correspondence.exemplars.evidence import shows
+from realitygap.correspondence.exemplars.kinds import KINDS, Ruled
+from realitygap.correspondence.exemplars.validation import setting_for
 from realitygap.correspondence.names import namer
 from realitygap.correspondence.reading import read_trials
-from realitygap.correspondence.validation import setting_for
-from realitygap.robot.body import SerialBody
-from realitygap.robot.clock import VirtualClock
-from realitygap.robot.khepera import Khepera
-from realitygap.robot.loop import drive
+from realitygap.robots.body import SerialBody
+from realitygap.robots.clock import VirtualClock
+from realitygap.robots.khepera.driver import Khepera
+from realitygap.robots.loop import drive
 from realitygap.tasks.load import load_task
 from realitygap.tasks.simulation import Simulation
 from realitygap.twin.process import start_twin

@@ -19,15 +19,15 @@ import tempfile
 import time
 from pathlib import Path
 
-from realitygap.robot.body import SerialBody
-from realitygap.robot.khepera import Khepera
-from realitygap.robot.loop import drive
-from realitygap.robot.recording import Recorder, Recording
+from realitygap.robots.body import SerialBody
+from realitygap.robots.khepera.driver import Khepera
+from realitygap.robots.loop import drive
+from realitygap.robots.recording import Recorder, Recording
 from realitygap.twin.process import start_twin
-from tests.robot.conftest import ARENA, BODY, ROOT, STALL_S
-from tests.robot.controllers import Constant, bands
-from tests.robot.pump import Faults, Pump
-from tests.robot.test_faults import comes_to_stand
+from tests.robots.conftest import ARENA, BODY, ROOT, STALL_S
+from tests.robots.controllers import Constant, bands
+from tests.robots.pump import Faults, Pump
+from tests.robots.test_faults import comes_to_stand
 
 HANG = "a controller that hangs"
 WAYS = (

@@ -162,25 +162,25 @@ def _study_config(folder: Path) -> object:
 
 
 def _noise_config(folder: Path) -> object:
-    from realitygap.study.noise.config import NoiseConfig
+    from realitygap.experiments.noise.config import NoiseConfig
 
     return NoiseConfig.from_folder(folder).to_toml()
 
 
 def _reproduction(folder: Path) -> object:
-    from realitygap.study.reproduction import Reproduction
+    from realitygap.experiments.reproduction import Reproduction
 
     return Reproduction.from_toml(folder / "reproduce.toml")
 
 
 def _transfers(folder: Path) -> object:
-    from realitygap.study.transfer.load import load_transfers
+    from realitygap.transfer.load import load_transfers
 
     return [(one.to_dict(), one.simulated, one.situated) for one in load_transfers(folder)]
 
 
 def _drive(folder: Path) -> object:
-    from realitygap.robot.recording import Recording
+    from realitygap.robots.recording import Recording
 
     return Recording.from_folder(folder).late_steps
 
@@ -188,7 +188,7 @@ def _drive(folder: Path) -> object:
 def _situated(folder: Path) -> object:
     from types import SimpleNamespace
 
-    from realitygap.study.noise import situated
+    from realitygap.experiments.noise import situated
 
     stage = SimpleNamespace(
         folder=folder, config=SimpleNamespace(units=1, starts=2), task=lambda name: SimpleNamespace(steps=20)

@@ -20,16 +20,16 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from realitygap.errors import RealityGapError
-from realitygap.robot.body import SerialBody
-from realitygap.robot.clock import RealClock
-from realitygap.robot.khepera import Khepera
-from realitygap.robot.loop import drive
-from realitygap.robot.recording import Recorder, Recording
+from realitygap.robots.body import SerialBody
+from realitygap.robots.clock import RealClock
+from realitygap.robots.khepera.driver import Khepera
+from realitygap.robots.loop import drive
+from realitygap.robots.recording import Recorder, Recording
 from realitygap.twin.process import start_twin
-from tests.robot.conftest import ARENA, BODY
-from tests.robot.controllers import Constant, bands
-from tests.robot.pump import Faults, Pump
-from tests.robot.test_faults import comes_to_stand
+from tests.robots.conftest import ARENA, BODY
+from tests.robots.controllers import Constant, bands
+from tests.robots.pump import Faults, Pump
+from tests.robots.test_faults import comes_to_stand
 
 SECONDS = 1.5
 TOO_LONG_S = 30.0

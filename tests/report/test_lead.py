@@ -10,13 +10,13 @@ from types import SimpleNamespace
 import pytest
 from markupsafe import escape
 
+from realitygap.experiments.reproduction import ASKED, Reproduction, again
 from realitygap.report import build_report
 from realitygap.report.gather import parts_of
 from realitygap.report.lead import departures, is_paper, lead
 from realitygap.study.config import StudyConfig
 from realitygap.study.folder import versions
 from realitygap.study.load import Study
-from realitygap.study.reproduction import ASKED, Reproduction, again
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
 from realitygap.world.arena import load_arena

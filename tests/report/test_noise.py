@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.correspondence.claims import CLAIMS
 from realitygap.errors import UsageError
+from realitygap.experiments.noise.claims import CLAIMS
 from realitygap.report.noise import report as noise
 from realitygap.report.noise.aside_words import falls_words
 from realitygap.report.noise.facts import gather_facts
@@ -21,7 +21,7 @@ from realitygap.report.noise.figures import map_figure
 from realitygap.report.noise.results import read_results
 from realitygap.report.noise.tables import names_table
 from realitygap.world.profile import load_profile
-from tests.correspondence.crosses import TASKS, comparison, flat, study, write
+from tests.experiments.crosses import TASKS, comparison, flat, study, write
 
 SMALL = (0.0, 1.0, 2.0)
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from realitygap.correspondence.contrasts import unpaired
+from realitygap.experiments.noise.contrasts import unpaired
 from realitygap.report.calibration import beside_real
 from realitygap.world.profile import load_profile
 

@@ -19,7 +19,7 @@ from realitygap.report.gather import Paths, parts_of
 from realitygap.report.page import _scripts
 from realitygap.report.player_tracks import LOST, activity, pack, track
 from realitygap.report.transfers import pairs_of
-from realitygap.robot.recording import Recording
+from realitygap.robots.recording import Recording
 from realitygap.study.load import Study
 from tests.report.scenes import random_genes
 from tests.report.situations import STEPS, write_transfer

@@ -15,9 +15,9 @@ from realitygap.report.scores import score_tables, study_tables, write_scores
 from realitygap.report.words_scores import read_scores
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import load_study
-from realitygap.study.marks import Mark
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
+from realitygap.transfer.score_rows import Mark
 from realitygap.world.profile import load_profile
 from tests.report.situations import write_transfer
 

@@ -20,8 +20,8 @@ from realitygap.report.transfers import groups_of, pairs_of, robots_of, shown_pa
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study, load_study
 from realitygap.study.runner import run_study
-from realitygap.study.transfer.choice import shown_runs
 from realitygap.tasks import load_task
+from realitygap.transfer.choice import shown_runs
 from realitygap.world.profile import load_profile
 from tests.report.situations import STEPS, write_transfer
 

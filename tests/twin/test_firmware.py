@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from realitygap.robot.protocol import COMMANDS
+from realitygap.robots.khepera.protocol import COMMANDS
 from realitygap.twin.firmware import NEVER, Firmware
-from tests.robot.kinematic import KinematicBody
+from tests.robots.kinematic import KinematicBody
 
 MS = 1_000_000
 ARENA = {"size_cm": [50.0, 50.0]}

@@ -18,10 +18,10 @@ from click.testing import CliRunner
 
 from realitygap.cli import realitygap
 from realitygap.errors import RobotError, UsageError
-from realitygap.robot.clock import VirtualClock
+from realitygap.robots.clock import VirtualClock
 from realitygap.twin.process import TwinProcess, start_twin
 from realitygap.values import Pose
-from tests.robot.conftest import ARENA, BODY, ROOT, Bench, bench
+from tests.robots.conftest import ARENA, BODY, ROOT, Bench, bench
 
 __all__ = ["bench"]
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, Self
 import click
 
 if TYPE_CHECKING:
-    from realitygap.study.noise.progress import NoiseProgress
+    from realitygap.experiments.noise.progress import NoiseProgress
     from realitygap.study.progress import Progress
-    from realitygap.study.transfer.work import TransferProgress
+    from realitygap.transfer.work import TransferProgress
 
 __all__ = ["ProgressLine", "clock"]
 

@@ -125,7 +125,7 @@ def _site(
     from contextlib import nullcontext
 
     from realitygap.calibration.recorder.record import twin_sites
-    from realitygap.robot.signals import Stopping
+    from realitygap.robots.signals import Stopping
 
     if robot.port is None:
         noise = 1.0 if twin_noise is None else twin_noise
@@ -134,7 +134,7 @@ def _site(
         facts = {"robot": "twin (pseudo-reality)", "unit": robot.unit, "twin_noise": noise}
         return twin_sites(unit=robot.unit, noise=noise, seed=seed), facts, _stoppable(stack, line.places)
     from realitygap.calibration.recorder.site import PersonSite
-    from realitygap.robot.khepera import Khepera
+    from realitygap.robots.khepera.driver import Khepera
 
     stack.enter_context(Stopping())
     khepera = stack.enter_context(Khepera.connect(robot.port, baud=None if baud == "any" else int(baud)))

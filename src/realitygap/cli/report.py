@@ -28,7 +28,7 @@ def report(study: str, trust: bool, json_output: bool) -> None:
     from realitygap.report.build import build_report
     from realitygap.report.scores import study_tables
     from realitygap.study.load import load_study
-    from realitygap.study.marks import marks_of
+    from realitygap.transfer.score_rows import marks_of
 
     ask_trust(study, trust)
     with ProgressLine() as progress:

@@ -75,7 +75,7 @@ def reproduce(
     Example:
         realitygap reproduce --out out/reproduce
     """
-    from realitygap.study.reproduction import Reproduction, begun, configured, transferred
+    from realitygap.experiments.reproduction import Reproduction, begun, configured, transferred
 
     given: dict[str, Any] = {
         "runs": runs, "evaluations": evaluations, "seed": seed, "profile": profile, "starts": starts,

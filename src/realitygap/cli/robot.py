@@ -14,9 +14,9 @@ from realitygap.cli.output import print_json, print_table
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from realitygap.robot.body import SerialBody
-    from realitygap.robot.khepera import Khepera
-    from realitygap.robot.recording import Recording
+    from realitygap.robots.body import SerialBody
+    from realitygap.robots.khepera.driver import Khepera
+    from realitygap.robots.recording import Recording
     from realitygap.values import Readings
 
 __all__ = ["robot"]
@@ -61,9 +61,9 @@ def check(
     """
     from contextlib import closing
 
-    from realitygap.robot.clock import RealClock, VirtualClock
-    from realitygap.robot.khepera import Khepera
-    from realitygap.robot.signals import Stopping
+    from realitygap.robots.clock import RealClock, VirtualClock
+    from realitygap.robots.khepera.driver import Khepera
+    from realitygap.robots.signals import Stopping
 
     clock = VirtualClock(clock_channel) if clock_channel else RealClock()
     rate = None if baud == "any" else int(baud)
@@ -88,7 +88,7 @@ def check(
 def _sensors(khepera: Khepera, seconds: float, *, live: bool) -> dict[str, Any]:
     """Run a standing robot through the control loop, and show what it reads."""
     from realitygap.errors import BaudError
-    from realitygap.robot.body import SerialBody
+    from realitygap.robots.body import SerialBody
 
     note = None
     try:
@@ -113,7 +113,7 @@ def _sensors(khepera: Khepera, seconds: float, *, live: bool) -> dict[str, Any]:
 
 def _drive(body: SerialBody, units: int, seconds: float, live: bool = False) -> Recording:
     """Straight on; 0: stand."""
-    from realitygap.robot.loop import drive
+    from realitygap.robots.loop import drive
     from realitygap.values import Command
 
     class Steady:
@@ -187,7 +187,7 @@ def _agreed(yes: bool, json_output: bool) -> bool:
 
 def _movement(khepera: Khepera) -> dict[str, int]:
     """Ahead, look at the counters, back, stand."""
-    from realitygap.robot.body import SerialBody
+    from realitygap.robots.body import SerialBody
 
     body = SerialBody(khepera, kinds=("proximity",))
     body.reset()

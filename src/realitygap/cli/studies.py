@@ -54,8 +54,8 @@ def carry_out(
     """
     from realitygap.report.build import build_report
     from realitygap.report.scores import study_tables
-    from realitygap.study.marks import marks_of
     from realitygap.study.runner import run_study
+    from realitygap.transfer.score_rows import marks_of
 
     try:
         with ProgressLine() as progress:

@@ -24,7 +24,7 @@ from realitygap.cli.progress import ProgressLine
 from realitygap.errors import RobotStoppedError, StudyInterruptedError
 
 if TYPE_CHECKING:
-    from realitygap.study.noise.config import NoiseConfig
+    from realitygap.experiments.noise.config import NoiseConfig
 
 __all__ = ["study"]
 
@@ -87,8 +87,8 @@ def noise(out: Path, workers: int | None, resume: bool, json_output: bool, **opt
         realitygap study noise --twin-noise 2 --out out/noise-2
         realitygap study noise --levels 0,1,2 --runs 4 --units 1 --starts 4 --out out/small
     """
+    from realitygap.experiments.noise.run import noise_study
     from realitygap.report.noise.report import build_noise_report, noise_summary
-    from realitygap.study.noise.run import noise_study
 
     config = _config(out, resume, options)
     if not resume:
@@ -113,7 +113,7 @@ def _config(out: Path, resume: bool, options: dict[str, Any]) -> NoiseConfig:
     """The usual study with what was given; or, resumed, the one that is there."""
     from dataclasses import replace
 
-    from realitygap.study.noise.config import CONFIG, NoiseConfig, levels_of, tasks_of
+    from realitygap.experiments.noise.config import CONFIG, NoiseConfig, levels_of, tasks_of
 
     begun = NoiseConfig.from_folder(out) if resume and (out / CONFIG).is_file() else NoiseConfig()
     given = {key: value for key, value in options.items() if value is not None}

@@ -20,9 +20,9 @@ from realitygap.cli.trust import ask_trust, trust_option
 from realitygap.errors import RobotStoppedError, StudyInterruptedError
 
 if TYPE_CHECKING:
-    from realitygap.study.transfer.plan import Situation
-    from realitygap.study.transfer.run import Transferred
-    from realitygap.study.transfer.work import TransferProgress
+    from realitygap.transfer.plan import Situation
+    from realitygap.transfer.run import Transferred
+    from realitygap.transfer.work import TransferProgress
     from realitygap.values import Pose
 
 __all__ = ["print_transfers", "transfer"]
@@ -128,7 +128,7 @@ def transfer(
         realitygap transfer out/reproduce 9 --robot serial:/dev/ttyUSB0 --camera camera.json --eye 0
     """
     from realitygap.study.load import load_study
-    from realitygap.study.transfer.run import transfer as carry_over
+    from realitygap.transfer.run import transfer as carry_over
 
     ask_trust(study, trust)
     loaded = load_study(study)

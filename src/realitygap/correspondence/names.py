@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.correspondence.descriptors import chosen, mirrored, table
-from realitygap.correspondence.exemplars import KINDS
+from realitygap.correspondence.exemplars.kinds import KINDS
 from realitygap.correspondence.setting import Setting
 from realitygap.correspondence.trials import Trial
 from realitygap.errors import TrackError
@@ -119,7 +119,7 @@ def namer(setting: Setting) -> Namer:
             "the tracks fit neither of the paper's arenas: expected --task, the task whose arena they "
             "were made in (a name or a .py file)."
         )
-    place = files("realitygap.correspondence").joinpath("exemplars.npz")
+    place = files("realitygap.correspondence.exemplars").joinpath("exemplars.npz")
     with place.open("rb") as file, np.load(file) as kept:
         rows, names = kept[f"{task} rows"], kept[f"{task} names"]
         told = [d.name for d in chosen(load_task(task).arena)]

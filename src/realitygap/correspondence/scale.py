@@ -98,7 +98,7 @@ def scale_of(
 
 def exemplar_scale(task: str | None, starts_a: int, starts_b: int, *, matched: bool = True) -> Scale:
     """The scale of the project's own exemplars, for so many starts in the two sets, pairs or not."""
-    text = files("realitygap.correspondence").joinpath("scales.json").read_text(encoding="utf-8")
+    text = files("realitygap.correspondence.exemplars").joinpath("scales.json").read_text(encoding="utf-8")
     made = json.loads(text)[task or "motion"]
     shrink = float(np.sqrt((1 / starts_a + 1 / starts_b) / 2))
     of = f"exemplars of {task.replace('-', ' ')}" if task else "exemplars of both tasks, by motion alone"

@@ -38,8 +38,8 @@ from realitygap.report.style import inline_svg, save_figure, styled
 from realitygap.report.tables import NoiseClass, Row, Table, write_csv
 from realitygap.report.transfers import Pair, pairs_of
 from realitygap.report.words_scores import read_scores
-from realitygap.study.marks import Mark, marks_of
 from realitygap.study.sources import refuse_links
+from realitygap.transfer.score_rows import Mark, marks_of
 
 __all__ = ["build_report"]
 

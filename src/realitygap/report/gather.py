@@ -13,7 +13,7 @@ from realitygap.kernels.rng import substream
 from realitygap.report.paths import PathPanel
 from realitygap.report.statistics import mean_of, running_best
 from realitygap.report.tables import NoiseClass, Row, Table
-from realitygap.study.transfer.choice import median_run
+from realitygap.transfer.choice import median_run
 from realitygap.world.noise import NOISE_LEVELS, noise_level, noise_name
 
 __all__ = ["PER_CONDITION", "Paths", "TaskPart", "best_so_far", "chosen", "individual", "parts_of", "path_of"]

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from realitygap.experiments.reproduction import again
 from realitygap.report.gather import PER_CONDITION, TaskPart
 from realitygap.report.lead import departures, is_paper, lead
 from realitygap.report.statistics import mean_of
 from realitygap.report.style import noise_styles
 from realitygap.report.tables import WHO, NoiseClass, Table
-from realitygap.study.reproduction import again
 
 if TYPE_CHECKING:
     from realitygap.report.calibrated import CalibratedPart

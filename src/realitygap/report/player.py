@@ -21,10 +21,10 @@ from realitygap.report.robots import WHEEL_CM
 from realitygap.report.style import noise_styles
 from realitygap.report.tables import NoiseClass, Row, number
 from realitygap.report.transfers import Pair, robots_of
-from realitygap.robot.recording import Recording
-from realitygap.study.transfer.paths import read_path
-from realitygap.study.transfer.replay import Replay, Replays
-from realitygap.study.transfer.trial import SIMULATED, SITUATED
+from realitygap.robots.recording import Recording
+from realitygap.transfer.paths import read_path
+from realitygap.transfer.replay import Replay, Replays
+from realitygap.transfer.trial import SIMULATED, SITUATED
 from realitygap.values import Trajectory
 from realitygap.world.rays import RAY_ANGLES_DEG
 

@@ -14,7 +14,7 @@ from realitygap import whole
 from realitygap.report.paper_tables import PAPER_AVERAGES, PAPER_ROWS, PaperRow
 from realitygap.report.statistics import Mean, mean_of
 from realitygap.study.load import Study
-from realitygap.study.marks import Mark, marks_of
+from realitygap.transfer.score_rows import Mark, marks_of
 from realitygap.world.noise import noise_level, noise_name
 
 __all__ = ["ScoreClass", "ScoreTable", "score_tables", "study_tables", "write_scores"]

@@ -110,7 +110,7 @@ class Group:
 
 def pairs_of(study: Any, parts: Sequence[TaskPart]) -> dict[str, list[Pair]]:
     """The study's transfers by task, in the order of its runs, robots and starts."""
-    from realitygap.study.transfer.run import load_transfers
+    from realitygap.transfer.run import load_transfers
 
     rows = {row.run: (c.level, row) for part in parts for c in part.conditions for row in c.rows}
     pairs = [_pair(one, *rows[one.run]) for one in load_transfers(study.folder) if one.run in rows]

@@ -1,6 +1,6 @@
 """The simulated robot as a body: what a controller drives, as it drives a twin or a Khepera.
 
-Of the form that robot/body.py asks for, without knowing of it. Time goes on with the body's own
+Of the form that robots/body.py asks for, without knowing of it. Time goes on with the body's own
 clock, in the simulation's steps of 100 ms.
 """
 
@@ -163,7 +163,7 @@ class SimulatedBody:
 
 
 class SimulatedClock:
-    """A simulated body's time, s: of the form that robot/clock.py asks for; nothing is ever late."""
+    """A simulated body's time, s: of the form that robots/clock.py asks for; nothing is ever late."""
 
     waits = True
 

@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
-from realitygap.robot.protocol import (
+from realitygap.robots.khepera.protocol import (
     BITS_PER_CHARACTER,
     NOT_FOUND,
     PROTOCOL_ERROR,

@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import Any
 
 from realitygap.errors import RobotError, UsageError
-from realitygap.robot.protocol import BAUD_RATES
+from realitygap.robots.khepera.protocol import BAUD_RATES
 from realitygap.twin.server import BODY
 from realitygap.values import Pose
 

@@ -1,7 +1,7 @@
 """The twin's process: a robot behind a pseudo-terminal, its clock and the experimenter's hand.
 
 On the pseudo-terminal there is the robot's protocol and nothing else. A second channel, a Unix
-socket, takes lines of text: `run` from a virtual clock (realitygap.robot.clock says how), and from
+socket, takes lines of text: `run` from a virtual clock (realitygap.robots.clock says how), and from
 the experimenter `place X_CM Y_CM HEADING_RAD`, `film FILE` (write where the robot is every 20 ms,
 for the camera; `film` alone ends it), `renew SEED` (switch this robot off and another on: all that a
 fresh process would make of that seed, so that many trials need one process) and `quit`. Each is answered

@@ -25,8 +25,8 @@ from realitygap.calibration.recorder.wheel_plans import ROOM, Trial, wheel_plan
 from realitygap.calibration.recordings.files import POSE, READINGS, STEP_COLUMNS, STEPS, UNITS
 from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, HEIGHTS_CM
 from realitygap.errors import BaudError
-from realitygap.robot.body import SerialBody
-from realitygap.robot.signals import MOVING, Stopping
+from realitygap.robots.body import SerialBody
+from realitygap.robots.signals import MOVING, Stopping
 from realitygap.values import Command, Pose
 
 __all__ = ["REPEATS", "Made", "OpenSite", "record", "twin_sites"]

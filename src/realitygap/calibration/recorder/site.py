@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 from realitygap import temporary
 from realitygap.calibration.recorder.plans import Place
 from realitygap.calibration.recorder.wheel_plans import Trial
-from realitygap.robot.clock import VirtualClock
-from realitygap.robot.khepera import Khepera
+from realitygap.robots.clock import VirtualClock
+from realitygap.robots.khepera.driver import Khepera
 from realitygap.values import Pose
 
 if TYPE_CHECKING:

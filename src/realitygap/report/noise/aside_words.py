@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from realitygap.correspondence.claims import Contrast
+from realitygap.experiments.noise.claims import Contrast
 from realitygap.report.noise.facts import FAILED, SATURATED, Fall, NoiseFacts, Scope, Span
 from realitygap.report.noise.figures import titled
 from realitygap.report.noise.results import Misfit, real_misfits

@@ -10,7 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.correspondence.claims import (
+from realitygap.correspondence.scale import EDGE
+from realitygap.correspondence.statistics import Correlation, correlation
+from realitygap.experiments.noise.claims import (
     RESAMPLES,
     Contrast,
     Finding,
@@ -19,10 +21,8 @@ from realitygap.correspondence.claims import (
     judge_home,
     split_diagonal,
 )
-from realitygap.correspondence.contrasts import crossing, interval, peak, unpaired
-from realitygap.correspondence.crossed import FEWEST, Crossed
-from realitygap.correspondence.scale import EDGE
-from realitygap.correspondence.statistics import Correlation, correlation
+from realitygap.experiments.noise.contrasts import crossing, interval, peak, unpaired
+from realitygap.experiments.noise.crossed import FEWEST, Crossed
 from realitygap.report.paper_tables import PAPER_ROWS
 
 __all__ = [

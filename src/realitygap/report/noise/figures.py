@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from realitygap.correspondence.crossed import Crossed
+from realitygap.experiments.noise.crossed import Crossed
 from realitygap.report.noise.facts import PAPER, Curve, FitnessRow, NoiseFacts, Scope, Span, heat, points
 from realitygap.report.style import INK, MUTED, PAGE, new_figure, noise_styles
 

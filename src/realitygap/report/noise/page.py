@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from realitygap.correspondence.claims import RESAMPLES, VERDICTS
+from realitygap.experiments.noise.claims import RESAMPLES, VERDICTS
 from realitygap.report.noise.facts import BOTH
 from realitygap.report.noise.figures import titled
 from realitygap.report.noise.words import LIMITS

@@ -17,7 +17,7 @@ from realitygap.study.sources import refuse_links
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from realitygap.correspondence.claims import Contrast, Split
+    from realitygap.experiments.noise.claims import Contrast, Split
     from realitygap.report.noise.facts import Curve, NoiseFacts, Span
     from realitygap.report.noise.tables import NoiseTable
 

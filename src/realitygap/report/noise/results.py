@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from realitygap.correspondence.crossed import Crossed, robot_level
 from realitygap.errors import StudyError
+from realitygap.experiments.noise.crossed import Crossed, robot_level
 from realitygap.toml import read_toml
 
 __all__ = ["Misfit", "NoiseResults", "read_results", "real_misfits"]

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from realitygap.correspondence.claims import Contrast, Finding
-from realitygap.correspondence.contrasts import Effect
+from realitygap.experiments.noise.claims import Contrast, Finding
+from realitygap.experiments.noise.contrasts import Effect
 from realitygap.report.noise.facts import PAPER, NoiseFacts, Span
 from realitygap.report.noise.figures import titled
 from realitygap.report.noise.results import Misfit, real_misfits

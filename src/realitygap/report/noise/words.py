@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from realitygap.correspondence.claims import Contrast, Finding
+from realitygap.experiments.noise.claims import Contrast, Finding
 from realitygap.report.noise.aside_words import (
     CHANNELS,
     effect_words,

@@ -1,0 +1,1 @@
+"""Controllers whose behaviour is known, and what is learnt from them."""

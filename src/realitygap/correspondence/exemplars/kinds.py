@@ -1,0 +1,132 @@
+"""Exemplars: hand-written controllers let loose in the simulation, of many sizes and speeds.
+
+No two exemplars are the same robot: each has its own numbers, its own infrared and light gains and
+its own wheels, so that what is learnt of them is the kind and not the unit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from realitygap.correspondence.exemplars.avoiders import AVOIDERS, Draw, Rule
+from realitygap.correspondence.exemplars.evidence import shows
+from realitygap.correspondence.exemplars.nobodies import NOBODIES
+from realitygap.correspondence.exemplars.seekers import SEEKERS
+from realitygap.correspondence.trials import Trial
+from realitygap.tasks.body import SimulatedBody
+from realitygap.tasks.load import load_task
+from realitygap.tasks.simulation import Simulation
+from realitygap.values import Command, Pose, Readings
+from realitygap.world.profile import Profile, load_profile
+
+__all__ = ["KINDS", "Ruled", "another_unit", "exemplar", "kinds_of", "live"]
+
+KINDS = {"obstacle-avoidance": AVOIDERS, "light-seeking": SEEKERS}
+"""The paper's kinds of behaviour, by task (tables 1 and 2)."""
+DRAWS = 50
+"""An exemplar is drawn so often at most; one in three shows no mark where that is rarest."""
+
+
+class Ruled:
+    """A rule as a controller that drives any body: readings in, wheel commands out.
+
+    Args:
+        feeds: "proximity" or "ambient".
+        make: draws the rule; `seed` names the draw, so that every reset gives the same robot.
+
+    Attributes:
+        commands: what it said since its last reset.
+    """
+
+    def __init__(self, make: Callable[[Draw], Rule], seed: int, feeds: str) -> None:
+        self._make, self._seed, self._feeds = make, seed, feeds
+        self.reset()
+
+    def reset(self) -> None:
+        """Before a trial."""
+        self._rule = self._make(np.random.default_rng(self._seed))
+        self.commands: list[Command] = []
+
+    def decide(self, readings: Readings) -> Command:
+        """One step of 100 ms."""
+        self.commands.append(
+            self._rule(readings.proximity if self._feeds == "proximity" else readings.ambient)
+        )
+        return self.commands[-1]
+
+
+def kinds_of(task: str) -> dict[str, Callable[[Draw], Rule]]:
+    """What a task's exemplars are drawn from: the paper's kinds and the nobodies."""
+    return {**KINDS[task], **NOBODIES}
+
+
+def live(
+    simulation: Simulation,
+    controller: Ruled,
+    *,
+    stream: int,
+    pose: Pose | None = None,
+    seconds: float | None = None,
+    start: str = "1",
+) -> Trial:
+    """A trial of a hand-written controller in the simulation."""
+    body = SimulatedBody(simulation, stream=stream)
+    body.reset(pose)
+    controller.reset()
+    steps = round((simulation.task.seconds if seconds is None else seconds) * 10)
+    poses = [body.pose]
+    begun = body.clock.now()
+    for k in range(steps):
+        body.act(controller.decide(body.sense()))
+        body.clock.sleep_until(begun + (k + 1) * 0.1)
+        poses.append(body.pose)
+    return Trial(
+        x=np.array([p.x for p in poses]),
+        y=np.array([p.y for p in poses]),
+        heading=np.unwrap([p.heading for p in poses]),
+        start=start,
+        source="simulation",
+    )
+
+
+def another_unit(profile: Profile, draw: Draw) -> Profile:
+    """Another robot of the same make: each sensor's gain and each wheel a little its own.
+
+    Infrared gains differ most, by cover and surface: a Khepera may feel a wall at a third of the
+    distance at which another does.
+    """
+    gains = draw.uniform(0.9, 1.1, 32)
+    gains[:16] *= np.exp(draw.uniform(np.log(0.15), np.log(1.4)))
+    gains[16:] *= draw.uniform(0.75, 1.25)
+    infrared, ambient, wheels = profile.infrared, profile.ambient, profile.wheels
+    near = [replace(s, a=s.a * g, b=s.b * g) for s, g in zip(infrared.sensors, gains, strict=False)]
+    lit = [replace(s, gain=s.gain * g**2) for s, g in zip(ambient.sensors, gains[16:], strict=False)]
+    left, right = wheels.speed_per_unit_cm_s
+    slip = draw.normal(1.0, 0.01, 2)
+    return replace(
+        profile,
+        name=f"{profile.name}, another unit",
+        infrared=replace(infrared, sensors=tuple(near)),
+        ambient=replace(ambient, sensors=tuple(lit)),
+        wheels=replace(wheels, speed_per_unit_cm_s=(left * slip[0], right * slip[1])),
+    )
+
+
+def exemplar(task: str, kind: str, seed: int, noise: float, *, marked: bool = True) -> Trial:
+    """One exemplar's trial; everything about it follows from its seed.
+
+    Args:
+        marked: draw again, robot and start, until the trial shows its kind's mark (`marks`).
+    """
+    draw = np.random.default_rng([seed, len(kind), *kind.encode()])
+    todo = load_task(task)
+    for _ in range(DRAWS):
+        simulation = Simulation(todo, another_unit(load_profile("paper"), draw), noise)
+        controller = Ruled(kinds_of(task)[kind], int(draw.integers(2**31)), todo.feeds)
+        trial = live(simulation, controller, stream=int(draw.integers(2**62)), start=str(seed))
+        if not marked or shows(task, kind, controller.commands):
+            return trial
+    raise RuntimeError(f"no {kind} in {DRAWS} draws showed its mark")  # fails a maker's check, not a user's

@@ -1,0 +1,121 @@
+"""A noise study's folder: made once, opened only by the settings it was made with."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from realitygap import whole
+from realitygap.errors import StudyError
+from realitygap.experiments.noise.config import CONFIG, NoiseConfig
+from realitygap.experiments.noise.plan import Controller
+from realitygap.study.folder import LOCK, versions
+from realitygap.study.schema import told
+from realitygap.study.settings import difference
+from realitygap.study.sources import EDITED
+from realitygap.toml import read_toml, to_toml
+
+__all__ = ["RESULTS", "Seconds", "command_of", "missing", "open_folder"]
+
+RESULTS = "results"
+"""Folder of the tables that come out: all that a report needs."""
+SECONDS = "seconds.json"
+MADE = f".{CONFIG}"
+"""The settings once more: a person may have edited those that are shown."""
+
+_HEADER = """\
+# A study of the level of noise: all that its results depend on.
+# To go on with it: realitygap study noise --out THIS_FOLDER --resume
+"""
+
+
+def open_folder(folder: Path, wished: NoiseConfig | None, *, resume: bool) -> NoiseConfig:
+    """Make the wished study in the folder, or open the one that is there; the lock is held.
+
+    Raises:
+        StudyError: there is one but `resume` is not wished, or it was made with other settings, or
+            there is none to resume, or the folder holds something else.
+    """
+    if not (folder / CONFIG).is_file():
+        if wished is None:
+            raise StudyError(f"{folder}: no study of the level of noise there. Start it without --resume.")
+        _refuse_strangers(folder)
+        text = to_toml({**wished.to_dict(), "versions": versions()})
+        with told(folder):
+            whole.write(folder / MADE, text)
+            whole.write(folder / CONFIG, f"{_HEADER}\n{text}")
+        return wished
+    there = NoiseConfig.from_folder(folder)
+    _refuse_edited(folder, there)
+    if not resume:
+        done = "a finished" if (folder / RESULTS / "study.toml").is_file() else "an unfinished"
+        cure = "Go on with it (--resume) or choose another --out."
+        raise StudyError(f"{folder} already holds {done} study of the level of noise. {cure}")
+    found = None if wished is None else difference(there.to_dict(), wished.to_dict())
+    if found is not None:
+        key, here, other = found
+        cure = "Leave it as it was, or choose another --out."
+        raise StudyError(f"{folder}: the study was made with {key} = {here!r}, not {other!r}. {cure}")
+    return there
+
+
+def command_of(config: NoiseConfig) -> str:
+    """The command that makes this study; what is as usual is left out."""
+    usual = NoiseConfig().to_dict()
+    changed = {key: value for key, value in config.to_dict().items() if usual.get(key) != value}
+    words = [f"--{key.replace('_', '-')} {_typed(value)}" for key, value in changed.items()]
+    return " ".join(["realitygap study noise", *words])
+
+
+def _typed(value: Any) -> str:
+    """A setting as a person types it, all digits kept."""
+    if isinstance(value, list):
+        return ",".join(map(_typed, value))
+    return repr(value).removesuffix(".0") if isinstance(value, float) else str(value)
+
+
+def missing(files: dict[Controller, Path]) -> list[Controller]:
+    """Whose file is not there yet; files appear as a whole or not at all."""
+    return [one for one, file in files.items() if not file.is_file()]
+
+
+class Seconds:
+    """How long each phase took, over all sessions, kept in the study's folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self._file = folder / SECONDS
+
+    def read(self) -> dict[str, float]:
+        """Seconds by phase; a file that cannot be read tells nothing, and no result hangs on it."""
+        try:
+            return {str(key): float(value) for key, value in json.loads(self._file.read_text()).items()}
+        except (OSError, ValueError, AttributeError, TypeError, ArithmeticError, RecursionError):
+            return {}
+
+    def add(self, phase: str, seconds: float) -> None:
+        """So much more."""
+        table = self.read()
+        table[phase] = round(table.get(phase, 0.0) + seconds, 1)
+        whole.write(self._file, json.dumps(table, indent=1) + "\n")
+
+
+def _refuse_edited(folder: Path, there: NoiseConfig) -> None:
+    """Refuse settings that are not those that the study was made with (one of 0.1.0 keeps no copy)."""
+    if not (folder / MADE).is_file():
+        return
+    made = NoiseConfig.from_dict(read_toml(folder / MADE, StudyError, "", broken="Restore it from a copy."))
+    found = difference(made.to_dict(), there.to_dict())
+    if found is not None:
+        key, was, now = found
+        raise StudyError(
+            f"{folder / CONFIG} was edited since the study was made: {key} was {was!r}, now {now!r}. {EDITED}"
+        )
+
+
+def _refuse_strangers(folder: Path) -> None:
+    """Refuse to make a study among other files."""
+    for path in sorted(folder.iterdir()):
+        if path.name != LOCK and not path.name.startswith("."):
+            what = f"holds no study of the level of noise, but other files ({path.name})"
+            raise StudyError(f"{folder} {what}. Choose another --out.")

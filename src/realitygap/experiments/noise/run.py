@@ -1,0 +1,223 @@
+"""Carry out a study of the level of noise: calibrate, evolve, drive, compare, gather; or go on with one.
+
+from realitygap.experiments.noise.config import NoiseConfig
+from realitygap.experiments.noise.run import noise_study
+
+noise_study("out/noise", NoiseConfig(runs=8, starts=4))
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+from realitygap.calibration.unit import PROFILE
+from realitygap.errors import StudyInterruptedError
+from realitygap.experiments.noise.config import NoiseConfig
+from realitygap.experiments.noise.folder import Seconds, missing, open_folder
+from realitygap.experiments.noise.plan import (
+    Controller,
+    calibration_folder,
+    controllers,
+    evolution,
+    evolved_folder,
+    homes,
+    simulated_file,
+    situated_file,
+    stream,
+)
+from realitygap.experiments.noise.progress import (
+    CALIBRATING,
+    COMPARING,
+    DRIVING,
+    EVOLVING,
+    OnProgress,
+    Reporter,
+)
+from realitygap.experiments.noise.stage import Stage
+from realitygap.experiments.noise.work import Done, Job, Worked, carry_out
+from realitygap.study.folder import exists, lock
+from realitygap.study.progress import COMPILING, FINISHED, Progress
+from realitygap.study.runner import run_study
+from realitygap.study.settings import whole
+from realitygap.study.workers import cores, refuse_unguarded_script
+
+__all__ = ["noise_study"]
+
+CALIBRATION_COST = 68.0
+EVALUATION_COST, RETEST_COST = 0.9e-3, 0.35
+TRIAL_COST, CELL_COST = 0.94, 0.08
+"""About how long things take on one core, s: a unit's calibration, an evaluation, a run's retest, a
+trial on the twin, a comparison with a level. Hints for the time that is left, nothing else."""
+
+KEEP_S = 10.0
+"""How often the time that a phase has taken is written down."""
+
+IN_FILES = {CALIBRATING: "calibrate", EVOLVING: "evolve", DRIVING: "situated", COMPARING: "simulated"}
+"""Phases as study.toml names them."""
+
+
+def noise_study(
+    folder: str | Path,
+    config: NoiseConfig | None = None,
+    *,
+    workers: int | None = None,
+    resume: bool = False,
+    on_progress: OnProgress | None = None,
+) -> Path:
+    """Carry out a study in a folder, or go on with the one that is there.
+
+    Neither `workers` nor an interruption at any moment changes a bit of its tables.
+
+    Args:
+        folder: made if it does not exist.
+        config: what to do; None to resume a study as it was made.
+        workers: processes, one a core if None; 1 stays in this process.
+        resume: go on with the study that is in the folder; without one, make it from `config`.
+        on_progress: called a few times a second.
+
+    Returns:
+        The folder `results` with controllers.csv, cells.csv, calibration.csv and study.toml.
+
+    Raises:
+        UsageError: wrong settings, or a folder that cannot be used.
+        StudyInterruptedError: Ctrl-C; what was done is kept.
+        RobotError: a twin that does not do what it was told.
+    """
+    from realitygap.experiments.noise.results import write_results
+
+    folder = Path(folder)
+    size = cores() if workers is None else workers
+    whole("workers", size, 1, 1024)
+    refuse_unguarded_script()
+    try:
+        with lock(folder):
+            made = open_folder(folder, config, resume=resume)
+            _Phases(folder.resolve(), made, size, on_progress).carry_out()
+            return write_results(Stage(folder, made))
+    except KeyboardInterrupt:
+        kept = f"What was done in {folder} is kept: go on with it (--resume)."
+        raise StudyInterruptedError(f"stopped. {kept}") from None
+
+
+class _Phases:
+    """All that is left to do, phase by phase; each leaves files that the next reads."""
+
+    def __init__(
+        self, folder: Path, config: NoiseConfig, workers: int, on_progress: OnProgress | None
+    ) -> None:
+        self.folder, self.config, self.workers = folder, config, workers
+        self.every = controllers(config)
+        self.to_drive = missing({one: situated_file(folder, one) for one in self.every})
+        self.to_compare = missing({one: simulated_file(folder, one) for one in self.every})
+        per_run = config.evaluations * EVALUATION_COST + RETEST_COST
+        self.costs = {
+            CALIBRATING: CALIBRATION_COST,
+            EVOLVING: per_run,
+            DRIVING: TRIAL_COST * config.units * config.starts,
+            COMPARING: CELL_COST * len(config.levels),
+        }
+        evolved = all(exists(evolved_folder(folder, *home)) for home in homes(config)) and not self.to_drive
+        left = {
+            CALIBRATING: len(self._uncalibrated()),
+            EVOLVING: 0 if evolved else config.controllers,
+            DRIVING: len(self.to_drive),
+            COMPARING: len(self.to_compare),
+        }
+        self.reporter = Reporter(on_progress, {name: left[name] * self.costs[name] for name in left})
+
+    def carry_out(self) -> None:
+        """Every phase that is not over."""
+        phases: dict[str, Callable[[], None]] = {
+            CALIBRATING: self._calibrate,
+            EVOLVING: self._evolve,
+            DRIVING: lambda: self._trials(DRIVING, self.to_drive),
+            COMPARING: lambda: self._trials(COMPARING, self.to_compare),
+        }
+        for name, work in phases.items():
+            with self._timed(name):
+                work()
+            self.reporter.end()
+
+    @contextmanager
+    def _timed(self, name: str) -> Iterator[None]:
+        self._phase, self._since = name, time.monotonic()
+        try:
+            yield
+        finally:
+            self._keep_time()
+
+    def _keep_time(self, every_s: float = 0.0) -> None:
+        """Write down what the phase took; now and then as it goes, so that no kill makes it look quick."""
+        now = time.monotonic()
+        if now - self._since >= every_s:
+            Seconds(self.folder).add(IN_FILES[self._phase], now - self._since)
+            self._since = now
+
+    def _uncalibrated(self) -> list[int]:
+        units = range(1, self.config.units + 1)
+        return [u for u in units if not (calibration_folder(self.folder, u) / PROFILE).is_file()]
+
+    def _calibrate(self) -> None:
+        """A profile of each unit, as the twin is in this study: its noise is the unit's too."""
+        from realitygap.calibration.unit import PARTS, calibrated_unit
+
+        left, units, steps = self._uncalibrated(), self.config.units, len(PARTS) + 1
+        self.reporter.phase(CALIBRATING, done=units - len(left), total=units, what="units")
+        for unit in left:
+            shares: dict[str, float] = {}
+
+            def heard(name: str, done: int, total: int, shares: dict[str, float] = shares) -> None:
+                before = sum(shares.values())
+                shares[name] = done / max(total, 1)
+                self.reporter.add(CALIBRATION_COST * max(0.0, sum(shares.values()) - before) / steps)
+                self._keep_time(KEEP_S)
+
+            calibrated_unit(
+                calibration_folder(self.folder, unit),
+                unit=unit,
+                noise=self.config.twin_noise,
+                seed=stream(self.config, "calibration", unit) >> 1,
+                workers=self.workers,
+                on_progress=heard,
+            )
+            self.reporter.add(0.0, done=1)
+
+    def _evolve(self) -> None:
+        """The runs of every seed set, each in the simulation of its home."""
+        total, before = self.config.controllers, 0
+        self.reporter.phase(EVOLVING, done=0, total=total, what="runs")
+        for seed_set, unit in homes(self.config):
+            place = evolved_folder(self.folder, seed_set, unit)
+            profile = calibration_folder(self.folder, unit) / PROFILE
+            wished = evolution(self.config, seed_set, unit, profile)
+
+            def heard(event: Progress, before: int = before) -> None:
+                done = before + event.runs_done
+                share = event.done / max(event.total, 1) * event.runs_total
+                tell = self.reporter.found if event.phase in (COMPILING, FINISHED) else self.reporter.reach
+                tell(done, self.costs[EVOLVING] * (total - before - share))
+                self._keep_time(KEEP_S)
+
+            run_study(place, wished, workers=self.workers, resume=exists(place), on_progress=heard)
+            before += wished.runs * len(wished.conditions)
+
+    def _trials(self, phase: str, left: list[Controller]) -> None:
+        """A phase whose jobs are controllers."""
+        total, cost, reporter = len(self.every), self.costs[phase], self.reporter
+        reporter.phase(phase, done=total - len(left), total=total, what="controllers")
+        jobs = [Job(one, phase == DRIVING) for one in left]
+
+        def heard(message: Worked | Done) -> None:
+            if isinstance(message, Worked):
+                reporter.add(cost * message.share)
+            else:
+                reporter.add(0.0, done=1)
+            self._keep_time(KEEP_S)
+
+        if jobs:
+            with closing(carry_out(self.folder, jobs, self.workers, heard)) as messages:
+                for message in messages:
+                    heard(message)

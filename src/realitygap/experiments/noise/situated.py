@@ -1,0 +1,147 @@
+"""Controllers on the twin: every unit, every start, through its line and under its camera."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+from zipfile import ZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap import whole
+from realitygap.controller.layout import Genes, Layout
+from realitygap.errors import LineError, StudyError
+from realitygap.experiments.noise.plan import Controller, situated_file, stream
+from realitygap.experiments.noise.stage import Stage
+from realitygap.kernels.params import STEP_S
+from realitygap.values import Pose
+
+if TYPE_CHECKING:
+    from realitygap.transfer.rig import SituatedPath, Stand
+
+__all__ = ["Situated", "Stands", "read_situated", "situate"]
+
+Floats = NDArray[np.float64]
+
+TRIES = 3
+"""Of a trial whose line is lost, as on a computer that stands still for long: it is the same each time."""
+
+
+class Situated(NamedTuple):
+    """A controller's trials on the twin.
+
+    Attributes:
+        poses: [units, starts, rows, 3]: x, y (cm), heading (rad), a row a step of 0.1 s, the first
+            one the start; NaN where the camera lost the robot.
+        streams: [units, starts], of the twin's noise.
+    """
+
+    poses: Floats
+    streams: NDArray[np.uint64]
+
+
+class Stands:
+    """Units of the twin that stay ready while controllers of one task and home take turns on them."""
+
+    def __init__(self, stage: Stage) -> None:
+        self._stage = stage
+        self._group: tuple[str, int] | None = None
+        self._ready: dict[int, Stand] = {}
+
+    def stand(self, one: Controller, unit: int) -> Stand:
+        """A unit, in the arena of the controller's task, with inputs as its home made them."""
+        from realitygap.transfer.rig import Stand
+
+        if self._group != (one.task, one.home):
+            self.close()
+            self._group = (one.task, one.home)
+        if unit not in self._ready:
+            self._ready[unit] = Stand(
+                self._stage.task(one.task),
+                self._stage.profile(one.home),
+                unit=unit,
+                twin_noise=self._stage.config.twin_noise,
+                folder_for_camera=self._stage.folder / "situated" / "cameras",
+            )
+        return self._ready[unit]
+
+    def close(self) -> None:
+        """Let all units go."""
+        ready, self._ready = self._ready, {}
+        for stand in ready.values():
+            stand.close()
+
+
+def situate(
+    stage: Stage, stands: Stands, one: Controller, tell: Callable[[float], None] = lambda _: None
+) -> None:
+    """Let a controller drive every unit from every start; its file appears when all of that is done.
+
+    `tell` hears the share of the work that was done since the last time.
+    """
+    config, starts = stage.config, stage.starts(one.task, one.seed_set)
+    genes, layout = stage.genes(one), stage.layout(one)
+    rows = stage.task(one.task).steps + 1
+    poses = np.full((config.units, config.starts, rows, 3), np.nan)
+    streams = np.zeros((config.units, config.starts), np.uint64)
+    for u in range(config.units):
+        stand = stands.stand(one, u + 1)
+        for k, pose in enumerate(starts):
+            names = (one.task, one.seed_set, one.level, one.run, u + 1, k + 1)
+            streams[u, k] = stream(config, "situated", *names)
+            path = _driven(stand, genes, layout, int(streams[u, k]), pose)
+            _place(poses[u, k], path.t_s, path.pose)
+            tell(1.0 / streams.size)
+    _keep(situated_file(stage.folder, one), poses, streams)
+
+
+def _driven(stand: Stand, genes: Genes, layout: Layout, name: int, pose: Pose) -> SituatedPath:
+    """A trial; begun again where the line to the unit is lost.
+
+    Raises:
+        LineError: lost again and again.
+    """
+    for _ in range(TRIES - 1):
+        try:
+            return stand.drive(genes, layout, name, pose)
+        except LineError:
+            continue  # the stand has let its unit go, and takes it anew
+    return stand.drive(genes, layout, name, pose)
+
+
+def read_situated(stage: Stage, one: Controller) -> Situated:
+    """A controller's trials, as they were kept.
+
+    Raises:
+        StudyError: they are not there, or the file is broken.
+    """
+    file = situated_file(stage.folder, one)
+    config = stage.config
+    shape = (config.units, config.starts, stage.task(one.task).steps + 1, 3)
+    try:
+        with ZipFile(file) as parts:
+            if parts.testzip() is not None:  # before a damaged head is believed
+                raise ValueError
+        with np.load(file) as kept:
+            found = Situated(kept["poses"], kept["streams"])
+        if found.poses.shape != shape:
+            raise ValueError
+    except Exception:  # a broken archive has a dozen ways to say so
+        cure = "Delete it and resume: it is made again."
+        raise StudyError(f"{file}: expected paths {list(shape)} of a controller. {cure}") from None
+    return found
+
+
+def _place(rows: Floats, t_s: Floats, pose: Floats) -> None:
+    """Put a path's rows at their steps; what is missing stays NaN."""
+    at = np.rint(np.asarray(t_s) / STEP_S).astype(np.int64)
+    kept = (at >= 0) & (at < len(rows))
+    rows[at[kept]] = np.asarray(pose)[kept]
+
+
+def _keep(file: Path, poses: Floats, streams: NDArray[np.uint64]) -> None:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with whole.new(file) as spare:
+        np.savez(spare, poses=poses, streams=streams)

@@ -1,0 +1,71 @@
+"""What the trials of a study of noise need, loaded once in a process: robots, tasks, genes, starts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+from realitygap.calibration.unit import PROFILE
+from realitygap.controller.layout import Genes, Layout
+from realitygap.experiments.noise.config import NoiseConfig
+from realitygap.experiments.noise.plan import Controller, calibration_folder, evolved_folder, stream
+from realitygap.study.load import Study, load_study
+from realitygap.tasks.load import load_task
+from realitygap.tasks.simulation import Simulation
+from realitygap.tasks.task import Task
+from realitygap.values import Pose
+from realitygap.world.profile import Profile, load_profile
+
+__all__ = ["Stage"]
+
+
+class Stage:
+    """The calibrated units and evolved controllers of the study in a folder."""
+
+    def __init__(self, folder: Path, config: NoiseConfig) -> None:
+        self.folder, self.config = folder, config
+        self.profile = cache(self._profile)
+        self.task = cache(self._task)
+        self.starts = cache(self._starts)
+        self._study = cache(self._load)
+
+    def genes(self, one: Controller) -> Genes:
+        """The champion of its run."""
+        genes = self._study(one.seed_set, one.home).run(one.run_name).champion
+        assert genes is not None
+        return genes
+
+    def layout(self, one: Controller) -> Layout:
+        """The size of its genotype."""
+        return self._study(one.seed_set, one.home).layout(one.task)
+
+    def simulation(self, task: str, unit: int, home: int, level: float) -> Simulation:
+        """The simulation calibrated to a unit, for controllers whose home is another or the same.
+
+        What makes a network's inputs of readings (§7.2, "bands") belongs to the controller, which
+        takes it from its home to every robot: the twin's and the simulated.
+        """
+        robot, own = self.profile(unit), self.profile(home)
+        worn = replace(
+            robot,
+            infrared=replace(robot.infrared, bands=own.infrared.bands),
+            ambient=replace(robot.ambient, bands=own.ambient.bands),
+        )
+        return Simulation(self.task(task), worn, level)
+
+    def _profile(self, unit: int) -> Profile:
+        return load_profile(calibration_folder(self.folder, unit) / PROFILE)
+
+    def _task(self, name: str) -> Task:
+        task, seconds = load_task(name), self.config.seconds
+        return task if seconds is None else replace(task, seconds=seconds)
+
+    def _load(self, seed_set: int, unit: int) -> Study:
+        return load_study(evolved_folder(self.folder, seed_set, unit))
+
+    def _starts(self, task: str, seed_set: int) -> tuple[Pose, ...]:
+        """Where the trials start: the same for all controllers, levels and units."""
+        simulation = Simulation(self.task(task), self.profile(1))
+        numbers = range(1, self.config.starts + 1)
+        return tuple(simulation.start(stream(self.config, "start", task, seed_set, k)) for k in numbers)

@@ -1,0 +1,184 @@
+"""The paper's whole experiment in one folder: calibrate on a unit, evolve, transfer to it (§3.2.1, §6).
+
+What was asked for is written down first, so that `--resume` needs no options at any of these phases.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Self
+
+from realitygap.errors import ConfigError, StudyError
+from realitygap.study.config import LARGEST, StudyConfig
+from realitygap.study.folder import exists, lock, open_to_begin, own_config
+from realitygap.study.load import Study
+from realitygap.study.schema import told
+from realitygap.study.settings import difference, whole
+from realitygap.study.workers import cores
+from realitygap.tasks import load_task
+from realitygap.toml import read_toml, to_toml
+from realitygap.transfer.choice import shown_runs
+from realitygap.transfer.load import Transferred, load_transfers
+from realitygap.transfer.run import transfer
+from realitygap.transfer.work import OnProgress
+from realitygap.whole import write
+from realitygap.world.files import Value, build, shipped
+from realitygap.world.profile import load_profile
+
+__all__ = ["STARTS", "UNIT", "Reproduction", "again", "begun", "configured", "transferred"]
+
+UNIT = 1
+"""The twin's unit that is measured, and that the evolved controllers then drive."""
+STARTS = 8
+"""Trials of each champion on the unit: from so many on a mean and an interval say something."""
+
+ASKED = "reproduce.toml"
+CALIBRATION = f"calibration/unit-{UNIT}"
+HEADER = '# What `realitygap reproduce` was asked for; a profile of "" is calibrated to the twin\'s unit.\n'
+
+Calibrating = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reproduction(Value):
+    """What a reproduction is asked for.
+
+    Attributes:
+        runs, evaluations, seed: as a study's.
+        profile: the robot; "" for one that is calibrated to unit 1 of the twin.
+        starts: trials of each champion on the unit; more may be wished later.
+    """
+
+    runs: int = 5
+    evaluations: int = 1000
+    seed: int = 1995
+    profile: str = ""
+    starts: int = STARTS
+
+    def _check(self) -> None:
+        whole("runs", self.runs, 1, 10**6)
+        whole("evaluations", self.evaluations, 1, 10**9)
+        whole("seed", self.seed, 0, LARGEST)
+        whole("starts", self.starts, 1, 10**6)
+
+    @classmethod
+    def from_toml(cls, path: Path) -> Self:
+        """From the file that a reproduction begins with.
+
+        Raises:
+            ConfigError: names the file and what is wrong with it.
+        """
+        cure = "Remove it, or choose another --out."
+        table = read_toml(path, ConfigError, cure, broken=cure)
+        try:
+            return build(cls, table)
+        except ConfigError as error:
+            raise ConfigError(f"{path}: {error} {cure}") from None
+
+
+def begun(folder: Path) -> Reproduction | None:
+    """What the reproduction in a folder was asked for, how far it may be; None where there is none."""
+    asked = Reproduction.from_toml(folder / ASKED) if (folder / ASKED).is_file() else None
+    if not exists(folder):
+        return asked
+    config = own_config(folder)
+    kept = asked or Reproduction()
+    numbers = {"runs": config.runs, "evaluations": config.evaluations, "seed": config.seed}
+    return replace(kept, **numbers, profile=config.profile)
+
+
+def configured(
+    folder: Path,
+    wished: Reproduction,
+    *,
+    resume: bool,
+    workers: int | None,
+    on_progress: Calibrating | None = None,
+) -> StudyConfig:
+    """The study that is wished, its robot calibrated first where no profile is named.
+
+    Raises:
+        StudyError: the folder holds something else, or a study and `resume` is not wished.
+        ConfigError: a profile that cannot be used.
+        RobotError: a recording that failed.
+    """
+    from realitygap.calibration.unit import calibrated_unit
+
+    if wished.profile:
+        load_profile(wished.profile)
+    profile = wished.profile
+    with lock(folder):
+        if not exists(folder):
+            _begin(folder, wished, resume=resume)
+        elif not resume:
+            open_to_begin(folder)
+        if not profile:
+            size = cores() if workers is None else workers
+            made = calibrated_unit(
+                folder / CALIBRATION,
+                unit=UNIT,
+                noise=1.0,
+                seed=wished.seed,
+                workers=size,
+                on_progress=on_progress,
+            )
+            profile = str(made)
+    study = StudyConfig.reproduction(runs=wished.runs, evaluations=wished.evaluations, seed=wished.seed)
+    return replace(study, profile=profile)
+
+
+def transferred(
+    study: Study, *, starts: int, workers: int | None, on_progress: OnProgress | None
+) -> list[Transferred]:
+    """Every champion on the unit from each start; the first trials of those that figures show are filmed."""
+    film = [run.id for run in shown_runs(study)]
+    robots = (f"twin:{UNIT}",)
+    transfer(study, robots=robots, film=film, workers=workers, on_progress=on_progress)
+    return transfer(study, robots=robots, starts=starts, workers=workers, on_progress=on_progress)
+
+
+def again(study: Study) -> str:
+    """The options with which `realitygap reproduce` makes a study again; "" where it makes another."""
+    config, asked = study.config, study.folder / ASKED
+    plain = StudyConfig.reproduction(runs=config.runs, evaluations=config.evaluations, seed=config.seed)
+    free = {key: getattr(plain, key) for key in ("title", "checkpoint_every", "profile", "arenas")}
+    if replace(config, **free) != plain:
+        return ""
+    if any(study.task(one.task).arena != load_task(one.task).arena for one in plain.conditions):
+        return ""
+    wished = Reproduction.from_toml(asked) if asked.is_file() else None
+    words = ["--runs", config.runs, "--evaluations", config.evaluations, "--seed", config.seed]
+    if wished is None or wished.profile:
+        named = (name for name in shipped("profiles") if load_profile(name) == study.profile)
+        words += ["--profile", next(named, config.profile)]
+    driven = [one.start for one in load_transfers(study.folder) if one.robot == f"twin-{UNIT}"]
+    starts = max([*driven, wished.starts if wished is not None else 0])
+    if not driven:
+        words += ["--no-transfer"]
+    elif starts != STARTS:
+        words += ["--starts", starts]
+    return " ".join(map(str, words))
+
+
+def _begin(folder: Path, wished: Reproduction, *, resume: bool) -> None:
+    """Write down what is wished, or see that it is what was wished."""
+    path = folder / ASKED
+    if not path.is_file():
+        open_to_begin(folder)
+        with told(path):
+            write(path, HEADER + to_toml(wished.to_dict()))
+        return
+    if not resume:
+        raise StudyError(
+            f"{folder}: a reproduction was begun there. Resume it (--resume) or choose another --out."
+        )
+    there = Reproduction.from_toml(path)
+    found = difference({**there.to_dict(), "starts": 0}, {**wished.to_dict(), "starts": 0})
+    if found is not None:
+        key, here, asked = found
+        raise StudyError(
+            f"{folder}: the reproduction was begun with {key} = {here!r}, not {asked!r}. "
+            "Leave it as it was, or choose another --out."
+        )

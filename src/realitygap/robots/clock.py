@@ -1,0 +1,243 @@
+"""Time for a driver: the real clock sleeps, the virtual one lets a twin's time run.
+
+The conversation on the serial line is the same under both: nothing on it speaks of steps. The
+virtual clock tells the twin over a second channel, a Unix socket, how far time may run:
+
+    run UNTIL_NS BYTES LINES     BYTES were written to the line now; run until UNTIL_NS, or until
+                                 the robot has put out LINES lines (0: no matter how many)
+    at NOW_NS BYTES              the answer: the time now, and how many bytes were put out
+
+Both sides count bytes, so that no result depends on how fast a pseudo-terminal hands them on.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import Protocol
+
+from realitygap.errors import LineError
+from realitygap.robots.signals import undisturbed
+
+__all__ = ["Clock", "RealClock", "VirtualClock"]
+
+CHUNK = 4096
+PATIENCE_S = 3.0
+"""Real time to wait for bytes that were announced: only then they got lost on the way."""
+
+TWIN_LOST_S = 120.0
+"""Real time after which a twin that does not answer on its channel is given up."""
+
+
+class Clock(Protocol):
+    """What a driver needs of time, s."""
+
+    waits: bool
+    """Whether it stands still while this process does."""
+
+    def now(self) -> float:
+        """The time; only differences mean anything."""
+
+    def sleep_until(self, time_s: float) -> None:
+        """Let time pass."""
+
+    def settle(self) -> None:
+        """Return when everything up to now has happened."""
+
+    def wrote(self, count: int) -> None:
+        """So many bytes have just been written to the line."""
+
+    def read(self, fd: int, *, until: float, lines: int) -> bytes:
+        """What comes in: at the first bytes or after `lines` lines, nothing if none by `until`."""
+
+    def forget(self, fd: int) -> None:
+        """Drop what has come in."""
+
+    def undisturbed(self) -> AbstractContextManager[None]:
+        """Around an exchange that must not be cut in half by a signal."""
+
+    def close(self) -> None:
+        """Let go of the clock."""
+
+
+class RealClock:
+    """The computer's own."""
+
+    waits = False
+
+    def now(self) -> float:
+        """Seconds since some moment."""
+        return time.monotonic()
+
+    def sleep_until(self, time_s: float) -> None:
+        """Sleep."""
+        left = time_s - time.monotonic()
+        if left > 0:
+            time.sleep(left)
+
+    def settle(self) -> None:
+        """What is past has happened."""
+
+    def wrote(self, count: int) -> None:
+        """The line carries the bytes by itself."""
+
+    def read(self, fd: int, *, until: float, lines: int) -> bytes:
+        """Whatever comes first."""
+        if not _ready(fd, max(0.0, until - time.monotonic())):
+            return b""
+        return _read(fd, CHUNK)
+
+    def forget(self, fd: int) -> None:
+        """Read what is there."""
+        while _ready(fd, 0.0):
+            _read(fd, CHUNK)
+
+    def undisturbed(self) -> AbstractContextManager[None]:
+        """A robot's line may be cut anywhere: it is brought back into step."""
+        return nullcontext()
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+
+class VirtualClock:
+    """A twin's time, which runs only as far as this clock allows.
+
+    Args:
+        channel: path of the twin's socket.
+    """
+
+    waits = True
+
+    def __init__(self, channel: str) -> None:
+        self.channel = channel
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._socket.settimeout(TWIN_LOST_S)
+        try:
+            self._socket.connect(channel)
+        except OSError as error:
+            self._socket.close()
+            raise LineError(f"no twin on the clock channel {channel!r}: {error.strerror}") from None
+        self._now_ns = 0
+        self._replies = b""
+        self._owed = 0
+        self._dropping = False
+        self._written = 0
+        self._announced = 0
+        self._held = False
+        self._run(0, 0)
+        self.settle()
+
+    def now(self) -> float:
+        """Seconds since the twin was switched on."""
+        return self._now_ns / 1e9
+
+    def sleep_until(self, time_s: float) -> None:
+        """Let the twin run on by itself, and do not wait for it."""
+        until = round(time_s * 1e9)
+        if until > self._now_ns:
+            with self.undisturbed():
+                self._run(until, 0)
+                self._now_ns = until
+
+    def settle(self) -> None:
+        """Wait until the twin is as far as it was told."""
+        with self.undisturbed():
+            while self._owed:
+                self._take_reply()
+
+    def undisturbed(self) -> AbstractContextManager[None]:
+        """Both ends count bytes: half an exchange would leave them out of step for good.
+
+        Within another it has no effect of its own, for each costs some system calls.
+        """
+        return nullcontext() if self._held else self._holding()
+
+    @contextmanager
+    def _holding(self) -> Iterator[None]:
+        with undisturbed():
+            self._held = True
+            try:
+                yield
+            finally:
+                self._held = False
+
+    def wrote(self, count: int) -> None:
+        """The twin is told with the next message."""
+        self._written += count
+
+    def read(self, fd: int, *, until: float, lines: int) -> bytes:
+        """Let the twin run until it has put out `lines` lines; all that it has put out."""
+        self.settle()
+        if self._dropping:
+            self._collect(fd)
+            self._dropping = False
+        self._run(max(int(until * 1e9) + 1, self._now_ns), lines)  # + 1: surely past `until`
+        self.settle()
+        return self._collect(fd)
+
+    def forget(self, fd: int) -> None:
+        """What the twin has put out so far is dropped when the next answer is fetched."""
+        self._dropping = True
+
+    def close(self) -> None:
+        """Close the channel: the twin's time stands."""
+        self._socket.close()
+
+    def _run(self, until_ns: int, lines: int) -> None:
+        try:
+            self._socket.sendall(b"run %d %d %d\n" % (until_ns, self._written, lines))
+        except OSError as error:
+            raise LineError(f"the twin is gone from its clock channel: {error.strerror}") from None
+        self._written = 0
+        self._owed += 1
+
+    def _take_reply(self) -> None:
+        while b"\n" not in self._replies:
+            try:
+                data = self._socket.recv(CHUNK)
+            except OSError as error:
+                raise LineError(f"the twin does not answer on its clock channel: {error}") from None
+            if not data:
+                raise LineError("the twin is gone: it has closed its clock channel")
+            self._replies += data
+        reply, self._replies = self._replies.split(b"\n", 1)
+        self._owed -= 1
+        word, _, rest = reply.decode("utf-8", "replace").partition(" ")
+        if word != "at":
+            self.close()
+            raise LineError(f"the clock channel {self.channel!r} says: {rest or word}")
+        now_ns, count = map(int, rest.split())
+        self._now_ns = now_ns
+        self._announced += count
+
+    def _collect(self, fd: int) -> bytes:
+        """The bytes that the twin has announced."""
+        data = b""
+        while len(data) < self._announced and _ready(fd, PATIENCE_S):
+            data += _read(fd, self._announced - len(data))
+        self._announced = 0
+        return data
+
+
+def _ready(fd: int, timeout_s: float) -> bool:
+    try:
+        return bool(select.select([fd], [], [], timeout_s)[0])
+    except (OSError, ValueError) as error:
+        raise LineError(f"the line is lost: {error}") from None
+
+
+def _read(fd: int, size: int) -> bytes:
+    try:
+        data = os.read(fd, size)
+    except BlockingIOError:
+        return b""
+    except OSError as error:
+        raise LineError(f"the line is lost: {error.strerror}") from None
+    if not data:
+        raise LineError("the line is lost: the device has hung up")
+    return data

@@ -1,0 +1,166 @@
+"""The robot's guard: a small process that stops the wheels if the driver's is killed, or frozen.
+
+It shares the driver's open line and hears from it over a socket. While the wheels may turn, each word
+to the robot is a heartbeat for the guard: after a silence (Ctrl-Z, SIGSTOP, a controller that hangs),
+and when the socket closes without a word (kill -9), it tells the robot to stand.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+from realitygap.errors import FrozenError
+
+__all__ = ["SILENCE_S", "Guard", "Silence"]
+
+STOP = b"\nD,0,0\n"
+REPEATS = 5
+PAUSE_S = 0.05
+LEAVE_S = 2.0
+
+SILENCE_S = 0.4
+TICK_S = 0.05
+"""A silence is seen a tick late at most, and ends within half a second."""
+
+DRIVES, STANDS, LEAVES, STOPPED = b"+", b"-", b".", b"!"
+"""The driver's words, and the guard's one."""
+
+
+class Guard:
+    """Watches over this process, for the line with descriptor `fd`."""
+
+    def __init__(self, fd: int) -> None:
+        self._last: float | None = None
+        self._socket, theirs = socket.socketpair()
+        self._socket.setblocking(False)
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "realitygap.robots.guard", str(theirs.fileno()), str(fd)],
+                pass_fds=(theirs.fileno(), fd),
+                stdin=subprocess.DEVNULL,
+                start_new_session=True,
+            )
+
+    def watch(self) -> None:
+        """From now on the wheels may turn: a silence stops them."""
+        if self._last is None:
+            self._last = time.monotonic()
+            self._say(DRIVES)
+
+    def beat(self) -> None:
+        """This process lives; to be called before each word to the robot.
+
+        Raises:
+            FrozenError: it did not for too long, and the guard has stopped the robot; or the guard is gone.
+        """
+        if self._last is None:
+            return
+        silent, self._last = time.monotonic() - self._last, time.monotonic()
+        self._say(DRIVES)
+        with contextlib.suppress(BlockingIOError):
+            try:
+                heard = self._socket.recv(1)
+            except ConnectionError:
+                heard = b""
+            self._last = None  # nobody watches any more
+            if not heard:
+                raise FrozenError("the guard's process is gone, without which no robot is driven")
+            raise FrozenError(
+                f"the drive was frozen for {silent:.1f} s (suspended, or a controller that hung); "
+                "the robot was stopped meanwhile, and this trial is over"
+            )
+
+    def rest(self) -> None:
+        """The robot stands: silence means nothing."""
+        if self._last is not None:
+            self._last = None
+            self._say(STANDS)
+
+    def release(self) -> None:
+        """Send the guard away: the robot stands, or is another's business."""
+        self._say(LEAVES)
+        self._socket.close()
+        try:
+            self._process.wait(LEAVE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def _say(self, word: bytes) -> None:
+        with contextlib.suppress(OSError):
+            self._socket.send(word)
+
+
+class Silence:
+    """How long the driver has said nothing while its wheels may turn.
+
+    Only time that the guard has lived through counts, a tick at a time: on a computer that stood still
+    as a whole the driver is heard first.
+    """
+
+    def __init__(self) -> None:
+        self.watched = False
+        self._seconds = 0.0
+
+    def hear(self, words: bytes) -> None:
+        """The driver's words; the last one says how things are."""
+        self.watched, self._seconds = words.endswith(DRIVES), 0.0
+
+    def passes(self, seconds: float) -> bool:
+        """Whether it is too long, so many seconds later; it is so once."""
+        self._seconds += min(seconds, 2 * TICK_S)
+        if not self.watched or self._seconds < SILENCE_S:
+            return False
+        self.watched = False
+        return True
+
+
+def guard(driver: socket.socket, line: int) -> None:
+    """Hear the driver until it leaves or dies; tell the robot to stand when it has to."""
+    silence, last = Silence(), time.monotonic()
+    while True:
+        ready, _, _ = select.select([driver], [], [], TICK_S if silence.watched else None)
+        passed, last = time.monotonic() - last, time.monotonic()
+        if not ready:
+            if silence.passes(passed):
+                with contextlib.suppress(OSError):
+                    driver.send(STOPPED)  # first, so that it is there when the driver goes on
+                _stop(line, "heard nothing from the driver for half a second")
+            continue
+        words = _heard(driver)
+        if LEAVES in words:
+            return
+        if not words:
+            _stop(line, "the driver is gone")
+            return
+        silence.hear(words)
+
+
+def _heard(driver: socket.socket) -> bytes:
+    try:
+        return driver.recv(4096)
+    except OSError:
+        return b""
+
+
+def _stop(line: int, why: str) -> None:
+    for k in range(REPEATS):
+        with contextlib.suppress(OSError):
+            os.write(line, STOP)
+        if k == 0:
+            with contextlib.suppress(OSError):
+                os.write(2, f"guard: {why}; the robot was told to stand\n".encode())
+        time.sleep(PAUSE_S)
+
+
+if __name__ == "__main__":
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    guard(socket.socket(fileno=int(sys.argv[1])), int(sys.argv[2]))

@@ -1,0 +1,1 @@
+"""A Khepera on its serial line."""

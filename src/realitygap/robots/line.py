@@ -1,0 +1,250 @@
+"""A serial line on which some of what is sent may be lost, doubled, garbled or late.
+
+A question is asked again until its answer is understood. Before that the line is brought back into
+step: a line end closes whatever half line the robot holds, and the answer to `B`, which nothing
+else asks for, shows that everything older is through.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from realitygap.errors import LineError, UsageError
+from realitygap.robots.clock import Clock, RealClock
+from realitygap.robots.khepera.protocol import (
+    BAUD_RATES,
+    COMMANDS,
+    GarbledError,
+    RefusedError,
+    Request,
+    characters,
+    parse_answer,
+    wire_ms,
+)
+
+if TYPE_CHECKING:
+    import serial
+
+__all__ = ["GIVE_UP_S", "Answer", "Line"]
+
+Answer = tuple[int, ...] | tuple[str, ...]
+
+PATIENCE_S = 0.1
+"""For an answer, besides its time on the wire (USB converters hold bytes back for up to 16 ms)."""
+
+QUIET_S = 0.03
+"""A line that says nothing for so long has no older answer under way."""
+
+GIVE_UP_S = 1.0
+"""A question that is not answered by then is given up: the robot drives on meanwhile."""
+
+LEAST_TRIES = 5
+"""But not before it was asked so often: time alone says nothing where the computer stands still."""
+
+BATCH_FAILURES = 3
+"""So many failures of questions sent together, and the robot is asked one at a time."""
+
+LONGEST = 4096
+"""Characters without a line end after which what came is noise."""
+
+_BARRIER = Request("B")
+
+
+def nothing() -> None:
+    """Nothing."""
+
+
+class Line:
+    """One robot's line; `faults` counts the answers that did not come or were not understood;
+    `before` is called before each word that is sent.
+
+    Args:
+        device: path of the serial device.
+        baud: its rate; 8 data bits, no parity, 2 stop bits.
+        clock: whose time the time-outs are in.
+        give_up_s: when a question is given up that was asked five times and more.
+    """
+
+    def __init__(
+        self, device: str, *, baud: int, clock: Clock | None = None, give_up_s: float = GIVE_UP_S
+    ) -> None:
+        if baud not in BAUD_RATES:
+            raise UsageError(f"the robot's baud rates are {', '.join(map(str, BAUD_RATES))}; got {baud}")
+        self.device = device
+        self.baud = baud
+        self.clock: Clock = clock or RealClock()
+        self.give_up_s = give_up_s
+        self.faults = 0
+        self.together = True
+        self.before: Callable[[], None] = nothing
+        self._batch_failures = 0
+        self._heard = b""
+        self._port = _open(device, baud)
+
+    def fileno(self) -> int:
+        """The port's file descriptor."""
+        return int(self._port.fileno())
+
+    def close(self) -> None:
+        """Close the port."""
+        with contextlib.suppress(OSError):
+            self._port.close()
+
+    def ask(self, *requests: Request, give_up_s: float | None = None) -> list[Answer]:
+        """The answers to some commands, sent together where the robot takes them so.
+
+        Args:
+            requests: the commands.
+            give_up_s: if not the line's own.
+
+        Raises:
+            LineError: the line is lost, or no answer was understood in time.
+            RefusedError: the robot refused a command each time.
+        """
+        with self.clock.undisturbed():
+            return self._ask(requests, self.give_up_s if give_up_s is None else give_up_s)
+
+    def _ask(self, requests: Sequence[Request], give_up_s: float) -> list[Answer]:
+        start, tries = self.clock.now(), 1
+        until = start + give_up_s + self._wire_s(requests)
+        try:
+            return self._first_try(requests)
+        except (GarbledError, RefusedError) as error:
+            failure: GarbledError | RefusedError = error
+        once = next((r for r in requests if not COMMANDS[r.letter].repeatable), None)
+        if once is not None:
+            raise LineError(f"{failure}; {once.text!r} is not sent twice: ask the robot how it stands")
+        while tries < LEAST_TRIES or self.clock.now() < until:
+            tries += 1
+            try:
+                self._resynchronise()
+                return [answer for request in requests for answer in self._exchange((request,))]
+            except (GarbledError, RefusedError) as error:
+                self.faults += 1
+                failure = error
+        if isinstance(failure, RefusedError):
+            raise failure
+        passed = f"{self.clock.now() - start:.1f} s, asked {tries} times"
+        raise LineError(f"no answer understood on {self.device} for {passed}; the last: {failure}")
+
+    def tell(self, data: bytes) -> None:
+        """Send bytes and wait for nothing.
+
+        Raises:
+            LineError: the line is lost.
+        """
+        self.before()
+        sent = 0
+        while sent < len(data):
+            try:
+                sent += os.write(self.fileno(), data[sent:])
+            except BlockingIOError:
+                raise LineError(f"the line is lost: {self.device} takes no more bytes") from None
+            except (OSError, ValueError) as error:
+                raise LineError(f"the line is lost: {self.device}: {error}") from None
+            except TypeError:  # the port is closed: it has no descriptor
+                raise LineError(f"the line is lost: {self.device} is closed") from None
+        self.clock.wrote(sent)
+
+    def hear(self, within_s: float) -> str | None:
+        """The next line that is not empty, without its end; None if there is none in time."""
+        return self._next_line(self.clock.now() + within_s, 1)
+
+    def forget(self) -> None:
+        """Drop what has come in."""
+        self._heard = b""
+        self.clock.forget(self.fileno())
+
+    def _first_try(self, requests: Sequence[Request]) -> list[Answer]:
+        together = self.together and len(requests) > 1
+        groups = [tuple(requests)] if together else [(request,) for request in requests]
+        try:
+            answers = [answer for group in groups for answer in self._exchange(group)]
+        except (GarbledError, RefusedError):
+            self.faults += 1
+            self._batch_failures += together
+            self.together = self._batch_failures < BATCH_FAILURES
+            raise
+        if together:
+            self._batch_failures = 0
+        return answers
+
+    def _exchange(self, requests: Sequence[Request]) -> list[Answer]:
+        self.forget()
+        self.tell(b"".join(request.data for request in requests))
+        until = self.clock.now() + PATIENCE_S + self._wire_s(requests)
+        answers: list[Answer] = []
+        for request in requests:
+            line = self._next_line(until, len(requests) - len(answers))
+            if line is None:
+                raise GarbledError(f"nothing to {request.text!r}")
+            answers.append(parse_answer(line, request))
+        return answers
+
+    def _resynchronise(self) -> None:
+        """Bring the line back into step.
+
+        Raises:
+            GarbledError: nobody answers.
+        """
+        until = self.clock.now() + PATIENCE_S
+        while self.clock.now() < until and self.hear(QUIET_S) is not None:
+            pass
+        self.forget()
+        self.tell(b"\n" + _BARRIER.data)
+        until = self.clock.now() + PATIENCE_S + self._wire_s((_BARRIER,))
+        while (line := self._next_line(until, 1)) is not None:
+            with contextlib.suppress(GarbledError, RefusedError):
+                parse_answer(line, _BARRIER)
+                return
+        raise GarbledError("nothing to 'B'")
+
+    def _next_line(self, until: float, lines: int) -> str | None:
+        """A line, or None at `until`; but what has come in by then is read, however late it is looked at."""
+        late = False
+        while True:
+            while b"\n" in self._heard:
+                line, self._heard = self._heard.split(b"\n", 1)
+                if line.strip():
+                    return line.strip().decode("ascii", "replace")
+            if len(self._heard) > LONGEST:
+                self._heard = b""
+            if late:
+                return None
+            heard = self.clock.read(self.fileno(), until=until, lines=lines)
+            late = not heard and self.clock.now() >= until
+            self._heard += heard
+
+    def _wire_s(self, requests: Sequence[Request]) -> float:
+        return wire_ms(sum(map(characters, requests)), self.baud) / 1000.0
+
+
+def _open(device: str, baud: int) -> serial.Serial:
+    """The port, for this process alone, never blocking.
+
+    Raises:
+        UsageError: no such device, no right to it, or another program has it.
+    """
+    import serial
+
+    try:
+        port = serial.Serial(
+            device,
+            baud,
+            bytesize=serial.EIGHTBITS,
+            parity=serial.PARITY_NONE,
+            stopbits=serial.STOPBITS_TWO,
+            timeout=0,
+            write_timeout=0.5,
+            exclusive=True,
+        )
+    except (serial.SerialException, OSError) as error:
+        reason = os.strerror(error.errno) if error.errno else str(error)
+        raise UsageError(
+            f"the port {device!r} cannot be opened: {reason}; check the cable, the name, your right to "
+            f"use it (group dialout), and that no other program has it"
+        ) from None
+    return port

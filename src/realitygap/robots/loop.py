@@ -1,0 +1,106 @@
+"""The control loop: every 100 ms sense, decide, act, record; whatever happens, stop first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from realitygap.errors import UsageError
+from realitygap.robots.body import Body
+from realitygap.robots.budget import STEP_MS
+from realitygap.robots.clock import Clock
+from realitygap.robots.recording import Recorder, Recording, Step
+from realitygap.robots.signals import MOVING, NUMBERS, Stopping
+from realitygap.values import Command, Readings
+
+__all__ = ["Controller", "drive"]
+
+STEP_S = STEP_MS / 1000.0
+
+
+class Controller(Protocol):
+    """Integers −10..10 in, wheel commands out."""
+
+    def reset(self) -> None:
+        """Before a trial."""
+
+    def decide(self, inputs: Sequence[int]) -> Command:
+        """One step of 100 ms."""
+
+
+def drive(
+    body: Body,
+    controller: Controller,
+    *,
+    seconds: float,
+    clock: Clock,
+    inputs: Callable[[Readings], list[int]],
+    recorder: Recorder | None = None,
+) -> Recording:
+    """Let a controller drive a body, a step each 100 ms.
+
+    A step that begins late is recorded as late; the time-table moves on with one that is late by more
+    than a whole step, so that the robot never has to catch up. Whatever ends the drive, an exception,
+    Ctrl-C, Ctrl-Z,
+    SIGTERM or a lost line, the wheels are stopped first; then the recording is closed. Give a
+    `recorder` to have the steps of a drive that did not end well.
+
+    Args:
+        seconds: length of the trial: whole steps, one at least.
+        clock: the body's.
+        inputs: makes the controller's inputs of the readings.
+        recorder: keeps the steps, in a folder if it has one.
+
+    Raises:
+        RobotStoppedError: Ctrl-C or SIGTERM; or Ctrl-Z, after the suspension.
+        FrozenError: it was frozen, and the guard has stopped the robot.
+        LineError: the line was lost, or the robot did not confirm that it stands.
+    """
+    steps = round(seconds / STEP_S)
+    if steps < 1 or abs(steps * STEP_S - seconds) > 1e-6:
+        raise UsageError(f"a trial lasts whole steps of {STEP_S:g} s, one at least; got {seconds:g} s")
+    recorder = Recorder() if recorder is None else recorder
+    ended = "finished"
+    with Stopping(NUMBERS if clock.waits else MOVING) as stopping:
+        try:
+            controller.reset()
+            _steps(body, controller, clock, inputs, recorder, steps)
+        except BaseException as error:
+            ended = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+            raise
+        finally:
+            with stopping.held():
+                _finish(body, recorder, ended)
+    return recorder.recording()
+
+
+def _steps(
+    body: Body,
+    controller: Controller,
+    clock: Clock,
+    inputs: Callable[[Readings], list[int]],
+    recorder: Recorder,
+    steps: int,
+) -> None:
+    start = due = clock.now()
+    for _ in range(steps):
+        clock.sleep_until(due)
+        now = clock.now()
+        readings = body.sense()
+        fed = inputs(readings)
+        command = controller.decide(fed)
+        body.act(command)
+        recorder.add(Step(now - start, max(0.0, now - due), readings, fed, command, body.odometry))
+        due += STEP_S if now - due <= STEP_S else STEP_S + (now - due)
+    clock.sleep_until(due)
+
+
+def _finish(body: Body, recorder: Recorder, ended: str) -> None:
+    """Stop; then close the recording, whether the robot confirmed or not."""
+    try:
+        body.stop()
+    except BaseException as error:
+        ended = f"{ended}; {type(error).__name__}: {error}"
+        raise
+    finally:
+        recorder.finish(ended)

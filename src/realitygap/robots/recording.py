@@ -1,0 +1,221 @@
+"""Recordings: what a robot read, decided and did, a row a step, written while it drives.
+
+A folder: `recording.toml` with the facts and, once the drive is over, how it ended; `steps.csv`.
+Each row is handed to the system before the next step, so that a killed process loses none.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap import whole
+from realitygap.errors import UsageError
+from realitygap.robots.body import Odometry
+from realitygap.text import read_text
+from realitygap.toml import read_toml, to_toml
+from realitygap.values import Command, Readings
+
+__all__ = ["KILLED", "LATE_S", "Recorder", "Recording", "Step"]
+
+KILLED = "killed"
+"""How a recording ended that says nothing about its end."""
+
+LATE_S = 0.01
+"""A step that begins later than this after its time is late."""
+
+FACTS = "recording.toml"
+STEPS = "steps.csv"
+LARGEST = 1e12
+"""No number of a drive goes further."""
+_GROUPS = ("proximity", "ambient", "input")
+_PAIRS = ("command", "counter", "speed")
+
+
+class Step(NamedTuple):
+    """One step: when it began, how late, what was read, fed, decided; what the wheels said."""
+
+    t_s: float
+    late_s: float
+    readings: Readings
+    inputs: Sequence[int]
+    command: Command
+    odometry: Odometry
+
+    def row(self) -> list[float]:
+        """As numbers, in the order of the file's columns."""
+        nothing = (math.nan, math.nan)
+        return [
+            round(self.t_s, 6),
+            round(self.late_s, 6),
+            *self.readings.proximity.tolist(),
+            *self.readings.ambient.tolist(),
+            *self.inputs,
+            self.command.left,
+            self.command.right,
+            *(self.odometry.counters or nothing),
+            *(self.odometry.speeds or nothing),
+        ]
+
+    def columns(self) -> list[str]:
+        """Names of the columns: units in the names, where there are any."""
+        counts = (len(self.readings.proximity), len(self.readings.ambient), len(self.inputs))
+        groups = [f"{name}_{i}" for name, n in zip(_GROUPS, counts, strict=True) for i in range(n)]
+        return ["t_s", "late_s", *groups, *_pair_columns()]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recording:
+    """A drive as it was lived, [n] steps.
+
+    t, late [n] s; proximity [n, 8 or 0], ambient [n, 8 or 0] counts; inputs [n, I]; commands [n, 2]
+    and speeds [n, 2] Khepera units; counters [n, 2] pulses. Counters and speeds are NaN where the
+    line had no room for them. `ended` is "finished", "killed", or what stopped the drive.
+    """
+
+    t: NDArray[np.float64]
+    late: NDArray[np.float64]
+    proximity: NDArray[np.float64]
+    ambient: NDArray[np.float64]
+    inputs: NDArray[np.int64]
+    commands: NDArray[np.int64]
+    counters: NDArray[np.float64]
+    speeds: NDArray[np.float64]
+    ended: str
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def late_steps(self) -> int:
+        """How many steps began more than 10 ms after their time."""
+        return int((self.late > LATE_S).sum())
+
+    @classmethod
+    def from_rows(
+        cls, columns: Sequence[str], rows: Sequence[Sequence[float]], *, ended: str, facts: Mapping[str, Any]
+    ) -> Recording:
+        """From a file's columns."""
+        table = np.array(rows, np.float64).reshape(len(rows), len(columns))
+        names = np.array([name.rsplit("_", 1)[0] for name in columns], str)
+
+        def pick(name: str) -> NDArray[np.float64]:
+            return np.ascontiguousarray(table[:, names == name])
+
+        def pair(name: str) -> NDArray[np.float64]:
+            return pick(name).reshape(len(rows), 2)
+
+        return cls(
+            t=pick("t").reshape(len(rows)),
+            late=pick("late").reshape(len(rows)),
+            proximity=pick("proximity"),
+            ambient=pick("ambient"),
+            inputs=pick("input").astype(np.int64),
+            commands=pair("command").astype(np.int64),
+            counters=pair("counter"),
+            speeds=pair("speed"),
+            ended=ended,
+            facts=facts,
+        )
+
+    @classmethod
+    def from_folder(cls, folder: str | Path) -> Recording:
+        """Read a recording; a last line that a kill cut short is left out.
+
+        Raises:
+            UsageError: no recording there, or a row that is none: names the line.
+        """
+        facts_file, steps_file = Path(folder) / FACTS, Path(folder) / STEPS
+        if not facts_file.is_file():
+            raise UsageError(f"{str(folder)!r} holds no recording: there is no {FACTS} in it")
+        facts = read_toml(facts_file, UsageError, "It says what was recorded.")
+        ended = str(facts.pop("end", {}).get("ended", KILLED))
+        text = read_text(steps_file, UsageError, "It holds the steps.") if steps_file.is_file() else ""
+        lines = text[: text.rfind("\n") + 1].splitlines()
+        always = ["t_s", "late_s", *_pair_columns()]
+        columns = next(csv.reader(lines[:1]), always)
+        if [columns.count(name) for name in always] != [1] * len(always):
+            raise UsageError(f"{steps_file}, line 1: expected columns {', '.join(always)} and others")
+        rows = [_row(line, columns, f"{steps_file}, line {k}") for k, line in enumerate(lines[1:], 2)]
+        return cls.from_rows(columns, rows, ended=ended, facts=facts)
+
+
+class Recorder:
+    """Keeps the steps of a drive, and writes each into `folder` if there is one.
+
+    Raises:
+        UsageError: the folder already holds a recording.
+    """
+
+    def __init__(self, folder: str | Path | None = None, *, facts: Mapping[str, Any] | None = None) -> None:
+        self.facts = dict(facts or {})
+        self.folder = Path(folder) if folder is not None else None
+        self.ended = KILLED
+        self._columns: list[str] = ["t_s", "late_s", *_pair_columns()]
+        self._rows: list[list[float]] = []
+        self._file: IO[str] | None = None
+        if self.folder is not None:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            if (self.folder / FACTS).exists():
+                raise UsageError(f"{str(self.folder)!r} already holds a recording; choose another folder")
+            whole.write(self.folder / FACTS, to_toml(self.facts))
+            self._file = (self.folder / STEPS).open("w", encoding="utf-8")
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def add(self, step: Step) -> None:
+        """Keep a step."""
+        row = step.row()
+        if not self._rows:
+            self._columns = step.columns()
+            self._write(self._columns)
+        self._rows.append(row)
+        self._write(f"{value:.10g}" for value in row)
+
+    def finish(self, ended: str) -> None:
+        """Say how the drive ended, and close the files."""
+        self.ended = ended
+        if self._file is None or self.folder is None:
+            return
+        self._file.close()
+        self._file = None
+        late = sum(row[1] > LATE_S for row in self._rows)
+        end = {"end": {"ended": ended, "steps": len(self._rows), "late_steps": late}}
+        with (self.folder / FACTS).open("a", encoding="utf-8") as file:
+            file.write("\n" + to_toml(end))
+
+    def recording(self) -> Recording:
+        """All that was kept so far."""
+        return Recording.from_rows(self._columns, self._rows, ended=self.ended, facts=self.facts)
+
+    def _write(self, words: Iterable[str]) -> None:
+        if self._file is not None:
+            with whole.named(self._file.name):
+                self._file.write(",".join(words) + "\n")
+                self._file.flush()
+
+
+def _pair_columns() -> list[str]:
+    return [f"{name}_{side}" for name in _PAIRS for side in ("left", "right")]
+
+
+def _row(line: str, columns: Sequence[str], where: str) -> list[float]:
+    words = line.split(",")
+    try:
+        row = [float(word) for word in words]
+        if len(row) == len(columns) and not any(map(_is_odd, columns, row)):
+            return row
+    except ValueError:
+        pass
+    raise UsageError(f"{where}: expected {len(columns)} numbers, got {line!r}")
+
+
+def _is_odd(name: str, value: float) -> bool:
+    """A number that nothing can have been; counters and readings may be missing, commands not."""
+    return abs(value) > LARGEST or (math.isnan(value) and name.startswith(("command", "input")))

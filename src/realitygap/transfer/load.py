@@ -1,0 +1,163 @@
+"""Finished transfers, read back from a study's folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from realitygap.errors import StudyError
+from realitygap.study.settings import difference
+from realitygap.text import as_path, refuse_unknown
+from realitygap.toml import read_toml
+from realitygap.transfer.paths import Table, read_path
+from realitygap.transfer.plan import FOLDER, SOURCES, Situation
+from realitygap.transfer.trial import SIMULATED, SITUATED, TRIAL
+from realitygap.values import Pose
+
+__all__ = ["Transferred", "is_done", "load_transfer", "load_transfers", "read_trial"]
+
+LOOSE = (
+    "film", "view", "pose", "wished", "fitness", "situated_from", "late_steps", "lost_steps", "film_lead_s",
+    "trouble", "versions",
+)  # fmt: skip
+"""Keys of a trial's file that follow from the others, or are not compared."""
+
+PLAIN = ("run", "name", "task", "noise", "individual", "start", "seconds", "situated_from", "late_steps")
+"""Keys of a trial's file that are taken as they are."""
+
+OF_ROBOT = ("evaluation", "robot", "unit", "port", "twin_noise", "seed", "baud", "disk")
+"""What else its result depends on."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Transferred:
+    """One finished trial on a robot, and its simulation.
+
+    Attributes:
+        run, name, task, noise: of the run that it was evolved in; individual: champion or fittest.
+        robot: the folder's name, as twin-1 or serial-ttyUSB0; unit: of the twin, None for a robot.
+        twin_noise: the dial of the twin's noise, None for a robot.
+        start: its number, from 1; pose: where both trials began.
+        simulated, situated: the paths: t_s, x_cm, y_cm, heading_deg, a row a step, the start first;
+            NaN where the camera lost the robot.
+        situated_from: "film" or "camera" (watched, no film kept), or "counters" for the wheels' own.
+        filmed: whether the folder holds film.mp4, camera.json, track.csv and tails.png.
+        view: what made the camera's frames, None where no camera saw the robot.
+        fitness_simulated, fitness_situated: the task's own score of each path, NaN if it has long gaps.
+        late_steps: how many of the drive's steps began more than 10 ms late.
+        lost_steps: how many of the situated path's rows have no pose.
+    """
+
+    folder: Path
+    run: int
+    name: str
+    task: str
+    noise: float
+    individual: str
+    robot: str
+    unit: int | None
+    twin_noise: float | None
+    start: int
+    pose: Pose
+    seconds: float
+    filmed: bool
+    view: str | None
+    situated_from: str
+    fitness_simulated: float
+    fitness_situated: float
+    late_steps: int
+    lost_steps: int
+
+    @cached_property
+    def simulated(self) -> Table:
+        """The path in the simulation that it was evolved in."""
+        return read_path(self.folder / SIMULATED)
+
+    @cached_property
+    def situated(self) -> Table:
+        """The path on the robot."""
+        return read_path(self.folder / SITUATED)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything but the paths, ready for JSON."""
+        plain = {field.name: getattr(self, field.name) for field in fields(self)}
+        pose = {"x_cm": self.pose.x, "y_cm": self.pose.y, "heading_deg": self.pose.heading_deg}
+        return {**plain, "folder": str(self.folder), "pose": pose}
+
+
+def load_transfers(study_folder: str | PathLike[str]) -> list[Transferred]:
+    """All finished trials on robots in a study's folder, by robot, run and start; [] without any.
+
+    Raises:
+        StudyError: a trial's file that cannot be read.
+    """
+    files = (as_path(study_folder, "study") / FOLDER).glob(f"*/*/start-*/{TRIAL}")
+    found = [load_transfer(file.parent) for file in files if file.parent.name[6:].isdecimal()]
+    return sorted(found, key=lambda one: (one.unit is None, one.unit or 0, one.robot, one.run, one.start))
+
+
+def is_done(folder: Path, one: Situation) -> bool:
+    """Whether the trial is there, made as it is wished now, or seen better; else it is made again.
+
+    Raises:
+        StudyError: it was made with other settings.
+    """
+    file = folder / one.folder / TRIAL
+    if not file.is_file():
+        return False
+    table = read_trial(file)
+    there = {key: value for key, value in table.items() if key not in LOOSE}
+    wished = {key: value for key, value in one.facts().items() if value is not None}
+    for key in ("disk", "baud"):  # no eye looked for it, or will; any rate will do
+        if key not in there or key not in wished:
+            there.pop(key, None), wished.pop(key, None)
+    found = difference(wished, there)
+    if found is not None:
+        key, asked, here = found
+        raise StudyError(
+            f"{file.parent}: the trial was made with {key} = {here!r}, not {asked!r}. "
+            "Leave that as it was, or move the folder away."
+        )
+    there_from = table.get("situated_from")
+    return there_from in SOURCES and SOURCES.index(there_from) >= SOURCES.index(one.source)
+
+
+def load_transfer(folder: Path) -> Transferred:
+    """The finished trial of a folder.
+
+    Raises:
+        StudyError: its file cannot be read.
+    """
+    file = folder / TRIAL
+    table = read_trial(file)
+    try:
+        return Transferred(
+            folder=folder,
+            robot=folder.parent.parent.name,
+            pose=Pose.from_degrees(*(table["pose"][key] for key in ("x_cm", "y_cm", "heading_deg"))),
+            filmed=table["film"],
+            fitness_simulated=float(table["fitness"]["simulated"]),
+            fitness_situated=float(table["fitness"]["situated"]),
+            unit=table.get("unit"),
+            twin_noise=table.get("twin_noise"),
+            view=table.get("view"),
+            lost_steps=table.get("lost_steps", 0),
+            **{key: table[key] for key in PLAIN},
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise StudyError(f"{file}: {error}: missing or broken. Move the folder away.") from None
+
+
+def read_trial(file: Path) -> dict[str, Any]:
+    """What a trial's file says.
+
+    Raises:
+        StudyError: it cannot be read, or has a key that no trial has.
+    """
+    cure = "Move its folder away."
+    table = read_toml(file, StudyError, cure, broken=cure)
+    refuse_unknown(table, (*PLAIN, *LOOSE, *OF_ROBOT), StudyError, where=str(file))
+    return table

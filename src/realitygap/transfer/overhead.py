@@ -1,0 +1,160 @@
+"""The camera over a real robot: it reads the start pose, and films the drive for the tracker."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+from realitygap.errors import FilmError, UsageError
+from realitygap.kernels.params import STEP_S
+from realitygap.transfer.film import FILM, TRACK, keep_film
+from realitygap.transfer.paths import Table, of_track
+from realitygap.transfer.plan import Robot, Situation
+from realitygap.values import Pose
+
+if TYPE_CHECKING:
+    from realitygap.film.camera import CameraModel
+    from realitygap.film.disk import Disk
+    from realitygap.film.eye import Filmed
+
+__all__ = ["Found", "Overhead", "check_eye", "open_overhead"]
+
+Found = Callable[[Situation, Pose, Pose | None], bool]
+"""Is told the wished pose and the one that is seen (None: not seen), and says whether to start there;
+with none seen that is from the wished pose, on a person's word. If not, the eye looks again."""
+
+
+@dataclass(kw_only=True)
+class FilmOfDrive:
+    """The film of one drive; complete when the drive is over."""
+
+    situation: Situation
+    folder: Path
+    camera: CameraModel
+    disk: Disk
+    source: str
+    begun: float
+    filmed: Filmed | None = None
+
+    def path(self, facts: dict[str, Any]) -> Table:
+        """The situated path, by the tracker; the film itself is kept only if that was wished.
+
+        Raises:
+            FilmError: the robot is seen in no frame.
+        """
+        from realitygap.film.tracker import track_film
+
+        assert self.filmed is not None
+        one, folder, lead = self.situation, self.folder, self.begun - self.filmed.first_at
+        if one.film:
+            track = keep_film(folder, self.camera, self.disk)
+        else:
+            track = track_film(folder / FILM, self.camera, self.disk).track
+            track.write_csv(folder / TRACK)
+            (folder / FILM).unlink()
+        facts |= {"view": f"camera {self.source}", "film_lead_s": round(lead, 6)}
+        facts["trouble"] = self.filmed.trouble
+        return of_track(track, round(one.seconds / STEP_S), lead)
+
+
+class Overhead:
+    """An open camera over a real robot's arena, calibrated. Use it in a `with`.
+
+    Args:
+        source: a camera's number, a video file or a stream.
+        camera: as it was calibrated.
+        disk: what the robot wears.
+        found: asks a person about the start; without one the robot has to be seen.
+    """
+
+    def __init__(self, source: str | int, camera: CameraModel, disk: Disk, found: Found | None) -> None:
+        from realitygap.film.eye import Eye
+        from realitygap.film.tracker import Tracker
+
+        self.camera, self._disk, self._found = camera, disk, found or _must_be_seen
+        self._new_tracker = lambda: Tracker(camera, disk)
+        self._new_tracker()  # a camera that cannot see this disk is refused now
+        self._eye = Eye(source, size=(camera.width_px, camera.height_px))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._eye.close()
+
+    def start(self, one: Situation, wished: Pose) -> Pose:
+        """Where the robot stands: as it is seen, or the wished pose on the person's word."""
+        while True:
+            picture = self._eye.look()
+            self.camera.check_size(picture.shape[1], picture.shape[0], f"eye {self._eye.source!r}")
+            seen = self._new_tracker().see(picture)
+            pose = None if seen is None else seen[0]
+            if self._found(one, wished, pose):
+                return wished if pose is None else pose
+
+    @contextmanager
+    def filming(self, one: Situation, folder: Path) -> Iterator[FilmOfDrive]:
+        """Film what happens in the block, which is the drive; its path is there afterwards."""
+        self._eye.film(folder / FILM)
+        settings: dict[str, Any] = {"situation": one, "folder": folder, "camera": self.camera}
+        film = FilmOfDrive(disk=self._disk, source=self._eye.source, begun=time.monotonic(), **settings)
+        try:
+            yield film
+        except BaseException:
+            with suppress(FilmError):
+                self._eye.finish(time.monotonic())
+            raise
+        film.filmed = self._eye.finish(film.begun + one.seconds)
+
+
+def check_eye(robots: list[Robot], camera: object, eye: object, disk: object) -> None:
+    """Refuse an eye without its calibration, the other way round, a disk without them, or a twin below.
+
+    Raises:
+        UsageError: says what is missing.
+    """
+    if disk is not None and all(robot.port is None for robot in robots):
+        raise UsageError(
+            "disk: expected a robot on a serial port that wears it; a twin has a disk of its own."
+        )
+    if (camera is None) != (eye is None):
+        if camera is None:
+            cure = "its camera.json, as `realitygap camera calibrate` makes it (--camera FILE)"
+            raise UsageError(f"eye: expected camera beside it: {cure}.")
+        raise UsageError("camera: expected eye beside it: what looks down on the robot (--eye DEVICE).")
+    if disk is not None and eye is None:
+        cure = "what looks down on the robot, and its camera (--eye DEVICE, --camera FILE)"
+        raise UsageError(f"disk: expected eye beside it: {cure}.")
+    if eye is not None and all(robot.port is None for robot in robots):
+        raise UsageError("eye: expected a robot on a serial port under it; a twin has a camera of its own.")
+
+
+def open_overhead(
+    camera: CameraModel | str | Path, eye: str | int, disk: Disk, found: Found | None
+) -> Overhead:
+    """The camera over a real robot, opened.
+
+    Raises:
+        FilmError: a camera's file that is none, or nothing opens as an eye.
+    """
+    from realitygap.film.camera import load_camera
+
+    model = load_camera(camera) if isinstance(camera, str | Path) else camera
+    return Overhead(eye, model, disk, found)
+
+
+def _must_be_seen(one: Situation, wished: Pose, seen: Pose | None) -> bool:
+    """Whoever cannot be asked."""
+    if seen is None:
+        raise FilmError(
+            f"{one.name}, start {one.start}: the robot is not seen where it was carried. Check that it bears "
+            "the disk and that the camera was calibrated for this eye."
+        )
+    return True

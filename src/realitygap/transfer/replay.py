@@ -1,0 +1,85 @@
+"""A finished transfer lived once more: what its simulated and its situated robot read, and decided."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from realitygap.controller.layout import Genes
+from realitygap.controller.network import decode
+from realitygap.errors import UsageError
+from realitygap.robots.recording import Recording
+from realitygap.study.load import Study
+from realitygap.tasks.simulation import Simulation
+from realitygap.transfer.load import load_transfer, read_trial
+from realitygap.transfer.plan import transfer_stream
+from realitygap.transfer.trial import TRIAL
+from realitygap.values import Trajectory
+
+__all__ = ["Replay", "Replays"]
+
+SAME_CM = 0.001
+"""A path that is farther from the one on file is not that trial's."""
+
+
+class Replay(NamedTuple):
+    """Who drove, and what is known of both drives beside their paths; None where that is nothing."""
+
+    genes: Genes | None
+    simulated: Trajectory | None
+    situated: Recording | None
+
+
+class Replays:
+    """Replays a study's transfers; simulations are made once for each task and noise level."""
+
+    def __init__(self, study: Study) -> None:
+        self._study = study
+        self._simulations: dict[tuple[str, float], Simulation] = {}
+
+    def of(self, folder: Path) -> Replay:
+        """The transfer of a trial's folder.
+
+        A trial that another version made, so that it would take another path today, is not passed
+        off as the one on file: its readings are None.
+        """
+        table = read_trial(folder / TRIAL)
+        situated = _recording(folder)
+        if not {"evaluation", "seed"} <= table.keys():
+            return Replay(None, None, situated)
+        try:
+            genes = self._study.genotype(table["run"], table["evaluation"])
+        except UsageError:  # the study was made anew since
+            return Replay(None, None, situated)
+        return Replay(genes, self._simulated(folder, genes, int(table["seed"])), situated)
+
+    def _simulated(self, folder: Path, genes: Genes, seed: int) -> Trajectory | None:
+        one, study = load_transfer(folder), self._study
+        key = (one.task, one.noise)
+        if key not in self._simulations:
+            self._simulations[key] = Simulation(study.task(one.task), study.profile, one.noise)
+        simulation, stream = self._simulations[key], transfer_stream(seed, study.run(one.run), one.start)
+        drawn = simulation.start(stream)
+        apart = np.hypot(drawn.x - one.pose.x, drawn.y - one.pose.y)
+        # A file's degrees are not the last bit of the radians: where it stood as drawn, that is taken.
+        pose = drawn if apart < SAME_CM and abs(drawn.heading_deg - one.pose.heading_deg) < 1e-6 else one.pose
+        networks = decode(genes, study.layout(one.task))
+        try:
+            trajectory, _ = simulation.trajectory(networks, stream=stream, pose=pose, seconds=one.seconds)
+        except UsageError:  # the arena's file was changed since: nothing stands there any more
+            return None
+        x, y = np.append(trajectory.x, trajectory.end.x), np.append(trajectory.y, trajectory.end.y)
+        path = one.simulated
+        if len(x) != len(path["x_cm"]):
+            return None
+        apart = np.hypot(x - path["x_cm"], y - path["y_cm"])
+        return trajectory if float(apart.max()) < SAME_CM else None
+
+
+def _recording(folder: Path) -> Recording | None:
+    try:
+        return Recording.from_folder(folder)
+    except UsageError:
+        return None

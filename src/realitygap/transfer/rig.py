@@ -1,0 +1,255 @@
+"""A unit of the twin in a task's arena, with the camera above it: one stand for many trials.
+
+    with Stand(load_task("avoidance"), profile, unit=1, folder_for_camera="cameras") as stand:
+        path = stand.drive(genes, Layout(), stream=5, pose=Pose(x=25, y=25, heading=0.5))
+
+A trial is a function of unit, noise, stream, pose and controller alone: before each the unit is
+switched off and a new one on, in one process that serves them all.
+"""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap import temporary
+from realitygap.controller.layout import Layout
+from realitygap.controller.network import NetworkController
+from realitygap.kernels.params import STEP_S
+from realitygap.kernels.rng import substream
+from realitygap.robots.body import SerialBody
+from realitygap.robots.clock import VirtualClock
+from realitygap.robots.khepera.driver import Khepera
+from realitygap.robots.loop import drive
+from realitygap.robots.recording import Recorder, Recording
+from realitygap.tasks.task import Task
+from realitygap.transfer.paths import Table, of_track
+from realitygap.transfer.plan import Robot
+from realitygap.values import Pose, Readings
+from realitygap.world.profile import Profile
+
+if TYPE_CHECKING:
+    from realitygap.transfer.film import Watcher
+    from realitygap.twin.process import TwinProcess
+    from realitygap.twin.states import States
+
+__all__ = ["Driven", "SituatedPath", "Stand", "driven"]
+
+TWIN_NOISE = 2
+"""Name of the stream that a twin unit's noise is drawn from, under the trial's."""
+
+Floats = NDArray[np.float64]
+
+
+class Driven(NamedTuple):
+    """A drive on a robot: its recording and the wheels' counters at the steps, the end included."""
+
+    recording: Recording
+    counters: Floats
+
+
+@dataclass(frozen=True, kw_only=True)
+class SituatedPath:
+    """A trial as the camera saw it: a row a step of 0.1 s, the first one the start.
+
+    Attributes:
+        t_s: [steps + 1] s.
+        pose: [steps + 1, 3] x, y (cm) and heading (rad); NaN where the robot was not seen.
+        readings: [steps, 8] counts of the sensors that the task feeds.
+        commands: [steps, 2] Khepera units.
+        table: the same path in the columns that `transfer.paths.score` takes.
+    """
+
+    t_s: Floats
+    pose: Floats
+    readings: Floats
+    commands: NDArray[np.int64]
+    table: Table
+
+
+def driven(
+    body: SerialBody,
+    genes: Any,
+    layout: Layout,
+    *,
+    task: Task,
+    profile: Profile,
+    seconds: float,
+    recorder: Recorder | None = None,
+) -> Driven:
+    """Let an evolved controller drive a robot, fed as its simulation fed it: with `profile`'s bands."""
+
+    def inputs(readings: Readings) -> list[int]:
+        fed = readings.proximity if task.feeds == "proximity" else readings.ambient
+        return profile.inputs(fed.tolist(), task.feeds, task.sensors)
+
+    recording = drive(
+        body,
+        NetworkController(genes, layout),
+        seconds=seconds,
+        clock=body.khepera.clock,
+        inputs=inputs,
+        recorder=recorder,
+    )
+    return Driven(recording, np.vstack([recording.counters, body.khepera.counters()]))
+
+
+class Stand:
+    """One unit in one task's arena. As a context it is closed; its process starts with the first drive.
+
+    Args:
+        task: whose arena, sensors and length.
+        profile: the one that the controllers were evolved with: makes their inputs of counts.
+        unit: which robot of the population.
+        twin_noise: the dial.
+        folder_for_camera: keeps the camera's calibration, under a name of its own for each stand.
+        baud: of the line.
+        camera_file: keeps it instead.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        profile: Profile,
+        *,
+        unit: int,
+        twin_noise: float = 1.0,
+        folder_for_camera: str | Path = ".",
+        baud: int = 38400,
+        camera_file: Path | None = None,
+    ) -> None:
+        self.task, self.profile, self.baud = task, profile, baud
+        self.unit, self.twin_noise = unit, twin_noise
+        name = f"camera-{task.name}-{Robot(unit=unit).folder(twin_noise)}.json"
+        self.camera_file = Path(folder_for_camera) / name if camera_file is None else camera_file
+        self._arena = task.arena.plain()
+        self._twin: TwinProcess | None = None
+        self._watcher: Watcher | None = None
+
+    def drive(
+        self, genes: Any, layout: Layout, stream: int, pose: Pose, seconds: float | None = None
+    ) -> SituatedPath:
+        """A trial from a pose, driven through the serial line and seen by the camera.
+
+        Args:
+            genes: the genotype.
+            layout: its layout.
+            stream: names all of the trial's noise, the camera's too.
+            pose: where it begins.
+            seconds: its length, the task's own if None.
+
+        Raises:
+            UsageError: a pose where something stands, a length of no whole steps.
+            FilmError: the camera cannot be calibrated.
+        """
+        length = self.task.seconds if seconds is None else seconds
+        with temporary.Folder("sealed") as folder:
+            sealed = Path(folder) / "sealed.csv"
+            recording = self.on_line(genes, layout, stream, pose, length, sealed=sealed).recording
+            track = self.watcher.track(self.states(sealed, length), stream)
+        table = of_track(track, round(length / STEP_S))
+        heading = np.radians(table["heading_deg"])
+        return SituatedPath(
+            t_s=table["t_s"],
+            pose=np.stack([table["x_cm"], table["y_cm"], heading], axis=1),
+            readings=recording.proximity if self.task.feeds == "proximity" else recording.ambient,
+            commands=recording.commands,
+            table=table,
+        )
+
+    def on_line(
+        self,
+        genes: Any,
+        layout: Layout,
+        stream: int,
+        pose: Pose,
+        seconds: float,
+        *,
+        recorder: Recorder | None = None,
+        sealed: Path | None = None,
+    ) -> Driven:
+        """The drive alone; where the robot was goes into the file `sealed`, for the camera."""
+        settings: dict[str, Any] = {"task": self.task, "profile": self.profile, "seconds": seconds}
+        try:
+            twin = self._fresh(int(substream(np.uint64(stream), np.uint64(TWIN_NOISE))))
+            with closing(VirtualClock(twin.channel)) as clock:
+                khepera = Khepera.connect(twin.device, baud=self.baud, clock=clock)
+                try:
+                    body = SerialBody(khepera, kinds=(self.task.feeds,), carry=twin.place)
+                    body.reset(pose)
+                    clock.settle()
+                    if sealed is not None:
+                        twin.film(sealed)
+                    made = driven(body, genes, layout, recorder=recorder, **settings)
+                    clock.settle()
+                    if sealed is not None:
+                        twin.film(None)
+                finally:
+                    khepera.abandon()
+        except BaseException:
+            self._leave()  # nobody knows how it stands
+            raise
+        return made
+
+    def states(self, sealed: Path, seconds: float) -> States:
+        """What the camera is shown of a drive: from its beginning for its length."""
+        from realitygap.twin.states import States
+
+        states = States.from_file(sealed)
+        in_time = states.time_ms <= states.time_ms[0] + round(seconds * 1000)
+        return States(states.time_ms[in_time], states.pose[in_time])
+
+    @property
+    def watcher(self) -> Watcher:
+        """The camera above, which is calibrated when it is first needed."""
+        from realitygap.transfer.film import Watcher
+
+        if self._watcher is None:
+            self._watcher = Watcher(
+                self.camera_file,
+                self.task.arena,
+                unit=self.unit,
+                noise=self.twin_noise,
+                radius_cm=self.profile.body.radius_cm,
+            )
+        return self._watcher
+
+    @property
+    def twin(self) -> TwinProcess | None:
+        """Its process, if there is one yet."""
+        return self._twin
+
+    def _fresh(self, seed: int) -> TwinProcess:
+        """The unit as a process of its own would make it: no trial leaves it a trace."""
+        from realitygap.twin.process import start_twin
+
+        if self._twin is None:
+            settings: dict[str, Any] = {"unit": self.unit, "noise": self.twin_noise, "seed": seed}
+            self._twin = start_twin(self._arena, baud=self.baud, **settings)
+        else:
+            self._twin.renew(seed)
+        return self._twin
+
+    def close(self) -> None:
+        """End the process and the camera."""
+        self._leave()
+        self._watcher = None
+
+    def _leave(self) -> None:
+        if self._twin is not None:
+            self._twin.close()
+            self._twin = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

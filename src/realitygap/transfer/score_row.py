@@ -1,0 +1,229 @@
+"""A mark: what the paper's judges wrote of one individual, in a row of table 1 or 2 (§6), computed.
+
+Type and behaviour score are of the simulation, "after repeated testing"; differences and
+correspondence are of its transfers, trial by trial from the same poses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from realitygap.errors import TrackError, UsageError
+from realitygap.kernels.rng import substream
+from realitygap.study.load import Run, Study
+from realitygap.study.plan import run_stream
+from realitygap.transfer.kept_rows import digest
+from realitygap.transfer.load import Transferred
+from realitygap.transfer.paths import Table
+
+if TYPE_CHECKING:
+    from realitygap.correspondence.names import Namer
+    from realitygap.correspondence.scale import Scale
+    from realitygap.correspondence.setting import Setting
+    from realitygap.correspondence.trials import Trial
+    from realitygap.tasks.task import Task
+
+__all__ = ["Bench", "Job", "Mark"]
+
+NAMED = 7
+"""Name of the stream of the trials that a run is named by, beside those in `plan`."""
+TRIALS = 20
+"""Trials that name a behaviour: one does not always show its kind."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mark:
+    """A row of table 1 or 2: one individual in simulation, and on one kind of robot.
+
+    Attributes:
+        run, name, task, noise, index: of the run; individual: champion or fittest.
+        type: of behaviour, by the paper's names, over trials in simulation; share: of those trials.
+        behaviour: score, 0 to 10, of its fresh trials at its own noise.
+        kind: of robot: "robot", "twin", "twin with 2 times its noise"; "" where there was none.
+        situated_type: what it is named on that robot.
+        differences: what it is on that robot beside what it is in simulation, in the paper's words.
+        correspondence: score, 0 to 10; low, high: its 95 % interval, None with a single start.
+        starts, units: how much of the robot the score is from.
+        why: what is missing, and why.
+    """
+
+    run: int
+    name: str
+    task: str
+    noise: float
+    index: int
+    individual: str
+    type: str | None = None
+    share: float | None = None
+    behaviour: float | None = None
+    kind: str = ""
+    situated_type: str | None = None
+    differences: str | None = None
+    correspondence: float | None = None
+    low: float | None = None
+    high: float | None = None
+    starts: int = 0
+    units: int = 0
+    why: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Ready for JSON."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bench:
+    """What the marks of one task have in common, made when it is first needed."""
+
+    study: Study
+    task: Task
+    scales: Mapping[tuple[str, str], int]
+    """Starts of a run, by kind of robot and individual: one scale for a whole table."""
+
+    @cached_property
+    def setting(self) -> Setting:
+        from realitygap.correspondence.setting import setting_of
+
+        return setting_of([], self.task)
+
+    @cached_property
+    def namer(self) -> Namer:
+        from realitygap.correspondence.names import namer
+
+        return namer(self.setting)
+
+    def scale(self, kind: str, individual: str, *, matched: bool) -> Scale:
+        from realitygap.correspondence.scale import exemplar_scale
+
+        starts = self.scales[kind, individual]
+        return exemplar_scale(self.setting.exemplars, starts, starts, matched=matched)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """One mark to be made."""
+
+    bench: Bench
+    run: Run
+    individual: str
+    kind: str
+    transfers: tuple[Transferred, ...]
+
+    @cached_property
+    def key(self) -> str:
+        """What the mark follows from."""
+        number = self.run.fittest_number if self.individual == "fittest" else self.run.champion_number
+        scale = self.bench.scales.get((self.kind, self.individual))
+        folder = self.bench.study.folder
+        files = [folder / "study.toml", folder / "profile.toml", folder / f"arenas/{self.run.task}.toml"]
+        files += [one.folder / name for one in self.transfers for name in ("simulated.csv", "situated.csv")]
+        tests = self.run.tests.get((self.individual, self.run.noise), np.zeros(0)).tobytes()
+        columns = [field.name for field in fields(Mark)]
+        return digest([self.run.name, self.individual, self.kind, number, scale, columns], tests, files)
+
+    def mark(self) -> Mark:
+        """Name it, score it, compare it."""
+        run, individual = self.run, self.individual
+        plain = Mark(
+            run=run.id, name=run.name, task=run.task, noise=run.noise, index=run.index,
+            individual=individual, kind=self.kind, behaviour=self._behaviour(),
+        )  # fmt: skip
+        try:
+            name, share = self._type(self._fresh())
+            plain = replace(plain, type=name, share=share)
+        except UsageError as error:
+            plain = replace(plain, why=f"no type: {error}")
+        if not self.transfers:
+            return _noted(plain, "no transfer: it has not driven a robot")
+        simulated, situated, lost = self._pairs()
+        plain = replace(plain, starts=len({t.start for t in situated}), units=len({t.unit for t in situated}))
+        plain = _noted(plain, *lost)
+        if not situated:
+            return plain
+        try:
+            return self._compared(plain, simulated, situated)
+        except UsageError as error:
+            return _noted(plain, f"no correspondence score: {error}")
+
+    def _compared(self, plain: Mark, simulated: Sequence[Trial], situated: Sequence[Trial]) -> Mark:
+        from realitygap.correspondence.distances import matched_starts
+        from realitygap.correspondence.score import compare
+
+        bench = self.bench
+        scale = bench.scale(self.kind, self.individual, matched=bool(matched_starts(simulated, situated)))
+        made = compare(simulated, situated, bench.setting, scale=scale)
+        low, high = made.interval or (None, None)
+        return replace(
+            plain, differences=made.differences, correspondence=made.score, low=low, high=high,
+            situated_type=self._type(situated)[0],
+        )  # fmt: skip
+
+    def _behaviour(self) -> float | None:
+        """From the run's fresh trials at its own noise, for the paper's own tasks."""
+        from realitygap.correspondence.behaviour import behaviour_score, ends_of
+
+        scores = self.run.tests.get((self.individual, self.run.noise))
+        if scores is None or self.bench.task.source is not None:
+            return None
+        return behaviour_score(scores, ends_of(self.bench.task, self.bench.study.profile))
+
+    def _fresh(self) -> list[Trial]:
+        """Trials in simulation at its own noise, on streams of their own."""
+        from realitygap.controller.network import decode
+        from realitygap.correspondence.trials import SHORTEST_S, trial_of
+        from realitygap.tasks.simulation import Simulation
+
+        run, bench = self.run, self.bench
+        if bench.task.seconds < SHORTEST_S:
+            raise TrackError(f"trials of {bench.task.seconds:g} s show too little; {SHORTEST_S:g} s do.")
+        genes = run.fittest if self.individual == "fittest" else run.champion
+        assert genes is not None
+        networks = decode(genes, bench.study.layout(run.task))
+        simulation = Simulation(bench.task, bench.study.profile, run.noise)
+        stream = substream(run_stream(run.seed, run.task, run.noise, run.index), np.uint64(NAMED))
+        streams = [int(substream(np.uint64(stream), np.uint64(k))) for k in range(TRIALS)]
+        made = [simulation.trajectory(networks, stream=one)[0] for one in streams]
+        return [trial_of(trajectory, start=str(k)) for k, trajectory in enumerate(made)]
+
+    def _type(self, trials: Sequence[Trial]) -> tuple[str, float]:
+        """The common name of some trials, and the share of them that bear it."""
+        from realitygap.correspondence.names import common_name
+
+        names = self.bench.namer.name(trials, self.bench.setting)
+        name = common_name(names)
+        return name, sum(one.name == name for one in names) / len(names)
+
+    def _pairs(self) -> tuple[list[Trial], list[Trial], list[str]]:
+        """Simulated and situated trials that can be compared; what was left out, and why."""
+        simulated: dict[tuple[str, str], Trial] = {}
+        situated, lost = [], []
+        for one in self.transfers:
+            unit = one.robot
+            try:
+                there = self._trial(one.situated, one, unit)
+                here = self._trial(one.simulated, one, "")
+            except UsageError as error:
+                lost.append(f"{unit}, start {one.start}: {error}")
+                continue
+            place = (here.start, "" if one.unit is not None else unit)  # units of the twin start alike
+            simulated.setdefault(place, here)
+            situated.append(there)
+        return list(simulated.values()), situated, lost
+
+    def _trial(self, path: Table, one: Transferred, unit: str) -> Trial:
+        from realitygap.correspondence.setting import setting_of
+        from realitygap.correspondence.trials import resampled
+
+        columns = (path[key] for key in ("t_s", "x_cm", "y_cm", "heading_deg"))
+        made = resampled(*columns, start=str(one.start), unit=unit, source=one.situated_from)
+        setting_of([made], self.bench.task)  # a path by counters may leave the arena
+        return made
+
+
+def _noted(mark: Mark, *words: str) -> Mark:
+    return replace(mark, why="; ".join(w for w in (mark.why, *words) if w))

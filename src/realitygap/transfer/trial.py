@@ -1,0 +1,197 @@
+"""One trial of a transfer: simulated, driven on a robot from the same pose, seen, and written down.
+
+A trial on the twin is a function of its situation alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from realitygap import whole
+from realitygap.controller.network import decode
+from realitygap.kernels.params import STEP_S
+from realitygap.robots.body import SerialBody
+from realitygap.robots.khepera.driver import Khepera
+from realitygap.robots.khepera.protocol import PULSES_PER_MM
+from realitygap.robots.recording import Recorder
+from realitygap.study.folder import versions
+from realitygap.study.load import Study
+from realitygap.tasks.simulation import Simulation
+from realitygap.toml import to_toml
+from realitygap.transfer.folder import made, place
+from realitygap.transfer.paths import (
+    Table,
+    lost_steps,
+    of_counters,
+    of_track,
+    of_trajectory,
+    score,
+    write_path,
+)
+from realitygap.transfer.plan import FOLDER, Situation
+from realitygap.transfer.rig import Driven, Stand, driven
+from realitygap.values import Pose
+
+if TYPE_CHECKING:
+    from realitygap.film.track import Track
+    from realitygap.transfer.overhead import Overhead
+
+__all__ = ["TRIAL", "Carry", "Stage"]
+
+TRIAL = "transfer.toml"
+SIMULATED, SITUATED, SEALED = "simulated.csv", "situated.csv", "sealed.csv"
+
+Carry = Callable[[Situation, Pose], None]
+"""The person who carries a real robot to its start; returns when it stands there."""
+
+Tell = Callable[[float], None]
+
+
+class Stage:
+    """What trials of one study need, loaded once in a process."""
+
+    def __init__(self, study: Study) -> None:
+        self.study = study
+        self._simulations: dict[tuple[str, float], Simulation] = {}
+        self._stands: dict[tuple[str, int, float, int], Stand] = {}
+
+    def simulation(self, one: Situation) -> Simulation:
+        """The run's own: its task, its robot, its noise."""
+        key = (one.task, one.noise)
+        if key not in self._simulations:
+            self._simulations[key] = Simulation(self.study.task(one.task), self.study.profile, one.noise)
+        return self._simulations[key]
+
+    def camera_file(self, one: Situation) -> Path:
+        """Where the calibration of the camera over a unit's arena is kept."""
+        return self.study.folder / FOLDER / one.robot.folder(one.twin_noise) / f"camera-{one.task}.json"
+
+    def stand(self, one: Situation) -> Stand:
+        """The unit and the arena of a trial on the twin; one for all trials of both."""
+        assert one.robot.unit is not None and one.baud is not None
+        key = (one.task, one.robot.unit, one.twin_noise, one.baud)
+        if key not in self._stands:
+            self._stands[key] = Stand(
+                self.study.task(one.task),
+                self.study.profile,
+                unit=one.robot.unit,
+                twin_noise=one.twin_noise,
+                baud=one.baud,
+                camera_file=self.camera_file(one),
+            )
+        return self._stands[key]
+
+    def calibrate(self, one: Situation) -> None:
+        """The camera over the arena of a trial on the twin."""
+        self.stand(one).watcher  # noqa: B018 - it is calibrated when it is first asked for
+
+    def close(self) -> None:
+        """End the twins."""
+        for stand in self._stands.values():
+            stand.close()
+        self._stands.clear()
+
+    def on_twin(self, one: Situation, tell: Tell) -> None:
+        """A whole trial on a unit of the twin; `tell` hears the share of the film that is done."""
+        with made(self.study.folder / one.folder, one.robot) as folder:
+            pose = self.simulation(one).start(one.stream)
+            facts = self._simulate(one, pose, folder)
+            driven = self._drive_twin(one, pose, folder)
+            if one.source == "counters":
+                path = self._counted(driven, pose)
+            else:
+                path = of_track(self._seen(one, folder, facts, tell), round(one.seconds / STEP_S))
+            self._write(one, folder, facts, path, driven)
+
+    def on_serial(self, one: Situation, khepera: Khepera, carry: Carry, overhead: Overhead | None) -> None:
+        """A whole trial on a real robot, which a person carries to its start."""
+        with made(self.study.folder / one.folder, one.robot) as folder:
+            pose = wished = self.simulation(one).start(one.stream)
+            feeds = self.study.task(one.task).feeds
+            body = SerialBody(khepera, kinds=(feeds,), carry=lambda start: carry(one, start))
+            body.reset(wished)
+            if overhead is not None:
+                pose = overhead.start(one, wished)
+                body.reset()  # whoever moved it once more has turned its wheels
+            facts = self._simulate(one, pose, folder)
+            facts["wished"] = None if overhead is None else place(wished)
+            if overhead is None or one.source == "counters":
+                driven = self._drive(one, body, folder, facts)
+                path = self._counted(driven, pose)
+            else:
+                with overhead.filming(one, folder) as film:
+                    driven = self._drive(one, body, folder, facts)
+                path = film.path(facts)
+            self._write(one, folder, facts, path, driven)
+
+    def _simulate(self, one: Situation, pose: Pose, folder: Path) -> dict[str, Any]:
+        """The paired trial in simulation; what is known of the trial before the other."""
+        networks = decode(self._genes(one), self.study.layout(one.task))
+        trajectory, fitness = self.simulation(one).trajectory(
+            networks, stream=one.stream, pose=pose, seconds=one.seconds
+        )
+        write_path(folder / SIMULATED, of_trajectory(trajectory))
+        return {**one.facts(), "pose": place(pose), "fitness": {"simulated": fitness}}
+
+    def _genes(self, one: Situation) -> Any:
+        return self.study.genotype(one.run, one.evaluation)
+
+    def _drive_twin(self, one: Situation, pose: Pose, folder: Path) -> Driven:
+        """Drive a unit of the twin."""
+        return self.stand(one).on_line(
+            self._genes(one),
+            self.study.layout(one.task),
+            one.stream,
+            pose,
+            one.seconds,
+            recorder=Recorder(folder, facts=one.facts()),
+            sealed=None if one.source == "counters" else folder / SEALED,
+        )
+
+    def _drive(self, one: Situation, body: SerialBody, folder: Path, facts: dict[str, Any]) -> Driven:
+        return driven(
+            body,
+            self._genes(one),
+            self.study.layout(one.task),
+            task=self.study.task(one.task),
+            profile=self.study.profile,
+            seconds=one.seconds,
+            recorder=Recorder(folder, facts=facts),
+        )
+
+    def _counted(self, driven: Driven, pose: Pose) -> Table:
+        """The path by the wheels' counters."""
+        axle = self.study.profile.wheels.track_cm
+        return of_counters(driven.counters, pose, cm_per_pulse=0.1 / PULSES_PER_MM, axle_cm=axle)
+
+    def _seen(self, one: Situation, folder: Path, facts: dict[str, Any], tell: Tell) -> Track:
+        """The track of a trial on the twin by the camera above it, which films it or only watches."""
+        from realitygap.transfer.film import TRACK, film_and_track
+        from realitygap.twin.camera import OverheadCamera
+
+        stand = self.stand(one)
+        states = stand.states(folder / SEALED, one.seconds)
+        if one.film:
+            settings: dict[str, Any] = {"unit": stand.unit, "noise": one.twin_noise, "seed": one.stream >> 1}
+            with OverheadCamera(self.study.task(one.task).arena.plain(), **settings) as eye:
+                facts["view"] = eye.metadata["view"]
+                about = {"run": one.name, "start": one.start}
+                return film_and_track(folder, states, stand.watcher.camera, eye=eye, facts=about, tell=tell)
+        track = stand.watcher.track(states, one.stream)
+        facts["view"] = stand.watcher.view
+        track.write_csv(folder / TRACK)
+        return track
+
+    def _write(
+        self, one: Situation, folder: Path, facts: dict[str, Any], path: Table, driven: Driven
+    ) -> None:
+        write_path(folder / SITUATED, path)
+        facts["fitness"]["situated"] = score(path, self.study.task(one.task), self.study.profile)
+        facts["film"] = one.film
+        facts["situated_from"] = one.source
+        facts["late_steps"] = driven.recording.late_steps
+        facts["lost_steps"] = lost_steps(path)
+        facts["versions"] = versions()
+        whole.write(folder / TRIAL, to_toml(facts))

@@ -1,0 +1,111 @@
+"""A small study of noise whose units are quick: no recordings, and a simulation in the twin's place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from realitygap.controller.network import decode
+from realitygap.experiments.noise.config import NoiseConfig
+from realitygap.tasks.simulation import Simulation
+from realitygap.world.profile import Profile, load_profile
+from realitygap.world.provenance import FittedChannel, Provenance
+
+TABLES = ("controllers.csv", "cells.csv", "calibration.csv")
+
+
+def tiny(**changes: Any) -> NoiseConfig:
+    """Two tasks, two levels, two units, two runs each: short trials, little evolution."""
+    usual = {"levels": (0.0, 1.0), "runs": 2, "seed_sets": 1, "units": 2, "starts": 3}
+    return NoiseConfig(**{**usual, "evaluations": 40, "seconds": 3.0, **changes})
+
+
+def tables(results: Path) -> dict[str, str]:
+    """What came out."""
+    return {name: (results / name).read_text() for name in TABLES}
+
+
+class Path3(NamedTuple):
+    """A path as a stand gives it."""
+
+    t_s: Any
+    pose: Any
+
+
+class SimulatedStand:
+    """A unit of the twin as its own simulation would have it, at the twin's dial; `profile` has the bands."""
+
+    def __init__(self, task: Any, profile: Any, *, unit: int, twin_noise: float, **_: Any) -> None:
+        self.simulation = Simulation(task, wearing(unit_profile(unit), profile), twin_noise)
+        self.open = True
+
+    def drive(self, genes: Any, layout: Any, stream: int, pose: Any, seconds: float | None = None) -> Path3:
+        """A trial; who drives a unit that was let go is told."""
+        assert self.open
+        one, _ = self.simulation.trajectory(decode(genes, layout), stream=stream, pose=pose, seconds=seconds)
+        columns = (np.append(one.x, one.end.x), np.append(one.y, one.end.y))
+        pose_rows = np.column_stack([*columns, np.append(one.heading, one.end.heading)])
+        return Path3(np.arange(len(pose_rows)) * 0.1, pose_rows)
+
+    def close(self) -> None:
+        """Let it go."""
+        self.open = False
+
+
+def wearing(robot: Profile, own: Profile) -> Profile:
+    """A robot whose readings become inputs as `own` makes them."""
+    return replace(
+        robot,
+        infrared=replace(robot.infrared, bands=own.infrared.bands),
+        ambient=replace(robot.ambient, bands=own.ambient.bands),
+    )
+
+
+def unit_profile(unit: int) -> Profile:
+    """The paper's robot, with other sensors, wheels and bands for each unit."""
+    paper, more = load_profile("paper"), 1 + 0.15 * unit
+    near, light = paper.infrared, paper.ambient
+    return replace(
+        paper,
+        name=f"unit {unit}",
+        infrared=replace(
+            near,
+            bands=(near.bands[0], near.bands[1] + 10.0 * unit),
+            sensors=tuple(replace(one, a=one.a * more) for one in near.sensors),
+        ),
+        ambient=replace(light, sensors=tuple(replace(one, gain=one.gain * more) for one in light.sensors)),
+        wheels=replace(
+            paper.wheels,
+            speed_per_unit_cm_s=tuple(0.9 * more * speed for speed in paper.wheels.speed_per_unit_cm_s),
+        ),
+    )
+
+
+def unit_by_hand(folder: Path, *, unit: int, **_: Any) -> Path:
+    """A unit's profile without its recordings."""
+    fit = FittedChannel(
+        channel="infrared", form="extended", rmse=20.0, model_error=9.0, noise=20.0, ratio=0.45
+    )
+    made = replace(unit_profile(unit), provenance=Provenance(base="paper", fits=(fit,)))
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "robot.toml").write_text(made.to_toml())
+    return folder / "robot.toml"
+
+
+@contextmanager
+def quick_units(*, stand: bool = True) -> Iterator[pytest.MonkeyPatch]:
+    """Units that need no recordings, and (`stand`) no twin."""
+    import realitygap.calibration.unit
+    import realitygap.transfer.rig
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(realitygap.calibration.unit, "calibrated_unit", unit_by_hand)
+        if stand:
+            patch.setattr(realitygap.transfer.rig, "Stand", SimulatedStand)
+        yield patch

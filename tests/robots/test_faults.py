@@ -1,0 +1,171 @@
+"""Bytes lost, doubled, garbled, late; half lines; the device gone: nothing hangs, the robot stands."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from realitygap.errors import LineError, RobotError, UsageError
+from realitygap.robots.body import SerialBody
+from realitygap.robots.clock import VirtualClock
+from realitygap.robots.khepera.protocol import GarbledError, Request, request
+from realitygap.robots.line import GIVE_UP_S, Answer
+from realitygap.robots.loop import drive
+from realitygap.robots.recording import Recorder, Recording
+from realitygap.twin.process import TwinProcess
+from tests.robots.conftest import Bench
+from tests.robots.controllers import Constant, bands
+from tests.robots.pump import Faults
+
+FAULTS = {
+    "lost": Faults(lost=0.004, seed=1),
+    "doubled": Faults(doubled=0.004, seed=2),
+    "garbled": Faults(garbled=0.004, seed=3),
+    "late": Faults(late=0.05, late_s=0.15, seed=4),
+    "all": Faults(lost=0.002, doubled=0.002, garbled=0.002, late=0.02, late_s=0.12, seed=5),
+}
+
+
+def comes_to_stand(twin: TwinProcess, folder: Path) -> bool:
+    """Whether the robot stands, now or soon: for 0.2 s it does not move."""
+    for k in range(60):
+        twin.film(folder / f"look-{k}.csv")
+        time.sleep(0.25)
+        twin.film(None)
+        rows = (folder / f"look-{k}.csv").read_text().splitlines()[1:]
+        if len(rows) > 10 and len({tuple(row.split(",")[1:4]) for row in rows}) == 1:
+            return True
+    return False
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_drive_gets_through_a_bad_line(bench: Bench, name: str, tmp_path: Path) -> None:
+    """Some answers are asked for again; the drive ends, every step is kept, the robot stands."""
+    twin = bench.twin(clock="real", baud=115200)
+    pump = bench.pump(twin)
+    khepera = bench.khepera(pump.device, baud=115200)
+    body = SerialBody(khepera)
+    pump.faults = FAULTS[name]
+    recorder = Recorder(tmp_path / "r")
+    recording = drive(body, Constant(4, 5), seconds=3, clock=khepera.clock, inputs=bands, recorder=recorder)
+    assert khepera.line.faults > 0
+    assert len(recording.t) == 30 and (recording.proximity <= 1023).all()
+    pump.faults = Faults()
+    assert comes_to_stand(twin, tmp_path)
+
+
+def test_half_a_line_does_not_spoil_the_next(bench: Bench) -> None:
+    """Whatever half a command the robot still holds, the next question is answered."""
+    _, khepera = bench.virtual()
+    for half in (b"D,5", b"N,", b"\x00\xff", b"D,1" * 200, b"K\nH\nB\nE"):
+        khepera.line.tell(half)
+        assert len(khepera.proximity()) == 8
+        assert khepera.counters() == (0, 0)
+
+
+def test_an_old_answer_is_not_taken_for_a_new_one(bench: Bench) -> None:
+    """An answer that comes after its time-out is dropped, not read as the next question's."""
+    twin = bench.twin(clock="real", noise=0.0)
+    pump = bench.pump(twin)
+    khepera = bench.khepera(pump.device)
+    for k in range(20):  # until one has come late: it does not if the computer stands still meanwhile
+        khepera.set_counters(k, k)
+        pump.faults = Faults(late=1.0, late_s=0.2)
+        threading.Timer(0.3, lambda: setattr(pump, "faults", Faults())).start()
+        assert khepera.counters() == (k, k)
+        khepera.set_counters(7, 8)
+        assert khepera.counters() == (7, 8)
+        if khepera.line.faults:
+            return
+    raise AssertionError("no answer came late")
+
+
+def test_a_silent_line_is_given_up(bench: Bench, tmp_path: Path) -> None:
+    """No answers from step 5 on: an error that warns of a moving robot, steps kept."""
+    twin = bench.twin(clock="real")
+    pump = bench.pump(twin)
+    khepera = bench.khepera(pump.device)
+
+    class Cut(Constant):
+        def decide(self, inputs: object) -> object:
+            if self.steps == 5:
+                pump.silent, khepera.line.give_up_s = True, GIVE_UP_S
+            return super().decide([])
+
+    recorder = Recorder(tmp_path / "r")
+    with pytest.raises(LineError, match="may still be moving"):
+        drive(SerialBody(khepera), Cut(), seconds=2, clock=khepera.clock, inputs=bands, recorder=recorder)
+    recording = Recording.from_folder(tmp_path / "r")
+    assert len(recording.t) == 5 and recording.ended.startswith("LineError: no answer understood")
+
+
+def test_a_device_gone_in_mid_trial_ends_the_drive_at_once(bench: Bench, tmp_path: Path) -> None:
+    """The plug is pulled: an error that says so, and a readable recording."""
+    pump = bench.pump(bench.twin(clock="real"))
+    khepera = bench.khepera(pump.device)
+
+    class Pulled(Constant):
+        def decide(self, inputs: object) -> object:
+            if self.steps == 3:
+                pump.pull()
+            return super().decide([])
+
+    recorder = Recorder(tmp_path / "r")
+    with pytest.raises(LineError, match="the line is lost"):
+        drive(SerialBody(khepera), Pulled(), seconds=2, clock=khepera.clock, inputs=bands, recorder=recorder)
+    assert len(Recording.from_folder(tmp_path / "r").t) == 3
+
+
+def test_a_twin_that_dies_ends_the_drive(bench: Bench) -> None:
+    """Under the virtual clock too: the channel closes."""
+    twin, khepera = bench.virtual()
+
+    class Killer(Constant):
+        def decide(self, inputs: object) -> object:
+            if self.steps == 3:
+                twin.close()
+            return super().decide([])
+
+    with pytest.raises(RobotError, match=r"twin|line is lost"):
+        drive(SerialBody(khepera), Killer(), seconds=2, clock=khepera.clock, inputs=bands)
+
+
+def test_a_robot_that_takes_one_command_at_a_time_is_asked_so(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After three failures of questions sent together, they are sent one by one."""
+    _, khepera = bench.virtual()
+    assert khepera.line.together
+    exchange = khepera.line._exchange
+
+    def one_only(requests: Sequence[Request]) -> list[Answer]:
+        if len(requests) > 1:
+            raise GarbledError("half of it lost")
+        return exchange(requests)
+
+    monkeypatch.setattr(khepera.line, "_exchange", one_only)
+    body = SerialBody(khepera)
+    for _ in range(5):
+        assert len(body.sense().proximity) == 8
+    assert not khepera.line.together and khepera.line.faults == 3
+
+
+def test_a_port_that_cannot_be_opened_says_why(bench: Bench, tmp_path: Path) -> None:
+    """No such device; a device that another driver has."""
+    with pytest.raises(UsageError, match="No such file or directory; check the cable"):
+        bench.khepera(str(tmp_path / "ttyUSB9"))
+    twin, _ = bench.virtual()
+    with pytest.raises(UsageError, match="no other program has it"):
+        bench.khepera(twin.device, VirtualClock(twin.channel))
+
+
+def test_the_robots_own_refusal_is_passed_on(bench: Bench) -> None:
+    """A turret that is not there: the robot's words."""
+    _, khepera = bench.virtual()
+    with pytest.raises(RobotError, match="z,Protocol error"):
+        khepera.ask(request("T", 1, 2))
+    assert khepera.counters() == (0, 0)

@@ -1,0 +1,155 @@
+"""A driver that is frozen, suspended or stuck: its robot is stopped, and the drive does not go on."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from realitygap.errors import FrozenError
+from realitygap.robots.body import SerialBody
+from realitygap.robots.guard import SILENCE_S, TICK_S, Silence
+from realitygap.robots.loop import drive
+from realitygap.robots.recording import Recorder, Recording
+from realitygap.twin.process import TwinProcess
+from tests.robots.conftest import ROOT, Bench
+from tests.robots.controllers import Constant, Wary, bands
+from tests.robots.test_faults import comes_to_stand
+
+
+def test_a_silence_is_ended_within_half_a_second() -> None:
+    """Counted from the driver's last word while its wheels may turn; it is said once."""
+    silence = Silence()
+    assert not any(silence.passes(TICK_S) for _ in range(100)), "nobody drives"
+    for words in (b"+", b"-+", b"++"):
+        silence.hear(words)
+        ticks = [silence.passes(TICK_S) for _ in range(100)]
+        assert ticks.count(True) == 1
+        assert SILENCE_S <= (ticks.index(True) + 1) * TICK_S <= 0.5 - TICK_S
+    silence.hear(b"+-")
+    assert not any(silence.passes(TICK_S) for _ in range(100)), "it stands"
+
+
+def test_a_computer_that_stood_still_is_no_silence() -> None:
+    """A guard that was frozen with its driver hears it first."""
+    silence = Silence()
+    silence.hear(b"+")
+    assert not silence.passes(60.0)
+    silence.hear(b"+")
+    assert not silence.passes(60.0)
+
+
+@contextmanager
+def child(twin: TwinProcess, folder: Path) -> Iterator[subprocess.Popen[str]]:
+    """A driver in a process of its own that has begun to drive; in a group of its own, as a shell's job."""
+    with subprocess.Popen(
+        [sys.executable, "-m", "tests.robots.child", twin.device, str(folder)],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        process_group=0,
+    ) as driver:
+        try:
+            assert driver.stdout is not None and driver.stdout.readline() == "driving\n"
+            yield driver
+        finally:
+            driver.send_signal(signal.SIGCONT)
+            driver.kill()
+
+
+@pytest.mark.parametrize(
+    ("number", "says"),
+    [
+        (signal.SIGSTOP, "FrozenError: the drive was frozen for"),
+        (signal.SIGTSTP, "RobotStoppedError: suspended; the robot was told to stand first"),
+    ],
+    ids=lambda value: getattr(value, "name", ""),
+)
+def test_a_suspended_driver_leaves_the_robot_standing(
+    bench: Bench, tmp_path: Path, number: signal.Signals, says: str
+) -> None:
+    """The robot stands while its driver is suspended, by SIGSTOP or Ctrl-Z; woken, the drive is over."""
+    twin = bench.twin(clock="real")
+    with child(twin, tmp_path / "r") as driver:
+        driver.send_signal(number)
+        _, status = os.waitpid(driver.pid, os.WUNTRACED)
+        assert os.WIFSTOPPED(status) and os.WSTOPSIG(status) == number
+        assert comes_to_stand(twin, tmp_path)
+        driver.send_signal(signal.SIGCONT)
+        assert driver.stderr is not None
+        _, errors = driver.communicate(timeout=60)
+        assert driver.returncode != 0 and says.split(": ", 1)[1] in errors
+        assert ("guard: heard nothing" in errors) == (number == signal.SIGSTOP)
+    assert comes_to_stand(twin, tmp_path)
+    recording = Recording.from_folder(tmp_path / "r")
+    assert len(recording.t) >= 5 and recording.ended.startswith(says)
+
+
+class Once(Constant):
+    """Does something in its sixth step."""
+
+    def __init__(self, act: Callable[[], object]) -> None:
+        super().__init__()
+        self.act = act
+
+    def decide(self, inputs: object) -> object:
+        if self.steps == 5:
+            self.act()
+        return super().decide([])
+
+
+def test_a_controller_that_hangs_is_no_danger(
+    bench: Bench, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The guard stops the robot meanwhile and says so; when the controller comes back the drive is over."""
+    twin = bench.twin(clock="real")
+    khepera = bench.khepera(twin.device)
+    stood: list[bool] = []
+    controller = Once(lambda: stood.append(comes_to_stand(twin, tmp_path)))
+    recorder = Recorder(tmp_path / "r")
+    with pytest.raises(FrozenError, match=r"frozen for \d+\.\d s .*; the robot was stopped meanwhile"):
+        drive(
+            SerialBody(khepera), controller, seconds=2, clock=khepera.clock, inputs=bands, recorder=recorder
+        )
+    assert stood == [True] and khepera.speeds() == (0, 0)
+    assert "guard: heard nothing from the driver for half a second" in capfd.readouterr().err
+    assert len(Recording.from_folder(tmp_path / "r").t) == 5
+    again = drive(SerialBody(khepera), Constant(), seconds=0.5, clock=khepera.clock, inputs=bands)
+    assert len(again.t) == 5, "the next drive is watched as the first was"
+
+
+def test_no_robot_is_driven_without_a_guard(bench: Bench) -> None:
+    """A guard that is killed ends the drive, and the robot stands."""
+    khepera = bench.khepera(bench.twin(clock="real").device)
+    assert khepera._guard is not None
+    controller = Once(khepera._guard._process.kill)
+    with pytest.raises(FrozenError, match="the guard's process is gone"):
+        drive(SerialBody(khepera), controller, seconds=2, clock=khepera.clock, inputs=bands)
+    assert khepera.speeds() == (0, 0)
+
+
+def test_a_robot_whose_time_waits_needs_no_guard(bench: Bench) -> None:
+    """In virtual time a step that takes the computer long changes no bit of a drive."""
+    made = []
+    for pause_s in (0.0, 0.7):
+        _, khepera = bench.virtual(seed=3)
+
+        class Slow(Wary):
+            def decide(self, inputs: object, pause_s: float = pause_s) -> object:
+                self.steps += 1
+                time.sleep(pause_s * (self.steps == 5))
+                return super().decide(inputs)  # type: ignore[arg-type]
+
+        assert khepera._guard is None
+        made.append(drive(SerialBody(khepera), Slow(), seconds=1, clock=khepera.clock, inputs=bands))
+    for name in ("t", "late", "proximity", "commands", "counters"):
+        assert np.array_equal(getattr(made[0], name), getattr(made[1], name))

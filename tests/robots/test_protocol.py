@@ -1,0 +1,130 @@
+"""The table of commands, read both ways."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from realitygap.errors import BaudError, UsageError
+from realitygap.robots.budget import step_budget
+from realitygap.robots.khepera.protocol import (
+    COMMANDS,
+    GarbledError,
+    RefusedError,
+    Request,
+    answer,
+    characters,
+    parse_answer,
+    parse_request,
+    request,
+    wire_ms,
+)
+
+
+@st.composite
+def requests(draw: st.DrawFn) -> Request:
+    """Any command that the robot takes."""
+    letter = draw(st.sampled_from(sorted(COMMANDS)))
+    return Request(letter, tuple(draw(st.integers(s.low, s.high)) for s in COMMANDS[letter].takes))
+
+
+@given(requests())
+def test_a_command_reads_back_as_it_was_written(asked: Request) -> None:
+    """What the driver writes is what the robot reads."""
+    assert request(asked.letter, *asked.arguments) == asked
+    assert parse_request(asked.data.decode()) == asked
+
+
+@given(requests(), st.data())
+def test_an_answer_reads_back_as_it_was_written(asked: Request, data: st.DataObject) -> None:
+    """What the robot answers is what the driver reads."""
+    form = COMMANDS[asked.letter]
+    values = tuple(data.draw(st.integers(span.low, span.high)) for span in form.gives)
+    if form.versions:
+        values = ("5.02", "5.01")
+    assert parse_answer(answer(asked.letter, *values).decode().strip(), asked) == values
+
+
+@given(st.text(max_size=20))
+def test_any_text_is_a_command_or_refused_in_the_robots_words(text: str) -> None:
+    """Nothing that comes down the line breaks the robot."""
+    try:
+        asked = parse_request(text)
+    except RefusedError as refusal:
+        assert str(refusal) in ("Command not found", "z,Protocol error")
+    else:
+        assert asked.letter in COMMANDS
+
+
+@given(st.text(max_size=30))
+def test_any_text_is_an_answer_or_an_error(text: str) -> None:
+    """Nothing that comes back breaks the driver."""
+    try:
+        values = parse_answer(text, Request("N"))
+    except (GarbledError, RefusedError):
+        return
+    assert len(values) == 8
+
+
+@pytest.mark.parametrize("line", ["D,128,0", "D,0", "D,1,2,3", "D", "D,x,0", "N,1", "I,6", "L,2,0", "D,5 5"])
+def test_wrong_arguments_are_a_protocol_error(line: str) -> None:
+    """Too many, too few, out of range or no numbers."""
+    with pytest.raises(RefusedError, match="z,Protocol error"):
+        parse_request(line)
+
+
+@pytest.mark.parametrize("line", ["Q", "d,1,1", "hello", "DD,1,1", "+"])
+def test_an_unknown_text_is_not_found(line: str) -> None:
+    """A text that begins with no command's letter and comma."""
+    with pytest.raises(RefusedError, match="Command not found"):
+        parse_request(line)
+
+
+@pytest.mark.parametrize(
+    "line", ["n,1,2,3", "n,1,2,3,4,5,6,7,1024", "o,1,2,3,4,5,6,7,8", "n,1,2,3,4,5,6,7,x"]
+)
+def test_a_wrong_answer_is_garbled(line: str) -> None:
+    """Too few values, values that no converter gives, another command's answer."""
+    with pytest.raises(GarbledError):
+        parse_answer(line, Request("N"))
+
+
+def test_a_refused_command_names_what_it_takes() -> None:
+    """The driver refuses before the robot does."""
+    with pytest.raises(UsageError, match=r"command D .* takes -127\.\.127, -127\.\.127; got \[200, 0\]"):
+        request("D", 200, 0)
+    with pytest.raises(UsageError, match="no command 'Q'"):
+        request("Q")
+
+
+def test_the_longest_answers_are_as_long_as_the_table_says() -> None:
+    """Times on the wire are worst cases."""
+    asked = Request("N")
+    assert characters(asked) == len(asked.data) + len(answer("N", *[1023] * 8))
+    asked = Request("E")
+    assert characters(asked) >= len(asked.data) + len(answer("E", -127, -127))
+    assert wire_ms(384, 38400) == pytest.approx(110.0)
+
+
+def test_9600_baud_is_refused_for_both_kinds_of_sensors() -> None:
+    """N + O + D are 103 characters of 11 bits: 118 ms of a step of 100 ms."""
+    with pytest.raises(BaudError, match=r"103 × 11 / 9600 s = 118 ms; set the robot to 19200 baud or more"):
+        step_budget(("proximity", "ambient"), 9600)
+
+
+@pytest.mark.parametrize(
+    ("kinds", "baud", "reads"),
+    [
+        (("proximity",), 9600, "NH"),
+        (("ambient",), 9600, "OH"),
+        (("proximity", "ambient"), 19200, "NOHE"),
+        (("ambient", "proximity"), 38400, "NOHE"),
+        (("proximity",), 115200, "NHE"),
+    ],
+)
+def test_a_step_carries_what_fits(kinds: tuple[str, ...], baud: int, reads: str) -> None:
+    """Sensors first, then counters, then speeds, within 100 ms."""
+    budget = step_budget(kinds, baud)
+    assert "".join(read.letter for read in budget.reads) == reads
+    assert budget.ms <= 100

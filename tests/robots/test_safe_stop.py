@@ -1,0 +1,81 @@
+"""Whatever ends the driver, the robot stands and the recording is readable."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from realitygap.robots.recording import Recording
+from realitygap.robots.signals import undisturbed
+from tests.robots.conftest import ROOT, Bench
+from tests.robots.test_faults import comes_to_stand
+
+ENDS = {
+    signal.SIGINT: "RobotStoppedError: stopped by SIGINT",
+    signal.SIGTERM: "RobotStoppedError: stopped by SIGTERM",
+    signal.SIGHUP: "RobotStoppedError: stopped by SIGHUP",
+    signal.SIGKILL: "killed",
+}
+
+
+@pytest.mark.parametrize("number", ENDS, ids=lambda number: number.name)
+def test_a_driver_that_is_stopped_or_killed_leaves_the_robot_standing(
+    bench: Bench, tmp_path: Path, number: signal.Signals
+) -> None:
+    """Ctrl-C, SIGTERM and a closed terminal stop the wheels first; after kill -9 the guard does."""
+    twin = bench.twin(clock="real")
+    with subprocess.Popen(
+        [sys.executable, "-m", "tests.robots.child", twin.device, str(tmp_path / "r")],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as driver:
+        assert driver.stdout is not None and driver.stdout.readline() == "driving\n"
+        driver.send_signal(number)
+        assert driver.wait(60) != 0
+    assert comes_to_stand(twin, tmp_path)
+    recording = Recording.from_folder(tmp_path / "r")
+    assert len(recording.t) >= 5 and (recording.counters[-1] > 0).all()
+    assert recording.ended.startswith(ENDS[number])
+
+
+def test_a_second_ctrl_c_does_not_disturb_the_stop(bench: Bench, tmp_path: Path) -> None:
+    """Two signals at once: the stop is carried through."""
+    twin = bench.twin(clock="real")
+    with subprocess.Popen(
+        [sys.executable, "-m", "tests.robots.child", twin.device, str(tmp_path / "r")],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    ) as driver:
+        assert driver.stdout is not None and driver.stdout.readline() == "driving\n"
+        for _ in range(2):
+            driver.send_signal(signal.SIGINT)
+            time.sleep(0.02)
+        assert driver.wait(60) != 0
+    khepera = bench.khepera(twin.device)
+    assert khepera.speeds() == (0, 0)
+    assert Recording.from_folder(tmp_path / "r").ended.startswith("RobotStoppedError")
+
+
+def test_a_signal_never_cuts_an_exchange_in_half():
+    """A signal within an exchange that both ends count has its effect when that is over."""
+    seen = []
+    before = signal.signal(signal.SIGTERM, lambda number, frame: seen.append("handled"))
+    try:
+        with undisturbed():  # one exchange
+            with undisturbed():  # within another
+                os.kill(os.getpid(), signal.SIGTERM)
+                seen.append("inner end")
+            seen.append("outer end")
+        assert seen == ["inner end", "outer end", "handled"]
+    finally:
+        signal.signal(signal.SIGTERM, before)

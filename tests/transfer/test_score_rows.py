@@ -1,0 +1,146 @@
+"""The marks of tables 1 and 2 follow from a study and its transfers, and from nothing else."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from pathlib import Path
+
+import pytest
+
+from realitygap.study.load import Study, load_study
+from realitygap.study.runner import run_study
+from realitygap.toml import to_toml
+from realitygap.transfer import score_row as module
+from realitygap.transfer.kept_rows import MARKS
+from realitygap.transfer.score_rows import marks_of
+from tests.study.helpers import small
+
+SECONDS, STARTS = 8, 3
+AVOIDER, SEEKER = 1, 2
+
+
+@pytest.fixture(scope="module")
+def evolved(tmp_path_factory) -> Path:
+    """A run of each task, trials long enough to be named."""
+    config = small().with_settings([f"task.seconds={SECONDS}"])
+    return run_study(tmp_path_factory.mktemp("marked") / "study", config, workers=1).folder
+
+
+@pytest.fixture
+def study(evolved: Path, tmp_path: Path) -> Study:
+    """A copy to which transfers may be added."""
+    return load_study(shutil.copytree(evolved, tmp_path / "study"))
+
+
+def drive(
+    study: Study, number: int, *, radius: float = 3.0, robot: str = "twin-1", lose: bool = False
+) -> None:
+    """Transfers of a run: simulated circles of 3 cm from several starts, situated ones of a radius."""
+    run = study.run(number)
+    for start in range(1, STARTS + 1):
+        folder = study.folder / "transfer" / robot / run.name.replace("/", "-") / f"start-{start}"
+        folder.mkdir(parents=True)
+        _write(folder / "simulated.csv", 3.0, start, lose=False)
+        _write(folder / "situated.csv", radius, start, lose=lose and start == 1)
+        unit = int(robot.split("-")[1])
+        facts = {
+            "run": run.id, "name": run.name, "task": run.task, "noise": run.noise, "individual": "champion",
+            "robot": robot, "unit": unit, "twin_noise": 1.0, "start": start, "seconds": float(SECONDS),
+            "pose": {"x_cm": 25.0, "y_cm": 25.0, "heading_deg": 0.0}, "film": False,
+            "situated_from": "camera", "late_steps": 0, "fitness": {"simulated": 0.5, "situated": 0.4},
+        }  # fmt: skip
+        (folder / "transfer.toml").write_text(to_toml(facts), encoding="utf-8")
+
+
+def _write(path: Path, radius: float, start: int, *, lose: bool) -> None:
+    """A circle at 6 cm/s from the middle of the room."""
+    rows = ["t_s,x_cm,y_cm,heading_deg"]
+    for k in range(10 * SECONDS + 1):
+        turn = 0.6 * k / radius
+        heading = turn + start
+        x = 25 + radius * (math.sin(heading) - math.sin(start))
+        y = 25 - radius * (math.cos(heading) - math.cos(start))
+        place = ",," if lose and 20 < k < 60 else f"{x:.6f},{y:.6f},{math.degrees(heading) % 360:.6f}"
+        rows.append(f"{k / 10:.1f},{place}")
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+
+def test_a_run_that_drove_no_robot_is_named_and_scored_in_simulation(study: Study) -> None:
+    """Type and behaviour score are of the simulation; the others are missing, and why is said."""
+    for mark in marks_of(study):
+        assert mark.type and 0 < mark.share <= 1 and 0 <= mark.behaviour <= 10
+        assert mark.correspondence is None and mark.differences is None
+        assert "no transfer" in mark.why
+
+
+def test_the_same_paths_correspond_and_others_do_not(study: Study) -> None:
+    """Equal paths are observably identical; narrow circles beside wide ones score lower, with words."""
+    drive(study, AVOIDER)
+    same = marks_of(study)[0]
+    assert same.correspondence == 10 and same.differences == "observably identical" and same.why == ""
+    assert (same.starts, same.units, same.kind) == (STARTS, 1, "twin")
+    shutil.rmtree(study.folder / "transfer")
+    drive(study, AVOIDER, radius=1.0)
+    other = marks_of(study)[0]
+    assert other.correspondence < 6 and other.differences != same.differences
+    assert other.low <= other.correspondence <= other.high
+    assert (other.type, other.behaviour) == (same.type, same.behaviour)
+
+
+def test_units_count_together_and_kinds_apart(study: Study) -> None:
+    """Two units of the twin make one mark."""
+    drive(study, AVOIDER)
+    drive(study, AVOIDER, robot="twin-2")
+    mark, other = marks_of(study)
+    assert (mark.starts, mark.units) == (STARTS, 2) and mark.kind == "twin"
+    assert other.run == SEEKER and "no transfer" in other.why
+
+
+def test_a_trial_in_which_the_robot_was_lost_is_left_out_and_said(study: Study) -> None:
+    """The others are scored; the reason names robot and start."""
+    drive(study, AVOIDER, lose=True)
+    mark = marks_of(study)[0]
+    assert mark.starts == STARTS - 1 and mark.correspondence is not None
+    assert "twin-1, start 1" in mark.why and "lost" in mark.why
+
+
+def test_marks_are_computed_once(study: Study, monkeypatch) -> None:
+    """What is kept is read; a transfer that comes to be is marked, and a broken file is done without."""
+    drive(study, AVOIDER)
+    before = marks_of(study)
+    made = []
+    original = module.Job.mark
+    monkeypatch.setattr(module.Job, "mark", lambda job: made.append(job.run.id) or original(job))
+    assert marks_of(load_study(study.folder)) == before and made == []
+    drive(study, SEEKER)
+    marks_of(study)
+    assert made == [SEEKER]
+    (study.folder / MARKS).write_text("{")
+    assert marks_of(study)[0] == before[0] and made == [SEEKER, AVOIDER, SEEKER]
+
+
+@pytest.mark.parametrize(
+    "spoilt",
+    [
+        lambda kept: {key: {**one, "mark": {**one["mark"], "behaviour": 9.9}} for key, one in kept.items()},
+        lambda kept: {key: {"mark": {"nonsense": 1}, "check": one["check"]} for key, one in kept.items()},
+        lambda kept: {key: one["mark"] for key, one in kept.items()},
+        lambda kept: dict.fromkeys(kept, 7),
+        lambda kept: [*kept],
+    ],
+)
+def test_marks_with_the_right_keys_and_another_content_are_made_anew(finished, tmp_path, spoilt):
+    """What somebody wrote into marks.json is neither believed nor stumbled over."""
+    study = load_study(shutil.copytree(finished.folder, tmp_path / "study"))
+    before, file = marks_of(study), study.folder / MARKS
+    file.write_text(json.dumps(spoilt(json.loads(file.read_text()))))
+    assert marks_of(study) == before
+
+
+def test_trials_too_short_to_be_named_are_said_to_be(finished: Study, tmp_path: Path) -> None:
+    """Half a second shows no behaviour; its score is known all the same."""
+    study = load_study(shutil.copytree(finished.folder, tmp_path / "study"))
+    for mark in marks_of(study):
+        assert mark.type is None and "no type" in mark.why and mark.behaviour is not None

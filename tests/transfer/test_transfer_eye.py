@@ -1,0 +1,201 @@
+"""A real robot under a camera: a video file stands in for the eye, a twin in real time for the robot."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from realitygap.errors import FilmError, StudyError, UsageError
+from realitygap.film.camera import CameraModel
+from realitygap.film.disk import load_disk
+from realitygap.film.eye import Eye
+from realitygap.film.track import read_track
+from realitygap.film.video import FilmReader, FilmWriter
+from realitygap.study.load import Study, load_study
+from realitygap.transfer.film import calibrated
+from realitygap.transfer.paths import lost_steps
+from realitygap.transfer.run import load_transfers, transfer
+from realitygap.twin import drawing
+from realitygap.twin.camera import OverheadCamera
+from realitygap.twin.process import start_twin
+from realitygap.twin.states import States
+from realitygap.values import Pose
+
+SECONDS, FPS = 1.0, 25
+STANDS = Pose.from_degrees(24.0, 26.0, 30.0)
+"""Where the robot of the eye's film stands at first; then it turns on the spot, 90° a second."""
+
+COVERED = 3
+"""So many frames of the film show no robot before it is seen."""
+
+
+@pytest.fixture
+def study(finished, tmp_path) -> Study:
+    """A copy of the finished small study, of one's own."""
+    return load_study(shutil.copytree(finished.folder, tmp_path / "copy"))
+
+
+@pytest.fixture(scope="module")
+def arena(finished):
+    """Where it drives."""
+    return finished.task("obstacle-avoidance").arena
+
+
+@pytest.fixture(scope="module")
+def camera(arena, tmp_path_factory) -> CameraModel:
+    """The eye's calibration."""
+    file = tmp_path_factory.mktemp("eye") / "camera.json"
+    return calibrated(file, arena, unit=1, noise=1.0, radius_cm=2.9)
+
+
+@pytest.fixture(scope="module")
+def video(arena, tmp_path_factory) -> Path:
+    """What the eye sees."""
+    return seen_by_the_eye(tmp_path_factory.mktemp("eye") / "eye.mp4", arena)
+
+
+def seen_by_the_eye(file: Path, arena) -> Path:
+    """A film of nobody for three frames, then of a robot that turns."""
+    turn, count = math.radians(90.0) / FPS, 3 * FPS
+    heading = STANDS.heading + turn * np.arange(count)
+    states = States.standing(
+        np.arange(count) * 40, np.full(count, STANDS.x), np.full(count, STANDS.y), heading
+    )
+    with (
+        OverheadCamera(arena.plain(), unit=1, view="drawn") as eye,
+        FilmWriter(file, rate=FPS, made_by="the tests") as film,
+    ):
+        nobody = States.standing([0], [-50.0], [-50.0], [0.0]).pose[0]
+        for k in range(COVERED):
+            film.add(eye.frame(nobody, 900 + k))
+        for k, pose in enumerate(states.pose):
+            film.add(eye.frame(pose, k))
+    return file
+
+
+@pytest.fixture
+def robot(arena):
+    """A twin in real time; and how it is carried."""
+    with start_twin(arena.plain(), unit=1, clock="real") as twin:
+        yield f"serial:{twin.device}", lambda one, pose: twin.place(pose)
+
+
+def test_the_eye_reads_the_start_and_films_the_drive(study, robot, camera, video):
+    """Asked until it is seen; the simulation begins there; the film is tracked from the drive's beginning."""
+    port, carry = robot
+    told: list[Pose | None] = []
+
+    def found(one, wished, seen):
+        told.append(seen)
+        return seen is not None
+
+    settings = {"robots": (port,), "seconds": SECONDS, "carry": carry, "camera": camera, "found": found}
+    one = transfer(study, [1], eye=str(video), film=True, **settings)[0]
+    assert told[:COVERED] == [None] * COVERED and len(told) == COVERED + 1
+    assert math.dist((one.pose.x, one.pose.y), (STANDS.x, STANDS.y)) < 0.05
+    assert one.pose.heading_deg == pytest.approx(STANDS.heading_deg, abs=1.0)
+    assert one.simulated["x_cm"][0] == pytest.approx(one.pose.x, abs=1e-5)
+    assert one.situated_from == "film" and one.filmed and one.view == f"camera {video}"
+    facts = tomllib.loads((one.folder / "transfer.toml").read_text())
+    assert facts["wished"]["x_cm"] != facts["pose"]["x_cm"] and 0 <= facts["film_lead_s"] < 0.5
+    path = one.situated
+    assert lost_steps(path) == one.lost_steps == 0 and one.late_steps <= 2
+    assert np.hypot(path["x_cm"] - STANDS.x, path["y_cm"] - STANDS.y).max() < 0.1
+    # the frame after the one that was looked at is the film's first
+    begun = STANDS.heading_deg + 90.0 * (1 / FPS + facts["film_lead_s"])
+    assert path["heading_deg"] == pytest.approx(begun + 90.0 * path["t_s"], abs=2.0)
+    track = read_track(one.folder / "track.csv")
+    with FilmReader(one.folder / "film.mp4") as film:
+        times = [frame.t_s for frame in film]
+    assert times == pytest.approx(np.arange(len(times)) / FPS, abs=1e-3) and len(track) == len(times)
+    assert (one.folder / "camera.json").is_file() and (one.folder / "tails.png").is_file()
+
+
+def test_an_eye_that_only_watches_keeps_no_film(study, robot, camera, video):
+    """Without --film the path is from the camera; without watching from the counters, from the seen start."""
+    port, carry = robot
+    settings = {"robots": (port,), "seconds": SECONDS, "carry": carry, "camera": camera}
+    settings["found"] = lambda one, wished, seen: seen is not None
+    counted = transfer(study, [1], eye=str(video), watch=False, **settings)[0]
+    assert counted.situated_from == "counters"
+    assert counted.situated["x_cm"][0] == pytest.approx(STANDS.x, abs=0.05)
+    one = transfer(study, [1], eye=str(video), **settings)[0]
+    assert one.situated_from == "camera" and not one.filmed and one.lost_steps == 0
+    assert not (one.folder / "film.mp4").exists() and (one.folder / "track.csv").is_file()
+    assert (one.folder.parent / "start-1.earlier-1" / "steps.csv").is_file()  # nothing is thrown away
+    assert len(load_transfers(study.folder)) == 1
+
+
+def test_a_robot_may_wear_a_disk_of_its_own(study, robot, camera, arena, tmp_path, monkeypatch):
+    """The eye looks for it, with the film it is kept, and the trial cannot be taken for one with another.
+
+    Its patches are the shipped disk's, exchanged: a tracker of that one would see the robot look back.
+    """
+    heights, (body, disk, middle, front), colours = drawing.LOOKS
+    monkeypatch.setattr(drawing, "LOOKS", (heights, (body, disk, front, middle), colours))
+    video, mine = seen_by_the_eye(tmp_path / "eye.mp4", arena), tmp_path / "mine.toml"
+    mine.write_text("centre_radius_cm = 0.45\nfront_radius_cm = 0.7\n")
+    port, carry = robot
+    settings = {"robots": (port,), "seconds": SECONDS, "carry": carry, "camera": camera, "eye": str(video)}
+    settings["found"] = lambda one, wished, seen: seen is not None
+    for film in (False, True):
+        one = transfer(study, [1], disk=mine, film=film, **settings)[0]
+        assert one.pose.heading_deg == pytest.approx(STANDS.heading_deg, abs=1.0) and one.lost_steps == 0
+        assert np.hypot(one.situated["x_cm"] - STANDS.x, one.situated["y_cm"] - STANDS.y).max() < 0.1
+    assert load_disk(one.folder / "disk.toml") == load_disk(mine)
+    assert transfer(study, [1], disk=mine, **settings)[0] == one  # it is there already
+    with pytest.raises(StudyError, match=r"made with disk\.centre_radius_cm = 0\.45, not 0\.7"):
+        transfer(study, [1], **settings)
+
+
+def test_a_start_that_is_not_seen_may_be_taken_on_a_persons_word(study, robot, camera, video):
+    """With a person's word from the wished pose; with nobody to ask it is refused."""
+    port, carry = robot
+    settings = {"robots": (port,), "seconds": SECONDS, "carry": carry, "camera": camera}
+    with pytest.raises(FilmError, match="not seen where it was carried"):
+        transfer(study, [1], eye=str(video), **settings)
+    one = transfer(study, [1], eye=str(video), watch=False, found=lambda *_: True, **settings)[0]
+    facts = tomllib.loads((one.folder / "transfer.toml").read_text())
+    assert facts["wished"] == facts["pose"]
+
+
+def test_a_film_that_ends_too_soon_leaves_a_gap(study, robot, camera, video):
+    """What the eye did not see is a gap; the trial says why, and has no score."""
+    port, carry = robot
+    settings = {"robots": (port,), "seconds": 4.0, "carry": carry, "camera": camera}
+    settings["found"] = lambda one, wished, seen: seen is not None
+    one = transfer(study, [1], eye=str(video), film=True, **settings)[0]
+    assert 5 <= one.lost_steps <= 15 and math.isnan(one.fitness_situated)
+    assert np.isnan(one.situated["x_cm"][-5:]).all() and np.isfinite(one.situated["x_cm"][:25]).all()
+    assert "no more pictures" in tomllib.loads((one.folder / "transfer.toml").read_text())["trouble"]
+
+
+def test_an_eye_that_cannot_be_used_is_refused(study, camera, video, tmp_path):
+    """By name: no camera, no eye, no robot under it, nothing that opens, pictures of another size."""
+    port, carry = "serial:/dev/no-such-port", lambda one, pose: None
+    settings = {"robots": (port,), "carry": carry}
+    with pytest.raises(UsageError, match="eye: expected camera"):
+        transfer(study, eye=0, **settings)
+    with pytest.raises(UsageError, match="camera: expected eye"):
+        transfer(study, camera=camera, **settings)
+    with pytest.raises(UsageError, match="a twin has a camera of its own"):
+        transfer(study, camera=camera, eye=0)
+    with pytest.raises(UsageError, match="disk: expected eye beside it"):
+        transfer(study, disk="mine.toml", **settings)
+    with pytest.raises(UsageError, match="a twin has a disk of its own"):
+        transfer(study, disk="mine.toml")
+    with pytest.raises(FilmError, match=r"mine\.toml: no such file"):
+        transfer(study, camera=camera, eye=0, disk="mine.toml", **settings)
+    with pytest.raises(FilmError, match="nothing opens there"):
+        transfer(study, camera=camera, eye=str(tmp_path / "none.mp4"), **settings)
+    with pytest.raises(FilmError, match="nothing opens there"):
+        Eye(tmp_path / "none.mp4")
+    with Eye(video) as eye:
+        assert eye.look().shape == (480, 640)
+        with pytest.raises(FilmError, match="no film to finish"):
+            eye.finish(0.0)
