@@ -10,6 +10,7 @@ from pathlib import Path
 
 CHECKS = (
     ("ruff", ["-m", "ruff", "check", "."]),
+    ("ruff format", ["-m", "ruff", "format", "--check", "-q", "."]),
     ("mypy", ["-m", "mypy"]),
     ("import-linter", ["-c", "from importlinter.cli import lint_imports_command as check; check()"]),
     ("pytest", ["-m", "pytest", "-n", "2", "--dist", "loadfile", *sys.argv[1:]]),

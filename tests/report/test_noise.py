@@ -68,8 +68,9 @@ def test_the_summary_is_json_and_says_what_was_found(built: Path) -> None:
     top = summary["scopes"]["both tasks"]["curves"]["a"]["at_level"]
     assert top["value"] == pytest.approx(1.0, abs=0.45)
     assert summary["scopes"][TASKS[0]]["noisiness"]["at_level"]["value"] == pytest.approx(1.0, abs=0.2)
-    assert "Claim (a), that tracks look most like a simulation as noisy as the robot, is supported" in (
-        summary["paragraph"]
+    assert (
+        "Claim (a), that tracks look most like a simulation as noisy as the robot, is supported"
+        in (summary["paragraph"])
     )
     assert "light the calibrated model's error is up to 2.0 deviations" in summary["paragraph"]
 

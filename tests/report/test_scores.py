@@ -97,9 +97,7 @@ def test_a_table_without_marks_says_nothing(tmp_path: Path) -> None:
 def evolved(tmp_path_factory) -> Path:
     """The paper's six conditions, a short run each, with a calibrated robot's profile."""
     config = StudyConfig.reproduction(runs=1, evaluations=66, seed=3)
-    config = config.with_settings(
-        ["task.seconds=2", "retest_trials=2", "fresh_trials=3", "profile=khepera"]
-    )
+    config = config.with_settings(["task.seconds=2", "retest_trials=2", "fresh_trials=3", "profile=khepera"])
     folder = run_study(tmp_path_factory.mktemp("scored") / "study", config, workers=1).folder
     unit = folder / "calibration" / "unit-1" / "robot.toml"  # its recordings were removed to save space
     unit.parent.mkdir(parents=True)
@@ -123,7 +121,7 @@ def test_the_page_holds_tables_1_and_2_beside_the_papers(evolved: Path, tmp_path
         assert f"<b>{label}</b> Marks from 0 to 10" in text
         assert (folder / "report" / "tables" / f"{name}-scores.csv").is_file()
         assert f'href="tables/{name}-scores.csv"' in text
-    assert text.count("<tr class=\"average\"><th scope=\"row\">average") >= 12
+    assert text.count('<tr class="average"><th scope="row">average') >= 12
     assert "the paper’s judges, 1995" in text
     table = study_tables(load_study(folder))[0].to_dict()
     assert [row["starts"] for row in table["rows"]] == [2, 2, 2]

@@ -1,8 +1,8 @@
 """One call from a twin's unit to its profile: record all plans, fit, write robot.toml.
 
-    from realitygap.calibration.unit import calibrated_unit
+from realitygap.calibration.unit import calibrated_unit
 
-    profile = calibrated_unit("units/7", unit=7, noise=1.0, seed=0, workers=2)
+profile = calibrated_unit("units/7", unit=7, noise=1.0, seed=0, workers=2)
 """
 
 from __future__ import annotations

@@ -66,9 +66,7 @@ def simulate(
     scene = Scene.load(task=task, profile=profile, noise=noise, pose=pose, arena=arena)
     genes = controller_genes(controller, scene.task.feeds, scene.layout)
     network = decode(genes, Layout.of(genes, inputs=scene.layout.inputs))
-    trajectory, score = scene.simulation().trajectory(
-        network, stream=seed, pose=scene.pose, seconds=seconds
-    )
+    trajectory, score = scene.simulation().trajectory(network, stream=seed, pose=scene.pose, seconds=seconds)
     if picture is not None:
         scene.save_picture(picture, trajectory)
     if json_output:

@@ -129,9 +129,7 @@ class Finder:
                     break
         return best
 
-    def _laid_out(
-        self, picture: NDArray[np.uint8] | Look, place: NDArray[np.float64], half: int
-    ) -> Picture:
+    def _laid_out(self, picture: NDArray[np.uint8] | Look, place: NDArray[np.float64], half: int) -> Picture:
         """A square of the disk's plane about a place, `half` steps to each side."""
         axis = np.arange(-half, half + 1) * self._step
         x, y = place[0] + axis, (place[1] + axis)[:, None]

@@ -33,6 +33,7 @@ from realitygap.kernels.rng import log
 SERIES = tuple(1.0 / math.factorial(i) for i in range(13, -1, -1))
 """Of eˣ, the highest power first."""
 
+
 @step
 def power(x, p):
     """x^p for 0 ≤ x ≤ 1 and p ≥ 0, to about 1e-15: the same bits on every machine; 0 below e⁻⁴⁰."""
