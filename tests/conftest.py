@@ -12,6 +12,8 @@ from tests.browser import NAMES, Browser, find_browser
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a shell's background: Ctrl-C is tried here
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+pytest.register_assert_rewrite("realitygap.testing")
+
 settings.register_profile("patient", deadline=None)  # a loaded machine is slow, and no test fails on that
 settings.load_profile("patient")
 

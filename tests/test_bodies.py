@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -14,21 +14,22 @@ from realitygap.controller.network import NetworkController, decode
 from realitygap.controller.operators import Variation
 from realitygap.errors import UsageError
 from realitygap.kernels.rng import substream
-from realitygap.robots.body import SerialBody
+from realitygap.robots.body import Body, SerialBody
 from realitygap.robots.clock import Clock, VirtualClock
 from realitygap.robots.khepera.driver import Khepera
 from realitygap.robots.loop import drive
 from realitygap.tasks import Start, load_task
 from realitygap.tasks.body import SimulatedBody, network_inputs
 from realitygap.tasks.simulation import Simulation
+from realitygap.testing import BodyContract
 from realitygap.twin.process import start_twin
 from realitygap.values import Command, Pose
 from realitygap.world.arena import Arena
 from realitygap.world.profile import load_profile
-from tests.robots.contract import MIDDLE, BodyContract
 
 PAPER = load_profile("paper")
 LAYOUT = Layout()
+MIDDLE = Pose.from_degrees(25, 25, 90)
 EMPTY = Arena(name="empty", size_cm=(50, 50), walls=(), cylinders=())
 NAMES = ("avoidance", "light")
 
@@ -42,30 +43,26 @@ def _room() -> Simulation:
 class TestSimulatedBody(BodyContract):
     """The body over the kernels."""
 
-    @pytest.fixture
-    def body(self) -> SimulatedBody:
-        return SimulatedBody(_room(), stream=5, kinds=("proximity", "ambient"))
+    pulses_per_unit = 100.0
 
-    @pytest.fixture
-    def clock(self, body: SimulatedBody) -> Clock:
-        return body.clock
+    def opened(self) -> AbstractContextManager[tuple[Body, Clock]]:
+        body = SimulatedBody(_room(), stream=5, kinds=("proximity", "ambient"))
+        return nullcontext((body, body.clock))
 
 
 class TestTwinBody(BodyContract):
     """The physics, in a process of its own, through driver and pseudo-terminal, under the virtual clock."""
 
-    @pytest.fixture
-    def body(self) -> Iterator[SerialBody]:
+    pulses_per_unit = 100.0
+
+    @contextmanager
+    def opened(self) -> Iterator[tuple[Body, Clock]]:
         with ExitStack() as stack:
             twin = stack.enter_context(start_twin({"size_cm": [50.0, 50.0]}, unit=1, seed=2))
             clock = VirtualClock(twin.channel)
             stack.callback(clock.close)
             khepera = stack.enter_context(Khepera.connect(twin.device, clock=clock))
-            yield SerialBody(khepera, kinds=("proximity", "ambient"), carry=twin.place)
-
-    @pytest.fixture
-    def clock(self, body: SerialBody) -> Clock:
-        return body.khepera.clock
+            yield SerialBody(khepera, kinds=("proximity", "ambient"), carry=twin.place), clock
 
 
 def _genes(k: int) -> np.ndarray:

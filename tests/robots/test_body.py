@@ -2,31 +2,36 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
+
 import pytest
 
 from realitygap.robots.body import Body, SerialBody
 from realitygap.robots.clock import Clock
+from realitygap.testing import BodyContract
 from tests.robots.conftest import Bench
-from tests.robots.contract import BodyContract
 
 
 class TestVirtualSerialBody(BodyContract):
     """A body on a pseudo-terminal, under the virtual clock."""
 
-    @pytest.fixture
-    def body(self, bench: Bench) -> Body:
-        twin, khepera = bench.virtual()
-        return SerialBody(khepera, kinds=("proximity", "ambient"), carry=twin.place)
+    pulses_per_unit = 100.0
+    bench: Bench
 
-    @pytest.fixture
-    def clock(self, body: SerialBody) -> Clock:
-        return body.khepera.clock
+    @pytest.fixture(autouse=True)
+    def _at_the_bench(self, bench: Bench) -> None:
+        self.bench = bench
+
+    def opened(self) -> AbstractContextManager[tuple[Body, Clock]]:
+        twin, khepera = self.bench.virtual()
+        body = SerialBody(khepera, kinds=("proximity", "ambient"), carry=twin.place)
+        return nullcontext((body, khepera.clock))
 
 
 class TestRealSerialBody(TestVirtualSerialBody):
     """The same in real time."""
 
-    @pytest.fixture
-    def body(self, bench: Bench) -> Body:
-        twin = bench.twin(clock="real")
-        return SerialBody(bench.khepera(twin.device), carry=twin.place)
+    def opened(self) -> AbstractContextManager[tuple[Body, Clock]]:
+        twin = self.bench.twin(clock="real")
+        khepera = self.bench.khepera(twin.device)
+        return nullcontext((SerialBody(khepera, carry=twin.place), khepera.clock))

@@ -1,0 +1,23 @@
+"""Contract tests for implementations of your own: subclass one in a test file and run pytest.
+
+Each seam of the project is a small protocol with one class of tests here. Every implementation in
+the package passes the same tests as yours:
+
+    # test_my_robot.py
+    from realitygap.robots.clock import RealClock
+    from realitygap.testing import BodyContract
+
+    class TestMyRobot(BodyContract):
+        def opened(self):
+            return closing(MyRobot("/dev/ttyACM0")), RealClock()
+
+A contract asks for what it tests by one method, which you override; nothing here imports pytest.
+`pytest.register_assert_rewrite("realitygap.testing")` in your `conftest.py` shows the values of a
+failed assertion.
+"""
+
+from __future__ import annotations
+
+from realitygap.testing.body import BodyContract
+
+__all__ = ["BodyContract"]

@@ -1,0 +1,124 @@
+"""What every body does, wherever its wheels are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from unittest import SkipTest
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.robots.body import Body
+from realitygap.robots.clock import Clock
+from realitygap.robots.loop import drive
+from realitygap.values import Command, Pose, Readings
+
+__all__ = ["BodyContract"]
+
+MIDDLE = Pose.from_degrees(25, 25, 90)
+
+
+class BodyContract:
+    """Tests of a body: override `opened`, and `pulses_per_unit` if its wheels are known.
+
+    Example:
+        class TestMyRobot(BodyContract):
+            pulses_per_unit = 100.0
+
+            def opened(self):
+                return nullcontext((MyRobot(), RealClock()))
+    """
+
+    pulses_per_unit: float | None = None
+    """Counter pulses a second at command 1; None: only the ratio of the two wheels is tested."""
+
+    def opened(self) -> AbstractContextManager[tuple[Body, Clock]]:
+        """A body in an arena of 50 by 50 cm that is free in the middle, and its clock."""
+        raise NotImplementedError("override opened()")
+
+    def test_a_reset_body_stands_with_counters_at_zero(self) -> None:
+        """After a drive, too."""
+        with self.opened() as (body, clock):
+            body.act(Command(left=5, right=5))
+            clock.sleep_until(clock.now() + 0.3)
+            body.reset(MIDDLE)
+            body.sense()
+            assert np.abs(_counters(body)).max() <= 5
+
+    def test_readings_are_whole_counts_in_range(self) -> None:
+        """Of each kind that is fed, as many as it has sensors."""
+        with self.opened() as (body, _):
+            body.reset(MIDDLE)
+            readings, again = body.sense(), body.sense()
+            assert len(readings.proximity) + len(readings.ambient) > 0
+            for kind in ("proximity", "ambient"):
+                counts = getattr(readings, kind)
+                assert counts.shape == getattr(again, kind).shape and counts.dtype == np.float64
+                assert ((counts >= 0) & (counts == np.round(counts))).all()
+
+    def test_wheels_turn_as_they_are_told(self) -> None:
+        """Two units ahead on the left, three back on the right, for two seconds."""
+        with self.opened() as (body, clock):
+            body.reset(MIDDLE)
+            left, right = _pace(body, clock, Command(left=2, right=-3), 2.0)
+        unit = self.pulses_per_unit or (left - right) / 5
+        assert unit > 0 and abs(left - 2 * unit) < 0.4 * unit and abs(right + 3 * unit) < 0.6 * unit
+
+    def test_a_stopped_body_stands(self) -> None:
+        """Its counters do not change any more."""
+        with self.opened() as (body, clock):
+            body.reset(MIDDLE)
+            body.act(Command(left=4, right=-4))
+            clock.sleep_until(clock.now() + 0.5)
+            body.stop()
+            clock.sleep_until(clock.now() + 0.3)
+            body.sense()
+            before = _counters(body)
+            clock.sleep_until(clock.now() + 0.5)
+            body.sense()
+            assert np.abs(_counters(body) - before).max() <= 2
+
+    def test_a_trial_is_repeatable_from_a_reset(self) -> None:
+        """The same commands turn the wheels as fast, within 15 %."""
+        gone = []
+        with self.opened() as (body, clock):
+            for _ in range(2):
+                body.reset(MIDDLE)
+                gone.append(_pace(body, clock, Command(left=5, right=5), 1.5))
+        assert np.allclose(gone[0], gone[1], rtol=0.15)
+
+
+class _Constant:
+    """A controller that gives the same command at each step."""
+
+    def __init__(self, command: Command) -> None:
+        self.command = command
+
+    def reset(self) -> None:
+        pass
+
+    def decide(self, inputs: Sequence[int]) -> Command:
+        return self.command
+
+
+def _no_inputs(readings: Readings) -> list[int]:
+    return []
+
+
+def _counters(body: Body) -> NDArray[np.int64]:
+    """[2] pulses, as read with the last `sense`; the test is skipped where a body does not count."""
+    counters = body.odometry.counters
+    if counters is None:
+        raise SkipTest("this body does not count its wheels' turns")
+    return np.asarray(counters)
+
+
+def _pace(body: Body, clock: Clock, command: Command, seconds: float) -> tuple[float, float]:
+    """Pulses a second, left and right: the median, so that one late step of the computer does not count."""
+    body.sense()
+    _counters(body)
+    recording = drive(body, _Constant(command), seconds=seconds, clock=clock, inputs=_no_inputs)
+    taken = np.diff(recording.t)[:, None]
+    left, right = np.median(np.diff(recording.counters, axis=0)[1:] / taken[1:], axis=0)
+    return float(left), float(right)
