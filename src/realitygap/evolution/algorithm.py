@@ -1,7 +1,7 @@
 """What every algorithm is: its state a value, asked for a candidate and told its fitness.
 
 It sees genes and fitness, never a robot. Evaluation e of a run is the event
-`substream(state.stream, e)`; its draws are named in `selection.py`, and OFFSPRING is the stream
+`substream(state.stream, e)`; its streams are named in `streams.py`: OFFSPRING is the one
 that the variation draws from. A state and an event's number thus decide every bit of a candidate.
 """
 
@@ -17,13 +17,12 @@ from numpy.typing import NDArray
 from realitygap.errors import StudyError, UsageError
 from realitygap.evolution import checkpoint
 from realitygap.kernels.rng import substream
+from realitygap.streams import OFFSPRING
 
 __all__ = ["Algorithm", "Candidate", "Genes", "State", "Variation"]
 
 Genes = NDArray[np.int8]
 
-OFFSPRING = 3
-"""Name of the stream under an event that makes the new individual."""
 NOBODY = -1
 """The number of a parent that is not there."""
 LARGEST = 4096

@@ -4,7 +4,7 @@ Ranks 1 (worst) .. n (best) weigh as much as they say: rank r is drawn with prob
 2r / (n(n + 1)); by inverse rank the worst weighs n and the best 1. Ties are in random order.
 
 Every cell holds somebody: fitness is finite. Draws under an event's stream are named CELL, MATE
-and REPLACED.
+and REPLACED (`streams.py`).
 
 A draw needs no sorting: of n candidates and one nobody, two are drawn without repetition and the
 fitter wins, nobody losing to all. Rank r wins against the r − 1 below it and against nobody: in r
@@ -16,11 +16,9 @@ import numpy as np
 
 from realitygap.kernels.jit import routine, step
 from realitygap.kernels.rng import below, bits, substream
+from realitygap.streams import CELL, MATE, REPLACED
 
 __all__ = ["panmictic_event", "torus_event"]
-
-CELL, MATE, REPLACED = 0, 1, 2
-"""Names of an event's draws; 3 is its offspring's (`algorithm.OFFSPRING`)."""
 
 
 @step

@@ -23,9 +23,7 @@ from realitygap.kernels.trial import (
     stand,
 )
 from realitygap.kernels.work import DRAWS, noise_blocks
-
-ASIDE = 1
-"""Name of the stream that noise for sensors which feed nobody is drawn from."""
+from realitygap.streams import ASIDE
 
 
 @kernel

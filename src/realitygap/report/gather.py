@@ -13,6 +13,7 @@ from realitygap.kernels.rng import substream
 from realitygap.report.paths import PathPanel
 from realitygap.report.statistics import mean_of, running_best
 from realitygap.report.tables import NoiseClass, Row, Table
+from realitygap.streams import PICTURES
 from realitygap.transfer.choice import median_run
 from realitygap.world.noise import NOISE_LEVELS, noise_level, noise_name
 
@@ -20,8 +21,6 @@ __all__ = ["PER_CONDITION", "Paths", "TaskPart", "best_so_far", "chosen", "indiv
 
 PER_CONDITION = 5
 """Runs of a condition whose paths, networks and table rows a page shows, however many there are."""
-PICTURES = 5
-"""Name of the stream that the pictures' starts come from, under the study's seed."""
 
 
 @dataclass(frozen=True, kw_only=True)

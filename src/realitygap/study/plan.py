@@ -13,11 +13,7 @@ from realitygap.kernels.rng import substream
 from realitygap.study.materials import Materials
 from realitygap.world.noise import noise_level, noise_name
 
-__all__ = ["BREEDING", "FRESH", "RETEST", "TRIALS", "Plan", "named", "plans", "run_stream", "trial_streams"]
-
-BREEDING, TRIALS, RETEST, FRESH = 1, 2, 3, 4
-"""Names of the streams under a run's: the algorithm's draws, its evaluations' trials, the retest
-of the last population, the fresh trials of the fittest and the champion."""
+__all__ = ["Plan", "named", "plans", "run_stream", "trial_streams"]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,6 +12,7 @@ import numpy as np
 
 from realitygap.errors import StudyError, UsageError
 from realitygap.kernels.rng import substream
+from realitygap.streams import TRANSFER
 from realitygap.study.load import Run, Study
 from realitygap.study.plan import run_stream
 from realitygap.study.run import WHO
@@ -23,9 +24,6 @@ __all__ = ["FOLDER", "SOURCES", "Robot", "Situation", "chosen_runs", "situations
 
 FOLDER = "transfer"
 """In a study's folder."""
-
-TRANSFER = 6
-"""Name of the stream of a run's transfers, beside those in `plan`."""
 
 SENSORS, TOP_COMMAND = 8, 10
 """What a Khepera has: sensors of each kind; the largest command that networks give."""

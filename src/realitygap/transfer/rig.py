@@ -28,6 +28,7 @@ from realitygap.robots.clock import VirtualClock
 from realitygap.robots.khepera.driver import Khepera
 from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recorder, Recording
+from realitygap.streams import TWIN_NOISE
 from realitygap.tasks.task import Task
 from realitygap.transfer.paths import Table, of_track
 from realitygap.transfer.plan import Robot
@@ -40,9 +41,6 @@ if TYPE_CHECKING:
     from realitygap.twin.states import States
 
 __all__ = ["Driven", "SituatedPath", "Stand", "driven"]
-
-TWIN_NOISE = 2
-"""Name of the stream that a twin unit's noise is drawn from, under the trial's."""
 
 Floats = NDArray[np.float64]
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from realitygap.errors import TrackError, UsageError
 from realitygap.kernels.rng import substream
+from realitygap.streams import NAMED
 from realitygap.study.load import Run, Study
 from realitygap.study.plan import run_stream
 from realitygap.transfer.kept_rows import digest
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Bench", "Job", "Mark"]
 
-NAMED = 7
-"""Name of the stream of the trials that a run is named by, beside those in `plan`."""
 TRIALS = 20
 """Trials that name a behaviour: one does not always show its kind."""
 

@@ -1,0 +1,35 @@
+"""The names of all random streams of the simulation and of what is made with it: one table.
+
+A stream is made of its parent and a name (`kernels.rng.substream`), so two streams of one parent must
+never share a name. Children that are only counted (runs, evaluations, trials, slots) stand under a
+stream of their own. The twin has another generator and names its draws itself (`twin/noise.py`).
+"""
+
+PICTURES = 5
+"""Under a study's seed, beside the digests of its conditions: the trials that figures show."""
+
+BREEDING, TRIALS, RETEST, FRESH = 1, 2, 3, 4
+"""Under a run's stream: the algorithm's draws, its evaluations' trials, the retest of the last
+population, the fresh trials of the fittest and the champion."""
+TRANSFER, NAMED = 6, 7
+"""Under a run's stream too: its transfers' trials, and those by which its behaviour is named."""
+
+ASIDE, TWIN_NOISE = 1, 2
+"""Under a trial's stream: noise of the sensors that feed nobody, the noise of a twin's unit."""
+
+CELL, MATE, REPLACED, OFFSPRING = 0, 1, 2, 3
+"""Under an evaluation's of the algorithm: the draws of selection, and all that makes the individual."""
+
+CROSSOVER, MUTATION, ADD_NEURON, DELETE_NEURON, ADD_LINK, DELETE_LINK, START = range(7)
+"""Under OFFSPRING, as `controller/breeding.py` says."""
+
+TABLE = {
+    "a study's seed": ("PICTURES",),
+    "a run": ("BREEDING", "TRIALS", "RETEST", "FRESH", "TRANSFER", "NAMED"),
+    "a trial": ("ASIDE", "TWIN_NOISE"),
+    "an evaluation": ("CELL", "MATE", "REPLACED", "OFFSPRING"),
+    "an individual": (
+        "CROSSOVER", "MUTATION", "ADD_NEURON", "DELETE_NEURON", "ADD_LINK", "DELETE_LINK", "START",
+    ),
+}  # fmt: skip
+"""The names under each kind of parent."""

@@ -1,0 +1,55 @@
+"""The table of random streams: every name once, no two alike under one parent."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import realitygap
+from realitygap import streams
+
+SOURCE = Path(realitygap.__file__).parent
+
+
+def numbers() -> dict[str, int]:
+    return {name: value for name, value in vars(streams).items() if isinstance(value, int)}
+
+
+@pytest.mark.parametrize("parent", streams.TABLE)
+def test_no_two_streams_of_a_parent_are_one(parent):
+    """Two purposes under one parent never draw the same numbers."""
+    named = [numbers()[name] for name in streams.TABLE[parent]]
+    assert len(set(named)) == len(named) > 0
+
+
+def test_every_name_stands_under_one_parent():
+    """The table holds each name once, and nothing else."""
+    listed = [name for names in streams.TABLE.values() for name in names]
+    assert sorted(listed) == sorted(numbers())
+
+
+def test_names_are_defined_nowhere_else():
+    """Whoever names a stream by a constant takes it from the table."""
+    named = set()
+    for path in SOURCE.rglob("*.py"):
+        for call in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(call, ast.Call) and getattr(call.func, "id", "") == "substream":
+                name = call.args[1]
+                while isinstance(name, ast.Call) and name.args:  # np.uint64(NAME)
+                    name = name.args[0]
+                if isinstance(name, ast.Name) and name.id.isupper():
+                    named.add((path.relative_to(SOURCE).as_posix(), name.id))
+                    text = path.read_text("utf-8")
+                    assert f"\n{name.id} = " not in text, path
+                    assert name.id in numbers(), path
+    assert len(named) >= 10
+
+
+def test_no_number_ever_changes():
+    """A study's seed means the same draws in every version."""
+    assert numbers() == {
+        "PICTURES": 5, "BREEDING": 1, "TRIALS": 2, "RETEST": 3, "FRESH": 4, "TRANSFER": 6, "NAMED": 7,
+        "ASIDE": 1, "TWIN_NOISE": 2, "CELL": 0, "MATE": 1, "REPLACED": 2, "OFFSPRING": 3,
+        "CROSSOVER": 0, "MUTATION": 1, "ADD_NEURON": 2, "DELETE_NEURON": 3, "ADD_LINK": 4,
+        "DELETE_LINK": 5, "START": 6,
+    }  # fmt: skip
