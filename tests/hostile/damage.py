@@ -39,7 +39,7 @@ def damage(entry: Path, kind: str, other: Path, *, seed: int) -> None:
     """Make an entry wrong: cut short, empty, a bit flipped, a pickle that runs a program, or another's."""
     data, chance = bytearray(entry.read_bytes()), random.Random(seed)
     if kind == "cut":
-        data = data[: chance.randrange(1, len(data))]
+        data = data[: chance.randrange(max(1, len(data)))]
     elif kind == "empty":
         data.clear()
     elif kind == "flipped":
