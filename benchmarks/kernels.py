@@ -19,8 +19,8 @@ from realitygap.kernels.network import think
 from realitygap.kernels.params import Networks, Path
 from realitygap.kernels.trial import act, begin, draw_noise, draw_start, feed_network, move, note, sense
 from realitygap.kernels.work import new_work
+from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.tasks import TASKS, load_task
-from realitygap.tasks.simulation import Simulation, batch_streams
 from realitygap.world.profile import load_profile
 
 PARTS = ("nothing", "sensing", "network", "wheels", "noise")

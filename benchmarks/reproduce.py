@@ -26,12 +26,12 @@ import numpy as np
 from realitygap.cli.bench import random_networks
 from realitygap.controller.network import decode
 from realitygap.kernels.batch import run_trials
+from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.study.config import StudyConfig
 from realitygap.study.materials import gather
 from realitygap.study.plan import plans
 from realitygap.study.run import advance, begin, bench_for
 from realitygap.tasks import load_task
-from realitygap.tasks.simulation import Simulation, batch_streams
 from realitygap.world.profile import load_profile
 
 PHASES = {

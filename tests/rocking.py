@@ -14,9 +14,9 @@ import numpy as np
 
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import NetworkController, decode
+from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import load_study
 from realitygap.tasks import load_task
-from realitygap.tasks.simulation import Simulation
 from realitygap.twin.body import TwinBody
 from realitygap.values import Pose
 from realitygap.world.profile import load_profile

@@ -18,9 +18,9 @@ from realitygap.robots.body import Body, SerialBody
 from realitygap.robots.clock import Clock, VirtualClock
 from realitygap.robots.khepera.driver import Khepera
 from realitygap.robots.loop import drive
+from realitygap.simulation.body import SimulatedBody, network_inputs
+from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import Start, load_task
-from realitygap.tasks.body import SimulatedBody, network_inputs
-from realitygap.tasks.simulation import Simulation
 from realitygap.testing import BodyContract
 from realitygap.twin.process import start_twin
 from realitygap.values import Command, Pose

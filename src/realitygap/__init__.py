@@ -28,11 +28,11 @@ if TYPE_CHECKING:
     from realitygap.errors import RealityGapError, UsageError
     from realitygap.evolution import make_algorithm
     from realitygap.report.build import build_report
+    from realitygap.simulation.simulation import Simulation
     from realitygap.study.config import StudyConfig
     from realitygap.study.load import load_study
     from realitygap.study.runner import run_study
     from realitygap.tasks import load_task
-    from realitygap.tasks.simulation import Simulation
     from realitygap.tasks.task import Start, Task
     from realitygap.transfer.run import load_transfers, transfer
     from realitygap.transfer.score_rows import marks_of
@@ -105,7 +105,7 @@ _HOMES = {
     "study.load": ("load_study",),
     "study.runner": ("run_study",),
     "tasks": ("load_task",),
-    "tasks.simulation": ("Simulation",),
+    "simulation.simulation": ("Simulation",),
     "tasks.task": ("Start", "Task"),
     "transfer.run": ("load_transfers", "transfer"),
     "transfer.score_rows": ("marks_of",),

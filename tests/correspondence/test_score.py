@@ -26,8 +26,8 @@ from realitygap.correspondence.statistics import correlation, parting_s, transfe
 from realitygap.correspondence.trials import resampled, trial_of
 from realitygap.correspondence.words import differences, noisiness
 from realitygap.errors import UsageError
+from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
-from realitygap.tasks.simulation import Simulation
 from realitygap.transfer import paths
 from realitygap.world.profile import load_profile
 from tests.correspondence.tracks import half_round, in_mirror, mirrored, turned

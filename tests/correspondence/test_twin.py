@@ -15,8 +15,8 @@ from realitygap.robots.body import SerialBody
 from realitygap.robots.clock import VirtualClock
 from realitygap.robots.khepera.driver import Khepera
 from realitygap.robots.loop import drive
+from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
-from realitygap.tasks.simulation import Simulation
 from realitygap.twin.process import start_twin
 from realitygap.values import Readings
 from realitygap.world.profile import load_profile

@@ -13,7 +13,7 @@ import pytest
 
 from realitygap.controller.network import decode
 from realitygap.experiments.noise.config import NoiseConfig
-from realitygap.tasks.simulation import Simulation
+from realitygap.simulation.simulation import Simulation
 from realitygap.world.profile import Profile, load_profile
 from realitygap.world.provenance import FittedChannel, Provenance
 

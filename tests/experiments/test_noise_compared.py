@@ -15,7 +15,7 @@ from realitygap.experiments.noise.run import noise_study
 from realitygap.experiments.noise.simulated import compare_all, read_compared
 from realitygap.experiments.noise.situated import read_situated
 from realitygap.experiments.noise.stage import Stage
-from realitygap.tasks.simulation import Simulation
+from realitygap.simulation.simulation import Simulation
 from tests.experiments.noise_parts import quick_units, tiny, unit_profile, wearing
 
 HOMES = 2

@@ -19,8 +19,8 @@ import numpy as np
 
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import decode
+from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
-from realitygap.tasks.simulation import Simulation
 from realitygap.twin.body import TwinBody
 from realitygap.values import Pose, Trajectory
 from realitygap.world.arena import Arena

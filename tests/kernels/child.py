@@ -13,8 +13,8 @@ from realitygap.controller.layout import Layout
 from realitygap.controller.network import decode
 from realitygap.controller.operators import Variation
 from realitygap.kernels.rng import substream
+from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
-from realitygap.tasks.simulation import Simulation
 from realitygap.world.profile import load_profile
 
 

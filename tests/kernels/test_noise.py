@@ -11,8 +11,8 @@ from scipy import stats
 from realitygap.controller.handmade import constant
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import decode
+from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
-from realitygap.tasks.simulation import Simulation
 from realitygap.values import Pose
 from tests.kernels.reference.motion import Wheel
 from tests.kernels.scenes import PAPER, readings

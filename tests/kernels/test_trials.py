@@ -13,8 +13,8 @@ from realitygap.controller.layout import FIRST_LINK, Layout
 from realitygap.controller.network import decode
 from realitygap.controller.operators import Variation
 from realitygap.kernels.rng import substream
+from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
-from realitygap.tasks.simulation import Simulation
 from realitygap.values import Pose
 from realitygap.world.arena import Arena, Cylinder, Lamp
 from tests.kernels.reference import trial as reference

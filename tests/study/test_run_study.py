@@ -13,6 +13,7 @@ from realitygap.controller.layout import check_genes
 from realitygap.controller.network import decode
 from realitygap.errors import ConfigError, StudyError, StudyInterruptedError, TaskError
 from realitygap.kernels.rng import substream
+from realitygap.simulation.simulation import Simulation
 from realitygap.streams import TRIALS
 from realitygap.study.jobs import Advanced, Job, Workshop
 from realitygap.study.load import load_study
@@ -20,7 +21,6 @@ from realitygap.study.materials import gather
 from realitygap.study.parts import Condition
 from realitygap.study.run import advance, begin, bench_for
 from realitygap.study.runner import run_study
-from realitygap.tasks.simulation import Simulation
 from tests.study.helpers import content, small
 
 

@@ -12,7 +12,7 @@ import realitygap as rg
 from realitygap.errors import RealityGapError
 from realitygap.evolution import make_algorithm
 from realitygap.kernels.params import Networks
-from realitygap.tasks.body import SimulatedBody
+from realitygap.simulation.body import SimulatedBody
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "follow_the_wall.py"
 LAYOUT = rg.Layout()

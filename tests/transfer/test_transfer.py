@@ -17,8 +17,8 @@ from realitygap.errors import LineError, RobotStoppedError, StudyError, StudyInt
 from realitygap.film.track import read_track
 from realitygap.film.video import FilmReader
 from realitygap.robots.recording import Recording
+from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study, load_study
-from realitygap.tasks.simulation import Simulation
 from realitygap.transfer.folder import half_folder
 from realitygap.transfer.plan import Robot
 from realitygap.transfer.replay import Replays

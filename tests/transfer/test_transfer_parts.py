@@ -15,8 +15,8 @@ from realitygap.controller.network import decode
 from realitygap.film.track import Track
 from realitygap.kernels.trial import scale_input
 from realitygap.report.gather import chosen, parts_of
+from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
-from realitygap.tasks.simulation import Simulation
 from realitygap.transfer.choice import shown_runs
 from realitygap.transfer.film import known_poses
 from realitygap.transfer.paths import (

@@ -18,7 +18,7 @@ from realitygap.cli.output import print_json, print_table
 
 if TYPE_CHECKING:
     from realitygap.kernels.params import Networks
-    from realitygap.tasks.simulation import Simulation
+    from realitygap.simulation.simulation import Simulation
 
 __all__ = ["bench", "cores", "measure", "random_networks", "steps_per_second"]
 
@@ -78,8 +78,8 @@ def steps_per_second(
     Each thread has its own simulation and random networks, and evaluates them batch after batch
     until the time is up.
     """
+    from realitygap.simulation.simulation import Simulation
     from realitygap.tasks import load_task
-    from realitygap.tasks.simulation import Simulation
     from realitygap.world.profile import load_profile
 
     simulations = [Simulation(load_task(task), load_profile(profile), noise) for _ in range(threads)]

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from realitygap.cli.options import Numbers
     from realitygap.controller.genotype import Layout
-    from realitygap.tasks.simulation import Simulation
+    from realitygap.simulation.simulation import Simulation
     from realitygap.tasks.task import Task
     from realitygap.values import Pose, Trajectory
     from realitygap.world.arena import Arena
@@ -60,7 +60,7 @@ class Scene:
 
     def simulation(self) -> Simulation:
         """The simulation of this scene."""
-        from realitygap.tasks.simulation import Simulation
+        from realitygap.simulation.simulation import Simulation
 
         return Simulation(self.task, self.profile, self.noise)
 

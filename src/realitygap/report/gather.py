@@ -113,7 +113,7 @@ class Paths:
         """One trial of a run's champion at the noise it evolved under; `title` may hold {score}."""
         from realitygap.controller.layout import Layout
         from realitygap.controller.network import decode
-        from realitygap.tasks.simulation import Simulation
+        from realitygap.simulation.simulation import Simulation
 
         task = part.task
         key = (task.name, condition.level)

@@ -18,10 +18,10 @@ from realitygap.controller.layout import Genes, Layout
 from realitygap.controller.network import decode
 from realitygap.evolution.algorithm import Algorithm, State
 from realitygap.kernels.rng import substream
+from realitygap.simulation.simulation import Simulation
 from realitygap.streams import BREEDING, FRESH, RETEST, TRIALS
 from realitygap.study.materials import Materials
 from realitygap.study.plan import Plan, trial_streams
-from realitygap.tasks.simulation import Simulation
 from realitygap.tasks.task import Task
 from realitygap.world.noise import NOISE_LEVELS
 from realitygap.world.profile import Profile

@@ -11,8 +11,8 @@ from realitygap.controller.layout import Genes
 from realitygap.controller.network import decode
 from realitygap.errors import UsageError
 from realitygap.robots.recording import Recording
+from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study
-from realitygap.tasks.simulation import Simulation
 from realitygap.transfer.load import load_transfer, read_trial
 from realitygap.transfer.plan import transfer_stream
 from realitygap.transfer.trial import TRIAL

@@ -175,7 +175,7 @@ class Job:
         """Trials in simulation at its own noise, on streams of their own."""
         from realitygap.controller.network import decode
         from realitygap.correspondence.trials import SHORTEST_S, trial_of
-        from realitygap.tasks.simulation import Simulation
+        from realitygap.simulation.simulation import Simulation
 
         run, bench = self.run, self.bench
         if bench.task.seconds < SHORTEST_S:

@@ -16,9 +16,9 @@ from realitygap.robots.body import SerialBody
 from realitygap.robots.khepera.driver import Khepera
 from realitygap.robots.khepera.protocol import PULSES_PER_MM
 from realitygap.robots.recording import Recorder
+from realitygap.simulation.simulation import Simulation
 from realitygap.study.folder import versions
 from realitygap.study.load import Study
-from realitygap.tasks.simulation import Simulation
 from realitygap.toml import to_toml
 from realitygap.transfer.folder import made, place
 from realitygap.transfer.paths import (

@@ -16,9 +16,9 @@ from realitygap.correspondence.exemplars.evidence import shows
 from realitygap.correspondence.exemplars.nobodies import NOBODIES
 from realitygap.correspondence.exemplars.seekers import SEEKERS
 from realitygap.correspondence.trials import Trial
-from realitygap.tasks.body import SimulatedBody
+from realitygap.simulation.body import SimulatedBody
+from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
-from realitygap.tasks.simulation import Simulation
 from realitygap.values import Command, Pose, Readings
 from realitygap.world.profile import Profile, load_profile
 

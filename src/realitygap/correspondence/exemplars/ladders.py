@@ -15,8 +15,8 @@ import numpy as np
 from realitygap.correspondence.exemplars.kinds import KINDS, Ruled, kinds_of, live
 from realitygap.correspondence.trials import Trial
 from realitygap.kernels.rng import substream
+from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
-from realitygap.tasks.simulation import Simulation
 from realitygap.world.profile import Profile, load_profile
 
 __all__ = [

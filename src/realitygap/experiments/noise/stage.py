@@ -10,9 +10,9 @@ from realitygap.calibration.unit import PROFILE
 from realitygap.controller.layout import Genes, Layout
 from realitygap.experiments.noise.config import NoiseConfig
 from realitygap.experiments.noise.plan import Controller, calibration_folder, evolved_folder, stream
+from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study, load_study
 from realitygap.tasks.load import load_task
-from realitygap.tasks.simulation import Simulation
 from realitygap.tasks.task import Task
 from realitygap.values import Pose
 from realitygap.world.profile import Profile, load_profile

@@ -14,8 +14,8 @@ from realitygap.controller.network import NetworkController, decode
 from realitygap.controller.operators import Variation
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels.rng import substream
+from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
-from realitygap.tasks.simulation import Simulation
 from realitygap.values import Pose
 from realitygap.world.arena import Arena, Cylinder
 from realitygap.world.profile import load_profile

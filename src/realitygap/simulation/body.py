@@ -16,7 +16,7 @@ from realitygap.errors import UsageError
 from realitygap.kernels import halves
 from realitygap.kernels.params import STEP_S
 from realitygap.kernels.work import MOTOR_NOISE, new_work
-from realitygap.tasks.simulation import Simulation
+from realitygap.simulation.simulation import Simulation
 from realitygap.values import Command, Pose, Readings
 
 __all__ = ["SimulatedBody", "SimulatedClock", "WheelCounts", "network_inputs"]
