@@ -84,7 +84,7 @@ def test_a_run_by_name_with_its_own_length(study, json_of):
         (("--robot", "twin", "--camera", "camera.json", "--eye", "0"), "camera of its own"),
         (("--robot", "twin", "--disk", "mine.toml"), "disk of its own"),
         (("--robot", "serial:/dev/null", "--disk", "mine.toml"), "--eye DEVICE"),
-        (("--robot", "serial:/dev/null", "--twin-noise", "2"), "--twin-noise is a dial of the twin"),
+        (("--robot", "serial:/dev/null", "--twin-noise", "2"), "--twin-noise scales the noise of a twin"),
         (("--robot", "twin", "--twin-noise", "11"), "--twin-noise"),
         (("--robot", "twin", "--starts", "0"), "--starts"),
         (("--robot", "twin", "--seconds", "0.25"), "--seconds"),
@@ -141,10 +141,10 @@ def test_a_person_is_told_where_the_camera_sees_the_robot(study, tmp_path):
     with start_twin(arena.plain(), unit=1, clock="real") as twin:
         words = ["transfer", str(study), "1", "--robot", f"serial:{twin.device}", "--seconds", "0.5"]
         told = CliRunner().invoke(realitygap, words, input="")
-        wished = [float(one) for one in re.findall(r"[xy] = ([\d.]+) cm|: (-?\d+)°", told.stderr)
+        requested = [float(one) for one in re.findall(r"[xy] = ([\d.]+) cm|: (-?\d+)°", told.stderr)
                   for one in one if one]  # fmt: skip
-        twin.place(Pose.from_degrees(*wished))
-        places = [(-50.0, -50.0, 0.0), (wished[0] + 5.0, *wished[1:]), *[tuple(wished)] * 30]
+        twin.place(Pose.from_degrees(*requested))
+        places = [(-50.0, -50.0, 0.0), (requested[0] + 5.0, *requested[1:]), *[tuple(requested)] * 30]
         video = filmed(tmp_path / "eye.mp4", arena, places)
         words += ["--camera", str(camera), "--eye", str(video), "--film", "--json"]
         result = CliRunner().invoke(realitygap, words, input="\n\n\n")

@@ -39,7 +39,7 @@ class Path3(NamedTuple):
 
 
 class SimulatedStand:
-    """A unit of the twin as its own simulation would have it, at the twin's dial; `profile` has the bands."""
+    """A unit of the twin as its own simulation has it, at the twin's noise scale; `profile` has ranges."""
 
     def __init__(self, task: Any, profile: Any, *, unit: int, twin_noise: float, **_: Any) -> None:
         self.simulation = Simulation(task, wearing(unit_profile(unit), profile), twin_noise)

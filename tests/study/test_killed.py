@@ -34,49 +34,49 @@ def uninterrupted(longer, tmp_path_factory):
 
 
 @pytest.fixture
-def wished(folder, longer) -> Path:
+def requested(folder, longer) -> Path:
     """A folder whose study a child process can make."""
     folder.with_suffix(".toml").write_text(longer.to_toml())
     return folder
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_kills_at_random_moments(wished, uninterrupted, workers):
+def test_kills_at_random_moments(requested, uninterrupted, workers):
     """Killed again and again, resumed each time, a study comes to the bits of an undisturbed one.
 
     This is a slice of `tests/hostile/kill.py`.
     """
     moments = random.Random(workers)
     for least, number in ((0, signal.SIGKILL), (1, signal.SIGTERM), (3000, signal.SIGKILL)):
-        process = start(wished, "--workers", str(workers))
+        process = start(requested, "--workers", str(workers))
         wait_for(process, "evolving", least)
         time.sleep(moments.uniform(0.0, 0.4))
         process.send_signal(number)
         end(process)
-        runs = load_study(wished).runs
+        runs = load_study(requested).runs
         assert all(run.evaluations % 25 == 0 for run in runs)
     assert sum(run.evaluations for run in runs) >= 3000
-    code, said = end(start(wished, "--workers", "2"))
+    code, said = end(start(requested, "--workers", "2"))
     assert (code, said) == (0, "")
-    assert content(wished) == uninterrupted
+    assert content(requested) == uninterrupted
 
 
-def test_a_second_process_is_refused(wished):
+def test_a_second_process_is_refused(requested):
     """The second process on a study is told who holds it; the first is not disturbed."""
-    first = start(wished)
+    first = start(requested)
     try:
         wait_for(first, "evolving")
         with pytest.raises(StudyBusyError, match=rf"another process \(pid {first.pid}\) is working on this"):
-            run_study(wished, resume=True)
+            run_study(requested, resume=True)
         assert first.poll() is None
     finally:
         first.kill()
         end(first)
 
 
-def test_ctrl_c_ends_workers_at_once(wished):
+def test_ctrl_c_ends_workers_at_once(requested):
     """After Ctrl-C to all of its processes a study ends in one line, soon, and leaves none running."""
-    process = start(wished, "--workers", "2")
+    process = start(requested, "--workers", "2")
     wait_for(process, "evolving", 1)
     workers = children(process.pid)
     assert len(workers) >= 2
@@ -90,9 +90,9 @@ def test_ctrl_c_ends_workers_at_once(wished):
     assert gone(workers)
 
 
-def test_ctrl_c_while_workers_start(wished):
+def test_ctrl_c_while_workers_start(requested):
     """Ctrl-C to processes that have hardly begun still ends in one line, and leaves none running."""
-    process = start(wished, "--workers", "2")
+    process = start(requested, "--workers", "2")
     wait_for(process, "evolving")
     while len(workers := children(process.pid)) < 2:
         time.sleep(0.001)
@@ -105,9 +105,9 @@ def test_ctrl_c_while_workers_start(wished):
     assert gone(workers)
 
 
-def test_workers_die_with_the_parent(wished):
+def test_workers_die_with_the_parent(requested):
     """Killing the parent leaves no process behind."""
-    process = start(wished, "--workers", "2")
+    process = start(requested, "--workers", "2")
     wait_for(process, "evolving", 1)
     workers = children(process.pid)
     assert len(workers) >= 2
@@ -116,17 +116,17 @@ def test_workers_die_with_the_parent(wished):
     assert gone(workers)
 
 
-def test_a_worker_that_is_killed_is_told(wished, uninterrupted):
+def test_a_worker_that_is_killed_is_told(requested, uninterrupted):
     """A dead worker (such as by the kernel, for want of memory) ends the study clearly; it resumes."""
-    process = start(wished, "--workers", "2")
+    process = start(requested, "--workers", "2")
     wait_for(process, "evolving", 1)
     for pid in children(process.pid):
         with contextlib.suppress(ProcessLookupError):
             os.kill(pid, signal.SIGKILL)
     code, said = end(process)
     assert code == 2 and "a worker process died (signal 9). What was saved is kept: resume" in said
-    assert end(start(wished)) == (0, "")
-    assert content(wished) == uninterrupted
+    assert end(start(requested)) == (0, "")
+    assert content(requested) == uninterrupted
 
 
 def children(pid: int) -> list[int]:

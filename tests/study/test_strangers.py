@@ -28,7 +28,7 @@ task = Task(name="touch", arena="obstacle-avoidance", feeds="proximity", sensors
 SMALL = {"evaluations": 66, "retest_trials": 1, "fresh_trials": 1}
 
 
-def wished(file: Path, **changes: object) -> StudyConfig:
+def requested(file: Path, **changes: object) -> StudyConfig:
     return StudyConfig.single(file, **{**SMALL, **changes}).with_settings(["task.seconds=0.5"])
 
 
@@ -43,7 +43,7 @@ def theirs(tmp_path_factory) -> tuple[Path, Path]:
     place = tmp_path_factory.mktemp("theirs")
     trace = place / "trace"
     file = write(place / "touch.py", spy=f"open({str(trace)!r}, 'a').close()")
-    run_study(place / "study", wished(file), workers=1)
+    run_study(place / "study", requested(file), workers=1)
     return place / "study", trace
 
 
@@ -152,7 +152,7 @@ def test_an_edited_task_is_not_ignored(theirs, tmp_path):
     mine.write_text(text.replace("1.0 - ", "2.0 - "))
     words = r"keeps another tasks/touch/touch.py .*: line \d+ was 'return 1.0 - .*, now 'return 2.0 - "
     with pytest.raises(StudyError, match=words):
-        run_study(folder, wished(mine), resume=True)
+        run_study(folder, requested(mine), resume=True)
     (folder / "tasks/touch/touch.py").write_text(mine.read_text())
     with pytest.raises(StudyError, match=r"touch.py was edited since the study was made: line \d+ was"):
         run_study(folder, resume=True)
@@ -163,10 +163,10 @@ def test_a_start_that_fails_leaves_nothing_behind(tmp_path, score):
     """A score that does not compile, or gives no number, is mended and begun again in the same folder."""
     file, folder = write(tmp_path / "touch.py", score), tmp_path / "study"
     with pytest.raises(TaskError, match=r"touch"):
-        run_study(folder, wished(file), workers=1)
+        run_study(folder, requested(file), workers=1)
     assert not folder.exists()
     write(file, "path.x[0]")
-    assert run_study(folder, wished(file), workers=1).runs[0].finished
+    assert run_study(folder, requested(file), workers=1).runs[0].finished
 
 
 def test_other_peoples_folders_keep_no_lock(tmp_path):

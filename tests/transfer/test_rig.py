@@ -100,7 +100,7 @@ def test_a_stand_goes_on_after_a_trial_that_failed(used: SimpleNamespace) -> Non
 
 
 def test_each_stand_has_a_camera_of_its_own(folder: Path) -> None:
-    """Its calibration's name tells task, unit and dial."""
+    """Its calibration's name tells task, unit and noise scale."""
     files = [stand(folder, **how).camera_file.name for how in ({}, {"unit": 2}, {"twin_noise": 2.0})]
     assert files == [
         f"camera-{TASK.name}-twin-1.json",

@@ -1,4 +1,4 @@
-"""The twin's noise has the size it says, and the dial multiplies all of it."""
+"""The twin's noise has the size it says, and the noise scale multiplies all of it."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from tests.twin.rooms import OPEN
 LIT = {"size_cm": [100, 100], "lamps": [[100, 50]]}
 
 
-def creep_over_100_ms(dial: float, speed_cm_s: float, steps: int = 4000) -> NDArray[np.float64]:
+def creep_over_100_ms(scale: float, speed_cm_s: float, steps: int = 4000) -> NDArray[np.float64]:
     """Mean creep of each 100 ms of wheels that roll over the floor at a speed."""
-    creep = Creep(seed=3, noise=dial, phases=(0.3, 2.0))
+    creep = Creep(seed=3, noise=scale, phases=(0.3, 2.0))
     rows = []
     for k in range(steps * 20):
         way = speed_cm_s / 100 * k * 0.005
@@ -24,21 +24,21 @@ def creep_over_100_ms(dial: float, speed_cm_s: float, steps: int = 4000) -> NDAr
     return np.array(rows).reshape(steps, 20, 2).mean(axis=1)
 
 
-@pytest.mark.parametrize("dial", [0.5, 1.0, 2.0])
-def test_wheels_err_by_six_percent(dial: float) -> None:
-    """Over 100 ms a wheel carries the robot about 6 % more or less than it turns, times the dial."""
+@pytest.mark.parametrize("scale", [0.5, 1.0, 2.0])
+def test_wheels_err_by_six_percent(scale: float) -> None:
+    """Over 100 ms a wheel carries the robot about 6 % more or less than it turns, times the noise scale."""
     for speed in (2.0, 6.0):
-        deviation = creep_over_100_ms(dial, speed).std()
-        assert 0.052 * dial < deviation < 0.072 * dial
+        deviation = creep_over_100_ms(scale, speed).std()
+        assert 0.052 * scale < deviation < 0.072 * scale
     assert not np.any(creep_over_100_ms(0.0, 4.0, steps=5))
 
 
-@pytest.mark.parametrize("dial", [0.5, 1.0, 2.0])
-def test_wheels_of_the_driving_robot(dial: float) -> None:
+@pytest.mark.parametrize("scale", [0.5, 1.0, 2.0])
+def test_wheels_of_the_driving_robot(scale: float) -> None:
     """The same measured on the ground, as a camera would: from true poses against pulses."""
     errors = []
     for unit in range(3):
-        body = TwinBody({"size_cm": [300, 300]}, unit=unit, noise=dial, seed=8)
+        body = TwinBody({"size_cm": [300, 300]}, unit=unit, noise=scale, seed=8)
         body.place(20, 150, 0.0)
         body.set_speed(10, 10)
         body.advance(500)
@@ -51,26 +51,26 @@ def test_wheels_of_the_driving_robot(dial: float) -> None:
         for rolled, pulses in ((way - turn, left), (way + turn, right)):
             share = rolled / (pulses / 120)
             errors.append(share - share.mean())
-    assert np.std(errors) == pytest.approx(0.06 * dial, rel=0.2)
+    assert np.std(errors) == pytest.approx(0.06 * scale, rel=0.2)
 
 
-@pytest.mark.parametrize("dial", [0.5, 1.0, 2.0])
-def test_sensors_err_as_the_real_ones(dial: float) -> None:
-    """A lit proximity sensor varies by 21 counts, an ambient one by 4.5, times the dial."""
-    body = TwinBody(LIT, unit=3, noise=dial)
+@pytest.mark.parametrize("scale", [0.5, 1.0, 2.0])
+def test_sensors_err_as_the_real_ones(scale: float) -> None:
+    """A lit proximity sensor varies by 21 counts, an ambient one by 4.5, times the noise scale."""
+    body = TwinBody(LIT, unit=3, noise=scale)
     body.place(100 - 2.75 - 2.7, 50, 0.0)
     quiet = TwinBody(LIT, unit=3, noise=0.0)
     quiet.place(100 - 2.75 - 2.7, 50, 0.0)
     quiet.advance(30)
-    middle = [k for k, v in enumerate(quiet.proximity()) if 100 * dial < v < 1023 - 100 * dial]
+    middle = [k for k, v in enumerate(quiet.proximity()) if 100 * scale < v < 1023 - 100 * scale]
     assert middle, "some sensor is neither dark nor saturated"
     near, light = [], []
     for _ in range(500):
         body.advance(20)
         near.append(body.proximity())
         light.append(body.ambient())
-    assert np.std(near, axis=0)[middle].mean() == pytest.approx(PROXIMITY_COUNTS * dial, rel=0.15)
-    assert np.std(light, axis=0).mean() == pytest.approx(AMBIENT_COUNTS * dial, rel=0.15)
+    assert np.std(near, axis=0)[middle].mean() == pytest.approx(PROXIMITY_COUNTS * scale, rel=0.15)
+    assert np.std(light, axis=0).mean() == pytest.approx(AMBIENT_COUNTS * scale, rel=0.15)
 
 
 def test_dark_sensors_jitter_a_little() -> None:
@@ -112,6 +112,6 @@ def test_asking_twice_gives_the_same() -> None:
 
 @pytest.mark.parametrize("wrong", [-1, float("nan"), float("inf"), "loud", True, None])
 def test_dial_is_a_number(wrong: object) -> None:
-    """A dial that is no number from 0 on is refused in words."""
+    """A noise scale that is no number from 0 on is refused in words."""
     with pytest.raises(ConfigError, match="noise is a number from 0 on"):
         TwinBody(OPEN, unit=0, noise=wrong)  # type: ignore[arg-type]

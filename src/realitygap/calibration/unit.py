@@ -56,7 +56,7 @@ def calibrated_unit(
     Args:
         folder: the unit's own; made if need be.
         unit: which robot of the population.
-        noise: the dial on the twin's whole noise.
+        noise: the twin's noise scale.
         seed: of its noise, and of what is random in the plans.
         workers: recordings made at the same time, each in a process of its own.
         on_progress: is told how far it is; whoever raises there stops the work.

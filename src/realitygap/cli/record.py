@@ -98,7 +98,9 @@ def record(
     if object_name is not None and plan not in ("infrared", "all"):
         raise click.UsageError(f"--object belongs to the infrared's plan, not to {plan!r}; leave it out.")
     if robot.port is not None and twin_noise is not None:
-        raise click.UsageError("--twin-noise is a dial of the twin; a robot has its own noise. Leave it out.")
+        raise click.UsageError(
+            "--twin-noise scales the noise of a twin; a robot has its own noise. Leave it out."
+        )
     with ExitStack() as stack:
         open_site, facts, report = _site(stack, robot, twin_noise, seed, baud)
         try:

@@ -81,17 +81,17 @@ def reproduce(
         "runs": runs, "evaluations": evaluations, "seed": seed, "profile": profile, "starts": starts,
     }  # fmt: skip
     asked = (begun(out) if resume else None) or Reproduction()
-    wished = replace(asked, **{key: value for key, value in given.items() if value is not None})
+    requested = replace(asked, **{key: value for key, value in given.items() if value is not None})
     if not resume:
-        all_runs = CONDITIONS * wished.runs
-        trials = 0 if no_transfer else all_runs * wished.starts
-        consider(runs=all_runs, evaluations=wished.evaluations, trials=trials, workers=workers)
+        all_runs = CONDITIONS * requested.runs
+        trials = 0 if no_transfer else all_runs * requested.starts
+        consider(runs=all_runs, evaluations=requested.evaluations, trials=trials, workers=workers)
 
     def prepare(progress: ProgressLine) -> StudyConfig:
-        return configured(out, wished, resume=resume, workers=workers, on_progress=progress.calibrating)
+        return configured(out, requested, resume=resume, workers=workers, on_progress=progress.calibrating)
 
     def then(study: Study, progress: ProgressLine) -> dict[str, Any]:
-        made = transferred(study, starts=wished.starts, workers=workers, on_progress=progress.transfer)
+        made = transferred(study, starts=requested.starts, workers=workers, on_progress=progress.transfer)
         return {"transfers": [one.to_dict() for one in made]}
 
     carry_out(

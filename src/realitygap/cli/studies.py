@@ -59,8 +59,8 @@ def carry_out(
 
     try:
         with ProgressLine() as progress:
-            wished = config(progress) if callable(config) else config
-            study = run_study(folder, wished, workers=workers, resume=resume, on_progress=progress.study)
+            requested = config(progress) if callable(config) else config
+            study = run_study(folder, requested, workers=workers, resume=resume, on_progress=progress.study)
             more = {} if then is None else then(study, progress)
             marks_of(study, on_progress=progress.marks)
             page = build_report(folder, on_progress=progress.report)

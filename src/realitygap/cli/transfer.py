@@ -82,9 +82,11 @@ SIDES = (
     show_default=True,
     help="Take paths from the camera above; else from the wheels' counters, which see no slip.",
 )
-@click.option("--camera", metavar="FILE", help="Over a real robot: the camera.json of --eye.")
+@click.option("--camera", metavar="FILE", help="Over a real robot: the calibration of --eye (camera.json).")
 @click.option(
-    "--eye", metavar="DEVICE", help="Over a real robot: a camera's number, a video file or a stream."
+    "--eye",
+    metavar="DEVICE",
+    help="Over a real robot: the live camera: its number, a video file or a stream.",
 )
 @click.option(
     "--disk", metavar="FILE", help="Over a real robot: its disk's TOML file [default: the shipped disk]."
@@ -194,13 +196,13 @@ def _carry(one: Situation, pose: Pose, *, seen: bool) -> None:
     click.prompt(enter, default="", show_default=False, prompt_suffix=" ", err=True)
 
 
-def _found(one: Situation, wished: Pose, seen: Pose | None) -> bool:
+def _found(one: Situation, requested: Pose, seen: Pose | None) -> bool:
     """Tell a person where the camera sees the robot; ask where it is not seen, or far from its start."""
     if seen is None:
         click.echo("The camera does not see the robot there.", err=True)
         return _answered("w starts it as if it stood exactly where you were told; Enter looks again")
-    off = math.hypot(seen.x - wished.x, seen.y - wished.y)
-    turned = math.degrees(math.remainder(seen.heading - wished.heading, math.tau))
+    off = math.hypot(seen.x - requested.x, seen.y - requested.y)
+    turned = math.degrees(math.remainder(seen.heading - requested.heading, math.tau))
     click.echo(
         f"Seen at x = {seen.x:.1f} cm, y = {seen.y:.1f} cm, {seen.heading_deg:.0f}°: {off:.1f} cm and "
         f"{abs(turned):.0f}° from there. The simulated robot starts where this one is seen.",

@@ -48,7 +48,7 @@ class Reproduction(Value):
     Attributes:
         runs, evaluations, seed: as a study's.
         profile: the robot; "" for one that is calibrated to unit 1 of the twin.
-        starts: trials of each champion on the unit; more may be wished later.
+        starts: trials of each champion on the unit; more may be requested later.
     """
 
     runs: int = 5
@@ -91,27 +91,27 @@ def begun(folder: Path) -> Reproduction | None:
 
 def configured(
     folder: Path,
-    wished: Reproduction,
+    requested: Reproduction,
     *,
     resume: bool,
     workers: int | None,
     on_progress: Calibrating | None = None,
 ) -> StudyConfig:
-    """The study that is wished, its robot calibrated first where no profile is named.
+    """The requested study, its robot calibrated first where no profile is named.
 
     Raises:
-        StudyError: the folder holds something else, or a study and `resume` is not wished.
+        StudyError: the folder holds something else, or a study and `resume` is not set.
         ConfigError: a profile that cannot be used.
         RobotError: a recording that failed.
     """
     from realitygap.calibration.unit import calibrated_unit
 
-    if wished.profile:
-        load_profile(wished.profile)
-    profile = wished.profile
+    if requested.profile:
+        load_profile(requested.profile)
+    profile = requested.profile
     with lock(folder):
         if not exists(folder):
-            _begin(folder, wished, resume=resume)
+            _begin(folder, requested, resume=resume)
         elif not resume:
             open_to_begin(folder)
         if not profile:
@@ -120,12 +120,14 @@ def configured(
                 folder / CALIBRATION,
                 unit=UNIT,
                 noise=1.0,
-                seed=wished.seed,
+                seed=requested.seed,
                 workers=size,
                 on_progress=on_progress,
             )
             profile = str(made)
-    study = StudyConfig.reproduction(runs=wished.runs, evaluations=wished.evaluations, seed=wished.seed)
+    study = StudyConfig.reproduction(
+        runs=requested.runs, evaluations=requested.evaluations, seed=requested.seed
+    )
     return replace(study, profile=profile)
 
 
@@ -148,13 +150,13 @@ def again(study: Study) -> str:
         return ""
     if any(study.task(one.task).arena != load_task(one.task).arena for one in plain.conditions):
         return ""
-    wished = Reproduction.from_toml(asked) if asked.is_file() else None
+    requested = Reproduction.from_toml(asked) if asked.is_file() else None
     words = ["--runs", config.runs, "--evaluations", config.evaluations, "--seed", config.seed]
-    if wished is None or wished.profile:
+    if requested is None or requested.profile:
         named = (name for name in shipped("profiles") if load_profile(name) == study.profile)
         words += ["--profile", next(named, config.profile)]
     driven = [one.start for one in load_transfers(study.folder) if one.robot == f"twin-{UNIT}"]
-    starts = max([*driven, wished.starts if wished is not None else 0])
+    starts = max([*driven, requested.starts if requested is not None else 0])
     if not driven:
         words += ["--no-transfer"]
     elif starts != STARTS:
@@ -162,20 +164,20 @@ def again(study: Study) -> str:
     return " ".join(map(str, words))
 
 
-def _begin(folder: Path, wished: Reproduction, *, resume: bool) -> None:
-    """Write down what is wished, or see that it is what was wished."""
+def _begin(folder: Path, requested: Reproduction, *, resume: bool) -> None:
+    """Write down what is requested, or check that it is what was requested before."""
     path = folder / ASKED
     if not path.is_file():
         open_to_begin(folder)
         with told(path):
-            write(path, HEADER + to_toml(wished.to_dict()))
+            write(path, HEADER + to_toml(requested.to_dict()))
         return
     if not resume:
         raise StudyError(
             f"{folder}: a reproduction was begun there. Resume it (--resume) or choose another --out."
         )
     there = Reproduction.from_toml(path)
-    found = difference({**there.to_dict(), "starts": 0}, {**wished.to_dict(), "starts": 0})
+    found = difference({**there.to_dict(), "starts": 0}, {**requested.to_dict(), "starts": 0})
     if found is not None:
         key, here, asked = found
         raise StudyError(

@@ -67,17 +67,17 @@ class Pair:
         """What may be averaged: all robots, all units of the twin whose noise has one size."""
         if not self.twin:
             return ROBOT
-        _, _, dial = self.robot.partition("-noise-")
-        return f"{TWIN} with {dial} times its noise" if dial else TWIN
+        _, _, scale = self.robot.partition("-noise-")
+        return f"{TWIN} with {scale} times its noise" if scale else TWIN
 
     @property
     def where(self) -> str:
         """The robot in words."""
         if not self.twin:
             return f"Khepera on {self.robot.removeprefix('serial-')}"
-        _, _, dial = self.robot.partition("-noise-")
+        _, _, scale = self.robot.partition("-noise-")
         unit = self.robot.split("-")[1]
-        return f"twin unit {unit}, {dial} × noise" if dial else f"twin unit {unit}"
+        return f"twin unit {unit}, {scale} × noise" if scale else f"twin unit {unit}"
 
     @property
     def drop(self) -> float:

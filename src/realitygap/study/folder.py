@@ -60,45 +60,45 @@ def exists(folder: Path) -> bool:
     return (folder / DATABASE).is_file()
 
 
-def open_folder(folder: Path, wished: Materials | None, *, resume: bool) -> Materials:
-    """Make the wished study in the folder, or open the one that is there; the lock is held.
+def open_folder(folder: Path, requested: Materials | None, *, resume: bool) -> Materials:
+    """Make the requested study in the folder, or open the one that is there; the lock is held.
 
     Raises:
-        StudyError: there is a study but `resume` is not wished, or it was made with another
+        StudyError: there is a study but `resume` is not set, or it was made with another
             configuration, or there is none to resume, or the folder holds something else.
     """
     if exists(folder):
         if not resume:
             open_to_begin(folder)
-        if wished is not None:
-            _refuse_difference(folder, wished)
-            agree_to(wished.own_code())
+        if requested is not None:
+            _refuse_difference(folder, requested)
+            agree_to(requested.own_code())
         return read_materials(folder)
-    if wished is None:
+    if requested is None:
         raise StudyError(f"{folder} holds no study ({DATABASE} is missing). Give the folder of a study.")
     _refuse_strangers(folder)
-    for task in wished.tasks:
+    for task in requested.tasks:
         if task.source is not None:
             task.compiled_score()  # before anything is written, and the user's own file is blamed
-    agree_to(wished.own_code())
-    local, files = wished.copies()
+    agree_to(requested.own_code())
+    local, files = requested.copies()
     sources = {**files, CONFIG: _text(local).encode()}
     with told(folder):
         for name, content in sources.items():
             path = folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
             whole.write(path, content)
-    create(folder / DATABASE, plans(wished), wished.tasks, sources)
+    create(folder / DATABASE, plans(requested), requested.tasks, sources)
     return read_materials(folder)
 
 
-def take_back(folder: Path, wished: Materials) -> None:
+def take_back(folder: Path, requested: Materials) -> None:
     """Remove a study that was begun just now and failed before an evaluation of it was kept."""
     if exists(folder):
         with Reader(folder / DATABASE).reading() as database:
             if database.execute("SELECT sum(evaluations) FROM run").fetchone()[0]:
                 return
-    files = [folder / name for name in wished.copies()[1]]
+    files = [folder / name for name in requested.copies()[1]]
     made = [folder / f"{DATABASE}{end}" for end in ("", "-wal", "-shm")]
     for path in (*made, folder / CONFIG, *files):
         path.unlink(missing_ok=True)
@@ -256,10 +256,10 @@ def _text(config: StudyConfig) -> str:
     return f"{_HEADER}\n{to_toml({**config.to_dict(), 'versions': versions()})}"
 
 
-def _refuse_difference(folder: Path, wished: Materials) -> None:
+def _refuse_difference(folder: Path, requested: Materials) -> None:
     """Refuse to resume with another configuration than the study was made with."""
     own_config(folder)  # who edited the study's own copies is told of those
-    config, files = wished.copies()
+    config, files = requested.copies()
     cure = "Leave it as it was, or choose another --out."
     found = difference(_decisive(read_config(folder).to_dict()), _decisive(config.to_dict()))
     if found is not None:

@@ -55,9 +55,9 @@ def run_study(
     whole("workers", size, 1, 1024)
     refuse_unguarded_script()
     try:
-        wished = None if config is None else gather(config)
-        with lock(folder), _taken_back(folder, wished):
-            workshop = Workshop(open_folder(folder, wished, resume=resume))
+        requested = None if config is None else gather(config)
+        with lock(folder), _taken_back(folder, requested):
+            workshop = Workshop(open_folder(folder, requested, resume=resume))
             with Store(folder / DATABASE) as store:
                 _carry_out(folder, workshop, store, size, on_progress)
     except KeyboardInterrupt:
@@ -67,14 +67,14 @@ def run_study(
 
 
 @contextmanager
-def _taken_back(folder: Path, wished: Materials | None) -> Iterator[None]:
+def _taken_back(folder: Path, requested: Materials | None) -> Iterator[None]:
     """A start that fails leaves nothing behind, so that what was wrong can be mended."""
     new = not exists(folder)
     try:
         yield
     except RealityGapError:
-        if new and wished is not None:
-            take_back(folder, wished)
+        if new and requested is not None:
+            take_back(folder, requested)
         raise
 
 

@@ -103,10 +103,10 @@ def calibrated(file: Path, arena: Arena, *, unit: int, noise: float, radius_cm: 
         if file.is_file():
             return load_camera(file)
         frames = []
-        with OverheadCamera(arena.plain(), unit=unit, noise=noise, view="drawn") as eye:
+        with OverheadCamera(arena.plain(), unit=unit, noise=noise, view="drawn") as overhead:
             for k, pose in enumerate(known_poses(arena, radius_cm)):
                 standing = States.standing([0], [pose.x], [pose.y], [pose.heading]).pose[0]
-                grey = _grey(eye.frame(standing, FIRST + k))
+                grey = _grey(overhead.frame(standing, FIRST + k))
                 frames.append(KnownFrame(name=f"pose {k + 1}", picture=grey, pose=pose))
         camera = calibrate_camera(frames, load_disk()).camera
         camera.save(file)
@@ -123,7 +123,7 @@ class Watcher:
         file: keeps the camera's calibration.
         arena: what it looks at.
         unit: whose arena.
-        noise: the dial on the twin's noise.
+        noise: the twin's noise scale.
         radius_cm: of the robot's body.
 
     Raises:
@@ -173,7 +173,7 @@ def film_and_track(
     states: States,
     camera: CameraModel,
     *,
-    eye: OverheadCamera,
+    overhead: OverheadCamera,
     facts: Mapping[str, Any],
     tell: Tell,
 ) -> Track:
@@ -183,7 +183,7 @@ def film_and_track(
         folder: the trial's.
         states: from the trial's beginning to its end.
         camera: as it was calibrated.
-        eye: the camera that films.
+        overhead: the camera that films.
         facts: what else the film's metadata shall say.
         tell: is given the share of this work that was done since the last time.
     """
@@ -191,10 +191,10 @@ def film_and_track(
     from realitygap.film.video import FilmWriter
 
     total = int((states.time_ms[-1] - states.time_ms[0]) * FPS / 1000) + 1
-    notes = {**eye.metadata, **facts}
+    notes = {**overhead.metadata, **facts}
     writer = FilmWriter(folder / FILM, rate=FPS, made_by=notes["view"], notes=notes, quality=QUALITY)
     with writer as film:
-        for _, frame in eye.film(states, fps=FPS):
+        for _, frame in overhead.film(states, fps=FPS):
             film.add(frame)
             tell(0.5 / total)
     last = 0

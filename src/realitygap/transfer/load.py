@@ -39,7 +39,7 @@ class Transferred:
     Attributes:
         run, name, task, noise: of the run that it was evolved in; individual: champion or fittest.
         robot: the folder's name, as twin-1 or serial-ttyUSB0; unit: of the twin, None for a robot.
-        twin_noise: the dial of the twin's noise, None for a robot.
+        twin_noise: the twin's noise scale, None for a robot.
         start: its number, from 1; pose: where both trials began.
         simulated, situated: the paths: t_s, x_cm, y_cm, heading_deg, a row a step, the start first;
             NaN where the camera lost the robot.
@@ -100,7 +100,7 @@ def load_transfers(study_folder: str | PathLike[str]) -> list[Transferred]:
 
 
 def is_done(folder: Path, one: Situation) -> bool:
-    """Whether the trial is there, made as it is wished now, or seen better; else it is made again.
+    """Whether the trial is there, made as it is requested now, or seen better; else it is made again.
 
     Raises:
         StudyError: it was made with other settings.
@@ -110,11 +110,11 @@ def is_done(folder: Path, one: Situation) -> bool:
         return False
     table = read_trial(file)
     there = {key: value for key, value in table.items() if key not in LOOSE}
-    wished = {key: value for key, value in one.facts().items() if value is not None}
-    for key in ("disk", "baud"):  # no eye looked for it, or will; any rate will do
-        if key not in there or key not in wished:
-            there.pop(key, None), wished.pop(key, None)
-    found = difference(wished, there)
+    requested = {key: value for key, value in one.facts().items() if value is not None}
+    for key in ("disk", "baud"):  # no camera looked for it, or will; any rate will do
+        if key not in there or key not in requested:
+            there.pop(key, None), requested.pop(key, None)
+    found = difference(requested, there)
     if found is not None:
         key, asked, here = found
         raise StudyError(

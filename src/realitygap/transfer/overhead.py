@@ -20,13 +20,13 @@ from realitygap.values import Pose
 if TYPE_CHECKING:
     from realitygap.film.camera import CameraModel
     from realitygap.film.disk import Disk
-    from realitygap.film.eye import Filmed
+    from realitygap.film.live import Filmed
 
 __all__ = ["Found", "Overhead", "check_eye", "open_overhead"]
 
 Found = Callable[[Situation, Pose, Pose | None], bool]
-"""Is told the wished pose and the one that is seen (None: not seen), and says whether to start there;
-with none seen that is from the wished pose, on a person's word. If not, the eye looks again."""
+"""Gets the requested pose and the one that is seen (None: not seen), and says whether to start there;
+with none seen that is from the requested pose, on a person's word. If not, the camera looks again."""
 
 
 @dataclass(kw_only=True)
@@ -42,7 +42,7 @@ class FilmOfDrive:
     filmed: Filmed | None = None
 
     def path(self, facts: dict[str, Any]) -> Table:
-        """The situated path, by the tracker; the film itself is kept only if that was wished.
+        """The situated path, by the tracker; the film itself is kept only if that was requested.
 
         Raises:
             FilmError: the robot is seen in no frame.
@@ -73,13 +73,13 @@ class Overhead:
     """
 
     def __init__(self, source: str | int, camera: CameraModel, disk: Disk, found: Found | None) -> None:
-        from realitygap.film.eye import Eye
+        from realitygap.film.live import LiveCamera
         from realitygap.film.tracker import Tracker
 
         self.camera, self._disk, self._found = camera, disk, found or _must_be_seen
         self._new_tracker = lambda: Tracker(camera, disk)
         self._new_tracker()  # a camera that cannot see this disk is refused now
-        self._eye = Eye(source, size=(camera.width_px, camera.height_px))
+        self._live = LiveCamera(source, size=(camera.width_px, camera.height_px))
 
     def __enter__(self) -> Self:
         return self
@@ -87,35 +87,35 @@ class Overhead:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._eye.close()
+        self._live.close()
 
-    def start(self, one: Situation, wished: Pose) -> Pose:
-        """Where the robot stands: as it is seen, or the wished pose on the person's word."""
+    def start(self, one: Situation, requested: Pose) -> Pose:
+        """Where the robot stands: as it is seen, or the requested pose on the person's word."""
         while True:
-            picture = self._eye.look()
-            self.camera.check_size(picture.shape[1], picture.shape[0], f"eye {self._eye.source!r}")
+            picture = self._live.look()
+            self.camera.check_size(picture.shape[1], picture.shape[0], f"live camera {self._live.source!r}")
             seen = self._new_tracker().see(picture)
             pose = None if seen is None else seen[0]
-            if self._found(one, wished, pose):
-                return wished if pose is None else pose
+            if self._found(one, requested, pose):
+                return requested if pose is None else pose
 
     @contextmanager
     def filming(self, one: Situation, folder: Path) -> Iterator[FilmOfDrive]:
         """Film what happens in the block, which is the drive; its path is there afterwards."""
-        self._eye.film(folder / FILM)
+        self._live.film(folder / FILM)
         settings: dict[str, Any] = {"situation": one, "folder": folder, "camera": self.camera}
-        film = FilmOfDrive(disk=self._disk, source=self._eye.source, begun=time.monotonic(), **settings)
+        film = FilmOfDrive(disk=self._disk, source=self._live.source, begun=time.monotonic(), **settings)
         try:
             yield film
         except BaseException:
             with suppress(FilmError):
-                self._eye.finish(time.monotonic())
+                self._live.finish(time.monotonic())
             raise
-        film.filmed = self._eye.finish(film.begun + one.seconds)
+        film.filmed = self._live.finish(film.begun + one.seconds)
 
 
 def check_eye(robots: list[Robot], camera: object, eye: object, disk: object) -> None:
-    """Refuse an eye without its calibration, the other way round, a disk without them, or a twin below.
+    """Refuse a live camera without its calibration, a calibration or a disk without it, or a twin below.
 
     Raises:
         UsageError: says what is missing.
@@ -142,7 +142,7 @@ def open_overhead(
     """The camera over a real robot, opened.
 
     Raises:
-        FilmError: a camera's file that is none, or nothing opens as an eye.
+        FilmError: a camera's file that is none, or no camera opens there.
     """
     from realitygap.film.camera import load_camera
 
@@ -150,11 +150,11 @@ def open_overhead(
     return Overhead(eye, model, disk, found)
 
 
-def _must_be_seen(one: Situation, wished: Pose, seen: Pose | None) -> bool:
+def _must_be_seen(one: Situation, requested: Pose, seen: Pose | None) -> bool:
     """Whoever cannot be asked."""
     if seen is None:
         raise FilmError(
-            f"{one.name}, start {one.start}: the robot is not seen where it was carried. Check that it bears "
-            "the disk and that the camera was calibrated for this eye."
+            f"{one.name}, start {one.start}: the robot is not seen where it was carried. Check that it wears "
+            "the disk and that the calibration is of this camera."
         )
     return True

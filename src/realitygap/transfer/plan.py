@@ -29,7 +29,7 @@ SENSORS, TOP_COMMAND = 8, 10
 """What a Khepera has: sensors of each kind; the largest command that networks give."""
 
 BAUD = 38400
-"""What a twin's jumper is set to, if nothing else is wished."""
+"""What a twin's jumper is set to, if nothing else is requested."""
 
 LARGEST_UNIT = 2**63 - 1
 
@@ -66,12 +66,12 @@ class Robot:
         return f"twin:{self.unit}" if self.port is None else f"serial:{self.port}"
 
     def folder(self, twin_noise: float) -> str:
-        """Name of its folder: twin-1, twin-1-noise-2 (the dial, where it is not at 1), serial-ttyUSB0."""
+        """Name of its folder: twin-1, twin-1-noise-2 (the noise scale, where it is not 1), serial-ttyUSB0."""
         if self.port is not None:
             return "serial-" + re.sub(r"[^A-Za-z0-9._-]", "-", Path(self.port).name)
         short = f"{twin_noise:g}"
-        dial = short if float(short) == twin_noise else repr(twin_noise)
-        return f"twin-{self.unit}" if twin_noise == 1 else f"twin-{self.unit}-noise-{dial}"
+        scale = short if float(short) == twin_noise else repr(twin_noise)
+        return f"twin-{self.unit}" if twin_noise == 1 else f"twin-{self.unit}-noise-{scale}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +84,7 @@ class Situation:
         stream: the start and the simulated twin's noise follow from it, and so does the noise of a
             twin unit.
         film: the camera above films it; watch: it is seen by that camera, and no film is kept.
-        disk: what an eye over a real robot looks for; None where there is none, and on a twin.
+        disk: what a live camera over a real robot looks for; None where there is none, and on a twin.
         folder: from the study's folder.
     """
 
@@ -173,7 +173,7 @@ def situations(
 ) -> Iterator[Situation]:
     """All trials, robot by robot. `film`: of all runs, of none, or of those with these ids.
 
-    `watch`: let the camera above see those that are not filmed; `disk`: what an eye over real robots
+    `watch`: let the camera above see those that are not filmed; `disk`: what a live camera over real robots
     looks for, None where there is none.
 
     Raises:

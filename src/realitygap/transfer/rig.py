@@ -105,7 +105,7 @@ class Stand:
         task: whose arena, sensors and length.
         profile: the one that the controllers were evolved with: makes their inputs of counts.
         unit: which robot of the population.
-        twin_noise: the dial.
+        twin_noise: the twin's noise scale.
         folder_for_camera: keeps the camera's calibration, under a name of its own for each stand.
         baud: of the line.
         camera_file: keeps it instead.

@@ -72,20 +72,20 @@ def transfer(
         film: film all trials, none, or those of the runs with these ids.
         watch: take the paths of the others from the camera above too, without keeping a film; else,
             and where no camera sees a real robot, they are reckoned from the wheels' counters.
-        twin_noise: the dial on the twin's noise, 1 if None.
+        twin_noise: the twin's noise scale, 1 if None.
         seed: starts and noise follow from it; the study's own if None.
         seconds: length of a trial; the task's own if None.
         baud: rate of the robots' lines; None tries them all on a port.
         workers: processes for trials on the twin, one a core if None.
         carry: carries a real robot to its start; needed for one.
-        camera: of the eye over a real robot, as it was calibrated, or its file.
-        eye: what looks down on a real robot: a camera's number, a video file, a stream.
+        camera: the calibration of the live camera over a real robot, or its file.
+        eye: the live camera over a real robot: a camera's number, a video file, a stream.
         disk: what a real robot wears, or its file; the shipped one if None.
-        found: says whether a real robot starts where the eye sees it; else it has only to be seen.
+        found: says whether a real robot starts where the camera sees it; else it has only to be seen.
         on_progress: called a few times a second.
 
     Returns:
-        All trials that were wished, old and new.
+        All trials that were requested, old and new.
 
     Raises:
         UsageError: what cannot be done, or was done with other settings, by name.
@@ -106,7 +106,7 @@ def transfer(
         _check_real(carry, film, eye)
     chosen = chosen_runs(study, runs, individual)
     with lock(study.folder):
-        wished = list(
+        requested = list(
             situations(
                 study,
                 chosen,
@@ -122,7 +122,7 @@ def transfer(
                 baud=baud,
             )
         )
-        todo = [one for one in wished if not is_done(study.folder, one)]
+        todo = [one for one in requested if not is_done(study.folder, one)]
         with told(study.folder / FOLDER):
             (study.folder / FOLDER).mkdir(exist_ok=True)
         try:
@@ -133,14 +133,14 @@ def transfer(
                     for robot in dict.fromkeys(one.robot for one in real):
                         by_hand(study, [one for one in real if one.robot == robot], carry, overhead)
             left = [one for one in todo if one.robot.port is None]
-            on_twins(study, left, done=len(wished) - len(left), workers=size, on_progress=on_progress)
+            on_twins(study, left, done=len(requested) - len(left), workers=size, on_progress=on_progress)
         except RobotStoppedError:
             if any(one.robot.port is not None for one in todo):
                 raise
             raise _interrupted(study.folder) from None
         except KeyboardInterrupt:
             raise _interrupted(study.folder) from None
-    return [load_transfer(study.folder / one.folder) for one in wished]
+    return [load_transfer(study.folder / one.folder) for one in requested]
 
 
 def _overhead(
@@ -154,17 +154,17 @@ def _check_real(carry: Carry | None, film: bool | Collection[int], eye: str | in
     """Refuse what a real robot needs and has not."""
     if film and eye is None:
         raise UsageError(
-            "film: expected the eye that films a robot on a serial port, and its camera (--eye DEVICE, "
-            "--camera FILE). A film of your own: `realitygap track FILM`."
+            "film: expected the live camera that films a robot on a serial port, and its calibration "
+            "(--eye DEVICE, --camera FILE). A film of your own: `realitygap track FILM`."
         )
     if carry is None:
         raise UsageError("carry: a real robot has to be carried to its starts: expected who does it.")
 
 
 def _check_dial(robots: list[Robot], twin_noise: float | None) -> None:
-    """Refuse a dial that would turn nothing."""
+    """Refuse a noise scale where there is no twin."""
     if twin_noise is not None and all(robot.port is not None for robot in robots):
-        raise UsageError("--twin-noise is a dial of the twin; a robot has its own noise. Leave it out.")
+        raise UsageError("--twin-noise scales the noise of a twin; a robot has its own noise. Leave it out.")
 
 
 def _interrupted(folder: Path) -> StudyInterruptedError:

@@ -108,15 +108,15 @@ class Stage:
     def on_serial(self, one: Situation, khepera: Khepera, carry: Carry, overhead: Overhead | None) -> None:
         """A whole trial on a real robot, which a person carries to its start."""
         with made(self.study.folder / one.folder, one.robot) as folder:
-            pose = wished = self.simulation(one).start(one.stream)
+            pose = requested = self.simulation(one).start(one.stream)
             feeds = self.study.task(one.task).feeds
             body = SerialBody(khepera, kinds=(feeds,), carry=lambda start: carry(one, start))
-            body.reset(wished)
+            body.reset(requested)
             if overhead is not None:
-                pose = overhead.start(one, wished)
+                pose = overhead.start(one, requested)
                 body.reset()  # whoever moved it once more has turned its wheels
             facts = self._simulate(one, pose, folder)
-            facts["wished"] = None if overhead is None else place(wished)
+            facts["wished"] = None if overhead is None else place(requested)
             if overhead is None or one.source == "counters":
                 driven = self._drive(one, body, folder, facts)
                 path = self._counted(driven, pose)
@@ -175,10 +175,12 @@ class Stage:
         states = stand.states(folder / SEALED, one.seconds)
         if one.film:
             settings: dict[str, Any] = {"unit": stand.unit, "noise": one.twin_noise, "seed": one.stream >> 1}
-            with OverheadCamera(self.study.task(one.task).arena.plain(), **settings) as eye:
-                facts["view"] = eye.metadata["view"]
+            with OverheadCamera(self.study.task(one.task).arena.plain(), **settings) as camera:
+                facts["view"] = camera.metadata["view"]
                 about = {"run": one.name, "start": one.start}
-                return film_and_track(folder, states, stand.watcher.camera, eye=eye, facts=about, tell=tell)
+                return film_and_track(
+                    folder, states, stand.watcher.camera, overhead=camera, facts=about, tell=tell
+                )
         track = stand.watcher.track(states, one.stream)
         facts["view"] = stand.watcher.view
         track.write_csv(folder / TRACK)

@@ -36,7 +36,7 @@ class TwinBody:
     Args:
         arena: size_cm, cylinders, walls, lamps, in cm.
         unit: which robot of the population.
-        noise: the dial, 1 for the size that real robots have.
+        noise: the twin's noise scale, 1 for the size that real robots have.
         seed: names the noise of this stay in the arena.
         substeps: steps of the physics in a millisecond.
     """

@@ -41,7 +41,7 @@ class OverheadCamera:
     Args:
         arena: size_cm, cylinders, walls, lamps (cm).
         unit: the robot, and with it the room and the camera.
-        noise: the dial.
+        noise: the twin's noise scale.
         view: `mujoco`, `drawn`, or `auto` for the first that works.
         seed: names the noise of the pixels.
 

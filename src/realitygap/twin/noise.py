@@ -1,4 +1,4 @@
-"""The twin's noise: how large, how shaped, and the one dial that multiplies all of it.
+"""The twin's noise: how large, how shaped, and the noise scale that multiplies all of it.
 
 The sizes were fixed before anything was evolved and are never tuned afterwards:
 21 counts (proximity) and 4.5 (ambient) as neighbouring bearings of the real robot's tables differ,
@@ -148,7 +148,7 @@ class Creep:
 
 
 def check_dial(value: Any) -> float:
-    """The dial's position: any finite number from 0 on, 1 for the size that real robots have."""
+    """The noise scale: any finite number from 0 on, 1 for the size that real robots have."""
     good = isinstance(value, int | float) and not isinstance(value, bool)
     if not good or not math.isfinite(value) or value < 0:
         raise ConfigError(f"the twin's noise is a number from 0 on, 1 as on real robots; got {value!r}")

@@ -110,7 +110,7 @@ def start_twin(
     Args:
         arena: the room in plain numbers, as the twin takes it (size_cm, cylinders, walls, lamps; cm).
         unit: which robot of the population.
-        noise: the dial on the twin's whole noise.
+        noise: the twin's noise scale.
         seed: of its noise.
         clock: "virtual", or "real" time.
         baud: the robot's jumper.

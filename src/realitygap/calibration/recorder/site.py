@@ -57,7 +57,7 @@ class TwinSite:
     Args:
         room: in plain numbers (cm).
         unit: which robot of the population.
-        noise: the dial on its whole noise.
+        noise: the twin's noise scale.
         seed: of its noise, with the place: no place or trial leaves the next a trace.
         camera: whether a camera hangs over the floor.
     """

@@ -36,7 +36,7 @@ class NoiseConfig(Value):
         units: of the twin, 1 to this; a simulation is calibrated to each.
         starts: of each controller on each unit.
         evaluations: of each run.
-        twin_noise: the dial on the twin's noise.
+        twin_noise: the twin's noise scale.
         seed: everything random follows from it.
         tasks: the paper's, one or both: the score's exemplars are theirs.
         seconds: length of a trial; the task's own if None.

@@ -30,29 +30,29 @@ _HEADER = """\
 """
 
 
-def open_folder(folder: Path, wished: NoiseConfig | None, *, resume: bool) -> NoiseConfig:
-    """Make the wished study in the folder, or open the one that is there; the lock is held.
+def open_folder(folder: Path, requested: NoiseConfig | None, *, resume: bool) -> NoiseConfig:
+    """Make the requested study in the folder, or open the one that is there; the lock is held.
 
     Raises:
-        StudyError: there is one but `resume` is not wished, or it was made with other settings, or
+        StudyError: there is one but `resume` is not set, or it was made with other settings, or
             there is none to resume, or the folder holds something else.
     """
     if not (folder / CONFIG).is_file():
-        if wished is None:
+        if requested is None:
             raise StudyError(f"{folder}: no study of the level of noise there. Start it without --resume.")
         _refuse_strangers(folder)
-        text = to_toml({**wished.to_dict(), "versions": versions()})
+        text = to_toml({**requested.to_dict(), "versions": versions()})
         with told(folder):
             whole.write(folder / MADE, text)
             whole.write(folder / CONFIG, f"{_HEADER}\n{text}")
-        return wished
+        return requested
     there = NoiseConfig.from_folder(folder)
     _refuse_edited(folder, there)
     if not resume:
         done = "a finished" if (folder / RESULTS / "study.toml").is_file() else "an unfinished"
         cure = "Go on with it (--resume) or choose another --out."
         raise StudyError(f"{folder} already holds {done} study of the level of noise. {cure}")
-    found = None if wished is None else difference(there.to_dict(), wished.to_dict())
+    found = None if requested is None else difference(there.to_dict(), requested.to_dict())
     if found is not None:
         key, here, other = found
         cure = "Leave it as it was, or choose another --out."

@@ -192,7 +192,7 @@ class _Phases:
         for seed_set, unit in homes(self.config):
             place = evolved_folder(self.folder, seed_set, unit)
             profile = calibration_folder(self.folder, unit) / PROFILE
-            wished = evolution(self.config, seed_set, unit, profile)
+            requested = evolution(self.config, seed_set, unit, profile)
 
             def heard(event: Progress, before: int = before) -> None:
                 done = before + event.runs_done
@@ -201,8 +201,8 @@ class _Phases:
                 tell(done, self.costs[EVOLVING] * (total - before - share))
                 self._keep_time(KEEP_S)
 
-            run_study(place, wished, workers=self.workers, resume=exists(place), on_progress=heard)
-            before += wished.runs * len(wished.conditions)
+            run_study(place, requested, workers=self.workers, resume=exists(place), on_progress=heard)
+            before += requested.runs * len(requested.conditions)
 
     def _trials(self, phase: str, left: list[Controller]) -> None:
         """A phase whose jobs are controllers."""

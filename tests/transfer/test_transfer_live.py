@@ -1,4 +1,4 @@
-"""A real robot under a camera: a video file stands in for the eye, a twin in real time for the robot."""
+"""A real robot under a camera: a video file serves as the live camera, a twin in real time as the robot."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 from realitygap.errors import FilmError, StudyError, UsageError
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import load_disk
-from realitygap.film.eye import Eye
+from realitygap.film.live import LiveCamera
 from realitygap.film.track import read_track
 from realitygap.film.video import FilmReader, FilmWriter
 from realitygap.study.load import Study, load_study
@@ -28,7 +28,7 @@ from realitygap.values import Pose
 
 SECONDS, FPS = 1.0, 25
 STANDS = Pose.from_degrees(24.0, 26.0, 30.0)
-"""Where the robot of the eye's film stands at first; then it turns on the spot, 90° a second."""
+"""Where the robot of the camera's film stands at first; then it turns on the spot, 90° a second."""
 
 COVERED = 3
 """So many frames of the film show no robot before it is seen."""
@@ -48,18 +48,18 @@ def arena(finished):
 
 @pytest.fixture(scope="module")
 def camera(arena, tmp_path_factory) -> CameraModel:
-    """The eye's calibration."""
+    """The camera's calibration."""
     file = tmp_path_factory.mktemp("eye") / "camera.json"
     return calibrated(file, arena, unit=1, noise=1.0, radius_cm=2.9)
 
 
 @pytest.fixture(scope="module")
 def video(arena, tmp_path_factory) -> Path:
-    """What the eye sees."""
-    return seen_by_the_eye(tmp_path_factory.mktemp("eye") / "eye.mp4", arena)
+    """What the camera sees."""
+    return seen_from_above(tmp_path_factory.mktemp("eye") / "eye.mp4", arena)
 
 
-def seen_by_the_eye(file: Path, arena) -> Path:
+def seen_from_above(file: Path, arena) -> Path:
     """A film of nobody for three frames, then of a robot that turns."""
     turn, count = math.radians(90.0) / FPS, 3 * FPS
     heading = STANDS.heading + turn * np.arange(count)
@@ -90,7 +90,7 @@ def test_the_eye_reads_the_start_and_films_the_drive(study, robot, camera, video
     port, carry = robot
     told: list[Pose | None] = []
 
-    def found(one, wished, seen):
+    def found(one, requested, seen):
         told.append(seen)
         return seen is not None
 
@@ -120,7 +120,7 @@ def test_an_eye_that_only_watches_keeps_no_film(study, robot, camera, video):
     """Without --film the path is from the camera; without watching from the counters, from the seen start."""
     port, carry = robot
     settings = {"robots": (port,), "seconds": SECONDS, "carry": carry, "camera": camera}
-    settings["found"] = lambda one, wished, seen: seen is not None
+    settings["found"] = lambda one, requested, seen: seen is not None
     counted = transfer(study, [1], eye=str(video), watch=False, **settings)[0]
     assert counted.situated_from == "counters"
     assert counted.situated["x_cm"][0] == pytest.approx(STANDS.x, abs=0.05)
@@ -132,17 +132,17 @@ def test_an_eye_that_only_watches_keeps_no_film(study, robot, camera, video):
 
 
 def test_a_robot_may_wear_a_disk_of_its_own(study, robot, camera, arena, tmp_path, monkeypatch):
-    """The eye looks for it, with the film it is kept, and the trial cannot be taken for one with another.
+    """The camera looks for it, with the film it is kept, and the trial cannot be taken for one with another.
 
     Its patches are the shipped disk's, exchanged: a tracker of that one would see the robot look back.
     """
     heights, (body, disk, middle, front), colours = drawing.LOOKS
     monkeypatch.setattr(drawing, "LOOKS", (heights, (body, disk, front, middle), colours))
-    video, mine = seen_by_the_eye(tmp_path / "eye.mp4", arena), tmp_path / "mine.toml"
+    video, mine = seen_from_above(tmp_path / "eye.mp4", arena), tmp_path / "mine.toml"
     mine.write_text("centre_radius_cm = 0.45\nfront_radius_cm = 0.7\n")
     port, carry = robot
     settings = {"robots": (port,), "seconds": SECONDS, "carry": carry, "camera": camera, "eye": str(video)}
-    settings["found"] = lambda one, wished, seen: seen is not None
+    settings["found"] = lambda one, requested, seen: seen is not None
     for film in (False, True):
         one = transfer(study, [1], disk=mine, film=film, **settings)[0]
         assert one.pose.heading_deg == pytest.approx(STANDS.heading_deg, abs=1.0) and one.lost_steps == 0
@@ -154,7 +154,7 @@ def test_a_robot_may_wear_a_disk_of_its_own(study, robot, camera, arena, tmp_pat
 
 
 def test_a_start_that_is_not_seen_may_be_taken_on_a_persons_word(study, robot, camera, video):
-    """With a person's word from the wished pose; with nobody to ask it is refused."""
+    """With a person's word from the requested pose; with nobody to ask it is refused."""
     port, carry = robot
     settings = {"robots": (port,), "seconds": SECONDS, "carry": carry, "camera": camera}
     with pytest.raises(FilmError, match="not seen where it was carried"):
@@ -165,10 +165,10 @@ def test_a_start_that_is_not_seen_may_be_taken_on_a_persons_word(study, robot, c
 
 
 def test_a_film_that_ends_too_soon_leaves_a_gap(study, robot, camera, video):
-    """What the eye did not see is a gap; the trial says why, and has no score."""
+    """What the camera did not see is a gap; the trial says why, and has no score."""
     port, carry = robot
     settings = {"robots": (port,), "seconds": 4.0, "carry": carry, "camera": camera}
-    settings["found"] = lambda one, wished, seen: seen is not None
+    settings["found"] = lambda one, requested, seen: seen is not None
     one = transfer(study, [1], eye=str(video), film=True, **settings)[0]
     assert 5 <= one.lost_steps <= 15 and math.isnan(one.fitness_situated)
     assert np.isnan(one.situated["x_cm"][-5:]).all() and np.isfinite(one.situated["x_cm"][:25]).all()
@@ -176,7 +176,7 @@ def test_a_film_that_ends_too_soon_leaves_a_gap(study, robot, camera, video):
 
 
 def test_an_eye_that_cannot_be_used_is_refused(study, camera, video, tmp_path):
-    """By name: no camera, no eye, no robot under it, nothing that opens, pictures of another size."""
+    """By name: no calibration, no camera, no robot under it, nothing that opens, pictures of another size."""
     port, carry = "serial:/dev/no-such-port", lambda one, pose: None
     settings = {"robots": (port,), "carry": carry}
     with pytest.raises(UsageError, match="eye: expected camera"):
@@ -194,8 +194,8 @@ def test_an_eye_that_cannot_be_used_is_refused(study, camera, video, tmp_path):
     with pytest.raises(FilmError, match="nothing opens there"):
         transfer(study, camera=camera, eye=str(tmp_path / "none.mp4"), **settings)
     with pytest.raises(FilmError, match="nothing opens there"):
-        Eye(tmp_path / "none.mp4")
-    with Eye(video) as eye:
-        assert eye.look().shape == (480, 640)
+        LiveCamera(tmp_path / "none.mp4")
+    with LiveCamera(video) as live:
+        assert live.look().shape == (480, 640)
         with pytest.raises(FilmError, match="no film to finish"):
-            eye.finish(0.0)
+            live.finish(0.0)

@@ -1,4 +1,4 @@
-"""The process that holds an eye open: orders come through a pipe, pictures and films go out."""
+"""The process that holds a live camera open: orders come through a pipe, pictures and films go out."""
 
 from __future__ import annotations
 
@@ -21,36 +21,40 @@ OPEN_S = 30.0
 """How long a camera may take to open."""
 
 FALLBACK_FPS = 25.0
-"""The rate of a source that does not tell its own."""
+"""The rate of a source that does not state its own."""
 
 MISSED_S = 1.0
 """A live camera may fail to give a picture for so long."""
 
 
 def serve(pipe: Connection, source: str, size: tuple[int, int] | None) -> None:
-    """Serve one eye until nobody listens."""
+    """Serve one camera until nobody listens."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the driver's: it must stop the robot first
     try:
-        eye = _Opened(source, size)
+        camera = _Opened(source, size)
         try:
             pipe.send("open")
             while True:
-                _attend(pipe, eye)
+                _attend(pipe, camera)
         finally:
-            eye.close()
+            camera.close()
     except FilmError as error:
         pipe.send(error)
     except (EOFError, OSError):
         pass
 
 
-def _attend(pipe: Connection, eye: _Opened) -> None:
+def _attend(pipe: Connection, camera: _Opened) -> None:
     """Take a frame, or carry out an order."""
-    if not pipe.poll(None if eye.still else 0):
-        eye.take()
+    if not pipe.poll(None if camera.still else 0):
+        camera.take()
         return
     order, *rest = pipe.recv()
-    orders: dict[str, Callable[..., Any]] = {"look": eye.look, "film": eye.film, "finish": eye.finish}
+    orders: dict[str, Callable[..., Any]] = {
+        "look": camera.look,
+        "film": camera.film,
+        "finish": camera.finish,
+    }
     try:
         pipe.send(orders[order](*rest))
     except FilmError as error:
@@ -67,8 +71,8 @@ class _Opened:
         self._video = cv2.VideoCapture(int(source)) if number else cv2.VideoCapture(source)
         if not self._video.isOpened():
             raise FilmError(
-                f"eye {source!r}: nothing opens there. Give a camera's number (0, 1 …), a video file or a "
-                "stream's address."
+                f"live camera {source!r}: nothing opens there. "
+                "Give a camera's number (0, 1 …), a video file or a stream's address."
             )
         if number and size is not None:
             self._video.set(cv2.CAP_PROP_FRAME_WIDTH, size[0])
@@ -82,11 +86,11 @@ class _Opened:
 
     @property
     def still(self) -> bool:
-        """Whether nothing happens unless it is told to."""
+        """Whether nothing happens without an order."""
         return self._trouble is not None or (self._writer is None and not self._live)
 
     def close(self) -> None:
-        """Let go of the source; a film that was not finished is kept as far as it came."""
+        """Release the source; an unfinished film is kept as far as it got."""
         if self._writer is not None:
             self._writer.__exit__(None, None, None)
         self._video.release()
@@ -102,7 +106,7 @@ class _Opened:
         self._add(*self._next())
 
     def take(self) -> None:
-        """Wait for a frame; into the film with it, if there is one being made."""
+        """Wait for a frame, and add it to the film if one is being made."""
         try:
             at, picture = self._next()
             if self._writer is not None:
@@ -113,7 +117,7 @@ class _Opened:
     def finish(self, until: float) -> tuple[float, int, str | None]:
         """End the film; when it began, frames, trouble."""
         if self._writer is None:
-            raise FilmError(f"eye {self._source!r}: there is no film to finish.")
+            raise FilmError(f"live camera {self._source!r}: there is no film to finish.")
         while self._times[-1] < until and self._trouble is None:
             self.take()
         writer, self._writer = self._writer, None
@@ -144,5 +148,7 @@ class _Opened:
             if got:
                 return at, picture
             if time.monotonic() >= give_up:
-                raise FilmError(f"eye {self._source!r}: no more pictures come. Check the camera or the file.")
+                raise FilmError(
+                    f"live camera {self._source!r}: no more pictures come. Check the camera or the file."
+                )
             time.sleep(0.02)

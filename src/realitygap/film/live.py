@@ -1,7 +1,7 @@
-"""An eye over the arena: a camera's number, a stream or a video file, looked at while a robot drives.
+"""A live camera over the arena: a camera's number, a stream or a video file, read while a robot drives.
 
-It is opened by a process of its own, which keeps the camera's frames flowing and writes the film:
-a control loop beside it is never made late. Every frame bears the time at which it came.
+A process of its own opens it, keeps the frames flowing and writes the film, so that a control loop
+beside it is never made late. Every frame carries the time at which it arrived.
 """
 
 from __future__ import annotations
@@ -15,28 +15,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import FilmError
-from realitygap.film.eye_process import OPEN_S, serve
+from realitygap.film.live_process import OPEN_S, serve
 
-__all__ = ["Eye", "Filmed"]
+__all__ = ["Filmed", "LiveCamera"]
 
 ANSWER_S = 10.0
-"""How long an eye may take for a picture."""
+"""How long a live camera may take to give a picture."""
 
 
 class Filmed(NamedTuple):
-    """A film that an eye made: when its first frame came (`time.monotonic`), how many there are, and
-    in words what went wrong meanwhile (None: nothing)."""
+    """A film from a live camera: when its first frame came (`time.monotonic`), how many frames there are,
+    and what went wrong meanwhile, in words (None: nothing)."""
 
     first_at: float
     frames: int
     trouble: str | None
 
 
-class Eye:
+class LiveCamera:
     """An open camera, stream or video file. Use it in a `with`, or `close` it.
 
-    A video file stands still but for the pictures that are looked at; while it is filmed it plays at
-    its own rate.
+    A video file moves on only with each picture that is looked at; while it is filmed it plays at its
+    own rate.
 
     Args:
         source: a camera's number, or what OpenCV opens: a file, an address.
@@ -69,7 +69,7 @@ class Eye:
         self.close()
 
     def look(self) -> NDArray[np.uint8]:
-        """What is to be seen now, grey [height, width]."""
+        """What the camera sees now, grey [height, width]."""
         return np.asarray(self._ask("look"), np.uint8)
 
     def film(self, file: str | Path) -> None:
@@ -85,7 +85,7 @@ class Eye:
         return Filmed(*self._ask("finish", until))
 
     def close(self) -> None:
-        """Let go of the camera."""
+        """Release the camera."""
         if self._process is None:
             return
         self._pipe.close()  # it ends when nobody listens
@@ -106,7 +106,9 @@ class Eye:
     def _answer(self, patience_s: float) -> Any:
         try:
             if not self._pipe.poll(patience_s):
-                raise FilmError(f"eye {self.source!r}: no answer in {patience_s:g} s. Check the camera.")
+                raise FilmError(
+                    f"live camera {self.source!r}: no answer in {patience_s:g} s. Check the camera."
+                )
             answer = self._pipe.recv()
         except (EOFError, OSError):
             raise self._gone() from None
@@ -115,4 +117,4 @@ class Eye:
         return answer
 
     def _gone(self) -> FilmError:
-        return FilmError(f"eye {self.source!r}: its process ended. Check the camera and try again.")
+        return FilmError(f"live camera {self.source!r}: its process ended. Check the camera and try again.")
