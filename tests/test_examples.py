@@ -7,8 +7,7 @@ from pathlib import Path
 from click.testing import CliRunner
 
 from realitygap import load_study
-from realitygap.calibration.recordings.files import STEP_COLUMNS
-from realitygap.calibration.recordings.recording import load_recording
+from realitygap.calibration.recordings.files import STEP_COLUMNS, load_recording
 from realitygap.cli import realitygap
 from realitygap.study.config import StudyConfig
 from realitygap.study.runner import run_study

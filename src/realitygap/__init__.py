@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import calibrate
-    from realitygap.calibration.recordings.recording import load_recording
+    from realitygap.calibration.recordings.files import load_recording
     from realitygap.calibration.unit import calibrated_unit
     from realitygap.controller.genotype import Layout, load_genotype, random_genotype, save_genotype
     from realitygap.controller.handmade import braitenberg, constant
@@ -88,7 +88,7 @@ __all__ = [
 
 _HOMES = {
     "calibration.calibrate": ("calibrate",),
-    "calibration.recordings.recording": ("load_recording",),
+    "calibration.recordings.files": ("load_recording",),
     "calibration.unit": ("calibrated_unit",),
     "controller.genotype": ("Layout", "load_genotype", "random_genotype", "save_genotype"),
     "controller.handmade": ("braitenberg", "constant"),

@@ -8,9 +8,9 @@ from dataclasses import replace
 import pytest
 from click.testing import CliRunner
 
-from realitygap.calibration.recordings.files import save_recording
 from realitygap.cli import realitygap
 from realitygap.world.profile import load_profile
+from tests.calibration.written import save_recording
 
 
 def call(*words: object):

@@ -10,13 +10,13 @@ import pytest
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.judge import judge
 from realitygap.calibration.noise import lit_noise, sample_noise
-from realitygap.calibration.recordings.files import save_recording
-from realitygap.calibration.recordings.recording import load_recording
+from realitygap.calibration.recordings.files import load_recording
 from realitygap.calibration.wheels.odometry import measure_odometry
 from realitygap.errors import CalibrationError
 from realitygap.report.calibration import write_calibration_page
 from realitygap.world.profile import load_profile
 from tests.calibration.tables import DIRTY, TURN_DEG
+from tests.calibration.written import save_recording
 
 PAPER = load_profile("paper")
 

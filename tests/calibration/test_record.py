@@ -25,7 +25,8 @@ from realitygap.calibration.recorder.plans import ambient_plan, infrared_plan, s
 from realitygap.calibration.recorder.record import drive_trial, record, twin_sites
 from realitygap.calibration.recorder.site import EnoughError, PersonSite, TwinSite
 from realitygap.calibration.recorder.wheel_plans import FLOOR_CM, Trial, wheel_plan
-from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, SensorRecording, load_recording
+from realitygap.calibration.recordings.files import load_recording
+from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, SensorRecording
 from realitygap.cli import realitygap
 from realitygap.errors import BaudError, RecordingError
 from realitygap.film.calibrate import calibrate_camera

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from realitygap.calibration.checks import dead_sensors
-from realitygap.calibration.recordings.files import save_recording
 from realitygap.calibration.recordings.recording import (
     SensorRecording,
     WheelRecording,
@@ -21,6 +20,7 @@ from realitygap.calibration.recordings.recording import (
 )
 from realitygap.errors import RecordingError
 from realitygap.world.arena import load_arena
+from tests.calibration.written import save_recording
 
 HEAD = "distance_cm,bearing_deg,repeat,s0,s1,s2,s3,s4,s5,s6,s7"
 ROW = "1.5,30,0,10,20,30,40,50,60,70,80"
@@ -215,8 +215,6 @@ def test_several_recordings_in_a_folder_are_found(tmp_path):
     assert find_recordings("wall.sam") == (Path("wall.sam"),)
     with pytest.raises(RecordingError, match="there is no such recording"):
         find_recordings(tmp_path / "c")
-    with pytest.raises(RecordingError, match="already holds"):
-        save_recording(tmp_path / "a", infrared())
 
 
 @pytest.mark.parametrize(("name", "radius"), [("wall", None), ("cylinder:4", 4), ("cylinder:x", None)])

@@ -15,14 +15,15 @@ from realitygap.calibration.checks import refuse_swapped
 from realitygap.calibration.forward import illumination, light_readings, scene_of
 from realitygap.calibration.judge import judge
 from realitygap.calibration.recorder import plans
-from realitygap.calibration.recordings.files import save_recording
-from realitygap.calibration.recordings.recording import SensorRecording, load_recording
+from realitygap.calibration.recordings.files import load_recording
+from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import FOLDS
 from realitygap.calibration.search import search
 from realitygap.calibration.unit import PARTS
 from realitygap.errors import CalibrationError
 from realitygap.toml import to_toml
 from realitygap.world.profile import load_profile
+from tests.calibration.written import save_recording
 
 PAPER = load_profile("paper")
 REPEATS = 3

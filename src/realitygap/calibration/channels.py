@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.checks import doubtful_light, refuse_nonsense
+from realitygap.calibration.checks import refuse_nonsense
 from realitygap.calibration.forms import Tick, fit_forms
 from realitygap.calibration.infrared import INFRARED_FORMS, PROXIMITY_COUNTS, infrared_problems, with_infrared
 from realitygap.calibration.light import LIGHT_FORMS, as_bright_as_the_paper, with_light
@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 
 OVERFITTED = 1.3
 """Held-out RMSE over the fitted one, from which on a form is said to fit more than the robot."""
+FAR_OFF, NARROW = 10.0, 4.0
+"""Model error over noise, and an angular exponent, from which on a light's distances are doubted."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -212,13 +214,30 @@ def _warnings(made: ChannelFit) -> list[str]:
     vague = [c.key for c in made.fit.constants if not c.told and not c.key.endswith(dead)]
     if vague:
         out.append(f"{kind}: the data do not decide {', '.join(vague)}: bounds or a mild prior do")
-    out += doubtful_light(made)
+    out += _doubtful_light(made)
     if not made.measured:
         out.append(
             f"{kind}: {unmeasured(made)}. Several readings at each place, or bearings close together, "
             "measure it"
         )
     return out
+
+
+def _doubtful_light(made: ChannelFit) -> list[str]:
+    """A warning where a linear law of light is far off, or its lobe odd: as with distances in another unit.
+
+    The paper's law is far off on any sensor that reads light linearly: that says nothing of distances.
+    """
+    if made.kind != "ambient" or made.profile.ambient.response != "linear" or not made.sensors:
+        return []
+    error = float(np.sqrt(np.mean([m.ratio**2 for m in made.sensors])))
+    facing = made.profile.ambient.facing
+    if error < FAR_OFF and facing < NARROW:
+        return []
+    return [
+        f"ambient: model error of {error:.1f} noise deviations, sensors with an angular exponent of "
+        f"{facing:.1f} (a Khepera's is about 1.3): are distances in cm, from the body's edge to the lamp?"
+    ]
 
 
 def unmeasured(made: ChannelFit) -> str:

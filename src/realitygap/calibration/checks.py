@@ -17,13 +17,12 @@ from numpy.typing import NDArray
 from realitygap.errors import CalibrationError
 
 if TYPE_CHECKING:
-    from realitygap.calibration.channels import ChannelFit
     from realitygap.calibration.recordings.recording import Recording, SensorRecording
     from realitygap.world.profile import Profile
     from realitygap.world.sensors import AmbientSensor, ProximitySensor
 
 __all__ = [
-    "dead_sensors", "doubtful_light", "refuse_mixed", "refuse_nonsense", "refuse_other_kind",
+    "dead_sensors", "refuse_mixed", "refuse_nonsense", "refuse_other_kind",
     "refuse_swapped", "refuse_units",
 ]  # fmt: skip
 
@@ -44,8 +43,6 @@ BLIND_CM, DAZZLED_CM, BRIGHT = 15.0, 1.0, 300.0
 """Beyond, and nearer than, which a Khepera's infrared sees nothing, and any object as bright."""
 FEWEST_LIT = 40
 EXPLAINED = 0.5
-FAR_OFF, NARROW = 10.0, 4.0
-"""Model error over noise, and an angular exponent, from which on a light's distances are doubted."""
 
 
 def dead_sensors(recording: SensorRecording) -> dict[int, str]:
@@ -196,23 +193,6 @@ def refuse_nonsense(where: str, counts: Array, model: Array, dead: dict[int, str
             f"readings change: this "
             "is no recording of such an object, or its distances and bearings are not those of its rows."
         )
-
-
-def doubtful_light(made: ChannelFit) -> list[str]:
-    """A warning where a linear law of light is far off, or its lobe odd: as with distances in another unit.
-
-    The paper's law is far off on any sensor that reads light linearly: that says nothing of distances.
-    """
-    if made.kind != "ambient" or made.profile.ambient.response != "linear" or not made.sensors:
-        return []
-    error = float(np.sqrt(np.mean([m.ratio**2 for m in made.sensors])))
-    facing = made.profile.ambient.facing
-    if error < FAR_OFF and facing < NARROW:
-        return []
-    return [
-        f"ambient: model error of {error:.1f} noise deviations, sensors with an angular exponent of "
-        f"{facing:.1f} (a Khepera's is about 1.3): are distances in cm, from the body's edge to the lamp?"
-    ]
 
 
 def refuse_mixed(recordings: Sequence[Recording]) -> None:

@@ -47,7 +47,7 @@ def record_part(folder: Path, name: str) -> None:
 def fit_unit(folder: Path) -> None:
     """Fit all parts, and write the profile."""
     from realitygap.calibration.calibrate import calibrate
-    from realitygap.calibration.recordings.recording import load_recording
+    from realitygap.calibration.recordings.files import load_recording
     from realitygap.world.profile import load_profile
 
     _tell(FIT, 0, 1)

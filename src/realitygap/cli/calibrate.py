@@ -131,7 +131,7 @@ def _beside(out: Path) -> Path:
 
 
 def _load(paths: tuple[str, ...], objects: tuple[str, ...]) -> list[Recording]:
-    from realitygap.calibration.recordings.recording import find_recordings, load_recording
+    from realitygap.calibration.recordings.files import find_recordings, load_recording
     from realitygap.errors import CalibrationError
 
     found = [place for path in paths for place in find_recordings(path)]

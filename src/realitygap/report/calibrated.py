@@ -107,7 +107,7 @@ def _said(study: Any, kept: bool) -> str:
 def _judged(study: Any) -> list[Judgement]:
     """The study's profile against its own recordings, where it keeps them."""
     from realitygap.calibration.judge import judge
-    from realitygap.calibration.recordings.recording import load_recording
+    from realitygap.calibration.recordings.files import load_recording
     from realitygap.errors import UsageError
 
     home = Path(study.folder) / "calibration"

@@ -24,7 +24,8 @@ from realitygap.world.noise import noise_level
 from realitygap.world.profile import Profile, load_profile
 
 if TYPE_CHECKING:
-    from realitygap.tasks.task import Score, Task
+    from realitygap.tasks.scoring import Score
+    from realitygap.tasks.task import Task
 
 __all__ = ["Simulation"]
 

@@ -11,7 +11,7 @@ import inspect
 import random
 import re
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from types import FunctionType, ModuleType
 from typing import Any
@@ -20,9 +20,11 @@ import numpy as np
 
 from realitygap.errors import TaskError
 from realitygap.kernels.params import Path, Room
-from realitygap.tasks.task import Score
 
-__all__ = ["CompiledScore", "compile_score", "example"]
+__all__ = ["CompiledScore", "Score", "compile_score", "example"]
+
+Score = Callable[[Any, Any], float]
+"""What a user writes: (Path, Room) → a number, larger is better."""
 
 
 class CompiledScore:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import inspect
 import math
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,13 +21,13 @@ import numpy as np
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import params
 from realitygap.kernels.params import STEP_S
+from realitygap.tasks.scoring import Score
 from realitygap.world.arena import Arena, arena_names, load_arena
 from realitygap.world.files import Value, require
 from realitygap.world.profile import Profile
 
-__all__ = ["FEEDS", "MAX_INPUTS", "Score", "Start", "Task"]
+__all__ = ["FEEDS", "MAX_INPUTS", "Start", "Task"]
 
-Score = Callable[[Any, Any], float]
 FEEDS = ("proximity", "ambient")
 """What may be fed to the network; the index is `params.Trial.feed`."""
 MAX_INPUTS = 16

@@ -15,8 +15,7 @@ import numpy as np
 
 from realitygap.errors import TaskError
 from realitygap.kernels.params import Path, Room
-from realitygap.tasks.scoring import CompiledScore, compile_score
-from realitygap.tasks.task import Score
+from realitygap.tasks.scoring import CompiledScore, Score, compile_score
 from realitygap.world.arena import Arena
 
 __all__ = ["tried"]

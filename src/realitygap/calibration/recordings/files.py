@@ -1,17 +1,16 @@
-"""A recording's files, read with an error for whatever is wrong (file and line) and written."""
+"""A recording's files, read with an error for whatever is wrong: file and line."""
 
 from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap import whole
 from realitygap.calibration.recordings.checks import check_readings, check_steps
 from realitygap.calibration.recordings.recording import (
     BODY_RADIUS_CM,
@@ -23,13 +22,23 @@ from realitygap.calibration.recordings.recording import (
     WheelRecording,
     check_object,
 )
+from realitygap.calibration.recordings.sam import read_sam
 from realitygap.calibration.recordings.table import Table, need, read_table
 from realitygap.errors import RecordingError
-from realitygap.text import refuse_unknown
-from realitygap.toml import read_toml, to_toml
+from realitygap.text import as_path, refuse_unknown
+from realitygap.toml import read_toml
 from realitygap.world.arena import Arena, load_arena
 
-__all__ = ["FACTS", "READINGS", "STEPS", "STEP_COLUMNS", "read_facts", "read_folder", "save_recording"]
+__all__ = [
+    "FACTS",
+    "READINGS",
+    "STEPS",
+    "STEP_COLUMNS",
+    "find_recordings",
+    "load_recording",
+    "read_facts",
+    "read_folder",
+]
 
 Array = NDArray[np.float64]
 
@@ -49,6 +58,46 @@ KNOWN = (
 """Keys of recording.toml: the first eight a calibration reads, the others are its history."""
 DRIVE = "end"
 """A key of a drive's recording.toml, which is another file of the same name."""
+
+
+def load_recording(path: str | Path, *, object: str | None = None, kind: str | None = None) -> Recording:
+    """A recording's folder, or a `.sam` table.
+
+    Args:
+        path: the folder, its recording.toml, or the table.
+        object: what a table was recorded with, or another object than a recording says.
+        kind: of a table's sensors.
+
+    Raises:
+        RecordingError: what is missing or wrong, with file and line.
+    """
+    path = as_path(path, "recording")
+    if path.suffix.lower() == ".sam":
+        return read_sam(path, object=object, kind=kind)
+    return read_folder(path.parent if path.name == "recording.toml" else path, object=object)
+
+
+def find_recordings(path: str | Path) -> Sequence[Path]:
+    """The recordings that a path means: itself, or the recordings in a folder of several.
+
+    Raises:
+        RecordingError: there is none.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".sam" or path.name == "recording.toml" or (path / "recording.toml").is_file():
+        return (path,)
+    inside = sorted(found.parent for found in path.glob("*/recording.toml"))
+    if inside:
+        return tuple(inside)
+    below = sorted(found.parent for found in path.glob("*/*/recording.toml"))
+    if below:
+        groups = list(dict.fromkeys(str(found.parent) for found in below))
+        more = f" and {len(groups) - 3} more" if len(groups) > 3 else ""
+        raise RecordingError(
+            f"{path}: holds no recording, but folders in it do: give {' or '.join(groups[:3])}{more}."
+        )
+    what = "holds no recording" if path.is_dir() else "there is no such recording"
+    raise RecordingError(f"{path}: {what}. Make one with `realitygap record`, or give a .sam table.")
 
 
 def read_folder(folder: Path, *, object: str | None = None) -> Recording:
@@ -88,34 +137,6 @@ def read_facts(folder: Path) -> dict[str, Any]:
         what = f"there is no {FACTS} in it" if folder.is_dir() else "there is no such folder"
         raise RecordingError(f"{folder}: no recording: {what}. {make}")
     return read_toml(path, RecordingError, make)
-
-
-def save_recording(folder: str | Path, recording: Recording) -> None:
-    """Write a recording into a folder; `load_recording` reads it back, equal.
-
-    Raises:
-        RecordingError: the folder already holds one.
-    """
-    folder = Path(folder)
-    if (folder / FACTS).exists():
-        raise RecordingError(f"{folder}: already holds a recording; choose another folder.")
-    folder.mkdir(parents=True, exist_ok=True)
-    facts: dict[str, Any] = {"units": UNITS, "notes": recording.notes, **recording.facts}
-    if isinstance(recording, SensorRecording):
-        facts |= {"kind": recording.kind, "object": recording.object, "sensors": recording.sensors}
-        if recording.body_said:
-            facts["body_radius_cm"] = recording.body_radius_cm
-        if recording.pose is not None and recording.arena is not None:
-            facts["arena"] = "arena.toml"
-            whole.write(folder / "arena.toml", recording.arena.to_toml())
-        columns, rows = _reading_rows(recording)
-    else:
-        facts["kind"] = "wheels"
-        columns, rows = _step_rows(recording)
-    whole.write(folder / FACTS, to_toml(facts))
-    name = READINGS if isinstance(recording, SensorRecording) else STEPS
-    lines = [",".join(columns), *(",".join(row) for row in rows)]
-    whole.write(folder / name, "\n".join(lines) + "\n")
 
 
 def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> SensorRecording:
@@ -252,27 +273,3 @@ def _unfinished(table: Table, facts: Mapping[str, Any]) -> tuple[str, ...]:
     if done >= planned:
         return ()
     return (f"{table.path}: unfinished: {done} of {planned} places; `realitygap record … --resume` goes on",)
-
-
-def _reading_rows(recording: SensorRecording) -> tuple[list[str], list[list[str]]]:
-    names = POSE if recording.pose is not None else POLAR
-    if recording.pose is None:
-        where = np.stack([recording.distance_cm, recording.bearing_deg], 1)
-    else:
-        where = np.column_stack([recording.pose[:, :2], np.degrees(recording.pose[:, 2])])
-    rows = [
-        [*(f"{v:.10g}" for v in at), str(int(repeat)), *(f"{v:g}" for v in counts)]
-        for at, repeat, counts in zip(where, recording.repeat, recording.counts, strict=True)
-    ]
-    return [*names, "repeat", *(f"s{i}" for i in range(recording.sensors))], rows
-
-
-def _step_rows(recording: WheelRecording) -> tuple[list[str], list[list[str]]]:
-    numbers = np.column_stack([recording.t_s, recording.commands, recording.counters, recording.speeds])
-    named = zip(numbers, recording.trial, recording.kind, strict=True)
-    rows = [[*(f"{v:.10g}" for v in row), str(int(trial)), str(kind)] for row, trial, kind in named]
-    if recording.pose is None:
-        return list(STEP_COLUMNS), rows
-    for row, (x, y, heading) in zip(rows, recording.pose, strict=True):
-        row += ["", "", ""] if math.isnan(x) else [f"{x:.10g}", f"{y:.10g}", f"{math.degrees(heading):.10g}"]
-    return [*STEP_COLUMNS, *POSE], rows

@@ -21,18 +21,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import RecordingError
-from realitygap.text import as_path
 from realitygap.world.arena import Arena
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 __all__ = [
     "BODY_RADIUS_CM",
@@ -42,9 +37,8 @@ __all__ = [
     "Recording",
     "SensorRecording",
     "WheelRecording",
+    "check_object",
     "cylinder_radius",
-    "find_recordings",
-    "load_recording",
 ]
 
 Array = NDArray[np.float64]
@@ -205,48 +199,3 @@ def check_object(kind: str, name: str, where: str) -> None:
             f'{where}: object: expected "wall" or "cylinder:RADIUS_CM" with a radius above 0, got {name!r}. '
             "Say what the sensors saw."
         )
-
-
-def load_recording(path: str | Path, *, object: str | None = None, kind: str | None = None) -> Recording:
-    """A recording's folder, or a `.sam` table.
-
-    Args:
-        path: the folder, its recording.toml, or the table.
-        object: what a table was recorded with, or another object than a recording says.
-        kind: of a table's sensors.
-
-    Raises:
-        RecordingError: what is missing or wrong, with file and line.
-    """
-    path = as_path(path, "recording")
-    if path.suffix.lower() == ".sam":
-        from realitygap.calibration.recordings.sam import read_sam
-
-        made: SensorRecording = read_sam(path, object=object, kind=kind)
-        return made
-    from realitygap.calibration.recordings.files import read_folder
-
-    return read_folder(path.parent if path.name == "recording.toml" else path, object=object)
-
-
-def find_recordings(path: str | Path) -> Sequence[Path]:
-    """The recordings that a path means: itself, or the recordings in a folder of several.
-
-    Raises:
-        RecordingError: there is none.
-    """
-    path = Path(path)
-    if path.suffix.lower() == ".sam" or path.name == "recording.toml" or (path / "recording.toml").is_file():
-        return (path,)
-    inside = sorted(found.parent for found in path.glob("*/recording.toml"))
-    if inside:
-        return tuple(inside)
-    below = sorted(found.parent for found in path.glob("*/*/recording.toml"))
-    if below:
-        groups = list(dict.fromkeys(str(found.parent) for found in below))
-        more = f" and {len(groups) - 3} more" if len(groups) > 3 else ""
-        raise RecordingError(
-            f"{path}: holds no recording, but folders in it do: give {' or '.join(groups[:3])}{more}."
-        )
-    what = "holds no recording" if path.is_dir() else "there is no such recording"
-    raise RecordingError(f"{path}: {what}. Make one with `realitygap record`, or give a .sam table.")
