@@ -4,7 +4,6 @@ import math
 
 from realitygap.kernels.jit import step
 from realitygap.kernels.light import (
-    LINEAR,
     follow_rays,
     light_on_sensor,
     light_on_surfaces,
@@ -41,11 +40,11 @@ def ambient(robot, arena, work, out):
     V = 55 + 1/√A, clipped at the dark reading; or, linear in the light, V = dark − A, clipped at 55.
     """
     illuminate(robot, arena, True, work, out)
-    linear = robot.ambient_form[LINEAR] > 0.0
+    linear = robot.ambient_form.linear > 0.0
     for k in range(out.shape[0]):
         total = out[k] * robot.ambient_gain[k]
-        floor = robot.ambient_range[k, 0]
-        dark = robot.ambient_range[k, 1]
+        floor = robot.ambient_floor[k]
+        dark = robot.ambient_dark[k]
         out[k] = dark
         if linear:
             out[k] = max(dark - total, floor)

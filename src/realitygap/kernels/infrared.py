@@ -83,11 +83,11 @@ def reflected(robot, k, inverse, slant, t):
     Off matt surfaces a is times the cosine under which a ray meets them (`slant`).
     The order makes mirror-image sensors add mirror-image rays in the same order.
     """
-    a, b, offset = robot.proximity_law[k, 0], robot.proximity_law[k, 1], robot.proximity_law[k, 2]
+    a, b, offset = robot.proximity_a[k], robot.proximity_b[k], robot.proximity_offset[k]
     if offset != 0.0:
         for i in range(inverse.shape[0]):
             inverse[i] = inverse[i] / (1.0 + offset * inverse[i])
-    if robot.proximity_matt > 0.0:
+    if robot.proximity_lambertian > 0.0:
         for i in range(inverse.shape[0]):
             t[i] = robot.proximity_weight[k, i] * (a * (inverse[i] * inverse[i]) * slant[i] + b)
     else:
@@ -122,7 +122,7 @@ def infrared(robot, arena, work, out):
         k = work.listed[n]
         px = x + c * robot.proximity_place[k, 0] - s * robot.proximity_place[k, 1]
         py = y + s * robot.proximity_place[k, 0] + c * robot.proximity_place[k, 1]
-        if robot.proximity_matt > 0.0:
+        if robot.proximity_lambertian > 0.0:
             lean(arena, robot.proximity_ray, k, px, py, c, s, ray_x, ray_y, inverse, slant)
         else:
             see(arena, robot.proximity_ray, k, px, py, c, s, ray_x, ray_y, inverse)

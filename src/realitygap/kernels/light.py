@@ -6,9 +6,6 @@ from realitygap.kernels.geometry import GRAZE, circle_blocks, covers, see, segme
 from realitygap.kernels.jit import step
 from realitygap.kernels.params import LAMP_POINTS, LANES, RAYS
 
-LINEAR, FACING, HEIGHT2, FLAT, NEAR, MATT, NARROW, PROUD, CLEAR = 0, 1, 2, 3, 4, 5, 6, 7, 8
-"""Places in robot.ambient_form: what goes beyond the paper, all 0 in it."""
-
 
 @step
 def look(robot, k, work):

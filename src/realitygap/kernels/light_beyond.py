@@ -10,15 +10,6 @@ import numpy as np
 from realitygap.kernels.geometry import circle_blocks, covers, from_segment
 from realitygap.kernels.jit import step
 from realitygap.kernels.light import (
-    CLEAR,
-    FACING,
-    FLAT,
-    HEIGHT2,
-    LINEAR,
-    MATT,
-    NARROW,
-    NEAR,
-    PROUD,
     follow_fan,
     go_to_ends,
     hide_behind_obstacles,
@@ -50,14 +41,14 @@ def power(x, p):
 @step
 def lamp_points(robot):
     """How many points of a lamp differ."""
-    return 1 if robot.ambient_form[NARROW] >= 1.0 else LAMP_POINTS
+    return 1 if robot.ambient_form.narrow >= 1.0 else LAMP_POINTS
 
 
 @step
 def lamp_point(robot, arena, lamp, p):
-    """Place (x, y) and weight of a lamp's point `p`: drawn towards the lamp's centre by the share NARROW,
-    and kept PROUD cm off the room's walls. Of a lamp of one point all weights are its."""
-    narrow, proud = robot.ambient_form[NARROW], robot.ambient_form[PROUD]
+    """Place (x, y) and weight of a lamp's point `p`: drawn towards the lamp's centre by the share `narrow`,
+    and kept `wall_offset` cm off the room's walls. Of a lamp of one point all weights are its."""
+    narrow, off = robot.ambient_form.narrow, robot.ambient_form.wall_offset
     x = arena.lamp_points[lamp, p, 0]
     y = arena.lamp_points[lamp, p, 1]
     weight = arena.lamp_weights[lamp, p]
@@ -68,15 +59,15 @@ def lamp_point(robot, arena, lamp, p):
             weight += arena.lamp_weights[lamp, q]
     x = x + narrow * (arena.lamp_centre[lamp, 0] - x)
     y = y + narrow * (arena.lamp_centre[lamp, 1] - y)
-    x = min(max(x, proud), arena.size[0] - proud)
-    y = min(max(y, proud), arena.size[1] - proud)
+    x = min(max(x, off), arena.size[0] - off)
+    y = min(max(y, off), arena.size[1] - off)
     return x, y, weight
 
 
 @step
 def light_under_an_angle(robot, arena, lamp, px, py, fx, fy):
     """As light_on_sensor, from a lamp at a height, times the mean cosine of its visible points^p."""
-    height2 = robot.ambient_form[HEIGHT2]
+    height2 = robot.ambient_form.height2
     total = arena.lamp_offset[lamp]
     ahead = 0.0
     seen = 0.0
@@ -94,10 +85,10 @@ def light_under_an_angle(robot, arena, lamp, px, py, fx, fy):
         total += weight * (1.0 - hidden)
         ahead += (1.0 - hidden) * cosine
         seen += 1.0 - hidden
-    if seen == 0.0 and robot.ambient_form[FACING] > 0.0:
+    if seen == 0.0 and robot.ambient_form.facing > 0.0:
         return 0.0
     d = far / points
-    return max(total, 0.0) / (d * d) * power(ahead / max(seen, 1.0), robot.ambient_form[FACING])
+    return max(total, 0.0) / (d * d) * power(ahead / max(seen, 1.0), robot.ambient_form.facing)
 
 
 @step
@@ -157,15 +148,15 @@ def look_round(robot, arena, k, fans, work):
     a, b = k * fans * RAYS, (k + 1) * fans * RAYS
     go_to_ends(a, b, work)
     terms, inverse = work.terms[a:b], work.inverse[a:b]
-    if robot.ambient_form[FLAT] > 0.0:
-        near = robot.ambient_form[NEAR]
+    if robot.ambient_form.flat > 0.0:
+        near = robot.ambient_form.near
         for i in range(b - a):
             close = near * inverse[i]
             terms[i] *= inverse[i] / math.sqrt(1.0 + close * close)
     else:
         for i in range(b - a):
             terms[i] *= inverse[i] * inverse[i]
-    if robot.ambient_form[MATT] > 0.0:
+    if robot.ambient_form.lambertian > 0.0:
         find_normals(arena, a, b, work)
 
 
@@ -178,7 +169,7 @@ def light_walls(robot, arena, lamp, a, b, work):
     slant, hidden = work.slant[a:b], work.hidden[a:b]
     x, y = work.pose[0], work.pose[1]
     form, points = robot.ambient_form, lamp_points(robot)
-    low = 1.0 - form[CLEAR]
+    low = 1.0 - form.clear
     for i in range(b - a):
         light[i] = arena.lamp_offset[lamp]
         far[i] = 0.0
@@ -188,7 +179,7 @@ def light_walls(robot, arena, lamp, a, b, work):
         for i in range(b - a):
             ex = lx - end_x[i]
             ey = ly - end_y[i]
-            d = max(math.sqrt(ex * ex + ey * ey + form[HEIGHT2]), 1e-3)
+            d = max(math.sqrt(ex * ex + ey * ey + form.height2), 1e-3)
             far[i] += d
             slant[i] += max(ex * normal_x[i] + ey * normal_y[i], 0.0) / d
             # From where light is above the body's top on, the body hides nothing: the line ends there.
@@ -198,7 +189,7 @@ def light_walls(robot, arena, lamp, a, b, work):
         hide_behind_obstacles(arena, lx, ly, a, b, work)
         for i in range(b - a):
             light[i] += weight * (1.0 - hidden[i])
-    matt = form[MATT] > 0.0
+    matt = form.lambertian > 0.0
     for i in range(b - a):
         d = far[i] / points
         leaning = slant[i] / points if matt else 1.0
@@ -210,7 +201,7 @@ def direct_light(robot, arena, lamp, k, work):
     """Direct illumination D_k of ambient sensor `k` by one lamp, whatever the law."""
     px, py, fx, fy = look(robot, k, work)
     form = robot.ambient_form
-    if form[FACING] + form[HEIGHT2] + form[NARROW] + form[PROUD] > 0.0:
+    if form.facing + form.height2 + form.narrow + form.wall_offset > 0.0:
         return light_under_an_angle(robot, arena, lamp, px, py, fx, fy)
     return light_on_sensor(arena, lamp, px, py, fx, fy)
 
@@ -218,10 +209,10 @@ def direct_light(robot, arena, lamp, k, work):
 @step
 def goes_beyond(robot):
     """Whether anything but the paper's law decides the illumination."""
-    total = 0.0
-    for i in range(FACING, PROUD + 1):
-        total += robot.ambient_form[i]
-    return total > 0.0 or robot.ambient_ray.shape[0] > robot.ambient_place.shape[0]
+    form = robot.ambient_form
+    direct = form.facing + form.height2 + form.narrow + form.wall_offset
+    reflected = form.flat + form.near + form.lambertian
+    return direct + reflected > 0.0 or robot.ambient_ray.shape[0] > robot.ambient_place.shape[0]
 
 
 @step
@@ -235,9 +226,9 @@ def illuminate_beyond(robot, arena, enough, work, out):
         total = 0.0
         for lamp in range(arena.lamp_points.shape[0]):
             total += direct_light(robot, arena, lamp, k, work)
-        span = robot.ambient_range[k, 1] - robot.ambient_range[k, 0]
+        span = robot.ambient_dark[k] - robot.ambient_floor[k]
         full = total * robot.ambient_gain[k] >= span
-        if not (enough and full and robot.ambient_form[LINEAR] > 0.0):
+        if not (enough and full and robot.ambient_form.linear > 0.0):
             look_round(robot, arena, k, fans, work)
             for lamp in range(arena.lamp_points.shape[0]):
                 light_walls(robot, arena, lamp, k * fans * RAYS, (k + 1) * fans * RAYS, work)

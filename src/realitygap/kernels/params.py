@@ -27,6 +27,70 @@ LAMP_POINTS = 5
 """Point sources that model one lamp (§3.3)."""
 
 
+class Gains(NamedTuple):
+    """The printed law of a wheel (§3.2.2)."""
+
+    kp: float
+    ki: float
+    kd: float
+    divisor: float
+    """The "mass"."""
+    lag: float
+    """Share of a command that acts one step late: 0 in the paper."""
+
+
+class Friction(NamedTuple):
+    """What holds a wheel back (§3.2.2)."""
+
+    rest_speed: float
+    """Below it a wheel rests, cm/s."""
+    threshold: float
+    """The integral term that frees it, cm/s²."""
+    half_play: float
+    """Half the play, cm/s over a step: 0 in the paper."""
+
+
+class LightForm(NamedTuple):
+    """What goes beyond the paper's law of light (§3.3), all 0 in it."""
+
+    linear: float
+    """1: V = dark − A, clipped at floor."""
+    facing: float
+    """The exponent of the cosine under which direct light falls in."""
+    height2: float
+    """The lamp's height², cm²."""
+    flat: float
+    """1: reflected light falls off as 1/√(d² + near²)."""
+    near: float
+    """That near, cm."""
+    lambertian: float
+    """1: surfaces are lit by the cosine of the angle under which light meets them."""
+    narrow: float
+    """The share by which a lamp's points are drawn to its centre."""
+    wall_offset: float
+    """How far a lamp hangs off a wall, cm."""
+    clear: float
+    """The share of light's way from a lamp to a surface that is above the body's top."""
+
+
+class InputRange(NamedTuple):
+    """Readings (counts) that become a network's inputs −10 and +10."""
+
+    low: float
+    high: float
+
+
+class Deviations(NamedTuple):
+    """Observed noise (§6): counts, and shares of the speed and of the friction's threshold."""
+
+    proximity: float
+    """Where the noise-free reading is above 0."""
+    proximity_dark: float
+    ambient: float
+    wheel: float
+    friction: float
+
+
 class Robot(NamedTuple):
     """A robot's constants. `P` proximity and `A` ambient sensors."""
 
@@ -34,12 +98,8 @@ class Robot(NamedTuple):
     track: float
     speed_per_unit: F
     """[2] cm/s that one Khepera unit asks of the left and the right wheel."""
-    gains: F
-    """[5] Kp, Ki, Kd and the divisor ("mass") of the printed law (§3.2.2); the share of a command that
-    acts one step late: 0 in the paper."""
-    friction: F
-    """[3] speed below which a wheel rests (cm/s); the integral term that frees it (cm/s²); half the
-    play (cm/s over a step): 0 in the paper."""
+    gains: Gains
+    friction: Friction
     top_command: float
     """Largest command of the network, Khepera units: 10."""
 
@@ -49,14 +109,17 @@ class Robot(NamedTuple):
     """[P, 2, LANES] unit vectors of the rays in the robot's frame."""
     proximity_weight: F
     """[P, LANES] cos^m β of each ray, 0 in the pad lanes."""
-    proximity_law: F
-    """[P, 3] a, b and distance offset of each sensor: Σ cos^m β (a/(d + offset)² + b)."""
+    proximity_a: F
+    proximity_b: F
+    proximity_offset: F
+    """[P] of each sensor: Σ cos^m β (a/(d + offset)² + b)."""
     proximity_reach: F
     """[P] distance beyond which every ray's term is ≤ 0, √(a/−b) − offset; inf where b ≥ 0."""
     proximity_top: float
-    """The converter's highest count: 1023."""
-    proximity_matt: float
+    """The converter's highest count."""
+    proximity_lambertian: float
     """1 = surfaces throw back by the cosine of the angle under which a ray meets them; 0 in the paper."""
+    proximity_input: InputRange
 
     ambient_place: F
     """[A, 2] as for proximity."""
@@ -68,22 +131,15 @@ class Robot(NamedTuple):
     """[A·f, LANES] reflectance · cos^m β / f: 1.5 cos² β in the paper, 0 in the pad lanes."""
     ambient_gain: F
     """[A] factor on the sensor's total illumination: 1 in the paper."""
-    ambient_law: F
-    """[3] floor, dark and top: V = floor + 1/√A clipped at dark; counts end at top (55, 484, 1023)."""
-    ambient_range: F
-    """[A, 2] floor and dark of each sensor: the paper's are all alike."""
-    ambient_form: F
-    """[9] what goes beyond the paper, all 0 in it: 1 = V = dark − A, clipped at floor; the exponent of
-    the cosine under which direct light falls in; the lamp's height² (cm²); 1 = reflected light as
-    1/√(d² + c²); that c (cm); 1 = surfaces are lit by the cosine of the angle under which light meets them;
-    the share by which a lamp's points are drawn to its centre; how far it hangs off a wall (cm); the share
-    of light's way from a lamp to a surface that is above the body's top."""
+    ambient_floor: F
+    ambient_dark: F
+    """[A] V = floor + 1/√A clipped at dark, of each sensor: the paper's are all alike (55, 484)."""
+    ambient_top: float
+    """The converter's highest count."""
+    ambient_form: LightForm
+    ambient_input: InputRange
 
-    bands: F
-    """[2, 2] readings that become inputs −10 and +10: row 0 proximity (0, 1023), row 1 ambient (484, 55)."""
-    noise: F
-    """[5] observed deviations: proximity lit, proximity dark (counts), ambient (counts),
-    wheel (share of speed), friction (share of threshold)."""
+    noise: Deviations
 
 
 class Arena(NamedTuple):

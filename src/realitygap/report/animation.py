@@ -102,8 +102,7 @@ def _stage(
     room = figure.add_axes((0.6 / total, 0.13, (wide - 0.8) / total, 0.75))
     room.set_title(title, loc="left")
     readings = trajectory.proximity if task.feeds == "proximity" else trajectory.ambient
-    robot = profile.to_kernel()
-    top = float(robot.proximity_top if task.feeds == "proximity" else robot.ambient_law[1])
+    top = profile.infrared.top if task.feeds == "proximity" else profile.ambient.dark
     upper = figure.add_axes(((wide + 0.35) / total, 0.56, 1.9 / total, 0.32))
     upper.set(title=f"{task.feeds} readings (counts)", xlabel="sensor")
     upper.set(ylim=(0, top), xlim=(-0.7, readings.shape[1] - 0.3))

@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.kernels.params import LANES, MAX_DELAY, RAYS, STEP_S, UPDATES, Robot
+from realitygap.kernels import params
+from realitygap.kernels.params import MAX_DELAY, STEP_S, UPDATES
 from realitygap.toml import to_toml
 from realitygap.world.files import Value, load, require, shipped
 from realitygap.world.provenance import Provenance
-from realitygap.world.rays import RAY_ANGLES_DEG, ray_weights, rays, unit
+from realitygap.world.rays import RAY_ANGLES_DEG
 from realitygap.world.sensors import Ambient, Infrared
 
 __all__ = [
@@ -159,61 +160,25 @@ class Profile(Value):
                 cure = "The sensor's distance to what the body touches would be 0."
                 require(offset > -depth, f"{key}.offset_cm", f"more than {-depth:.3g}", offset, cure)
 
-    def _clear_share(self) -> float:
-        """The share of light's way from the lamp to a surface that is above the body's top."""
-        top, rise = self.body.height_cm - self.ambient.sensor_height_cm, self.ambient.lamp_height_cm
-        return 1.0 - top / rise if 0 < top < rise else 0.0
-
-    def to_kernel(self) -> Robot:
+    def to_kernel(self) -> params.Robot:
         """The robot as the kernels' arrays."""
-        wheels, infrared, ambient = self.wheels, self.infrared, self.ambient
-        near, lit = infrared.sensors, ambient.sensors
-        shifts = ambient.shifts_deg()
-        per_fan = round(ambient.rays) // len(shifts)
-        thrown_back = ambient.reflectance * RAYS / ambient.rays
-        return Robot(
+        wheels = self.wheels
+        sensors = {**self.infrared.to_kernel(), **self.ambient.to_kernel(self.body.height_cm)}
+        return params.Robot(
             radius=self.body.radius_cm,
             track=wheels.track_cm,
             speed_per_unit=np.array(wheels.speed_per_unit_cm_s),
-            gains=np.array([wheels.kp, wheels.ki, wheels.kd, wheels.divisor, wheels.lag]),
-            friction=np.array([wheels.rest_speed_cm_s, wheels.friction_cm_s2, wheels.play_cm / 2 / STEP_S]),
+            gains=params.Gains(
+                kp=wheels.kp, ki=wheels.ki, kd=wheels.kd, divisor=wheels.divisor, lag=wheels.lag
+            ),
+            friction=params.Friction(
+                rest_speed=wheels.rest_speed_cm_s,
+                threshold=wheels.friction_cm_s2,
+                half_play=wheels.play_cm / 2 / STEP_S,
+            ),
             top_command=wheels.top_command,
-            proximity_place=np.array([(s.x_cm, s.y_cm) for s in near]).reshape(-1, 2),
-            proximity_ray=rays([s.direction_deg for s in near]),
-            proximity_weight=ray_weights(len(near), infrared.exponent),
-            proximity_law=np.array([(s.a, s.b, s.offset_cm) for s in near]).reshape(-1, 3),
-            proximity_reach=np.array([s.reach_cm() for s in near]),
-            proximity_top=infrared.top,
-            proximity_matt=infrared.matt,
-            ambient_place=np.array([(s.x_cm, s.y_cm) for s in lit]).reshape(-1, 2),
-            ambient_facing=np.array([unit(s.direction_deg) for s in lit]).reshape(-1, 2),
-            ambient_ray=rays([s.direction_deg + shift for s in lit for shift in shifts], per_fan),
-            ambient_weight=np.concatenate(
-                [np.zeros((0, LANES))]
-                + [
-                    ray_weights(1, ambient.exponent, thrown_back, shift, per_fan)
-                    for _ in lit
-                    for shift in shifts
-                ]
-            ),
-            ambient_gain=np.array([s.gain for s in lit]),
-            ambient_law=np.array([ambient.floor, ambient.dark, ambient.top]),
-            ambient_range=np.array(ambient.ranges()).reshape(-1, 2),
-            ambient_form=np.array(
-                [
-                    float(ambient.response == "linear"),
-                    ambient.facing,
-                    ambient.lamp_height_cm**2,
-                    float(ambient.falloff == 1.0),
-                    ambient.near_cm,
-                    ambient.matt,
-                    ambient.lamp_narrow,
-                    ambient.lamp_proud_cm,
-                    self._clear_share(),
-                ]
-            ),
-            bands=np.array([infrared.bands, ambient.bands]),
-            noise=np.array(list(self.noise.to_dict().values())),
+            noise=params.Deviations(**self.noise.to_dict()),
+            **sensors,
         )
 
     def inputs(self, readings: Sequence[float], feeds: str, sensors: Sequence[int]) -> list[int]:

@@ -5,10 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from realitygap.errors import ConfigError
-from realitygap.kernels.params import RAYS
+from realitygap.kernels import params
+from realitygap.kernels.params import LANES, RAYS
 from realitygap.world.files import Value, require
+from realitygap.world.rays import ray_weights, rays, unit
 
 __all__ = ["RAY_NUMBERS", "RESPONSES", "Ambient", "AmbientSensor", "Infrared", "ProximitySensor"]
 
@@ -55,6 +61,22 @@ class Infrared(Value):
     bands: tuple[float, float]
     sensors: tuple[ProximitySensor, ...]
     matt: float = 0.0
+
+    def to_kernel(self) -> dict[str, Any]:
+        """Its part of the kernels' `Robot`."""
+        sensors = self.sensors
+        return {
+            "proximity_place": _places(sensors),
+            "proximity_ray": rays([s.direction_deg for s in sensors]),
+            "proximity_weight": ray_weights(len(sensors), self.exponent),
+            "proximity_a": np.array([s.a for s in sensors]),
+            "proximity_b": np.array([s.b for s in sensors]),
+            "proximity_offset": np.array([s.offset_cm for s in sensors]),
+            "proximity_reach": np.array([s.reach_cm() for s in sensors]),
+            "proximity_top": self.top,
+            "proximity_lambertian": self.matt,
+            "proximity_input": params.InputRange(*self.bands),
+        }
 
     def _check(self) -> None:
         require(self.exponent >= 0, "exponent", "0 or more", self.exponent)
@@ -142,6 +164,40 @@ class Ambient(Value):
             key = f"sensors[{i}].floor_shift"
             require(0 <= floor < dark <= self.top, key, "0 ≤ floor < dark ≤ top", (floor, dark))
 
+    def to_kernel(self, body_height_cm: float) -> dict[str, Any]:
+        """Its part of the kernels' `Robot`, on a body of this height."""
+        sensors, shifts = self.sensors, self.shifts_deg()
+        per_fan, thrown_back = round(self.rays) // len(shifts), self.reflectance * RAYS / self.rays
+        fans = [ray_weights(1, self.exponent, thrown_back, shift, per_fan) for shift in shifts]
+        floor, dark = np.array(self.ranges()).reshape(-1, 2).T
+        return {
+            "ambient_place": _places(sensors),
+            "ambient_facing": np.array([unit(s.direction_deg) for s in sensors]).reshape(-1, 2),
+            "ambient_ray": rays([s.direction_deg + shift for s in sensors for shift in shifts], per_fan),
+            "ambient_weight": np.concatenate([np.zeros((0, LANES)), *fans * len(sensors)]),
+            "ambient_gain": np.array([s.gain for s in sensors]),
+            "ambient_floor": floor.copy(),
+            "ambient_dark": dark.copy(),
+            "ambient_top": self.top,
+            "ambient_form": params.LightForm(
+                linear=float(self.response == "linear"),
+                facing=self.facing,
+                height2=self.lamp_height_cm**2,
+                flat=float(self.falloff == 1.0),
+                near=self.near_cm,
+                lambertian=self.matt,
+                narrow=self.lamp_narrow,
+                wall_offset=self.lamp_proud_cm,
+                clear=self._clear_share(body_height_cm),
+            ),
+            "ambient_input": params.InputRange(*self.bands),
+        }
+
+    def _clear_share(self, body_height_cm: float) -> float:
+        """The share of light's way from the lamp to a surface that is above the body's top."""
+        top, rise = body_height_cm - self.sensor_height_cm, self.lamp_height_cm
+        return 1.0 - top / rise if 0 < top < rise else 0.0
+
     def shifts_deg(self) -> tuple[float, ...]:
         """By how much each fan of at most ten rays is turned off the sensor's direction."""
         fans = -(-round(self.rays) // RAYS)
@@ -150,6 +206,10 @@ class Ambient(Value):
     def ranges(self) -> tuple[tuple[float, float], ...]:
         """Floor and dark reading of each sensor, counts."""
         return tuple((self.floor + s.floor_shift, self.dark + s.dark_shift) for s in self.sensors)
+
+
+def _places(sensors: Sequence[ProximitySensor | AmbientSensor]) -> NDArray[np.float64]:
+    return np.array([(s.x_cm, s.y_cm) for s in sensors]).reshape(-1, 2)
 
 
 def _check_direction(direction_deg: float) -> None:
