@@ -11,12 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from realitygap.calibration.checks import dead_sensors
+from realitygap.calibration.recordings.files import find_recordings, load_recording
 from realitygap.calibration.recordings.recording import (
     SensorRecording,
     WheelRecording,
     cylinder_radius,
-    find_recordings,
-    load_recording,
 )
 from realitygap.errors import RecordingError
 from realitygap.world.arena import load_arena

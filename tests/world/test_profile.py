@@ -1,12 +1,14 @@
 """Robot profiles: the paper's constants, what the kernels get, and every refusal by key."""
 
 import math
+from collections import namedtuple
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from realitygap.errors import ConfigError
+from realitygap.kernels import params
 from realitygap.kernels.params import LANES, RAYS
 from realitygap.world.profile import Profile, largest_pole, load_profile, profile_names
 
@@ -87,7 +89,9 @@ def test_kernel_arrays_have_one_type(paper):
     full, none = paper.to_kernel(), blind.to_kernel()
     for name in full._fields:
         for value in (getattr(full, name), getattr(none, name)):
-            if isinstance(value, float):
+            if isinstance(value, tuple):
+                assert {type(one) for one in value} == {float}, name
+            if isinstance(value, float | tuple):
                 continue
             assert value.dtype == np.float64 and value.flags.c_contiguous, name
             assert value.ndim == getattr(full, name).ndim, name
@@ -227,3 +231,20 @@ def test_unknown_names_and_files(tmp_path):
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ConfigError, match="UTF-8"):
         load_profile(tmp_path / "binary.toml")
+
+
+@pytest.mark.parametrize("name", ["Robot", "Gains", "Friction", "LightForm", "InputRange", "Deviations"])
+def test_no_constant_goes_by_its_place(name, monkeypatch):
+    """With the fields of a kernel's tuple the other way round, each name still has its constant."""
+    profile = load_profile("khepera")
+    before = profile.to_kernel()
+    kind = getattr(params, name)
+    monkeypatch.setattr(params, name, namedtuple(name, kind._fields[::-1]))
+    after = profile.to_kernel()
+    assert before._fields == after._fields or name == "Robot"
+    for key in before._fields:
+        one, other = getattr(before, key), getattr(after, key)
+        if isinstance(one, tuple):
+            assert one._asdict() == other._asdict(), key
+        else:
+            np.testing.assert_array_equal(one, other, err_msg=key)

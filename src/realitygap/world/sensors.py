@@ -75,7 +75,7 @@ class Infrared(Value):
             "proximity_reach": np.array([s.reach_cm() for s in sensors]),
             "proximity_top": self.top,
             "proximity_lambertian": self.matt,
-            "proximity_input": params.InputRange(*self.bands),
+            "proximity_input": params.InputRange(low=self.bands[0], high=self.bands[1]),
         }
 
     def _check(self) -> None:
@@ -190,7 +190,7 @@ class Ambient(Value):
                 wall_offset=self.lamp_proud_cm,
                 clear=self._clear_share(body_height_cm),
             ),
-            "ambient_input": params.InputRange(*self.bands),
+            "ambient_input": params.InputRange(low=self.bands[0], high=self.bands[1]),
         }
 
     def _clear_share(self, body_height_cm: float) -> float:
