@@ -14,8 +14,9 @@ from realitygap.controller.network import NetworkController, decode
 from realitygap.controller.operators import Variation
 from realitygap.errors import UsageError
 from realitygap.kernels.rng import substream
-from realitygap.robots.body import Body, SerialBody
+from realitygap.robots.body import Body
 from realitygap.robots.clock import Clock, VirtualClock
+from realitygap.robots.khepera.body import KheperaBody
 from realitygap.robots.khepera.driver import Khepera
 from realitygap.robots.loop import drive
 from realitygap.simulation.body import SimulatedBody, network_inputs
@@ -62,7 +63,7 @@ class TestTwinBody(BodyContract):
             clock = VirtualClock(twin.channel)
             stack.callback(clock.close)
             khepera = stack.enter_context(Khepera.connect(twin.device, clock=clock))
-            yield SerialBody(khepera, kinds=("proximity", "ambient"), carry=twin.place), clock
+            yield KheperaBody(khepera, kinds=("proximity", "ambient"), carry=twin.place), clock
 
 
 def _genes(k: int) -> np.ndarray:

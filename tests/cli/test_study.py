@@ -58,7 +58,7 @@ def test_ctrl_c_says_how_to_go_on(units, call, tmp_path):
         raise KeyboardInterrupt
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(realitygap.transfer.rig.Stand, "drive", stopped)
+        patch.setattr(realitygap.transfer.rig.Rig, "drive", stopped)
         result = call("study", "noise", "--out", tmp_path / "study", *SMALL)
     assert result.exit_code == 130 and result.stdout == ""
     last = result.stderr.splitlines()[-1]

@@ -11,8 +11,8 @@ from realitygap.correspondence.exemplars.kinds import KINDS, Ruled
 from realitygap.correspondence.exemplars.validation import setting_for
 from realitygap.correspondence.names import namer
 from realitygap.correspondence.reading import read_trials
-from realitygap.robots.body import SerialBody
 from realitygap.robots.clock import VirtualClock
+from realitygap.robots.khepera.body import KheperaBody
 from realitygap.robots.khepera.driver import Khepera
 from realitygap.robots.loop import drive
 from realitygap.simulation.simulation import Simulation
@@ -71,7 +71,7 @@ def films(task, kinds, unit, folder):
         clock = VirtualClock(twin.channel)
         stack.callback(clock.close)
         khepera = stack.enter_context(Khepera.connect(twin.device, clock=clock))
-        body = SerialBody(khepera, kinds=("proximity", "ambient"), carry=twin.place)
+        body = KheperaBody(khepera, kinds=("proximity", "ambient"), carry=twin.place)
         for k, (kind, make) in enumerate(kinds.items()):
             for i in range(DRAWS):
                 body.reset(simulation.start(10 * unit + i))

@@ -32,13 +32,13 @@ def tables(results: Path) -> dict[str, str]:
 
 
 class Path3(NamedTuple):
-    """A path as a stand gives it."""
+    """A path as a rig gives it."""
 
     t_s: Any
     pose: Any
 
 
-class SimulatedStand:
+class SimulatedRig:
     """A unit of the twin as its own simulation has it, at the twin's noise scale; `profile` has ranges."""
 
     def __init__(self, task: Any, profile: Any, *, unit: int, twin_noise: float, **_: Any) -> None:
@@ -99,13 +99,13 @@ def unit_by_hand(folder: Path, *, unit: int, **_: Any) -> Path:
 
 
 @contextmanager
-def quick_units(*, stand: bool = True) -> Iterator[pytest.MonkeyPatch]:
-    """Units that need no recordings, and (`stand`) no twin."""
+def quick_units(*, rig: bool = True) -> Iterator[pytest.MonkeyPatch]:
+    """Units that need no recordings, and (`rig`) no twin."""
     import realitygap.calibration.unit
     import realitygap.transfer.rig
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(realitygap.calibration.unit, "calibrated_unit", unit_by_hand)
-        if stand:
-            patch.setattr(realitygap.transfer.rig, "Stand", SimulatedStand)
+        if rig:
+            patch.setattr(realitygap.transfer.rig, "Rig", SimulatedRig)
         yield patch

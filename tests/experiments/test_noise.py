@@ -24,7 +24,7 @@ from realitygap.experiments.noise.stage import Stage
 from realitygap.study.commit import project_commit
 from realitygap.study.folder import lock
 from realitygap.study.load import load_study
-from tests.experiments.noise_parts import SimulatedStand, quick_units, tables, tiny
+from tests.experiments.noise_parts import SimulatedRig, quick_units, tables, tiny
 
 
 @pytest.fixture(scope="module")
@@ -196,7 +196,7 @@ def test_a_line_that_is_lost_is_taken_up_again(done, units, tmp_path):
     first = controllers(tiny())[0]
     lost = iter([True, True, False, True, True, True])
 
-    class Bad(SimulatedStand):
+    class Bad(SimulatedRig):
         def drive(self, *words, **settings):
             if next(lost, False):
                 raise LineError("no answer")
@@ -204,7 +204,7 @@ def test_a_line_that_is_lost_is_taken_up_again(done, units, tmp_path):
 
     before = situated_file(copy, first).read_bytes()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("realitygap.transfer.rig.Stand", Bad)
+        patch.setattr("realitygap.transfer.rig.Rig", Bad)
         situated_file(copy, first).unlink()
         with pytest.raises(LineError):
             noise_study(copy, tiny(), workers=1, resume=True)

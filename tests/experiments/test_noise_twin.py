@@ -17,7 +17,7 @@ from tests.experiments.noise_parts import quick_units, tables, tiny
 def test_the_number_of_workers_changes_no_bit(tmp_path):
     """Two processes with twins of their own come to the bits of one; the camera sees every trial whole."""
     small = tiny(tasks=("obstacle-avoidance",), units=1, runs=1, starts=2, seconds=2.0)
-    with quick_units(stand=False):
+    with quick_units(rig=False):
         one = noise_study(tmp_path / "one", small, workers=1)
         folder = Path(shutil.copytree(tmp_path / "one", tmp_path / "two"))
         made = [*folder.glob("situated/*.npz"), *folder.glob("simulated/*.json")]

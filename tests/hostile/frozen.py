@@ -19,7 +19,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from realitygap.robots.body import SerialBody
+from realitygap.robots.khepera.body import KheperaBody
 from realitygap.robots.khepera.driver import Khepera
 from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recorder, Recording
@@ -69,7 +69,7 @@ def child(device: str, folder: str, hangs_at: int) -> None:
             return super().decide([])
 
     with Khepera.connect(device, give_up_s=STALL_S) as khepera:
-        body, recorder = SerialBody(khepera), Recorder(folder)
+        body, recorder = KheperaBody(khepera), Recorder(folder)
         drive(body, Driving(), seconds=60, clock=khepera.clock, inputs=bands, recorder=recorder)
 
 

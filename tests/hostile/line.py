@@ -20,8 +20,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from realitygap.errors import RealityGapError
-from realitygap.robots.body import SerialBody
 from realitygap.robots.clock import RealClock
+from realitygap.robots.khepera.body import KheperaBody
 from realitygap.robots.khepera.driver import Khepera
 from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recorder, Recording
@@ -78,7 +78,7 @@ def complaint(folder: Path, draw: random.Random) -> tuple[str, str]:
         twin.device, Faults()
     ) as pump:  # fmt: skip
         khepera = Khepera.connect(pump.device, baud=baud, clock=RealClock())
-        body, recorder = SerialBody(khepera), Recorder(folder / "r")
+        body, recorder = KheperaBody(khepera), Recorder(folder / "r")
         pump.faults, error, begun = random_faults(draw), "", time.monotonic()
         with breaking(pump, draw) as what:
             try:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sys
 
-from realitygap.robots.body import SerialBody
 from realitygap.robots.clock import RealClock
+from realitygap.robots.khepera.body import KheperaBody
 from realitygap.robots.khepera.driver import Khepera
 from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recorder
@@ -24,7 +24,7 @@ def main(device: str, folder: str) -> None:
 
     clock = RealClock()
     with Khepera.connect(device, clock=clock, give_up_s=STALL_S) as khepera:
-        body = SerialBody(khepera)
+        body = KheperaBody(khepera)
         drive(body, Talking(3, 4), seconds=60, clock=clock, inputs=bands, recorder=Recorder(folder))
 
 

@@ -6,8 +6,9 @@ from contextlib import AbstractContextManager, nullcontext
 
 import pytest
 
-from realitygap.robots.body import Body, SerialBody
+from realitygap.robots.body import Body
 from realitygap.robots.clock import Clock
+from realitygap.robots.khepera.body import KheperaBody
 from realitygap.testing import BodyContract
 from tests.robots.conftest import Bench
 
@@ -24,7 +25,7 @@ class TestVirtualSerialBody(BodyContract):
 
     def opened(self) -> AbstractContextManager[tuple[Body, Clock]]:
         twin, khepera = self.bench.virtual()
-        body = SerialBody(khepera, kinds=("proximity", "ambient"), carry=twin.place)
+        body = KheperaBody(khepera, kinds=("proximity", "ambient"), carry=twin.place)
         return nullcontext((body, khepera.clock))
 
 
@@ -34,4 +35,4 @@ class TestRealSerialBody(TestVirtualSerialBody):
     def opened(self) -> AbstractContextManager[tuple[Body, Clock]]:
         twin = self.bench.twin(clock="real")
         khepera = self.bench.khepera(twin.device)
-        return nullcontext((SerialBody(khepera, carry=twin.place), khepera.clock))
+        return nullcontext((KheperaBody(khepera, carry=twin.place), khepera.clock))

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from realitygap.errors import LineError, RobotError, UsageError
-from realitygap.robots.body import SerialBody
 from realitygap.robots.clock import VirtualClock
+from realitygap.robots.khepera.body import KheperaBody
+from realitygap.robots.khepera.line import GIVE_UP_S, Answer
 from realitygap.robots.khepera.protocol import GarbledError, Request, request
-from realitygap.robots.line import GIVE_UP_S, Answer
 from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recorder, Recording
 from realitygap.twin.process import TwinProcess
@@ -48,7 +48,7 @@ def test_a_drive_gets_through_a_bad_line(bench: Bench, name: str, tmp_path: Path
     twin = bench.twin(clock="real", baud=115200)
     pump = bench.pump(twin)
     khepera = bench.khepera(pump.device, baud=115200)
-    body = SerialBody(khepera)
+    body = KheperaBody(khepera)
     pump.faults = FAULTS[name]
     recorder = Recorder(tmp_path / "r")
     recording = drive(body, Constant(4, 5), seconds=3, clock=khepera.clock, inputs=bands, recorder=recorder)
@@ -98,7 +98,7 @@ def test_a_silent_line_is_given_up(bench: Bench, tmp_path: Path) -> None:
 
     recorder = Recorder(tmp_path / "r")
     with pytest.raises(LineError, match="may still be moving"):
-        drive(SerialBody(khepera), Cut(), seconds=2, clock=khepera.clock, inputs=bands, recorder=recorder)
+        drive(KheperaBody(khepera), Cut(), seconds=2, clock=khepera.clock, inputs=bands, recorder=recorder)
     recording = Recording.from_folder(tmp_path / "r")
     assert len(recording.t) == 5 and recording.ended.startswith("LineError: no answer understood")
 
@@ -116,7 +116,7 @@ def test_a_device_gone_in_mid_trial_ends_the_drive_at_once(bench: Bench, tmp_pat
 
     recorder = Recorder(tmp_path / "r")
     with pytest.raises(LineError, match="the line is lost"):
-        drive(SerialBody(khepera), Pulled(), seconds=2, clock=khepera.clock, inputs=bands, recorder=recorder)
+        drive(KheperaBody(khepera), Pulled(), seconds=2, clock=khepera.clock, inputs=bands, recorder=recorder)
     assert len(Recording.from_folder(tmp_path / "r").t) == 3
 
 
@@ -131,7 +131,7 @@ def test_a_twin_that_dies_ends_the_drive(bench: Bench) -> None:
             return super().decide([])
 
     with pytest.raises(RobotError, match=r"twin|line is lost"):
-        drive(SerialBody(khepera), Killer(), seconds=2, clock=khepera.clock, inputs=bands)
+        drive(KheperaBody(khepera), Killer(), seconds=2, clock=khepera.clock, inputs=bands)
 
 
 def test_a_robot_that_takes_one_command_at_a_time_is_asked_so(
@@ -148,7 +148,7 @@ def test_a_robot_that_takes_one_command_at_a_time_is_asked_so(
         return exchange(requests)
 
     monkeypatch.setattr(khepera.line, "_exchange", one_only)
-    body = SerialBody(khepera)
+    body = KheperaBody(khepera)
     for _ in range(5):
         assert len(body.sense().proximity) == 8
     assert not khepera.line.together and khepera.line.faults == 3

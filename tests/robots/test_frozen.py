@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from realitygap.errors import FrozenError
-from realitygap.robots.body import SerialBody
 from realitygap.robots.guard import SILENCE_S, TICK_S, Silence
+from realitygap.robots.khepera.body import KheperaBody
 from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recorder, Recording
 from realitygap.twin.process import TwinProcess
@@ -118,12 +118,12 @@ def test_a_controller_that_hangs_is_no_danger(
     recorder = Recorder(tmp_path / "r")
     with pytest.raises(FrozenError, match=r"frozen for \d+\.\d s .*; the robot was stopped meanwhile"):
         drive(
-            SerialBody(khepera), controller, seconds=2, clock=khepera.clock, inputs=bands, recorder=recorder
+            KheperaBody(khepera), controller, seconds=2, clock=khepera.clock, inputs=bands, recorder=recorder
         )
     assert stood == [True] and khepera.speeds() == (0, 0)
     assert "guard: heard nothing from the driver for half a second" in capfd.readouterr().err
     assert len(Recording.from_folder(tmp_path / "r").t) == 5
-    again = drive(SerialBody(khepera), Constant(), seconds=0.5, clock=khepera.clock, inputs=bands)
+    again = drive(KheperaBody(khepera), Constant(), seconds=0.5, clock=khepera.clock, inputs=bands)
     assert len(again.t) == 5, "the next drive is watched as the first was"
 
 
@@ -133,7 +133,7 @@ def test_no_robot_is_driven_without_a_guard(bench: Bench) -> None:
     assert khepera._guard is not None
     controller = Once(khepera._guard._process.kill)
     with pytest.raises(FrozenError, match="the guard's process is gone"):
-        drive(SerialBody(khepera), controller, seconds=2, clock=khepera.clock, inputs=bands)
+        drive(KheperaBody(khepera), controller, seconds=2, clock=khepera.clock, inputs=bands)
     assert khepera.speeds() == (0, 0)
 
 
@@ -150,6 +150,6 @@ def test_a_robot_whose_time_waits_needs_no_guard(bench: Bench) -> None:
                 return super().decide(inputs)  # type: ignore[arg-type]
 
         assert khepera._guard is None
-        made.append(drive(SerialBody(khepera), Slow(), seconds=1, clock=khepera.clock, inputs=bands))
+        made.append(drive(KheperaBody(khepera), Slow(), seconds=1, clock=khepera.clock, inputs=bands))
     for name in ("t", "late", "proximity", "commands", "counters"):
         assert np.array_equal(getattr(made[0], name), getattr(made[1], name))

@@ -13,8 +13,8 @@ import pytest
 
 from realitygap.errors import LineError
 from realitygap.robots.khepera.driver import Khepera, Versions
+from realitygap.robots.khepera.line import Line
 from realitygap.robots.khepera.protocol import request
-from realitygap.robots.line import Line
 
 LINES = {b"H": b"h,1,2\r\n", b"B": b"b,5.02,5.01\r\n", b"D": b"d\r\n", b"E": b"e,0,0\r\n"}
 

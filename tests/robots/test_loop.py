@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from realitygap.errors import BaudError, LineError, UsageError
-from realitygap.robots.body import SerialBody
 from realitygap.robots.clock import RealClock, VirtualClock
+from realitygap.robots.khepera.body import KheperaBody
 from realitygap.robots.khepera.driver import Khepera
 from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recorder, Recording
@@ -24,7 +24,7 @@ BOTH = ("proximity", "ambient")
 
 def trial(khepera: Khepera, seconds: float = 5.0, **settings: Any) -> Recording:
     """One drive from where the robot stands."""
-    body = SerialBody(khepera, kinds=settings.pop("kinds", BOTH), carry=settings.pop("carry", None))
+    body = KheperaBody(khepera, kinds=settings.pop("kinds", BOTH), carry=settings.pop("carry", None))
     body.reset(settings.pop("pose", None))
     return drive(body, Wary(), seconds=seconds, clock=khepera.clock, inputs=bands, **settings)
 
@@ -43,7 +43,7 @@ def test_a_drive_is_repeatable_bit_for_bit(bench: Bench) -> None:
 def test_counters_and_speeds_say_what_the_wheels_did(bench: Bench) -> None:
     """Row k holds the counters at its time; a constant command adds 10 of its units a step."""
     _, khepera = bench.virtual()
-    body = SerialBody(khepera)
+    body = KheperaBody(khepera)
     body.reset()
     recording = drive(body, Constant(6, -3), seconds=2, clock=khepera.clock, inputs=bands)
     gains = np.diff(recording.counters[1:], axis=0)
@@ -60,7 +60,7 @@ def test_the_conversation_is_the_same_under_both_clocks(bench: Bench) -> None:
         pump = bench.pump(twin)
         clock = VirtualClock(twin.channel) if kind == "virtual" else RealClock()
         khepera = bench.khepera(pump.device, clock)
-        body = SerialBody(khepera, kinds=BOTH)
+        body = KheperaBody(khepera, kinds=BOTH)
         body.reset()
         drive(body, Constant(0, 0), seconds=1, clock=clock, inputs=bands)
         return khepera.line.faults, pump.asked, pump.answered
@@ -100,7 +100,7 @@ def test_9600_baud_is_refused_for_both_sensors(bench: Bench) -> None:
     """With the arithmetic; one kind alone is fine."""
     _, khepera = bench.virtual(baud=9600)
     with pytest.raises(BaudError, match="118 ms"):
-        SerialBody(khepera, kinds=BOTH)
+        KheperaBody(khepera, kinds=BOTH)
     recording = trial(khepera, seconds=1, kinds=("proximity",))
     assert recording.late_steps == 0 and np.isnan(recording.speeds).all()
 
@@ -126,7 +126,7 @@ def test_the_banner_of_a_fresh_robot_is_heard(bench: Bench) -> None:
 def test_a_body_that_breaks_is_stopped_and_recorded(bench: Bench, tmp_path: Path) -> None:
     """The controller fails in step 8: wheels at rest, seven steps kept, the reason written."""
     _, khepera = bench.virtual()
-    body = SerialBody(khepera)
+    body = KheperaBody(khepera)
     recorder = Recorder(tmp_path / "r", facts={"unit": 1})
     with pytest.raises(RuntimeError, match="the controller broke"):
         drive(body, Constant(fails_at=7), seconds=2, clock=khepera.clock, inputs=bands, recorder=recorder)
@@ -145,7 +145,7 @@ def test_a_late_step_is_counted_and_the_timetable_moves_on(bench: Bench) -> None
                 khepera.clock.sleep_until(khepera.clock.now() + 0.35)
             return super().decide(inputs)
 
-    recording = drive(SerialBody(khepera), Slow(), seconds=2, clock=khepera.clock, inputs=bands)
+    recording = drive(KheperaBody(khepera), Slow(), seconds=2, clock=khepera.clock, inputs=bands)
     assert recording.late_steps == 1 and recording.late[5] == pytest.approx(0.265, abs=0.02)
     assert np.diff(recording.t)[5:].min() == pytest.approx(0.1, abs=1e-3)
 
@@ -154,4 +154,4 @@ def test_a_trial_has_whole_steps(bench: Bench) -> None:
     """0.25 s is none."""
     _, khepera = bench.virtual()
     with pytest.raises(UsageError, match=r"whole steps of 0\.1 s"):
-        drive(SerialBody(khepera), Constant(), seconds=0.25, clock=khepera.clock, inputs=bands)
+        drive(KheperaBody(khepera), Constant(), seconds=0.25, clock=khepera.clock, inputs=bands)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from realitygap.errors import BaudError, UsageError
-from realitygap.robots.budget import step_budget
+from realitygap.robots.khepera.budget import step_budget
 from realitygap.robots.khepera.protocol import (
     COMMANDS,
     GarbledError,

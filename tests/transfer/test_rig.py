@@ -1,4 +1,4 @@
-"""A stand: trials on a unit of the twin, one after the other in one process, watched in windows."""
+"""A rig: trials on a unit of the twin, one after the other in one process, watched in windows."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from realitygap.film.tracker import Tracker
 from realitygap.tasks import load_task
 from realitygap.transfer.film import WATCH_FPS
 from realitygap.transfer.paths import score
-from realitygap.transfer.rig import SituatedPath, Stand
+from realitygap.transfer.rig import Rig, SituatedPath
 from realitygap.twin.camera import OverheadCamera
 from realitygap.values import Pose
 from realitygap.world.profile import load_profile
@@ -35,15 +35,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("cameras")
 
 
-def stand(folder: Path, **settings: object) -> Stand:
-    return Stand(TASK, PAPER, **{"unit": 1, "folder_for_camera": folder, **settings})  # type: ignore[arg-type]
+def rig(folder: Path, **settings: object) -> Rig:
+    return Rig(TASK, PAPER, **{"unit": 1, "folder_for_camera": folder, **settings})  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
 def used(folder: Path) -> Iterator[SimpleNamespace]:
-    """A stand that has made a trial, and that trial."""
-    with stand(folder) as one:
-        yield SimpleNamespace(stand=one, first=one.drive(GENES, LAYOUT, 7, POSE, 2.0))
+    """A rig that has made a trial, and that trial."""
+    with rig(folder) as one:
+        yield SimpleNamespace(rig=one, first=one.drive(GENES, LAYOUT, 7, POSE, 2.0))
 
 
 def same(one: SituatedPath, two: SituatedPath) -> bool:
@@ -62,46 +62,46 @@ def test_a_path_has_a_row_a_step(used: SimpleNamespace) -> None:
 
 
 def test_a_trial_does_not_know_what_was_before_it(used: SimpleNamespace, folder: Path) -> None:
-    """On a used stand and on a fresh one: the same bits; another stream: others. One process does all."""
-    pid = used.stand.twin.pid
-    second = used.stand.drive(GENES, LAYOUT, 8, POSE, 2.0)
-    with stand(folder) as fresh:
+    """On a used rig and on a fresh one: the same bits; another stream: others. One process does all."""
+    pid = used.rig.twin.pid
+    second = used.rig.drive(GENES, LAYOUT, 8, POSE, 2.0)
+    with rig(folder) as fresh:
         assert same(fresh.drive(GENES, LAYOUT, 8, POSE, 2.0), second)
         assert same(fresh.drive(GENES, LAYOUT, 7, POSE, 2.0), used.first)
     assert not same(used.first, second)
-    assert used.stand.twin.pid == pid
+    assert used.rig.twin.pid == pid
 
 
 def test_the_track_is_that_of_whole_frames(used: SimpleNamespace, tmp_path: Path) -> None:
     """To the last bit, pixel noise included."""
-    used.stand.on_line(GENES, LAYOUT, 9, POSE, 1.0, sealed=tmp_path / "sealed.csv")
-    states = used.stand.states(tmp_path / "sealed.csv", 1.0)
-    track = used.stand.watcher.track(states, 9)
+    used.rig.on_line(GENES, LAYOUT, 9, POSE, 1.0, sealed=tmp_path / "sealed.csv")
+    states = used.rig.states(tmp_path / "sealed.csv", 1.0)
+    track = used.rig.watcher.track(states, 9)
     with OverheadCamera(TASK.arena.plain(), unit=1, view="drawn") as eye:
         frames = [
             (t, cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY))
             for t, frame in eye.film(states, fps=WATCH_FPS, first=9)
         ]
-    whole = Tracker(used.stand.watcher.camera, load_disk()).follow(frames)
+    whole = Tracker(used.rig.watcher.camera, load_disk()).follow(frames)
     assert len(whole) == 11 and whole.found.all()
     assert all(np.array_equal(getattr(track, column), getattr(whole, column)) for column in COLUMNS)
 
 
-def test_a_stand_goes_on_after_a_trial_that_failed(used: SimpleNamespace) -> None:
+def test_a_rig_goes_on_after_a_trial_that_failed(used: SimpleNamespace) -> None:
     """A pose in a wall, a length of no whole steps, a twin that was killed: one clear error, then as ever."""
     with pytest.raises(RobotError, match="finds no room"):
-        used.stand.drive(GENES, LAYOUT, 7, Pose(x=0.0, y=0.0, heading=0.0), 2.0)
+        used.rig.drive(GENES, LAYOUT, 7, Pose(x=0.0, y=0.0, heading=0.0), 2.0)
     with pytest.raises(UsageError, match="whole steps"):
-        used.stand.drive(GENES, LAYOUT, 7, POSE, 0.25)
-    used.stand._fresh(1).close()
+        used.rig.drive(GENES, LAYOUT, 7, POSE, 0.25)
+    used.rig._fresh(1).close()
     with pytest.raises(RobotError):
-        used.stand.drive(GENES, LAYOUT, 7, POSE, 2.0)
-    assert same(used.stand.drive(GENES, LAYOUT, 7, POSE, 2.0), used.first)
+        used.rig.drive(GENES, LAYOUT, 7, POSE, 2.0)
+    assert same(used.rig.drive(GENES, LAYOUT, 7, POSE, 2.0), used.first)
 
 
 def test_each_stand_has_a_camera_of_its_own(folder: Path) -> None:
     """Its calibration's name tells task, unit and noise scale."""
-    files = [stand(folder, **how).camera_file.name for how in ({}, {"unit": 2}, {"twin_noise": 2.0})]
+    files = [rig(folder, **how).camera_file.name for how in ({}, {"unit": 2}, {"twin_noise": 2.0})]
     assert files == [
         f"camera-{TASK.name}-twin-1.json",
         f"camera-{TASK.name}-twin-2.json",

@@ -14,7 +14,7 @@ from realitygap.cli.output import print_json, print_table
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from realitygap.robots.body import SerialBody
+    from realitygap.robots.khepera.body import KheperaBody
     from realitygap.robots.khepera.driver import Khepera
     from realitygap.robots.recording import Recording
     from realitygap.values import Readings
@@ -88,13 +88,13 @@ def check(
 def _sensors(khepera: Khepera, seconds: float, *, live: bool) -> dict[str, Any]:
     """Run a standing robot through the control loop, and show what it reads."""
     from realitygap.errors import BaudError
-    from realitygap.robots.body import SerialBody
+    from realitygap.robots.khepera.body import KheperaBody
 
     note = None
     try:
-        body = SerialBody(khepera, kinds=("proximity", "ambient"))
+        body = KheperaBody(khepera, kinds=("proximity", "ambient"))
     except BaudError as error:
-        note, body = str(error), SerialBody(khepera, kinds=("proximity",))
+        note, body = str(error), KheperaBody(khepera, kinds=("proximity",))
     recording = _drive(body, 0, seconds, live)
     late = recording.late * 1000
     return {
@@ -111,7 +111,7 @@ def _sensors(khepera: Khepera, seconds: float, *, live: bool) -> dict[str, Any]:
     }
 
 
-def _drive(body: SerialBody, units: int, seconds: float, live: bool = False) -> Recording:
+def _drive(body: KheperaBody, units: int, seconds: float, live: bool = False) -> Recording:
     """Straight on; 0: stand."""
     from realitygap.robots.loop import drive
     from realitygap.values import Command
@@ -187,9 +187,9 @@ def _agreed(yes: bool, json_output: bool) -> bool:
 
 def _movement(khepera: Khepera) -> dict[str, int]:
     """Ahead, look at the counters, back, stand."""
-    from realitygap.robots.body import SerialBody
+    from realitygap.robots.khepera.body import KheperaBody
 
-    body = SerialBody(khepera, kinds=("proximity",))
+    body = KheperaBody(khepera, kinds=("proximity",))
     body.reset()
     for units in (MOVE_UNITS, -MOVE_UNITS):
         _drive(body, units, MOVE_S)

@@ -1,22 +1,92 @@
-"""A body that a controller drives: simulated, twin or real, all alike."""
+"""What a body is: sensors and wheels that a controller drives, simulated, twin or real, all alike.
+
+A robot of your own is a class with these members, in any file (`--robot file.py:Class`). For example,
+one with five sensors of 12 bits and no counters, which a person puts down:
+
+    class Five:
+        channels = (Channel(name="proximity", sensors=5, high=4095),)
+        period_s = 0.1
+        counts_turns = False
+
+        def reset(self, pose=None): self.stop()
+        def sense(self): return Readings(proximity=self.line.read(5), ambient=np.empty(0))
+        def act(self, command): self.line.write(command.left, command.right)
+        def stop(self): self.line.write(0, 0)
+        def close(self): self.line.close()
+
+What a body has besides is found by its name:
+
+    odometry    an `Odometry`, as read with the last `sense`: of a body that counts turns
+    clock       its own time (`Timed`): of a simulated body, say a `SteppedClock`; else the computer's
+    enter       enter(room, seed) puts it into a room (`Placing`), where `reset(pose)` sets it down:
+                of a simulated body; else a person builds the room and is asked to carry the robot
+    pose        where it truly is (`Seen`): the path of a transfer, if no camera sees it; else the
+                path is reckoned from its counters
+    attend      attend(kinds, turns) says which channels are read from now on (`Attentive`): of a
+                body that cannot read all of them in one period
+    facts       what a recording shall say of it, besides its address
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple, Protocol, cast
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-import numpy as np
-
-from realitygap.robots.budget import KINDS, step_budget
-from realitygap.robots.khepera.driver import Khepera
-from realitygap.robots.khepera.protocol import request
+from realitygap.errors import UsageError
+from realitygap.robots.clock import Clock, RealClock
 from realitygap.values import Command, Pose, Readings
 
-__all__ = ["Body", "Odometry", "SerialBody"]
+__all__ = [
+    "KINDS",
+    "Attentive",
+    "Body",
+    "Channel",
+    "Odometry",
+    "Placing",
+    "Seen",
+    "Timed",
+    "attend",
+    "channel",
+    "clock_of",
+    "odometry_of",
+]
+
+KINDS = ("proximity", "ambient")
+"""The kinds of sensors that there are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Channel:
+    """A body's sensors of one kind.
+
+    Args:
+        name: "proximity" or "ambient".
+        sensors: how many.
+        low, high: the lowest and the highest count that one can read.
+
+    Raises:
+        UsageError: another name, no sensors, or a range that is none.
+    """
+
+    name: str
+    sensors: int
+    low: int = 0
+    high: int
+
+    def __post_init__(self) -> None:
+        if self.name not in KINDS:
+            raise UsageError(f"channel: name: expected {' or '.join(KINDS)}, got {self.name!r}.")
+        if not isinstance(self.sensors, int) or self.sensors < 1:
+            raise UsageError(f"channel {self.name!r}: sensors: expected 1 or more, got {self.sensors!r}.")
+        if not self.low < self.high:
+            raise UsageError(
+                f"channel {self.name!r}: high: expected more than {self.low}, got {self.high!r}."
+            )
 
 
 class Odometry(NamedTuple):
-    """What the wheels say: counters in pulses, measured speeds in Khepera units; None: not asked."""
+    """What the wheels say: counters in pulses, measured speeds in the robot's units; None: not asked."""
 
     counters: tuple[int, int] | None = None
     speeds: tuple[int, int] | None = None
@@ -26,17 +96,25 @@ class Body(Protocol):
     """Sensors and wheels, wherever they are."""
 
     @property
-    def odometry(self) -> Odometry:
-        """As read with the last `sense`."""
+    def channels(self) -> tuple[Channel, ...]:
+        """The sensors that `sense` reads."""
+
+    @property
+    def period_s(self) -> float:
+        """Time from one step to the next, s."""
+
+    @property
+    def counts_turns(self) -> bool:
+        """Whether `odometry` tells the wheels' counters and speeds."""
 
     def reset(self, pose: Pose | None = None) -> None:
         """Stand, counters at zero, at `pose` (None: where it is)."""
 
     def sense(self) -> Readings:
-        """What the sensors read now, counts; empty for a kind that is not fed."""
+        """What the sensors read now, counts; empty for a kind that it has not, or does not attend to."""
 
     def act(self, command: Command) -> None:
-        """Wheel speeds from now on, Khepera units."""
+        """Wheel speeds from now on, in the robot's own units."""
 
     def stop(self) -> None:
         """Stand, and be sure of it."""
@@ -45,68 +123,67 @@ class Body(Protocol):
         """Stand, and let go of the body."""
 
 
-class SerialBody:
-    """A Khepera, or a twin, on its serial line.
-
-    From `act` to `stop` something has to be asked or told twice a second, or the guard stops the robot.
-
-    Args:
-        khepera: the driver; `close` closes it.
-        kinds: the sensors that are read at each step: "proximity", "ambient" or both.
-        carry: the experimenter's hand, which brings the robot to a pose; without it `reset` takes
-            the robot where it stands.
-
-    Raises:
-        BaudError: the line is too slow for these sensors in a loop of 100 ms.
-    """
-
-    def __init__(
-        self,
-        khepera: Khepera,
-        *,
-        kinds: tuple[str, ...] = ("proximity",),
-        carry: Callable[[Pose], None] | None = None,
-    ) -> None:
-        self.khepera = khepera
-        self.kinds = tuple(kind for kind in KINDS if kind in kinds)
-        self.budget = step_budget(tuple(kinds), khepera.baud)
-        self._carry = carry
-        self._odometry = Odometry()
+@runtime_checkable
+class Timed(Protocol):
+    """A body with a time of its own."""
 
     @property
-    def odometry(self) -> Odometry:
-        """As read with the last `sense`; what a slow line has no room for is None."""
-        return self._odometry
+    def clock(self) -> Clock:
+        """It moves when the clock does."""
 
-    def reset(self, pose: Pose | None = None) -> None:
-        """Stand, be carried to `pose`, counters at zero."""
-        self.khepera.stop()
-        if pose is not None and self._carry is not None:
-            self.khepera.clock.settle()
-            self._carry(pose)
-        self.khepera.set_counters(0, 0)
-        self._odometry = Odometry()
 
-    def sense(self) -> Readings:
-        """All of a step's questions, sent together."""
-        answers = self.khepera.ask(*self.budget.reads)
-        said = {read.letter: answer for read, answer in zip(self.budget.reads, answers, strict=True)}
-        pairs = cast("dict[str, tuple[int, int]]", said)
-        self._odometry = Odometry(pairs.get("H"), pairs.get("E"))
-        return Readings(
-            proximity=np.array(said.get("N", ()), np.float64),
-            ambient=np.array(said.get("O", ()), np.float64),
-        )
+@runtime_checkable
+class Placing(Protocol):
+    """A body that needs nobody's hand."""
 
-    def act(self, command: Command) -> None:
-        """Wheel speeds from now on, Khepera units."""
-        self.khepera.watch()
-        self.khepera.ask(request("D", command.left, command.right))
+    def enter(self, room: Mapping[str, Any], seed: int) -> None:
+        """Be in a room from now on: size_cm, cylinders [x, y, radius], walls [x, y, x, y], lamps [x, y]; cm.
 
-    def stop(self) -> None:
-        """Stand, and be sure of it."""
-        self.khepera.stop()
+        `seed` names the noise of what follows: the same seed, the same bits.
+        """
 
-    def close(self) -> None:
-        """Stand, and close the line."""
-        self.khepera.close()
+
+@runtime_checkable
+class Seen(Protocol):
+    """A body that knows where it is."""
+
+    @property
+    def pose(self) -> Pose:
+        """Where it is now."""
+
+
+@runtime_checkable
+class Attentive(Protocol):
+    """A body that reads what is asked for."""
+
+    def attend(self, kinds: tuple[str, ...], turns: bool) -> None:
+        """Read these kinds of sensors from now on, and counters and speeds too if `turns`."""
+
+
+def clock_of(body: Body) -> Clock:
+    """The body's own time; the computer's if it has none."""
+    return body.clock if isinstance(body, Timed) else RealClock()
+
+
+def odometry_of(body: Body) -> Odometry:
+    """As read with the last `sense`; nothing of a body that does not count."""
+    return Odometry(*body.odometry) if body.counts_turns else Odometry()  # type: ignore[attr-defined]
+
+
+def attend(body: Body, *kinds: str, turns: bool = True) -> None:
+    """Read these kinds of sensors from now on; a body that reads all of them anyhow is left alone."""
+    if isinstance(body, Attentive):
+        body.attend(kinds, turns)
+
+
+def channel(body: Body, kind: str) -> Channel:
+    """The body's channel of a kind.
+
+    Raises:
+        UsageError: it has none.
+    """
+    for one in body.channels:
+        if one.name == kind:
+            return one
+    has = ", ".join(one.name for one in body.channels) or "none"
+    raise UsageError(f"robot: expected {kind} sensors, which this one has not (its channels: {has}).")

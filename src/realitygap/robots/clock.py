@@ -1,4 +1,4 @@
-"""Time for a driver: the real clock sleeps, the virtual one lets a twin's time run.
+"""Time for a body: the real clock sleeps, a stepped one lets a simulation go on, the virtual one a twin.
 
 The conversation on the serial line is the same under both: nothing on it speaks of steps. The
 virtual clock tells the twin over a second channel, a Unix socket, how far time may run:
@@ -12,29 +12,33 @@ Both sides count bytes, so that no result depends on how fast a pseudo-terminal 
 
 from __future__ import annotations
 
+import math
 import os
 import select
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Protocol
 
 from realitygap.errors import LineError
 from realitygap.robots.signals import undisturbed
 
-__all__ = ["Clock", "RealClock", "VirtualClock"]
+__all__ = ["Clock", "LineClock", "RealClock", "SteppedClock", "VirtualClock"]
 
 CHUNK = 4096
 PATIENCE_S = 3.0
 """Real time to wait for bytes that were announced: only then they got lost on the way."""
+
+ROUNDING_S = 1e-6
+"""A time this little short of a step's is that step's."""
 
 TWIN_LOST_S = 120.0
 """Real time after which a twin that does not answer on its channel is given up."""
 
 
 class Clock(Protocol):
-    """What a driver needs of time, s."""
+    """What a loop needs of time, s."""
 
     waits: bool
     """Whether it stands still while this process does."""
@@ -44,6 +48,10 @@ class Clock(Protocol):
 
     def sleep_until(self, time_s: float) -> None:
         """Let time pass."""
+
+
+class LineClock(Clock, Protocol):
+    """What a driver on a serial line needs besides."""
 
     def settle(self) -> None:
         """Return when everything up to now has happened."""
@@ -102,6 +110,39 @@ class RealClock:
 
     def close(self) -> None:
         """Nothing to let go of."""
+
+
+class SteppedClock:
+    """A simulated body's time, s, which nothing is ever late for: it goes on by whole steps.
+
+    Args:
+        step: lets the simulation go on by one step.
+        period_s: how long that is.
+    """
+
+    waits = True
+
+    def __init__(self, step: Callable[[], None], period_s: float) -> None:
+        self._step, self._period_s = step, period_s
+        self._now = 0.0
+        self._begun = 0.0
+        self._steps = 0
+
+    def now(self) -> float:
+        """Seconds since the body was made."""
+        return self._now
+
+    def sleep_until(self, time_s: float) -> None:
+        """Let the simulation go on, by the steps that become due."""
+        self._now = max(self._now, time_s)
+        due = math.floor((self._now - self._begun + ROUNDING_S) / self._period_s)
+        while self._steps < due:
+            self._steps += 1
+            self._step()
+
+    def begin_step(self) -> None:
+        """The robot has been set down: its steps are counted from now on."""
+        self._begun, self._steps = self._now, 0
 
 
 class VirtualClock:

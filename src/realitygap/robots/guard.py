@@ -20,7 +20,6 @@ from realitygap.errors import FrozenError
 
 __all__ = ["SILENCE_S", "Guard", "Silence"]
 
-STOP = b"\nD,0,0\n"
 REPEATS = 5
 PAUSE_S = 0.05
 LEAVE_S = 2.0
@@ -34,15 +33,15 @@ DRIVES, STANDS, LEAVES, STOPPED = b"+", b"-", b".", b"!"
 
 
 class Guard:
-    """Watches over this process, for the line with descriptor `fd`."""
+    """Watches over this process, for the line with descriptor `fd`; `stop` makes its robot stand."""
 
-    def __init__(self, fd: int) -> None:
+    def __init__(self, fd: int, stop: bytes) -> None:
         self._last: float | None = None
         self._socket, theirs = socket.socketpair()
         self._socket.setblocking(False)
         with theirs:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "realitygap.robots.guard", str(theirs.fileno()), str(fd)],
+                [sys.executable, "-m", "realitygap.robots.guard", str(theirs.fileno()), str(fd), stop.hex()],
                 pass_fds=(theirs.fileno(), fd),
                 stdin=subprocess.DEVNULL,
                 start_new_session=True,
@@ -122,7 +121,7 @@ class Silence:
         return True
 
 
-def guard(driver: socket.socket, line: int) -> None:
+def guard(driver: socket.socket, line: int, stop: bytes) -> None:
     """Hear the driver until it leaves or dies; tell the robot to stand when it has to."""
     silence, last = Silence(), time.monotonic()
     while True:
@@ -132,13 +131,13 @@ def guard(driver: socket.socket, line: int) -> None:
             if silence.passes(passed):
                 with contextlib.suppress(OSError):
                     driver.send(STOPPED)  # first, so that it is there when the driver goes on
-                _stop(line, "heard nothing from the driver for half a second")
+                _stop(line, stop, "heard nothing from the driver for half a second")
             continue
         words = _heard(driver)
         if LEAVES in words:
             return
         if not words:
-            _stop(line, "the driver is gone")
+            _stop(line, stop, "the driver is gone")
             return
         silence.hear(words)
 
@@ -150,10 +149,10 @@ def _heard(driver: socket.socket) -> bytes:
         return b""
 
 
-def _stop(line: int, why: str) -> None:
+def _stop(line: int, stop: bytes, why: str) -> None:
     for k in range(REPEATS):
         with contextlib.suppress(OSError):
-            os.write(line, STOP)
+            os.write(line, stop)
         if k == 0:
             with contextlib.suppress(OSError):
                 os.write(2, f"guard: {why}; the robot was told to stand\n".encode())
@@ -163,4 +162,4 @@ def _stop(line: int, why: str) -> None:
 if __name__ == "__main__":
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
-    guard(socket.socket(fileno=int(sys.argv[1])), int(sys.argv[2]))
+    guard(socket.socket(fileno=int(sys.argv[1])), int(sys.argv[2]), bytes.fromhex(sys.argv[3]))

@@ -1,4 +1,4 @@
-"""The control loop: every 100 ms sense, decide, act, record; whatever happens, stop first."""
+"""The control loop: each period sense, decide, act, record; whatever happens, stop first."""
 
 from __future__ import annotations
 
@@ -6,16 +6,13 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from realitygap.errors import UsageError
-from realitygap.robots.body import Body
-from realitygap.robots.budget import STEP_MS
+from realitygap.robots.body import Body, clock_of, odometry_of
 from realitygap.robots.clock import Clock
 from realitygap.robots.recording import Recorder, Recording, Step
 from realitygap.robots.signals import MOVING, NUMBERS, Stopping
 from realitygap.values import Command, Readings
 
 __all__ = ["Controller", "drive"]
-
-STEP_S = STEP_MS / 1000.0
 
 
 class Controller(Protocol):
@@ -25,7 +22,7 @@ class Controller(Protocol):
         """Before a trial."""
 
     def decide(self, inputs: Sequence[int]) -> Command:
-        """One step of 100 ms."""
+        """One step."""
 
 
 def drive(
@@ -33,11 +30,11 @@ def drive(
     controller: Controller,
     *,
     seconds: float,
-    clock: Clock,
     inputs: Callable[[Readings], list[int]],
+    clock: Clock | None = None,
     recorder: Recorder | None = None,
 ) -> Recording:
-    """Let a controller drive a body, a step each 100 ms.
+    """Let a controller drive a body, a step each of its periods.
 
     A step that begins late is recorded as late; the time-table moves on with one that is late by more
     than a whole step, so that the robot never has to catch up. Whatever ends the drive, an exception,
@@ -47,8 +44,8 @@ def drive(
 
     Args:
         seconds: length of the trial: whole steps, one at least.
-        clock: the body's.
         inputs: makes the controller's inputs of the readings.
+        clock: the body's own if None.
         recorder: keeps the steps, in a folder if it has one.
 
     Raises:
@@ -56,9 +53,10 @@ def drive(
         FrozenError: it was frozen, and the guard has stopped the robot.
         LineError: the line was lost, or the robot did not confirm that it stands.
     """
-    steps = round(seconds / STEP_S)
-    if steps < 1 or abs(steps * STEP_S - seconds) > 1e-6:
-        raise UsageError(f"a trial lasts whole steps of {STEP_S:g} s, one at least; got {seconds:g} s")
+    period, clock = body.period_s, clock_of(body) if clock is None else clock
+    steps = round(seconds / period)
+    if steps < 1 or abs(steps * period - seconds) > 1e-6:
+        raise UsageError(f"a trial lasts whole steps of {period:g} s, one at least; got {seconds:g} s")
     recorder = Recorder() if recorder is None else recorder
     ended = "finished"
     with Stopping(NUMBERS if clock.waits else MOVING) as stopping:
@@ -82,6 +80,7 @@ def _steps(
     recorder: Recorder,
     steps: int,
 ) -> None:
+    period = body.period_s
     start = due = clock.now()
     for _ in range(steps):
         clock.sleep_until(due)
@@ -90,8 +89,8 @@ def _steps(
         fed = inputs(readings)
         command = controller.decide(fed)
         body.act(command)
-        recorder.add(Step(now - start, max(0.0, now - due), readings, fed, command, body.odometry))
-        due += STEP_S if now - due <= STEP_S else STEP_S + (now - due)
+        recorder.add(Step(now - start, max(0.0, now - due), readings, fed, command, odometry_of(body)))
+        due += period if now - due <= period else period + (now - due)
     clock.sleep_until(due)
 
 

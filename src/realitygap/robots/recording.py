@@ -75,9 +75,10 @@ class Step(NamedTuple):
 class Recording:
     """A drive as it was lived, [n] steps.
 
-    t, late [n] s; proximity [n, 8 or 0], ambient [n, 8 or 0] counts; inputs [n, I]; commands [n, 2]
-    and speeds [n, 2] Khepera units; counters [n, 2] pulses. Counters and speeds are NaN where the
-    line had no room for them. `ended` is "finished", "killed", or what stopped the drive.
+    t, late [n] s; proximity [n, P or 0], ambient [n, A or 0] counts; inputs [n, I]; commands [n, 2]
+    and speeds [n, 2] in the robot's units; counters [n, 2] pulses. Counters and speeds are NaN where
+    the robot has none, or its line had no room for them. `ended` is "finished", "killed", or what
+    stopped the drive.
     """
 
     t: NDArray[np.float64]

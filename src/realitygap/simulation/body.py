@@ -1,14 +1,11 @@
 """The simulated robot as a body: what a controller drives, as it drives a twin or a Khepera.
 
-Of the form that robots/body.py asks for, without knowing of it. Time goes on with the body's own
-clock, in the simulation's steps of 100 ms.
+Time goes on with the body's own clock, in the simulation's steps of 100 ms.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,27 +13,19 @@ from realitygap.errors import UsageError
 from realitygap.kernels import halves
 from realitygap.kernels.params import STEP_S
 from realitygap.kernels.work import MOTOR_NOISE, new_work
+from realitygap.robots.body import KINDS, Channel, Odometry
+from realitygap.robots.clock import SteppedClock
 from realitygap.simulation.simulation import Simulation
 from realitygap.values import Command, Pose, Readings
 
-__all__ = ["SimulatedBody", "SimulatedClock", "WheelCounts", "network_inputs"]
+__all__ = ["SimulatedBody", "network_inputs"]
 
-KINDS = ("proximity", "ambient")
 PULSES_PER_STEP = 10
 """Pulses that a wheel turns by in a step at one Khepera unit (a pulse per 10 ms)."""
 MOST = 127
 """Largest command, Khepera units: beyond it none is heard."""
-ROUNDING_S = 1e-6
-"""A time this little short of a step's is that step's."""
 STAND_STEPS = 20
 """Steps that the wheels may take to come to rest."""
-
-
-class WheelCounts(NamedTuple):
-    """What the wheels say: counters in pulses, measured speeds in Khepera units."""
-
-    counters: tuple[int, int]
-    speeds: tuple[int, int]
 
 
 class SimulatedBody:
@@ -58,6 +47,9 @@ class SimulatedBody:
         UsageError: a kind of sensors that there is not.
     """
 
+    period_s = STEP_S
+    counts_turns = True
+
     def __init__(
         self, simulation: Simulation, *, stream: int = 0, kinds: tuple[str, ...] | None = None
     ) -> None:
@@ -70,12 +62,19 @@ class SimulatedBody:
         self.stream = stream
         self.kinds = tuple(kind for kind in KINDS if kind in kinds)
         self._robot, self._arena, self._trial = simulation._robot, simulation._arena, simulation._trial
+        near, light = simulation.profile.infrared, simulation.profile.ambient
+        there = {"proximity": (len(near.sensors), near.top), "ambient": (len(light.sensors), light.top)}
+        self.channels = tuple(
+            Channel(name=kind, sensors=there[kind][0], high=int(there[kind][1]))
+            for kind in self.kinds
+            if there[kind][0]
+        )
         self._nobody = halves.quiet()
         self._work = new_work(self._robot, self._trial, self._nobody)
         sensors = len(self._robot.proximity_place if self._trial.feed else self._robot.ambient_place)
         self._aside = np.zeros(sensors)
         self._noise = np.zeros(16 * ((sensors + MOTOR_NOISE + 15) // 16))
-        self.clock = SimulatedClock(self._step)
+        self.clock = SteppedClock(self._step, STEP_S)
         self._set_down(simulation.start(stream))
 
     @property
@@ -91,7 +90,7 @@ class SimulatedBody:
         return float(left), float(right)
 
     @property
-    def odometry(self) -> WheelCounts:
+    def odometry(self) -> Odometry:
         """As read with the last `sense`."""
         return self._odometry
 
@@ -157,43 +156,9 @@ class SimulatedBody:
         for i, speed in enumerate(self.wheels):
             self._pulses[i] += PULSES_PER_STEP * speed
 
-    def _wheel_counts(self) -> WheelCounts:
+    def _wheel_counts(self) -> Odometry:
         (left, right), speeds = self._pulses, self.wheels
-        return WheelCounts((round(left), round(right)), (round(speeds[0]), round(speeds[1])))
-
-
-class SimulatedClock:
-    """A simulated body's time, s: of the form that robots/clock.py asks for; nothing is ever late."""
-
-    waits = True
-
-    def __init__(self, step: Callable[[], None]) -> None:
-        self._step = step
-        self._now = 0.0
-        self._begun = 0.0
-        self._steps = 0
-
-    def now(self) -> float:
-        """Seconds since the body was made."""
-        return self._now
-
-    def sleep_until(self, time_s: float) -> None:
-        """Let the simulation go on, by whole steps as they become due."""
-        self._now = max(self._now, time_s)
-        due = math.floor((self._now - self._begun + ROUNDING_S) / STEP_S)
-        while self._steps < due:
-            self._steps += 1
-            self._step()
-
-    def begin_step(self) -> None:
-        """The robot has been set down: its steps are counted from now on."""
-        self._begun, self._steps = self._now, 0
-
-    def settle(self) -> None:
-        """What is past has happened."""
-
-    def close(self) -> None:
-        """Nothing to let go of."""
+        return Odometry((round(left), round(right)), (round(speeds[0]), round(speeds[1])))
 
 
 def network_inputs(simulation: Simulation) -> Callable[[Readings], list[int]]:

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 import shutil
-import sys
-import traceback
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from difflib import get_close_matches
-from importlib.util import module_from_spec, spec_from_file_location
 from os import PathLike
 from pathlib import Path
-from types import ModuleType
 
-from realitygap.errors import TaskError, UsageError
+from realitygap.errors import TaskError
 from realitygap.tasks.task import Task
+from realitygap.user_code import run_file
 
 __all__ = ["TASKS", "copy_task", "load_task", "reference"]
 
@@ -113,8 +107,7 @@ def _from_file(path: Path) -> Task:
     if path.suffix != ".py":
         raise TaskError(f"{path}: expected a Python file (.py) that defines `task = Task(…)`.")
     path = path.resolve()
-    with _blamed_on(path):
-        module = _run(path)
+    module = run_file(path, TaskError)
     task = getattr(module, "task", None)
     if not isinstance(task, Task):
         got = "no `task`" if task is None else f"`task` = {task!r}"
@@ -123,42 +116,3 @@ def _from_file(path: Path) -> Task:
             "score=score)`, with Task from realitygap."
         )
     return replace(task, source=str(path))
-
-
-def _run(path: Path) -> ModuleType:
-    """The file as a module, under a name made from its path: Numba finds compiled scores by it."""
-    name = f"realitygap_task_{hashlib.sha256(str(path).encode()).hexdigest()[:16]}"
-    spec = spec_from_file_location(name, path)
-    assert spec is not None and spec.loader is not None
-    module = module_from_spec(spec)
-    sys.modules[name] = module
-    try:
-        source = compile(path.read_bytes(), str(path), "exec", dont_inherit=True)
-        exec(source, module.__dict__)
-    except BaseException:
-        sys.modules.pop(name, None)
-        raise
-    return module
-
-
-@contextmanager
-def _blamed_on(path: Path) -> Iterator[None]:
-    """Any error of a user's file as one TaskError that names the file and the line."""
-    try:
-        yield
-    except SyntaxError as error:
-        where = f"{error.filename or path}, line {error.lineno}"
-        raise TaskError(f"{where}: not valid Python: {error.msg}. Correct that line.") from None
-    except UsageError as error:
-        raise TaskError(f"{_line(path, error)}: {error}") from None
-    except OSError as error:
-        raise TaskError(f"{_line(path, error)}: {error.strerror or error}. Check the path.") from None
-    except (Exception, SystemExit) as error:
-        text = f"{type(error).__name__}: {error}".rstrip(": ")
-        raise TaskError(f"{_line(path, error)}: the file stops with {text}. Correct that line.") from None
-
-
-def _line(path: Path, error: BaseException) -> str:
-    """The file, and the last of its lines that was running."""
-    lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == str(path)]
-    return f"{path}, line {lines[-1]}" if lines else str(path)

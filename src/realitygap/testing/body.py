@@ -9,7 +9,7 @@ from unittest import SkipTest
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.robots.body import Body
+from realitygap.robots.body import KINDS, Body, odometry_of
 from realitygap.robots.clock import Clock
 from realitygap.robots.loop import drive
 from realitygap.values import Command, Pose, Readings
@@ -47,15 +47,16 @@ class BodyContract:
             assert np.abs(_counters(body)).max() <= 5
 
     def test_readings_are_whole_counts_in_range(self) -> None:
-        """Of each kind that is fed, as many as it has sensors."""
+        """Of each kind as many as its channels say; none of a kind that it has not."""
         with self.opened() as (body, _):
             body.reset(MIDDLE)
-            readings, again = body.sense(), body.sense()
-            assert len(readings.proximity) + len(readings.ambient) > 0
-            for kind in ("proximity", "ambient"):
-                counts = getattr(readings, kind)
-                assert counts.shape == getattr(again, kind).shape and counts.dtype == np.float64
-                assert ((counts >= 0) & (counts == np.round(counts))).all()
+            readings, channels = body.sense(), {one.name: one for one in body.channels}
+            assert channels and body.period_s > 0
+            for kind in KINDS:
+                counts, one = getattr(readings, kind), channels.get(kind)
+                assert counts.shape == (one.sensors if one else 0,) and counts.dtype == np.float64
+                if one:
+                    assert ((counts >= one.low) & (counts <= one.high) & (counts == np.round(counts))).all()
 
     def test_wheels_turn_as_they_are_told(self) -> None:
         """Two units ahead on the left, three back on the right, for two seconds."""
@@ -108,7 +109,7 @@ def _no_inputs(readings: Readings) -> list[int]:
 
 def _counters(body: Body) -> NDArray[np.int64]:
     """[2] pulses, as read with the last `sense`; the test is skipped where a body does not count."""
-    counters = body.odometry.counters
+    counters = odometry_of(body).counters
     if counters is None:
         raise SkipTest("this body does not count its wheels' turns")
     return np.asarray(counters)

@@ -1,7 +1,7 @@
-"""A unit of the twin in a task's arena, with the camera above it: one stand for many trials.
+"""A unit of the twin in a task's arena, with the camera above it: one rig for many trials.
 
-    with Stand(load_task("avoidance"), profile, unit=1, folder_for_camera="cameras") as stand:
-        path = stand.drive(genes, Layout(), stream=5, pose=Pose(x=25, y=25, heading=0.5))
+    with Rig(load_task("avoidance"), profile, unit=1, folder_for_camera="cameras") as rig:
+        path = rig.drive(genes, Layout(), stream=5, pose=Pose(x=25, y=25, heading=0.5))
 
 A trial is a function of unit, noise, stream, pose and controller alone: before each the unit is
 switched off and a new one on, in one process that serves them all.
@@ -23,8 +23,8 @@ from realitygap.controller.layout import Layout
 from realitygap.controller.network import NetworkController
 from realitygap.kernels.params import STEP_S
 from realitygap.kernels.rng import substream
-from realitygap.robots.body import SerialBody
 from realitygap.robots.clock import VirtualClock
+from realitygap.robots.khepera.body import KheperaBody
 from realitygap.robots.khepera.driver import Khepera
 from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recorder, Recording
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from realitygap.twin.process import TwinProcess
     from realitygap.twin.states import States
 
-__all__ = ["Driven", "SituatedPath", "Stand", "driven"]
+__all__ = ["Driven", "Rig", "SituatedPath", "driven"]
 
 Floats = NDArray[np.float64]
 
@@ -72,7 +72,7 @@ class SituatedPath:
 
 
 def driven(
-    body: SerialBody,
+    body: KheperaBody,
     genes: Any,
     layout: Layout,
     *,
@@ -98,7 +98,7 @@ def driven(
     return Driven(recording, np.vstack([recording.counters, body.khepera.counters()]))
 
 
-class Stand:
+class Rig:
     """One unit in one task's arena. As a context it is closed; its process starts with the first drive.
 
     Args:
@@ -106,7 +106,7 @@ class Stand:
         profile: the one that the controllers were evolved with: makes their inputs of counts.
         unit: which robot of the population.
         twin_noise: the twin's noise scale.
-        folder_for_camera: keeps the camera's calibration, under a name of its own for each stand.
+        folder_for_camera: keeps the camera's calibration, under a name of its own for each rig.
         baud: of the line.
         camera_file: keeps it instead.
     """
@@ -179,7 +179,7 @@ class Stand:
             with closing(VirtualClock(twin.channel)) as clock:
                 khepera = Khepera.connect(twin.device, baud=self.baud, clock=clock)
                 try:
-                    body = SerialBody(khepera, kinds=(self.task.feeds,), carry=twin.place)
+                    body = KheperaBody(khepera, kinds=(self.task.feeds,), carry=twin.place)
                     body.reset(pose)
                     clock.settle()
                     if sealed is not None:

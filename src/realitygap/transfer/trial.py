@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from realitygap import whole
 from realitygap.controller.network import decode
 from realitygap.kernels.params import STEP_S
-from realitygap.robots.body import SerialBody
+from realitygap.robots.khepera.body import KheperaBody
 from realitygap.robots.khepera.driver import Khepera
 from realitygap.robots.khepera.protocol import PULSES_PER_MM
 from realitygap.robots.recording import Recorder
@@ -31,7 +31,7 @@ from realitygap.transfer.paths import (
     write_path,
 )
 from realitygap.transfer.plan import FOLDER, Situation
-from realitygap.transfer.rig import Driven, Stand, driven
+from realitygap.transfer.rig import Driven, Rig, driven
 from realitygap.values import Pose
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class Stage:
     def __init__(self, study: Study) -> None:
         self.study = study
         self._simulations: dict[tuple[str, float], Simulation] = {}
-        self._stands: dict[tuple[str, int, float, int], Stand] = {}
+        self._rigs: dict[tuple[str, int, float, int], Rig] = {}
 
     def simulation(self, one: Situation) -> Simulation:
         """The run's own: its task, its robot, its noise."""
@@ -68,12 +68,12 @@ class Stage:
         """Where the calibration of the camera over a unit's arena is kept."""
         return self.study.folder / FOLDER / one.robot.folder(one.twin_noise) / f"camera-{one.task}.json"
 
-    def stand(self, one: Situation) -> Stand:
+    def rig(self, one: Situation) -> Rig:
         """The unit and the arena of a trial on the twin; one for all trials of both."""
         assert one.robot.unit is not None and one.baud is not None
         key = (one.task, one.robot.unit, one.twin_noise, one.baud)
-        if key not in self._stands:
-            self._stands[key] = Stand(
+        if key not in self._rigs:
+            self._rigs[key] = Rig(
                 self.study.task(one.task),
                 self.study.profile,
                 unit=one.robot.unit,
@@ -81,17 +81,17 @@ class Stage:
                 baud=one.baud,
                 camera_file=self.camera_file(one),
             )
-        return self._stands[key]
+        return self._rigs[key]
 
     def calibrate(self, one: Situation) -> None:
         """The camera over the arena of a trial on the twin."""
-        self.stand(one).watcher  # noqa: B018 - it is calibrated when it is first asked for
+        self.rig(one).watcher  # noqa: B018 - it is calibrated when it is first asked for
 
     def close(self) -> None:
         """End the twins."""
-        for stand in self._stands.values():
-            stand.close()
-        self._stands.clear()
+        for rig in self._rigs.values():
+            rig.close()
+        self._rigs.clear()
 
     def on_twin(self, one: Situation, tell: Tell) -> None:
         """A whole trial on a unit of the twin; `tell` hears the share of the film that is done."""
@@ -110,7 +110,7 @@ class Stage:
         with made(self.study.folder / one.folder, one.robot) as folder:
             pose = requested = self.simulation(one).start(one.stream)
             feeds = self.study.task(one.task).feeds
-            body = SerialBody(khepera, kinds=(feeds,), carry=lambda start: carry(one, start))
+            body = KheperaBody(khepera, kinds=(feeds,), carry=lambda start: carry(one, start))
             body.reset(requested)
             if overhead is not None:
                 pose = overhead.start(one, requested)
@@ -140,7 +140,7 @@ class Stage:
 
     def _drive_twin(self, one: Situation, pose: Pose, folder: Path) -> Driven:
         """Drive a unit of the twin."""
-        return self.stand(one).on_line(
+        return self.rig(one).on_line(
             self._genes(one),
             self.study.layout(one.task),
             one.stream,
@@ -150,7 +150,7 @@ class Stage:
             sealed=None if one.source == "counters" else folder / SEALED,
         )
 
-    def _drive(self, one: Situation, body: SerialBody, folder: Path, facts: dict[str, Any]) -> Driven:
+    def _drive(self, one: Situation, body: KheperaBody, folder: Path, facts: dict[str, Any]) -> Driven:
         return driven(
             body,
             self._genes(one),
@@ -171,18 +171,18 @@ class Stage:
         from realitygap.transfer.film import TRACK, film_and_track
         from realitygap.twin.camera import OverheadCamera
 
-        stand = self.stand(one)
-        states = stand.states(folder / SEALED, one.seconds)
+        rig = self.rig(one)
+        states = rig.states(folder / SEALED, one.seconds)
         if one.film:
-            settings: dict[str, Any] = {"unit": stand.unit, "noise": one.twin_noise, "seed": one.stream >> 1}
+            settings: dict[str, Any] = {"unit": rig.unit, "noise": one.twin_noise, "seed": one.stream >> 1}
             with OverheadCamera(self.study.task(one.task).arena.plain(), **settings) as camera:
                 facts["view"] = camera.metadata["view"]
                 about = {"run": one.name, "start": one.start}
                 return film_and_track(
-                    folder, states, stand.watcher.camera, overhead=camera, facts=about, tell=tell
+                    folder, states, rig.watcher.camera, overhead=camera, facts=about, tell=tell
                 )
-        track = stand.watcher.track(states, one.stream)
-        facts["view"] = stand.watcher.view
+        track = rig.watcher.track(states, one.stream)
+        facts["view"] = rig.watcher.view
         track.write_csv(folder / TRACK)
         return track
 

@@ -25,7 +25,7 @@ from realitygap.calibration.recorder.wheel_plans import ROOM, Trial, wheel_plan
 from realitygap.calibration.recordings.files import POSE, READINGS, STEP_COLUMNS, STEPS, UNITS
 from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, HEIGHTS_CM
 from realitygap.errors import BaudError
-from realitygap.robots.body import SerialBody
+from realitygap.robots.khepera.body import KheperaBody
 from realitygap.robots.signals import MOVING, Stopping
 from realitygap.values import Command, Pose
 
@@ -225,7 +225,7 @@ def drive_trial(site: Site, trial: Trial) -> list[tuple[str, ...]]:
         BaudError: the line has no room for counters and speeds in a step.
     """
     khepera = site.khepera
-    body, clock = SerialBody(khepera), khepera.clock
+    body, clock = KheperaBody(khepera), khepera.clock
     if {"H", "E"} - {read.letter for read in body.budget.reads}:
         raise BaudError(
             f"{khepera.baud} baud cannot carry sensors, counters and speeds each {STEP_S * 1000:g} ms; "

@@ -19,9 +19,9 @@ from realitygap.kernels.params import STEP_S
 from realitygap.values import Pose
 
 if TYPE_CHECKING:
-    from realitygap.transfer.rig import SituatedPath, Stand
+    from realitygap.transfer.rig import Rig, SituatedPath
 
-__all__ = ["Situated", "Stands", "read_situated", "situate"]
+__all__ = ["Rigs", "Situated", "read_situated", "situate"]
 
 Floats = NDArray[np.float64]
 
@@ -42,23 +42,23 @@ class Situated(NamedTuple):
     streams: NDArray[np.uint64]
 
 
-class Stands:
+class Rigs:
     """Units of the twin that stay ready while controllers of one task and home take turns on them."""
 
     def __init__(self, stage: Stage) -> None:
         self._stage = stage
         self._group: tuple[str, int] | None = None
-        self._ready: dict[int, Stand] = {}
+        self._ready: dict[int, Rig] = {}
 
-    def stand(self, one: Controller, unit: int) -> Stand:
+    def rig(self, one: Controller, unit: int) -> Rig:
         """A unit, in the arena of the controller's task, with inputs as its home made them."""
-        from realitygap.transfer.rig import Stand
+        from realitygap.transfer.rig import Rig
 
         if self._group != (one.task, one.home):
             self.close()
             self._group = (one.task, one.home)
         if unit not in self._ready:
-            self._ready[unit] = Stand(
+            self._ready[unit] = Rig(
                 self._stage.task(one.task),
                 self._stage.profile(one.home),
                 unit=unit,
@@ -70,12 +70,12 @@ class Stands:
     def close(self) -> None:
         """Let all units go."""
         ready, self._ready = self._ready, {}
-        for stand in ready.values():
-            stand.close()
+        for rig in ready.values():
+            rig.close()
 
 
 def situate(
-    stage: Stage, stands: Stands, one: Controller, tell: Callable[[float], None] = lambda _: None
+    stage: Stage, rigs: Rigs, one: Controller, tell: Callable[[float], None] = lambda _: None
 ) -> None:
     """Let a controller drive every unit from every start; its file appears when all of that is done.
 
@@ -87,17 +87,17 @@ def situate(
     poses = np.full((config.units, config.starts, rows, 3), np.nan)
     streams = np.zeros((config.units, config.starts), np.uint64)
     for u in range(config.units):
-        stand = stands.stand(one, u + 1)
+        rig = rigs.rig(one, u + 1)
         for k, pose in enumerate(starts):
             names = (one.task, one.seed_set, one.level, one.run, u + 1, k + 1)
             streams[u, k] = stream(config, "situated", *names)
-            path = _driven(stand, genes, layout, int(streams[u, k]), pose)
+            path = _driven(rig, genes, layout, int(streams[u, k]), pose)
             _place(poses[u, k], path.t_s, path.pose)
             tell(1.0 / streams.size)
     _keep(situated_file(stage.folder, one), poses, streams)
 
 
-def _driven(stand: Stand, genes: Genes, layout: Layout, name: int, pose: Pose) -> SituatedPath:
+def _driven(rig: Rig, genes: Genes, layout: Layout, name: int, pose: Pose) -> SituatedPath:
     """A trial; begun again where the line to the unit is lost.
 
     Raises:
@@ -105,10 +105,10 @@ def _driven(stand: Stand, genes: Genes, layout: Layout, name: int, pose: Pose) -
     """
     for _ in range(TRIES - 1):
         try:
-            return stand.drive(genes, layout, name, pose)
+            return rig.drive(genes, layout, name, pose)
         except LineError:
-            continue  # the stand has let its unit go, and takes it anew
-    return stand.drive(genes, layout, name, pose)
+            continue  # the rig has let its unit go, and takes it anew
+    return rig.drive(genes, layout, name, pose)
 
 
 def read_situated(stage: Stage, one: Controller) -> Situated:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from realitygap.experiments.noise.config import NoiseConfig
 from realitygap.experiments.noise.plan import Controller
 from realitygap.experiments.noise.simulated import compare_all
-from realitygap.experiments.noise.situated import Stands, situate
+from realitygap.experiments.noise.situated import Rigs, situate
 from realitygap.experiments.noise.stage import Stage
 from realitygap.study.schema import told
 from realitygap.study.workers import Pool, at_work
@@ -61,19 +61,19 @@ class Bench:
 
     def __init__(self, folder: Path) -> None:
         self._stage = Stage(folder, NoiseConfig.from_folder(folder))
-        self._stands = Stands(self._stage)
+        self._rigs = Rigs(self._stage)
 
     def carry_out(self, job: Job, tell: Tell) -> None:
         """One job; its file is there when this returns."""
         with told(self._stage.folder):
             if job.on_twin:
-                situate(self._stage, self._stands, job.controller, lambda share: tell(Worked(share)))
+                situate(self._stage, self._rigs, job.controller, lambda share: tell(Worked(share)))
             else:
                 compare_all(self._stage, job.controller, lambda share: tell(Worked(share)))
 
     def close(self) -> None:
         """Let the twin's units go."""
-        self._stands.close()
+        self._rigs.close()
 
 
 def _serve(connection: Connection, folder: str) -> None:

@@ -8,10 +8,10 @@ from types import TracebackType
 from typing import NamedTuple, cast
 
 from realitygap.errors import LineError, RealityGapError, RobotError
-from realitygap.robots.clock import Clock
+from realitygap.robots.clock import LineClock
 from realitygap.robots.guard import Guard
+from realitygap.robots.khepera.line import GIVE_UP_S, Answer, Line, nothing
 from realitygap.robots.khepera.protocol import BAUD_RATES, Request, request
-from realitygap.robots.line import GIVE_UP_S, Answer, Line, nothing
 
 __all__ = ["Khepera", "Motion", "Versions"]
 
@@ -54,7 +54,7 @@ class Khepera:
         self.line = line
         self.versions = versions
         self.banner = tuple(banner)
-        self._guard = None if line.clock.waits else Guard(line.fileno())
+        self._guard = None if line.clock.waits else Guard(line.fileno(), b"\n" + STOP.data)
         if self._guard is not None:
             line.before = self._guard.beat
 
@@ -64,7 +64,7 @@ class Khepera:
         port: str,
         *,
         baud: int | None = 38400,
-        clock: Clock | None = None,
+        clock: LineClock | None = None,
         give_up_s: float = GIVE_UP_S,
     ) -> Khepera:
         """Open a port and wake the robot; `baud=None` tries the robot's five rates.
@@ -95,7 +95,7 @@ class Khepera:
         return self.line.baud
 
     @property
-    def clock(self) -> Clock:
+    def clock(self) -> LineClock:
         """Of the line."""
         return self.line.clock
 

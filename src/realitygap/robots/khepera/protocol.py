@@ -19,9 +19,11 @@ __all__ = [
     "BAUD_RATES",
     "BITS_PER_CHARACTER",
     "COMMANDS",
+    "FULL",
     "NOT_FOUND",
     "PROTOCOL_ERROR",
     "PULSES_PER_MM",
+    "SENSORS",
     "Form",
     "GarbledError",
     "RefusedError",
@@ -37,6 +39,9 @@ __all__ = [
 
 PULSES_PER_MM = 12.0
 """Most sources; 0.08 mm a pulse (12.5) by others: a calibration measures it."""
+
+SENSORS, FULL = 8, 1023
+"""Sensors of each kind, and the highest count of their converter of 10 bits."""
 
 BITS_PER_CHARACTER = 11
 """One start bit, eight data bits, two stop bits (8N2)."""
@@ -120,7 +125,7 @@ _GAIN = Span(0, 32767)
 _PULSES = Span(-(2**31), 2**31 - 1, COUNTER_CHARACTERS)
 _SPEED = Span(-127, 127)
 _MEASURED = Span(-1023, 1023, 4)
-_LIGHT = (Span(0, 1023),) * 8
+_LIGHT = (Span(0, FULL),) * SENSORS
 _FLAG = Span(0, 1)
 
 COMMANDS: Mapping[str, Form] = MappingProxyType(
@@ -133,7 +138,7 @@ COMMANDS: Mapping[str, Form] = MappingProxyType(
         "F": Form(meaning="set the position controller's Kp, Ki, Kd", takes=(_GAIN,) * 3),
         "G": Form(meaning="set the position counters, pulses", takes=(_PULSES,) * 2),
         "H": Form(meaning="read the position counters, pulses", gives=(_PULSES,) * 2),
-        "I": Form(meaning="read an analogue input, 10 bits", takes=(Span(0, 5),), gives=(Span(0, 1023),)),
+        "I": Form(meaning="read an analogue input, 10 bits", takes=(Span(0, 5),), gives=(Span(0, FULL),)),
         "J": Form(
             meaning="set the speed profile: top speed and acceleration, left and right",
             takes=(Span(0, 127), Span(0, 255)) * 2,

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from realitygap.errors import LineError, UsageError
-from realitygap.robots.clock import Clock, RealClock
+from realitygap.robots.clock import LineClock, RealClock
 from realitygap.robots.khepera.protocol import (
     BAUD_RATES,
     COMMANDS,
@@ -69,13 +69,13 @@ class Line:
     """
 
     def __init__(
-        self, device: str, *, baud: int, clock: Clock | None = None, give_up_s: float = GIVE_UP_S
+        self, device: str, *, baud: int, clock: LineClock | None = None, give_up_s: float = GIVE_UP_S
     ) -> None:
         if baud not in BAUD_RATES:
             raise UsageError(f"the robot's baud rates are {', '.join(map(str, BAUD_RATES))}; got {baud}")
         self.device = device
         self.baud = baud
-        self.clock: Clock = clock or RealClock()
+        self.clock: LineClock = clock or RealClock()
         self.give_up_s = give_up_s
         self.faults = 0
         self.together = True

@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from realitygap.errors import BaudError, UsageError
+from realitygap.robots.body import KINDS
 from realitygap.robots.khepera.protocol import BAUD_RATES, BITS_PER_CHARACTER, Request, characters, wire_ms
 
-__all__ = ["KINDS", "STEP_MS", "Budget", "step_budget"]
+__all__ = ["STEP_MS", "Budget", "step_budget"]
 
 STEP_MS = 100.0
 """Length of one step."""
-
-KINDS = ("proximity", "ambient")
-"""The two kinds of sensor readings: commands N and O."""
 
 _READS = {"proximity": Request("N"), "ambient": Request("O")}
 _TELLS = (Request("H"), Request("E"))
@@ -28,8 +26,8 @@ class Budget(NamedTuple):
     ms: float
 
 
-def step_budget(kinds: tuple[str, ...], baud: int) -> Budget:
-    """The commands of one step: the sensors, then counters and measured speeds where they fit.
+def step_budget(kinds: tuple[str, ...], baud: int, *, turns: bool = True) -> Budget:
+    """The commands of one step: the sensors, then (if `turns`) counters and measured speeds where they fit.
 
     Times are the worst case: command and answer one after the other, every number at its longest.
 
@@ -37,12 +35,12 @@ def step_budget(kinds: tuple[str, ...], baud: int) -> Budget:
         BaudError: sensors and speed command alone take longer than a step; shows the arithmetic.
         UsageError: an unknown kind, or none.
     """
-    if not kinds or not set(kinds) <= set(KINDS):
+    if not (kinds or turns) or not set(kinds) <= set(KINDS):
         raise UsageError(f"a robot's sensors are {' and '.join(KINDS)}; got {list(kinds)}")
     reads = tuple(_READS[kind] for kind in KINDS if kind in kinds)
     if _ms(reads, baud) > STEP_MS:
         raise BaudError(_refusal(reads, tuple(kind for kind in KINDS if kind in kinds), baud))
-    for tell in _TELLS:
+    for tell in _TELLS if turns else ():
         if _ms((*reads, tell), baud) <= STEP_MS:
             reads = (*reads, tell)
     return Budget(reads, _ms(reads, baud))

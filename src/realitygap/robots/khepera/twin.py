@@ -1,0 +1,105 @@
+"""A unit of the twin as a body: switched on in any room, driven through its serial line in virtual time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from realitygap.robots.clock import VirtualClock
+from realitygap.robots.khepera.body import KheperaBody
+from realitygap.robots.khepera.driver import Khepera
+from realitygap.twin.process import TwinProcess, start_twin
+from realitygap.values import Command, Pose
+
+__all__ = ["TwinBody", "opened"]
+
+
+class TwinBody(KheperaBody):
+    """It has to `enter` a room first; one process serves it in a room for as long as it is used there.
+
+    Args:
+        unit: which robot of the population.
+        noise: the scale of its whole noise.
+        baud: of its line.
+        kinds: as of `KheperaBody`.
+
+    Raises:
+        BaudError: the line is too slow for these sensors in a loop of 100 ms.
+    """
+
+    def __init__(
+        self, unit: int, *, noise: float = 1.0, baud: int = 38400, kinds: tuple[str, ...] = ("proximity",)
+    ) -> None:
+        self.unit, self.noise, self.baud = unit, noise, baud
+        self._twin: TwinProcess | None = None
+        self._room: Mapping[str, Any] = {}
+        self._line = ExitStack()
+        self._rests = True
+        self.attend(kinds, turns=True)
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What a recording says of it."""
+        return {"robot": "twin (pseudo-reality)", "unit": self.unit, "twin_noise": self.noise}
+
+    @property
+    def twin(self) -> TwinProcess | None:
+        """Its process, if there is one yet."""
+        return self._twin
+
+    def enter(self, room: Mapping[str, Any], seed: int, pose: Pose | None = None) -> None:
+        """Be switched off, and on as a process of its own would be: no trial leaves the next a trace."""
+        self._line.close()
+        if self._twin is None or self._room != room:
+            self.leave()
+            self._room = room
+            self._twin = start_twin(room, unit=self.unit, noise=self.noise, seed=seed, baud=self.baud)
+        else:
+            self._twin.renew(seed)
+        clock = VirtualClock(self._twin.channel)
+        self._line.callback(clock.close)
+        self._take(Khepera.connect(self._twin.device, baud=self.baud, clock=clock), self._twin.place)
+        self._line.callback(self.khepera.abandon)
+        self._rests = True
+        if pose is not None:
+            clock.settle()
+            self._twin.place(pose)
+
+    def reset(self, pose: Pose | None = None) -> None:
+        """Stand, be carried to `pose`, counters at zero; one just switched on is not told to stand."""
+        if not self._rests:
+            super().reset(pose)
+            return
+        if pose is not None and self._twin is not None:
+            self.clock.settle()
+            self._twin.place(pose)
+        self._zero()
+
+    def act(self, command: Command) -> None:
+        """Wheel speeds from now on, pulses per 10 ms."""
+        self._rests = False
+        super().act(command)
+
+    def film(self, states: Path | None) -> None:
+        """Write where it is, every 20 ms, into a sealed file for the camera; None ends it."""
+        if self._twin is not None:
+            self.clock.settle()
+            self._twin.film(states)
+
+    def close(self) -> None:
+        """Let go of the line and end the process; there is nobody to be hurt."""
+        self._line.close()
+        self.leave()
+
+    def leave(self) -> None:
+        """End the process: the next room is another's."""
+        if self._twin is not None:
+            self._twin.close()
+            self._twin = None
+
+
+def opened(unit: str, *, baud: int | None = 38400, **settings: Any) -> TwinBody:
+    """A unit by its number in words; its line has the usual rate if any will do."""
+    return TwinBody(int(unit), baud=baud or 38400, **settings)

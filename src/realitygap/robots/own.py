@@ -1,0 +1,111 @@
+"""A body of the user's own, opened by its name, and held to what it declares."""
+
+from __future__ import annotations
+
+import inspect
+from typing import Any, cast
+
+import numpy as np
+
+from realitygap.errors import UsageError
+from realitygap.robots.body import KINDS, Body, Channel
+from realitygap.user_code import blamed_on, named_object
+from realitygap.values import Readings
+
+__all__ = ["OwnBody", "opened"]
+
+MEMBERS = ("channels", "period_s", "counts_turns", "reset", "sense", "act", "stop", "close")
+CURE = "The text of realitygap.robots.body says what a robot of your own needs."
+
+
+class Blamed:
+    """Passes everything on to a user's object; an error in it is told by its line, in `place`."""
+
+    def __init__(self, own: Any, place: str) -> None:
+        self._own, self._place, self._name = own, place, type(own).__name__
+
+    def __getattr__(self, name: str) -> Any:
+        inspect.getattr_static(self._own, name)  # what is not there is asked for, too
+        with self._blamed(name):
+            found = getattr(self._own, name)
+        if not callable(found):
+            return found
+
+        def called(*words: Any, **named: Any) -> Any:
+            with self._blamed(name):
+                return found(*words, **named)
+
+        return called
+
+    def _blamed(self, name: str) -> Any:
+        return blamed_on(self._place, UsageError, f"{self._name}.{name} stops")
+
+
+class OwnBody(Blamed):
+    """A user's body, whose readings are what its channels say.
+
+    Raises:
+        UsageError: something is missing, or is not what a body declares.
+    """
+
+    def __init__(self, own: Any, place: str) -> None:
+        super().__init__(own, place)
+        missing = [member for member in MEMBERS if not hasattr(own, member)]
+        if missing:
+            raise self._wrong(f"expected {', '.join(missing)}, which it has not")
+        self.channels = self._channels()
+        period = own.period_s
+        if isinstance(period, bool) or not isinstance(period, int | float) or not period > 0:
+            raise self._wrong(f"period_s: expected seconds, got {period!r}")
+        if own.counts_turns and not hasattr(own, "odometry"):
+            raise self._wrong("odometry: expected, since it counts turns")
+
+    @property
+    def clock(self) -> Any:
+        """Its own time, if it has one."""
+        return Blamed(super().__getattr__("clock"), self._place)
+
+    def sense(self) -> Readings:
+        """What it reads, checked.
+
+        Raises:
+            UsageError: no Readings, or others than its channels say.
+        """
+        with self._blamed("sense"):
+            read = self._own.sense()
+        if not isinstance(read, Readings):
+            raise self._wrong(f"sense: expected Readings, got {read!r}")
+        declared = {one.name: one for one in self.channels}
+        for kind in KINDS:
+            counts, one = np.asarray(getattr(read, kind), np.float64), declared.get(kind)
+            if counts.shape != (one.sensors if one else 0,):
+                wanted = f"{one.sensors} {kind} readings" if one else f"no {kind} readings"
+                raise self._wrong(f"sense: expected {wanted}, as its channels say, got {counts.shape}")
+            if one and not ((counts >= one.low) & (counts <= one.high)).all():
+                raise self._wrong(f"sense: expected {kind} counts from {one.low} to {one.high}, got {counts}")
+        return read
+
+    def _channels(self) -> tuple[Channel, ...]:
+        channels = self._own.channels
+        if not isinstance(channels, tuple | list) or not all(isinstance(one, Channel) for one in channels):
+            raise self._wrong(f"channels: expected a tuple of Channel, got {channels!r}")
+        if not channels or len({one.name for one in channels}) < len(channels):
+            raise self._wrong(f"channels: expected one for each kind of sensors, got {channels!r}")
+        return tuple(channels)
+
+    def _wrong(self, what: str) -> UsageError:
+        return UsageError(f"{self._place}: {self._name}: {what}. {CURE}")
+
+
+def opened(name: str, **_: Any) -> Body:
+    """The body that `file.py:Class` or `module:Class` makes when it is called.
+
+    Raises:
+        UsageError: there is no such class, it stops with an error, or it is no body.
+    """
+    found, place = named_object(name, UsageError, "robot"), name.rpartition(":")[0]
+    if not callable(found):
+        raise UsageError(f"robot: {name}: expected a class, or a function that makes a body, got {found!r}.")
+    with blamed_on(place, UsageError, f"{name.rpartition(':')[2]}() stops"):
+        own = found()
+    return cast("Body", OwnBody(own, place))

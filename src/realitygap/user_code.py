@@ -1,0 +1,102 @@
+"""Python of a user's own: files that are run, what they name, and what is wrong with them, by its line."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+
+from realitygap.errors import RealityGapError, UsageError
+
+__all__ = ["blamed_on", "named_object", "run_file"]
+
+
+def named_object(text: str, error: type[UsageError], what: str) -> object:
+    """What `file.py:Name` or `module:Name` names; the file is run, the module imported.
+
+    Args:
+        text: as a person types it.
+        error: what to raise.
+        what: what it is to be, for the message, such as "robot".
+
+    Raises:
+        UsageError: of the class `error`: no such file, module or name, or one that stops with an error.
+    """
+    place, _, name = text.rpartition(":")
+    if not place or not name.isidentifier():
+        raise error(f"{what}: expected file.py:Name or module:Name, got {text!r}.")
+    if place.endswith(".py"):
+        path = Path(place).expanduser()
+        if not path.is_file():
+            raise error(f"{what}: {place}: no such file. Give the path of a .py file, as in file.py:Name.")
+        module = run_file(path.resolve(), error)
+    else:
+        if importlib.util.find_spec(place.partition(".")[0]) is None:
+            raise error(f"{what}: no module {place!r} is installed. A file of your own: {place}.py:{name}.")
+        with blamed_on(place, error, "importing it stops"):
+            module = importlib.import_module(place)
+    found = getattr(module, name, None)
+    if found is None:
+        own = [key for key, one in vars(module).items() if getattr(one, "__module__", "") == module.__name__]
+        has = f"It has {', '.join(own)}." if own else "Nothing is defined in it."
+        raise error(f"{what}: {place}: expected {name!r} in it. {has}")
+    return found
+
+
+def run_file(path: Path, error: type[UsageError]) -> ModuleType:
+    """A file as a module, under a name made from its path: Numba finds compiled functions by it.
+
+    Raises:
+        UsageError: of the class `error`: the file stops with an error; names the line.
+    """
+    name = f"realitygap_task_{hashlib.sha256(str(path).encode()).hexdigest()[:16]}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        with blamed_on(path, error):
+            exec(compile(path.read_bytes(), str(path), "exec", dont_inherit=True), module.__dict__)
+    except BaseException:
+        sys.modules.pop(name, None)
+        raise
+    return module
+
+
+@contextmanager
+def blamed_on(place: str | Path, error: type[UsageError], does: str = "the file stops") -> Iterator[None]:
+    """Any error of a user's code as one that names the file and the line; a robot's own passes.
+
+    Args:
+        place: the file, or the module's name.
+        error: what to raise.
+        does: what ended with the error, for the message.
+
+    Raises:
+        UsageError: of the class `error`.
+    """
+    try:
+        yield
+    except SyntaxError as why:
+        where = f"{why.filename or place}, line {why.lineno}"
+        raise error(f"{where}: not valid Python: {why.msg}. Correct that line.") from None
+    except UsageError as why:
+        raise error(f"{_line(place, why)}: {why}") from None
+    except (RealityGapError, KeyboardInterrupt):
+        raise
+    except OSError as why:
+        raise error(f"{_line(place, why)}: {why.strerror or why}. Check the path.") from None
+    except (Exception, SystemExit) as why:
+        text = f"{type(why).__name__}: {why}".rstrip(": ")
+        raise error(f"{_line(place, why)}: {does} with {text}. Correct that line.") from None
+
+
+def _line(place: str | Path, error: BaseException) -> str:
+    """The file, and the last of its lines that was running."""
+    lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == str(place)]
+    return f"{place}, line {lines[-1]}" if lines else str(place)
