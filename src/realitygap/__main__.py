@@ -1,18 +1,33 @@
 """`python -m realitygap`, and the `realitygap` script."""
 
+import os
+import signal
 import sys
+import threading
+from typing import Any
 
 __all__ = ["main"]
+
+AGAIN_S = 0.02
 
 
 def main() -> None:
     """Run a command; Ctrl-C ends in one line even while the commands are being loaded."""
+    sys.unraisablehook = _unraisable
     try:
         from realitygap.cli import main as run
     except KeyboardInterrupt:
         sys.stderr.write("stopped\n")
         sys.exit(130)
     run()
+
+
+def _unraisable(what: Any) -> None:
+    """Press Ctrl-C once more where the first fell into a callback of compiled code, which drops it."""
+    if issubclass(what.exc_type, KeyboardInterrupt):
+        threading.Timer(AGAIN_S, os.kill, (os.getpid(), signal.SIGINT)).start()
+    else:
+        sys.__unraisablehook__(what)
 
 
 if __name__ == "__main__":

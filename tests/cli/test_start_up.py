@@ -36,6 +36,24 @@ def test_help_loads_nothing_heavy():
     assert made.stdout.splitlines()[-1] == "[]"
 
 
+def test_ctrl_c_that_falls_into_a_callback_still_ends_the_command():
+    """Compiled code drops what its callbacks raise; Ctrl-C there still ends the command, in one line."""
+    code = (
+        "import ctypes, os, signal, sys, time\n"
+        "import realitygap.cli\n"
+        "from realitygap.__main__ import main\n"
+        "def work():\n"
+        "    press = ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.SIGINT))\n"
+        "    press()\n"
+        "    time.sleep(30)\n"
+        "from realitygap.cli.failure import guarded\n"
+        "realitygap.cli.main = lambda: sys.exit(guarded(work))\n"
+        "main()"
+    )
+    made = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert (made.stderr, made.returncode) == ("stopped\n", 130)
+
+
 def test_ctrl_c_while_commands_are_loaded():
     """Ctrl-C before there is a command to end says so in one line, with the code of Ctrl-C."""
     code = (
