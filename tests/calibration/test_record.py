@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import nullcontext
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -22,15 +22,18 @@ from click.testing import CliRunner
 from realitygap.calibration.recorder import camera
 from realitygap.calibration.recorder import record as recorder
 from realitygap.calibration.recorder.plans import ambient_plan, infrared_plan, sensor_plans
-from realitygap.calibration.recorder.record import drive_trial, record, twin_sites
-from realitygap.calibration.recorder.site import EnoughError, PersonSite, TwinSite
+from realitygap.calibration.recorder.record import Wanted, drive_trial, record
+from realitygap.calibration.recorder.site import EnoughError, OwnSite, PersonSite
 from realitygap.calibration.recorder.wheel_plans import FLOOR_CM, Trial, wheel_plan
 from realitygap.calibration.recordings.files import load_recording
 from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, SensorRecording
 from realitygap.cli import realitygap
 from realitygap.errors import BaudError, RecordingError
 from realitygap.film.calibrate import calibrate_camera
-from realitygap.values import Pose
+from realitygap.robots.address import Address
+from realitygap.robots.body import Channel
+from realitygap.robots.khepera.body import KheperaBody
+from realitygap.values import Pose, Readings
 from tests.robots.conftest import ROOT, Bench, bench
 
 __all__ = ["bench"]
@@ -151,9 +154,9 @@ def test_resuming_gives_the_bits_of_an_undisturbed_recording(tmp_path, monkeypat
     wall = infrared_plan("wall")
     few = [replace(wall, places=wall.places[:5])]
     drives = [t for t in wheel_plan(1, 0) if t.filmed and not t.watched][:2]
-    monkeypatch.setattr(recorder, "sensor_plans", lambda plan, name: few)
-    monkeypatch.setattr(recorder, "wheel_plan", lambda repeats, seed: tuple(drives))
-    options = {"open_site": twin_sites(unit=3, noise=1.0, seed=7), "facts": {}, "repeats": 2, "seed": 7}
+    monkeypatch.setattr(recorder, "sensor_plans", lambda *wanted: few)
+    monkeypatch.setattr(recorder, "wheel_plan", lambda *wanted: tuple(drives))
+    wanted, twin = Wanted(plan="all", repeats=2, seed=7), Address.parse("twin:3")
 
     def stop(name: str, done: int, total: int) -> None:
         if (name, done) in (("infrared-wall", 2), ("wheels", 1)):
@@ -166,11 +169,13 @@ def test_resuming_gives_the_bits_of_an_undisturbed_recording(tmp_path, monkeypat
         return found[0]
 
     monkeypatch.setattr(camera, "calibrate_camera", once)
-    record("all", tmp_path / "whole", **options)
+    with closing(twin.open()) as body:
+        record(wanted, tmp_path / "whole", body)
     for _ in range(2):
-        with contextlib.suppress(KeyboardInterrupt):
-            record("all", tmp_path / "broken", resume=True, on_progress=stop, **options)
-    record("all", tmp_path / "broken", resume=True, **options)
+        with contextlib.suppress(KeyboardInterrupt), closing(twin.open()) as body:
+            record(wanted, tmp_path / "broken", body, resume=True, on_progress=stop)
+    with closing(twin.open()) as body:
+        record(wanted, tmp_path / "broken", body, resume=True)
     for table in ("infrared-wall/readings.csv", "wheels/steps.csv"):
         assert (tmp_path / "broken" / table).read_text() == (tmp_path / "whole" / table).read_text(), table
 
@@ -199,9 +204,9 @@ def test_the_camera_sees_where_a_twin_was(tmp_path):
     start = Pose(x=31.0, y=27.0, heading=0.4)
     trial = Trial(number=0, kind="turn", commands=commands, pose=start, filmed=True, says="")
     room = {"size_cm": [FLOOR_CM, FLOOR_CM]}
-    with TwinSite(room, unit=2, noise=1.0, seed=1, camera=True) as site:
+    with closing(Address.parse("twin:2").open()) as body, OwnSite(body, room, seed=1, camera=True) as site:
         assert site.begin(trial)
-        rows = drive_trial(site, trial)
+        rows, _ = drive_trial(body, trial)
         seen = site.end(trial)
     assert sorted(seen) == list(trial.seen()) == [0, 10, 14]
     assert math.dist((seen[0].x, seen[0].y), (31.0, 27.0)) < 0.05
@@ -230,11 +235,11 @@ def test_a_person_measures_where_the_wheels_led(bench: Bench):
     twin = bench.twin(clock="real")
     khepera = bench.khepera(twin.device)
     answers = iter(["", "ten", "10 20 90", "10, 22.5, 91", "q"])
-    site = PersonSite(khepera, lambda says: next(answers))
+    site = PersonSite(lambda says: next(answers))
     pose = Pose(x=0, y=0, heading=0)
     trial = Trial(number=7, kind="straight", commands=((5, 5), (0, 0)), pose=pose, filmed=True, says="room")
     assert site.begin(trial)
-    rows = drive_trial(site, trial)
+    rows, _ = drive_trial(KheperaBody(khepera), trial)
     seen = site.end(trial)
     assert [row[-2:] for row in rows] == [("7", "straight")] * 2
     assert int(rows[1][3]) > 20 and khepera.speeds() == (0, 0)
@@ -246,19 +251,19 @@ def test_a_person_measures_where_the_wheels_led(bench: Bench):
 class Still:
     """A robot that stands in the dark, whose wheels must not turn."""
 
-    clock = SimpleNamespace(now=lambda: 0.0, sleep_until=lambda t: None)
+    channels = tuple(Channel(name=kind, sensors=8, high=1023) for kind in ("proximity", "ambient"))
+    period_s, counts_turns = 0.1, True
+    clock = SimpleNamespace(waits=True, now=lambda: 0.0, sleep_until=lambda t: None)
 
-    def proximity(self):
-        return (3,) * 8
-
-    ambient = proximity
+    def sense(self):
+        return Readings(proximity=np.full(8, 3.0), ambient=np.full(8, 3.0))
 
 
 def asked(folder, *answers, **options):
     """What a person is asked in a recording of all plans, and what was made."""
     left, says = list(answers), []
-    site = PersonSite(Still(), lambda words: says.append(words) or left.pop(0))
-    made = record("all", folder, open_site=lambda *room: nullcontext(site), facts={}, repeats=1, **options)
+    person = lambda words: says.append(words) or left.pop(0)  # noqa: E731
+    made = record(Wanted(plan="all", repeats=1), folder, Still(), ask=person, **options)
     assert not left
     return says, made
 
@@ -288,13 +293,13 @@ def test_a_slow_line_cannot_carry_the_wheels(bench: Bench):
         number=0, kind="step", commands=((1, 1),), pose=Pose(x=1, y=1, heading=0), filmed=False, says=""
     )
     with pytest.raises(BaudError, match="38400"):
-        drive_trial(PersonSite(khepera, lambda says: ""), trial)
+        drive_trial(KheperaBody(khepera), trial)
 
 
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("--robot", "ant", "--plan", "all"), "twin:UNIT or serial:PORT"),
+        (("--robot", "ant", "--plan", "all"), "twin:UNIT, khepera:PORT, serial:PORT"),
         (("--robot", "twin:", "--plan", "all"), "whole number"),
         (("--robot", "twin", "--plan", "sonar"), "sonar"),
         (("--robot", "twin", "--plan", "wheels", "--object", "wall"), "--object"),

@@ -25,22 +25,19 @@ BASE = "paper"
 
 def record_part(folder: Path, name: str) -> None:
     """Record one part of all plans into `folder/recordings/name`, there as a whole or not at all."""
+    from contextlib import closing
+
     from realitygap.calibration.recorder.plans import CYLINDER
-    from realitygap.calibration.recorder.record import record, twin_sites
+    from realitygap.calibration.recorder.record import Wanted, record
+    from realitygap.robots.address import Address
 
     unit, noise, seed = (_settings(folder)[key] for key in ("unit", "twin_noise", "seed"))
     finished = folder / RECORDINGS / name
     unfinished = finished.with_name(name + UNFINISHED)
     plan, _, shape = name.partition("-")
-    record(
-        plan,
-        unfinished,
-        open_site=twin_sites(unit=unit, noise=noise, seed=seed),
-        facts={"robot": "twin (pseudo-reality)", "unit": unit, "twin_noise": noise, "notes": ""},
-        object={"": None, "wall": "wall", "cylinder": CYLINDER}[shape],
-        seed=seed,
-        on_progress=_tell,
-    )
+    wanted = Wanted(plan=plan, object={"": None, "wall": "wall", "cylinder": CYLINDER}[shape], seed=seed)
+    with closing(Address.parse(f"twin:{unit}").open(noise=noise)) as body:
+        record(wanted, unfinished, body, on_progress=_tell)
     whole.move(unfinished, finished)
 
 

@@ -10,7 +10,7 @@ import click
 
 from realitygap.errors import UsageError
 
-__all__ = ["FILM", "PICTURE", "SECONDS", "SEED", "FileToWrite", "Finite", "Noise", "Whole"]
+__all__ = ["FILM", "PICTURE", "SECONDS", "SEED", "FileToWrite", "Finite", "Noise", "RobotKind", "Whole"]
 
 STEP_S = 0.1
 """Length of one step (the kernels' own constant would load them)."""
@@ -108,3 +108,17 @@ SEED = Whole(0, 2**63 - 1)
 PICTURE = FileToWrite(".png", ".svg", ".pdf")
 SECONDS = Seconds()
 FILM = FileToWrite(".gif", ".mp4")
+
+
+class RobotKind(click.ParamType):
+    """A robot by its address, as `robots/address.py` has it."""
+
+    name = "robot"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        from realitygap.robots.address import Address
+
+        try:
+            return Address.parse(str(value))
+        except UsageError as error:
+            self.fail(str(error).removeprefix("robot: "), param, ctx)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from realitygap.cli.kinds import SEED, Finite, Noise, Whole
-from realitygap.robots.khepera.protocol import BAUD_RATES
+from realitygap.robots.address import BAUD_RATES
 
 if TYPE_CHECKING:
     from collections.abc import Callable

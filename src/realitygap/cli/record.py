@@ -3,44 +3,24 @@
 from __future__ import annotations
 
 import sys
-from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any, NamedTuple
+from contextlib import ExitStack, closing
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from realitygap.cli.failure import StoppedError
-from realitygap.cli.kinds import SEED, Whole
+from realitygap.cli.kinds import RobotKind, Whole
 from realitygap.cli.options import as_json, baud_option, seed_option, twin_noise_option
 from realitygap.cli.output import print_json
 from realitygap.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
-    from realitygap.calibration.recorder.record import Made, OpenSite, Progress
+    from realitygap.calibration.recorder.record import Made, Progress
+    from realitygap.robots.address import Address
 
-__all__ = ["Robot", "RobotKind", "record"]
+__all__ = ["record"]
 
 PLANS = ("infrared", "ambient", "wheels", "all")
-
-
-class Robot(NamedTuple):
-    """A robot as it is named: a twin's unit, or a real one's port."""
-
-    unit: int | None
-    port: str | None
-
-
-class RobotKind(click.ParamType):
-    """`twin`, `twin:UNIT` or `serial:PORT`."""
-
-    name = "twin[:N]|serial:PORT"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Robot:
-        word, _, rest = str(value).partition(":")
-        if word == "serial" and rest:
-            return Robot(None, rest)
-        if word == "twin":
-            return Robot(Whole(0, SEED.high).convert(rest if ":" in str(value) else "1", param, ctx), None)
-        return self.fail(f"expected twin, twin:UNIT or serial:PORT, got {value!r}.", param, ctx)
 
 
 @click.command()
@@ -49,7 +29,8 @@ class RobotKind(click.ParamType):
     type=RobotKind(),
     required=True,
     metavar="R",
-    help="twin or twin:UNIT (a stand-in, placed by the program), or serial:PORT (placed by you).",
+    help="twin or twin:UNIT (placed by the program), serial:PORT (placed by you), or a body of your own, "
+    "file.py:Class.",
 )
 @click.option("--plan", type=click.Choice(PLANS), required=True, help="What to record.")
 @click.option("--out", required=True, metavar="DIR", help="Folder to write; several recordings go into it.")
@@ -64,11 +45,15 @@ class RobotKind(click.ParamType):
 @seed_option(says=" A twin's constants follow from its unit alone.")
 @twin_noise_option()
 @baud_option()
+@click.option(
+    "--base", metavar="P",
+    help="Robot of your own: its rough profile, a TOML file: radius, heights, top command and speed.",
+)  # fmt: skip
 @click.option("--notes", default="", metavar="TEXT", help="Kept with it: which robot, where, by whom.")
 @click.option("--resume", is_flag=True, help="Go on with recordings that were broken off.")
 @as_json
 def record(
-    robot: Robot,
+    robot: Address,
     plan: str,
     out: str,
     object_name: str | None,
@@ -76,6 +61,7 @@ def record(
     seed: int,
     twin_noise: float | None,
     baud: str,
+    base: str | None,
     notes: str,
     resume: bool,
     json_output: bool,
@@ -87,27 +73,47 @@ def record(
     finished place is written at once; --resume goes on after whatever broke it off.
 
     \b
-    Examples: all that a calibration of a twin needs; a robot before a wall, and how to go on after "q"
+    Examples: all that a calibration of a twin needs; a robot before a wall, and how to go on after "q";
+    a robot of your own
         realitygap record --robot twin:7 --plan all --out unit-7
         realitygap record --robot serial:/dev/ttyUSB0 --plan infrared --object wall --out wall
         realitygap record --robot serial:/dev/ttyUSB0 --plan infrared --object wall --out wall --resume
+        realitygap record --robot my_robot.py:MyRobot --base my_robot.toml --plan all --out mine
     """
+    from realitygap.calibration.recorder.record import Wanted
     from realitygap.calibration.recorder.record import record as make
     from realitygap.errors import RobotStoppedError
+    from realitygap.robots.body import Placing, facts_of
+    from realitygap.robots.signals import Stopping
+    from realitygap.world.profile import load_profile
 
     if object_name is not None and plan not in ("infrared", "all"):
         raise click.UsageError(f"--object belongs to the infrared's plan, not to {plan!r}; leave it out.")
-    if robot.port is not None and twin_noise is not None:
+    if robot.unit is None and twin_noise is not None:
+        raise click.UsageError("--twin-noise is the twin's; a robot has its own noise. Leave it out.")
+    if robot.kind == "own" and base is None:
         raise click.UsageError(
-            "--twin-noise scales the noise of a twin; a robot has its own noise. Leave it out."
+            f"--base: expected the rough profile of {robot}: its radius, heights, top command and speed."
         )
+    wanted = Wanted(
+        plan=plan, object=object_name, repeats=repeats, seed=seed, notes=notes,
+        base=load_profile(base) if base is not None else None,
+    )  # fmt: skip
     with ExitStack() as stack:
-        open_site, facts, report = _site(stack, robot, twin_noise, seed, baud)
+        if robot.unit is None:
+            stack.enter_context(Stopping())
+        noise = 1.0 if twin_noise is None else twin_noise
+        body = stack.enter_context(
+            closing(robot.open(baud=None if baud == "any" else int(baud), noise=noise))
+        )
+        facts = {name: fact for name, fact in facts_of(body).items() if name != "units"}
+        report: Progress = (
+            stack.enter_context(ProgressLine()).places if isinstance(body, Placing) else _written
+        )
+        if robot.unit is not None:
+            report = _stoppable(stack, report)
         try:
-            made = make(
-                plan, out, open_site=open_site, facts={**facts, "notes": notes}, object=object_name,
-                repeats=repeats, seed=seed, resume=resume, on_progress=report,
-            )  # fmt: skip
+            made = make(wanted, out, body, ask=_ask, resume=resume, on_progress=report)
         except (RobotStoppedError, KeyboardInterrupt) as stopped:
             said = f": {stopped}" if str(stopped) else ""
             raise StoppedError(f"stopped{said}; finished places are kept, --resume goes on") from None
@@ -118,31 +124,6 @@ def record(
         click.echo(f"{one.folder}: {one.kind}, {one.done} of {one.places} places, {one.seconds:.1f} s")
     if not all(one.finished for one in made):
         click.echo("not finished: the same command with --resume goes on")
-
-
-def _site(
-    stack: ExitStack, robot: Robot, twin_noise: float | None, seed: int, baud: str
-) -> tuple[OpenSite, dict[str, Any], Progress]:
-    """How a robot's sites are opened, facts about it, and who shows the progress."""
-    from contextlib import nullcontext
-
-    from realitygap.calibration.recorder.record import twin_sites
-    from realitygap.robots.signals import Stopping
-
-    if robot.port is None:
-        noise = 1.0 if twin_noise is None else twin_noise
-        line = stack.enter_context(ProgressLine())
-        assert robot.unit is not None
-        facts = {"robot": "twin (pseudo-reality)", "unit": robot.unit, "twin_noise": noise}
-        return twin_sites(unit=robot.unit, noise=noise, seed=seed), facts, _stoppable(stack, line.places)
-    from realitygap.calibration.recorder.site import PersonSite
-    from realitygap.robots.khepera.driver import Khepera
-
-    stack.enter_context(Stopping())
-    khepera = stack.enter_context(Khepera.connect(robot.port, baud=None if baud == "any" else int(baud)))
-    facts = {"robot": "Khepera", "port": robot.port, **khepera.versions._asdict()}
-    site = PersonSite(khepera, _ask)
-    return (lambda name, room: nullcontext(site)), facts, _written
 
 
 def _stoppable(stack: ExitStack, report: Progress) -> Progress:

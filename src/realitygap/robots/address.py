@@ -11,10 +11,12 @@ import importlib
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from realitygap.errors import UsageError
-from realitygap.robots.body import Body
+
+if TYPE_CHECKING:
+    from realitygap.robots.body import Body
 
 __all__ = ["BAUD_RATES", "FORMS", "Address"]
 

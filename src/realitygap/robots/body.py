@@ -18,19 +18,19 @@ What a body has besides is found by its name:
 
     odometry    an `Odometry`, as read with the last `sense`: of a body that counts turns
     clock       its own time (`Timed`): of a simulated body, say a `SteppedClock`; else the computer's
-    enter       enter(room, seed) puts it into a room (`Placing`), where `reset(pose)` sets it down:
-                of a simulated body; else a person builds the room and is asked to carry the robot
+    enter       enter(room, seed, pose) puts it into a room (`Placing`), where `reset(pose)` may set it
+                down anew: of a simulated body; else a person builds the room and carries the robot
     pose        where it truly is (`Seen`): the path of a transfer, if no camera sees it; else the
                 path is reckoned from its counters
     attend      attend(kinds, turns) says which channels are read from now on (`Attentive`): of a
                 body that cannot read all of them in one period
-    facts       what a recording shall say of it, besides its address
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from realitygap.errors import UsageError
@@ -42,6 +42,7 @@ __all__ = [
     "Attentive",
     "Body",
     "Channel",
+    "Filmed",
     "Odometry",
     "Placing",
     "Seen",
@@ -49,6 +50,7 @@ __all__ = [
     "attend",
     "channel",
     "clock_of",
+    "facts_of",
     "odometry_of",
 ]
 
@@ -136,11 +138,23 @@ class Timed(Protocol):
 class Placing(Protocol):
     """A body that needs nobody's hand."""
 
-    def enter(self, room: Mapping[str, Any], seed: int) -> None:
-        """Be in a room from now on: size_cm, cylinders [x, y, radius], walls [x, y, x, y], lamps [x, y]; cm.
+    def enter(self, room: Mapping[str, Any], seed: int, pose: Pose | None) -> None:
+        """Stand in a room from now on, at `pose` (None: anywhere), its counters at zero.
 
-        `seed` names the noise of what follows: the same seed, the same bits.
+        The room is in plain numbers, cm: size_cm, cylinders [x, y, radius], walls [x, y, x, y] and lamps
+        [x, y]. `seed` names the noise of what follows: the same seed, the same bits.
         """
+
+
+@runtime_checkable
+class Filmed(Protocol):
+    """A unit of the twin, as the camera above it knows it."""
+
+    unit: int
+    noise: float
+
+    def film(self, states: Path | None) -> None:
+        """Write where it is, every 20 ms, into a sealed file for the camera; None ends it."""
 
 
 @runtime_checkable
@@ -163,6 +177,11 @@ class Attentive(Protocol):
 def clock_of(body: Body) -> Clock:
     """The body's own time; the computer's if it has none."""
     return body.clock if isinstance(body, Timed) else RealClock()
+
+
+def facts_of(body: Body) -> Mapping[str, Any]:
+    """What recordings say of it: "robot", which it is, and more."""
+    return getattr(body, "facts", {"robot": type(body).__name__})
 
 
 def odometry_of(body: Body) -> Odometry:

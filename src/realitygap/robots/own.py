@@ -65,6 +65,11 @@ class OwnBody(Blamed):
         """Its own time, if it has one."""
         return Blamed(super().__getattr__("clock"), self._place)
 
+    @property
+    def facts(self) -> dict[str, str]:
+        """What recordings say of it."""
+        return {"robot": f"{self._place}:{self._name}"}
+
     def sense(self) -> Readings:
         """What it reads, checked.
 

@@ -9,7 +9,7 @@ from unittest import SkipTest
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.robots.body import KINDS, Body, odometry_of
+from realitygap.robots.body import KINDS, Body, attend, odometry_of
 from realitygap.robots.clock import Clock
 from realitygap.robots.loop import drive
 from realitygap.values import Command, Pose, Readings
@@ -49,6 +49,7 @@ class BodyContract:
     def test_readings_are_whole_counts_in_range(self) -> None:
         """Of each kind as many as its channels say; none of a kind that it has not."""
         with self.opened() as (body, _):
+            attend(body, *(one.name for one in body.channels))
             body.reset(MIDDLE)
             readings, channels = body.sense(), {one.name: one for one in body.channels}
             assert channels and body.period_s > 0

@@ -12,7 +12,7 @@ from realitygap.errors import RecordingError
 from realitygap.values import Pose
 from realitygap.world.arena import Arena, load_arena
 
-__all__ = ["Place", "SensorPlan", "ambient_plan", "infrared_plan", "plain_room", "sensor_plans"]
+__all__ = ["Place", "SensorPlan", "ambient_plan", "infrared_plan", "sensor_plans"]
 
 DISTANCES_CM = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.5, 8.0)
 """From nearly touching to where a Khepera sees nothing; close together where the curve is steep."""
@@ -70,11 +70,12 @@ class SensorPlan:
     begins: str
 
 
-def infrared_plan(name: str) -> SensorPlan:
+def infrared_plan(name: str, body_cm: float = BODY_RADIUS_CM) -> SensorPlan:
     """A wall or a cylinder at all bearings, from 0.5 to 8 cm.
 
     Args:
         name: "wall" or "cylinder:RADIUS_CM".
+        body_cm: radius of the robot's body.
 
     Raises:
         RecordingError: another object.
@@ -99,7 +100,7 @@ def infrared_plan(name: str) -> SensorPlan:
         room=room,
         arena=None,
         places=tuple(
-            _before(edge, short, distance, k * 360.0 / BEARINGS)
+            _before(edge, short, distance, k * 360.0 / BEARINGS, body_cm)
             for distance in DISTANCES_CM
             for k in range(BEARINGS)
         ),
@@ -122,7 +123,7 @@ def ambient_plan() -> SensorPlan:
         kind="ambient",
         object="lamp",
         columns=("x_cm", "y_cm", "heading_deg"),
-        room=plain_room(arena),
+        room=arena.plain(),
         arena=arena,
         places=tuple(places),
         begins=f"Build the arena of light seeking: {width:g} by {depth:g} cm, the lamp at ({lamp.x_cm:g}, "
@@ -131,33 +132,25 @@ def ambient_plan() -> SensorPlan:
     )
 
 
-def sensor_plans(plan: str, name: str | None = None) -> tuple[SensorPlan, ...]:
+def sensor_plans(
+    plan: str, name: str | None = None, body_cm: float = BODY_RADIUS_CM
+) -> tuple[SensorPlan, ...]:
     """The sensors' part of the plan "infrared", "ambient", "wheels" or "all".
 
-    `name` is the infrared's one object.
+    `name` is the infrared's one object, `body_cm` the radius of the robot's body.
     """
     out = []
     if plan in ("infrared", "all"):
-        out += [infrared_plan(one) for one in ((name,) if name else ("wall", CYLINDER))]
+        out += [infrared_plan(one, body_cm) for one in ((name,) if name else ("wall", CYLINDER))]
     if plan in ("ambient", "all"):
         out.append(ambient_plan())
     return tuple(out)
 
 
-def plain_room(arena: Arena) -> dict[str, Any]:
-    """An arena in plain numbers (cm), all that a twin may know of it."""
-    return {
-        "size_cm": list(arena.size_cm),
-        "cylinders": [[c.x_cm, c.y_cm, c.radius_cm] for c in arena.cylinders],
-        "walls": [list(wall) for wall in arena.walls],
-        "lamps": [[lamp.x_cm, lamp.y_cm] for lamp in arena.lamps],
-    }
-
-
-def _before(edge: float, what: str, distance: float, bearing: float) -> Place:
+def _before(edge: float, what: str, distance: float, bearing: float, body_cm: float) -> Place:
     """The place before an object whose edge is at x = edge, on the middle line."""
     bearing = 180.0 - (180.0 - bearing) % 360.0
-    pose = Pose(x=edge + distance + BODY_RADIUS_CM, y=ROOM_CM / 2, heading=math.radians(180.0 - bearing))
+    pose = Pose(x=edge + distance + body_cm, y=ROOM_CM / 2, heading=math.radians(180.0 - bearing))
     return Place(
         pose=pose,
         where=(distance, bearing),

@@ -1,9 +1,9 @@
 """Makes recordings: brings the robot to each place of a plan, reads it, and writes that down at once.
 
-from realitygap.calibration.recorder.record import record, twin_sites
+from realitygap.calibration.recorder.record import Wanted, record
+from realitygap.robots.address import Address
 
-sites = twin_sites(unit=7, noise=1.0, seed=0)
-record("all", "unit-7", open_site=sites, facts={"robot": "twin", "unit": 7})
+record(Wanted(plan="all"), "unit-7", Address.parse("twin:7").open())
 """
 
 from __future__ import annotations
@@ -12,39 +12,74 @@ import hashlib
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from realitygap import whole
 from realitygap.calibration.recorder.journal import ARENA, Journal, refuse_another
 from realitygap.calibration.recorder.plans import Place, SensorPlan, sensor_plans
-from realitygap.calibration.recorder.site import EnoughError, Site, TwinSite
+from realitygap.calibration.recorder.site import Ask, EnoughError, OwnSite, PersonSite, Site
 from realitygap.calibration.recorder.wheel_plans import ROOM, Trial, wheel_plan
-from realitygap.calibration.recordings.files import POSE, READINGS, STEP_COLUMNS, STEPS, UNITS
+from realitygap.calibration.recordings.files import POSE, READINGS, STEP_COLUMNS, STEPS
 from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, HEIGHTS_CM
-from realitygap.errors import BaudError
-from realitygap.robots.khepera.body import KheperaBody
+from realitygap.errors import BaudError, UsageError
+from realitygap.robots.body import (
+    Body,
+    Channel,
+    Placing,
+    Seen,
+    attend,
+    channel,
+    clock_of,
+    facts_of,
+    odometry_of,
+)
 from realitygap.robots.signals import MOVING, Stopping
 from realitygap.values import Command, Pose
+from realitygap.world.profile import Profile, load_profile
 
-__all__ = ["REPEATS", "Made", "OpenSite", "record", "twin_sites"]
+__all__ = ["REPEATS", "Made", "Wanted", "record"]
 
 REPEATS = 10
 APART_S = 0.3
 """Time between two readings at a place: noise that comes and goes slowly shows too."""
 
 FLOOR = "Clear a level floor of 60 by 60 cm; a camera above it is welcome."
-SENSORS = 8
-STEP_S = 0.1
+CHANNELS = {"infrared": "proximity", "ambient": "ambient"}
+OWN_UNITS = "units of the robot's own"
+OF_COUNTERS = ("counter_", "speed_")
+"""How columns begin that only wheels with counters have."""
+USUAL = "paper"
+"""The profile whose converter's highest count a recording need not say."""
 
 Progress = Callable[[str, int, int], None]
 """Is told the recording's name, the places done, and all."""
 
 Stop = TypeVar("Stop", Place, Trial)
-OpenSite = Callable[[str, Mapping[str, Any]], AbstractContextManager[Site]]
-"""Opens the site of a recording: of its name, in a room."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wanted:
+    """What is to be recorded.
+
+    Attributes:
+        plan: "infrared", "ambient", "wheels" or "all" that the robot has.
+        object: the one object of the infrared's plan; None: a wall and a cylinder.
+        repeats: readings at each place; standing starts of each size.
+        seed: of what is random in a plan, and of the noise of a robot that places itself.
+        notes: kept with it.
+        base: what is known of the robot before: its radius, heights, top command and speed; None: of
+            a Khepera.
+    """
+
+    plan: str
+    object: str | None = None
+    repeats: int = REPEATS
+    seed: int = 0
+    notes: str = ""
+    base: Profile | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,124 +101,160 @@ class Made:
         return self.done >= self.places
 
 
-def twin_sites(*, unit: int, noise: float, seed: int) -> OpenSite:
-    """Sites with a twin: its noise differs from recording to recording, and from place to place."""
-
-    def open_site(name: str, room: Mapping[str, Any]) -> TwinSite:
-        digest = hashlib.sha256(f"{seed}/{name}".encode()).digest()
-        own = int.from_bytes(digest[:7])
-        return TwinSite(room, unit=unit, noise=noise, seed=own, camera=name == "wheels")
-
-    return open_site
-
-
 def record(
-    plan: str,
+    wanted: Wanted,
     folder: str | Path,
+    body: Body,
     *,
-    open_site: OpenSite,
-    facts: Mapping[str, Any],
-    object: str | None = None,
-    repeats: int = REPEATS,
-    seed: int = 0,
+    ask: Ask | None = None,
     resume: bool = False,
     on_progress: Progress | None = None,
 ) -> list[Made]:
     """Record a plan: into `folder` itself, or each part into a folder of its own there.
 
     Args:
-        plan: "infrared", "ambient", "wheels" or "all".
+        wanted: what.
         folder: where; made if need be.
-        open_site: opens the robot's site for each part.
-        facts: of the robot, for recording.toml.
-        object: the one object of the infrared's plan; None: a wall and a cylinder.
-        repeats: readings at each place; standing starts of each size.
-        seed: of what is random in a plan.
+        body: the robot; whoever opened it closes it.
+        ask: says something to the person who places the robot; not needed for one that places itself.
         resume: go on with what is there.
         on_progress: is told how far it is, after each place: whoever raises there stops the recording.
 
     Raises:
         RecordingError: a recording is there already, or another one.
+        UsageError: the robot lacks the sensors, or has others than `base`.
     """
-    parts: list[SensorPlan | tuple[Trial, ...]] = [*sensor_plans(plan, object)]
-    if plan in ("wheels", "all"):
-        parts.append(wheel_plan(repeats, seed))
-    known = {"plan": plan, "units": UNITS, **facts, "repeats": repeats, "seed": seed}
-    report = on_progress or (lambda name, done, total: None)
-    made: list[Made] = []
+    parts = _parts(wanted, body)
     names = [part.name if isinstance(part, SensorPlan) else "wheels" for part in parts]
     places = [Path(folder)] if len(parts) == 1 else [Path(folder) / name for name in names]
     for place in places:
         refuse_another(place, resume=resume)
-    for part, place in zip(parts, places, strict=True):
-        if isinstance(part, SensorPlan):
-            made.append(_sensors(part, place, open_site, known, repeats, resume, report))
-        else:
-            made.append(_wheels(part, place, open_site, known, resume, report))
+    made: list[Made] = []
+    for part, name, place in zip(parts, names, places, strict=True):
+        room = part.room if isinstance(part, SensorPlan) else ROOM
+        site = _site(body, ask, name, room, wanted.seed)
+        work = _Work(wanted, name, place, resume, site, on_progress or (lambda name, done, total: None))
+        made.append(_sensors(part, body, work) if isinstance(part, SensorPlan) else _wheels(part, body, work))
         if made[-1].stopped:
             break
     return made
 
 
-def _sensors(
-    plan: SensorPlan,
-    folder: Path,
-    open_site: OpenSite,
-    facts: Mapping[str, Any],
-    repeats: int,
-    resume: bool,
-    report: Progress,
-) -> Made:
-    begun = time.perf_counter()
-    own = {"kind": plan.kind, "object": plan.object, "body_radius_cm": BODY_RADIUS_CM, "sensors": SENSORS}
+class _Work(NamedTuple):
+    """How a part of a plan is recorded."""
+
+    wanted: Wanted
+    name: str
+    folder: Path
+    resume: bool
+    site: AbstractContextManager[Site]
+    report: Progress
+
+    def facts(self, body: Body, places: int) -> dict[str, Any]:
+        """What recording.toml says of the robot and of what was asked for."""
+        wanted, known = self.wanted, dict(facts_of(body))
+        units = f"cm, degrees, s, counts, {known.pop('units', OWN_UNITS)}, pulses"
+        asked = {"notes": wanted.notes, "repeats": wanted.repeats, "seed": wanted.seed, "places": places}
+        return {"plan": wanted.plan, "units": units, **known, **asked}
+
+
+def _parts(wanted: Wanted, body: Body) -> list[SensorPlan | tuple[Trial, ...]]:
+    """The parts of the plan that the robot has sensors for.
+
+    Raises:
+        UsageError: it lacks the sensors that are asked for, or has others than the base.
+    """
+    base, kinds = wanted.base, [one.name for one in body.channels]
+    parts: list[SensorPlan | tuple[Trial, ...]] = []
+    for part in sensor_plans(wanted.plan, wanted.object, base.body.radius_cm if base else BODY_RADIUS_CM):
+        kind = CHANNELS[part.kind]
+        if wanted.plan != "all" or kind in kinds:
+            has = channel(body, kind).sensors
+            theirs = (
+                has if base is None else len((base.infrared if kind == "proximity" else base.ambient).sensors)
+            )
+            if theirs != has:
+                expected = f"{theirs} {kind} sensors, as the base {base.name!r} has" if base else ""
+                raise UsageError(f"robot: expected {expected}; this one has {has}.")
+            parts.append(part)
+    if wanted.plan in ("wheels", "all"):
+        parts.append(wheel_plan(wanted.repeats, wanted.seed, base.wheels if base else None))
+    return parts
+
+
+def _site(
+    body: Body, ask: Ask | None, name: str, room: Mapping[str, Any], seed: int
+) -> AbstractContextManager[Site]:
+    """Where a part is recorded; noise differs from part to part."""
+    if isinstance(body, Placing):
+        own = int.from_bytes(hashlib.sha256(f"{seed}/{name}".encode()).digest()[:7])
+        return OwnSite(body, room, seed=own, camera=name == "wheels")
+    if ask is None:
+        raise UsageError("ask: a robot that does not place itself has to be placed: expected who is asked.")
+    return nullcontext(PersonSite(ask))
+
+
+def _sensors(plan: SensorPlan, body: Body, work: _Work) -> Made:
+    begun, wanted = time.perf_counter(), work.wanted
+    one = channel(body, CHANNELS[plan.kind])
+    own = {"kind": plan.kind, "object": plan.object, **_shape(wanted.base, one)}
     if plan.arena is not None:
-        own |= {"arena": ARENA, **HEIGHTS_CM}
-        folder.mkdir(parents=True, exist_ok=True)
+        heights = HEIGHTS_CM
+        if wanted.base is not None:
+            heights = dict(
+                zip(heights, (wanted.base.body.height_cm, wanted.base.ambient.sensor_height_cm), strict=True)
+            )
+        own |= {"arena": ARENA, **heights}
+        work.folder.mkdir(parents=True, exist_ok=True)
     journal = Journal(
-        folder,
-        facts={**own, **facts, "places": len(plan.places)},
+        work.folder,
+        facts={**own, **work.facts(body, len(plan.places))},
         table=READINGS,
-        columns=(*plan.columns, "repeat", *(f"s{i}" for i in range(SENSORS))),
+        columns=(*plan.columns, "repeat", *(f"s{i}" for i in range(one.sensors))),
         key=plan.columns,
-        rows=lambda key: repeats,
-        resume=resume,
+        rows=lambda key: wanted.repeats,
+        resume=work.resume,
     )
     if plan.arena is not None:
-        whole.write(folder / ARENA, plan.arena.to_toml())
+        whole.write(work.folder / ARENA, plan.arena.to_toml())
     left = [place for place in plan.places if _texts(place.where) not in journal.done]
     if not left:
-        return _made(journal, plan.name, plan.kind, len(plan.places), begun)
+        return _made(journal, work.name, plan.kind, len(plan.places), begun)
 
     def visit(site: Site, place: Place) -> None:
         if site.stand(place):
-            readings = _read(site, plan.kind, repeats)
+            readings = _read(body, one.name, wanted.repeats)
             where = _texts(place.where)
             journal.add([(*where, str(k), *map(str, row)) for k, row in enumerate(readings)])
-        report(plan.name, len(journal.done), len(plan.places))
+        work.report(work.name, len(journal.done), len(plan.places))
 
-    opened = open_site(plan.name, plan.room)
-    stopped = _visited(opened, plan.begins, left, visit)
-    return _made(journal, plan.name, plan.kind, len(plan.places), begun, stopped=stopped)
+    attend(body, one.name, turns=False)
+    stopped = _visited(work.site, plan.begins, left, visit)
+    return _made(journal, work.name, plan.kind, len(plan.places), begun, stopped=stopped)
 
 
-def _wheels(
-    trials: Sequence[Trial],
-    folder: Path,
-    open_site: OpenSite,
-    facts: Mapping[str, Any],
-    resume: bool,
-    report: Progress,
-) -> Made:
+def _shape(base: Profile | None, one: Channel) -> dict[str, Any]:
+    """The body's radius, and what its sensors are."""
+    shape: dict[str, Any] = {"body_radius_cm": base.body.radius_cm if base else BODY_RADIUS_CM}
+    shape["sensors"] = one.sensors
+    usual = load_profile(USUAL)
+    if one.high != (usual.infrared if one.name == "proximity" else usual.ambient).top:
+        shape["full_scale"] = one.high
+    return shape
+
+
+def _wheels(trials: Sequence[Trial], body: Body, work: _Work) -> Made:
     begun = time.perf_counter()
     lengths = {str(trial.number): len(trial.commands) for trial in trials}
+    counted = [name for name in STEP_COLUMNS if body.counts_turns or not name.startswith(OF_COUNTERS)]
     journal = Journal(
-        folder,
-        facts={"kind": "wheels", **facts, "places": len(trials)},
+        work.folder,
+        facts={"kind": "wheels", **work.facts(body, len(trials))},
         table=STEPS,
-        columns=(*STEP_COLUMNS, *POSE),
+        columns=(*counted, *POSE),
         key=("trial",),
         rows=lambda key: lengths.get(key[0], -1),
-        resume=resume,
+        resume=work.resume,
     )
     left = [trial for trial in trials if (str(trial.number),) not in journal.done]
     if not left:
@@ -191,13 +262,13 @@ def _wheels(
 
     def visit(site: Site, trial: Trial) -> None:
         if site.begin(trial):
-            rows = drive_trial(site, trial)
-            seen = site.end(trial)
+            rows, poses = drive_trial(body, trial)
+            seen = {**poses, **site.end(trial)}
             journal.add([(*row, *_pose(seen.get(k))) for k, row in enumerate(rows)])
-        report("wheels", len(journal.done), len(trials))
+        work.report("wheels", len(journal.done), len(trials))
 
-    opened = open_site("wheels", ROOM)
-    stopped = _visited(opened, FLOOR, left, visit)
+    attend(body, body.channels[0].name)
+    stopped = _visited(work.site, FLOOR, left, visit)
     return _made(journal, "wheels", "wheels", len(trials), begun, stopped=stopped)
 
 
@@ -218,46 +289,53 @@ def _visited(
     return False
 
 
-def drive_trial(site: Site, trial: Trial) -> list[tuple[str, ...]]:
-    """Drive one trial as a controller would, step by step; its rows as texts, without poses.
+def drive_trial(body: Body, trial: Trial) -> tuple[list[tuple[str, ...]], dict[int, Pose]]:
+    """Drive one trial as a controller would, step by step.
+
+    Returns:
+        Its rows as texts, without poses; and where the robot knew that it was, by the steps at which
+        a camera looks.
 
     Raises:
         BaudError: the line has no room for counters and speeds in a step.
     """
-    khepera = site.khepera
-    body, clock = KheperaBody(khepera), khepera.clock
-    if {"H", "E"} - {read.letter for read in body.budget.reads}:
-        raise BaudError(
-            f"{khepera.baud} baud cannot carry sensors, counters and speeds each {STEP_S * 1000:g} ms; "
-            "set the robot to 38400 baud or more"
-        )
-    khepera.set_counters(0, 0)
-    rows = []
+    clock = clock_of(body)
+    body.reset()
+    rows, poses, looks = [], {}, trial.seen() if isinstance(body, Seen) else ()
     start = due = clock.now()
     with Stopping(() if clock.waits else MOVING) as stopping:
         try:
-            for command in trial.commands:
+            for k, command in enumerate(trial.commands):
                 clock.sleep_until(due)
                 now = clock.now()
                 body.sense()
-                counters, speeds = body.odometry
+                counters, speeds = odometry_of(body)
+                if body.counts_turns and (counters is None or speeds is None):
+                    raise BaudError(
+                        "robot: expected counters and speeds at each step, for which its line has no room; "
+                        "set it to 38400 baud or more."
+                    )
+                if k in looks and isinstance(body, Seen):
+                    poses[k] = body.pose
                 body.act(Command(left=command[0], right=command[1]))
                 numbers = (*command, *(counters or ()), *(speeds or ()), trial.number)
                 rows.append((f"{now - start:.4f}", *map(str, numbers), trial.kind))
-                due = max(due + STEP_S, now)
+                due = max(due + body.period_s, now)
         finally:
             with stopping.held():
                 body.stop()
-    return rows
+    return rows, poses
 
 
-def _read(site: Site, kind: str, repeats: int) -> list[tuple[int, ...]]:
+def _read(body: Body, kind: str, repeats: int) -> list[list[str]]:
     """Repeated readings of a robot that stands."""
-    khepera, clock = site.khepera, site.khepera.clock
+    clock = clock_of(body)
     readings = []
     for _ in range(repeats):
         clock.sleep_until(clock.now() + APART_S)
-        readings.append(khepera.proximity() if kind == "infrared" else khepera.ambient())
+        read = body.sense()
+        counts = read.proximity if kind == "proximity" else read.ambient
+        readings.append([f"{count:.10g}" for count in counts.tolist()])
     return readings
 
 

@@ -1,4 +1,4 @@
-"""Where a recording is made: a twin that the program places, or a robot that a person places."""
+"""Where a recording is made: with a robot that places itself, or one that a person places."""
 
 from __future__ import annotations
 
@@ -9,19 +9,15 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from realitygap import temporary
 from realitygap.calibration.recorder.plans import Place
 from realitygap.calibration.recorder.wheel_plans import Trial
-from realitygap.robots.clock import VirtualClock
-from realitygap.robots.khepera.driver import Khepera
+from realitygap.robots.body import Filmed, Placing
 from realitygap.values import Pose
 
-if TYPE_CHECKING:
-    from realitygap.twin.process import TwinProcess
-
-__all__ = ["Ask", "EnoughError", "PersonSite", "Site", "TwinSite"]
+__all__ = ["Ask", "EnoughError", "OwnSite", "PersonSite", "Site"]
 
 Ask = Callable[[str], str]
 """Says something to a person and returns the answer."""
@@ -32,11 +28,7 @@ class EnoughError(Exception):
 
 
 class Site(Protocol):
-    """A robot, and somebody's hand that brings it to a place."""
-
-    @property
-    def khepera(self) -> Khepera:
-        """The robot on its serial line."""
+    """Somebody's hand that brings a robot to a place."""
 
     def prepare(self, says: str) -> bool:
         """Make ready for a plan; False if it is left out."""
@@ -51,107 +43,76 @@ class Site(Protocol):
         """Where the robot was seen, by the trial's steps."""
 
 
-class TwinSite:
-    """A twin in a process of its own, in virtual time, read through its serial line alone.
+class OwnSite:
+    """A robot that puts itself down wherever it is told.
 
     Args:
+        body: the robot.
         room: in plain numbers (cm).
-        unit: which robot of the population.
-        noise: the twin's noise scale.
         seed: of its noise, with the place: no place or trial leaves the next a trace.
-        camera: whether a camera hangs over the floor.
+        camera: whether the camera over the floor looks, if the robot has one.
     """
 
-    def __init__(
-        self, room: Mapping[str, Any], *, unit: int, noise: float, seed: int, camera: bool = False
-    ) -> None:
-        self._room, self._unit, self._noise, self._seed = room, unit, noise, seed
-        self._twin: TwinProcess | None = None
+    def __init__(self, body: Placing, room: Mapping[str, Any], *, seed: int, camera: bool = False) -> None:
+        self._body, self._room, self._seed = body, room, seed
         self._camera = None
-        self._place_stack, self._stack = ExitStack(), ExitStack()
-        with ExitStack() as stack:
-            if camera:
-                from realitygap.calibration.recorder.camera import FloorCamera
+        self._stack = ExitStack()
+        if camera and isinstance(body, Filmed):
+            from realitygap.calibration.recorder.camera import FloorCamera
 
-                self._camera = stack.enter_context(FloorCamera(room, unit=unit, noise=noise, seed=seed))
-                folder = stack.enter_context(temporary.Folder("record"))
-                self._film = Path(folder) / "film.csv"
-            self._stack = stack.pop_all()
-
-    @property
-    def khepera(self) -> Khepera:
-        """The driver."""
-        return self._khepera
+            with ExitStack() as stack:
+                self._camera = stack.enter_context(
+                    FloorCamera(room, unit=body.unit, noise=body.noise, seed=seed)
+                )
+                self._film = Path(stack.enter_context(temporary.Folder("record"))) / "film.csv"
+                self._stack = stack.pop_all()
 
     def prepare(self, says: str) -> bool:
-        """A twin's room is built already."""
+        """Its room is built already."""
         return True
 
     def stand(self, place: Place) -> bool:
-        """Put the twin down."""
+        """Put it down."""
         self._put("/".join(f"{number:g}" for number in place.where), place.pose)
         return True
 
     def begin(self, trial: Trial) -> bool:
-        """Put the twin down, and film it from now on."""
-        twin = self._put(str(trial.number), trial.pose)
-        if self._camera is not None and trial.filmed:
-            twin.film(self._film)
+        """Put it down, and film it from now on."""
+        self._put(str(trial.number), trial.pose)
+        if self._camera is not None and trial.filmed and isinstance(self._body, Filmed):
+            self._body.film(self._film)
         return True
 
     def end(self, trial: Trial) -> Mapping[int, Pose]:
         """What the camera saw."""
-        if self._camera is None or self._twin is None or not trial.filmed:
+        if self._camera is None or not trial.filmed or not isinstance(self._body, Filmed):
             return {}
-        self._khepera.clock.settle()
-        self._twin.film(None)
+        self._body.film(None)
         return self._camera.poses(self._film, trial.seen(), trial.number)
 
-    def __enter__(self) -> TwinSite:
+    def __enter__(self) -> OwnSite:
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._place_stack.close()
         self._stack.close()
 
-    def _put(self, where: str, pose: Pose) -> TwinProcess:
-        """Switch the twin off and on again, its noise named by the place: the same whatever was before."""
-        from realitygap.twin.process import start_twin
-
+    def _put(self, where: str, pose: Pose) -> None:
+        """Its noise is named by the place: the same whatever was before."""
         digest = hashlib.sha256(f"{self._seed}/{where}".encode()).digest()
-        own = int.from_bytes(digest[:7])
-        self._place_stack.close()
-        if self._twin is None:
-            started = start_twin(self._room, unit=self._unit, noise=self._noise, seed=own)
-            self._twin = self._stack.enter_context(started)
-        else:
-            self._twin.renew(own)
-        clock = VirtualClock(self._twin.channel)
-        self._place_stack.callback(clock.close)
-        self._khepera = self._place_stack.enter_context(Khepera.connect(self._twin.device, clock=clock))
-        clock.settle()
-        self._twin.place(pose)
-        return self._twin
+        self._body.enter(self._room, int.from_bytes(digest[:7]), pose)
 
 
 class PersonSite:
-    """A robot on a serial line, and a person who is told what to do.
+    """A person who is told what to do with a robot.
 
     Args:
-        khepera: the driver; whoever opened it closes it.
         ask: says something to the person: an empty answer goes on, "s" skips, "q" stops.
     """
 
-    def __init__(self, khepera: Khepera, ask: Ask) -> None:
-        self._khepera = khepera
+    def __init__(self, ask: Ask) -> None:
         self._ask = ask
-
-    @property
-    def khepera(self) -> Khepera:
-        """The driver."""
-        return self._khepera
 
     def prepare(self, says: str) -> bool:
         """Tell what a plan needs."""

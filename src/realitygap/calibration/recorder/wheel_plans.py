@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from realitygap.values import Pose
+from realitygap.world.profile import Wheels
 
 __all__ = ["ROOM", "Trial", "camera_places", "wheel_plan"]
 
@@ -74,19 +75,23 @@ class Trial:
         return (*range(0, last, 1 if self.watched else SEEN_EVERY), last)
 
 
-def wheel_plan(repeats: int, seed: int) -> tuple[Trial, ...]:
+def wheel_plan(repeats: int, seed: int, wheels: Wheels | None = None) -> tuple[Trial, ...]:
     """All trials.
 
     Args:
         repeats: how often a standing start of each size is made.
         seed: of the random commands and the places.
+        wheels: whose top command and speed; None: 10 units, of about 8 mm/s.
     """
     draw = random.Random(f"wheels/{seed}")
+    scale = 1.0 if wheels is None else wheels.top_command / TOP
+    unit_cm_s = UNIT_CM_S if wheels is None else scale * math.fsum(wheels.speed_per_unit_cm_s) / 2
     middle = FLOOR_CM / 2
     made: list[Trial] = []
 
     def add(kind: str, commands: list[Command], pose: Pose, says: str, **camera: bool) -> None:
-        whole = (*commands, *[(0, 0)] * _steps(STAND_S))
+        scaled = [(round(scale * left), round(scale * right)) for left, right in commands]
+        whole = (*scaled, *[(0, 0)] * _steps(STAND_S))
         seen = {"filmed": False, **camera}
         made.append(Trial(number=len(made), kind=kind, commands=whole, pose=pose, says=says, **seen))
 
@@ -106,9 +111,9 @@ def wheel_plan(repeats: int, seed: int) -> tuple[Trial, ...]:
         add("start", _starts(level, repeats), anywhere(), "10 cm free ahead and behind")
     for level in STRAIGHT:
         for run in range(STRAIGHT_RUNS):
-            seconds = min(LONGEST_S, WAY_CM / (level * UNIT_CM_S))
+            seconds = min(LONGEST_S, WAY_CM / (level * unit_cm_s))
             sign = 1 - 2 * (run % 2)
-            pose = _run_through(draw, sign * level * UNIT_CM_S * seconds)
+            pose = _run_through(draw, sign * level * unit_cm_s * seconds)
             ahead = "ahead" if sign > 0 else "behind"
             line = [(sign * level, sign * level)] * _steps(seconds)
             watched = run < WATCHED.get(level, 0)

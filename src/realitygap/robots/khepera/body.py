@@ -16,6 +16,9 @@ from realitygap.values import Command, Pose, Readings
 
 __all__ = ["KheperaBody", "opened"]
 
+UNITS = "Khepera units"
+"""Of its commands and speeds: pulses per 10 ms."""
+
 
 class KheperaBody:
     """From `act` to `stop` something has to be asked or told twice a second, or the guard stops the robot.
@@ -48,8 +51,8 @@ class KheperaBody:
 
     @property
     def channels(self) -> tuple[Channel, ...]:
-        """Eight sensors of 10 bits of each kind that is read."""
-        return tuple(Channel(name=kind, sensors=SENSORS, high=FULL) for kind in self.kinds)
+        """Eight sensors of 10 bits of each kind, whichever of them are read."""
+        return tuple(Channel(name=kind, sensors=SENSORS, high=FULL) for kind in KINDS)
 
     @property
     def clock(self) -> LineClock:
@@ -64,7 +67,12 @@ class KheperaBody:
     @property
     def facts(self) -> dict[str, Any]:
         """What a recording says of it."""
-        return {"robot": "Khepera", "port": self.khepera.line.device, **self.khepera.versions._asdict()}
+        return {
+            "units": UNITS,
+            "robot": "Khepera",
+            "port": self.khepera.line.device,
+            **self.khepera.versions._asdict(),
+        }
 
     def attend(self, kinds: tuple[str, ...], turns: bool) -> None:
         """Read these kinds of sensors from now on, and what of counters and speeds a step has room for."""
@@ -107,6 +115,7 @@ class KheperaBody:
     def close(self) -> None:
         """Stand, and close the line."""
         self.khepera.close()
+        self.clock.close()
 
     def abandon(self) -> None:
         """Close the line without a word to the robot."""

@@ -14,6 +14,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from realitygap.errors import RobotError, UsageError
+from realitygap.robots.address import BAUD_RATES
 
 __all__ = [
     "BAUD_RATES",
@@ -45,9 +46,6 @@ SENSORS, FULL = 8, 1023
 
 BITS_PER_CHARACTER = 11
 """One start bit, eight data bits, two stop bits (8N2)."""
-
-BAUD_RATES = (9600, 19200, 38400, 57600, 115200)
-"""By jumper; 9600 from the factory."""
 
 NOT_FOUND = "Command not found"
 """The robot's answer to a text that is no command (one source)."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from realitygap.robots.clock import VirtualClock
-from realitygap.robots.khepera.body import KheperaBody
+from realitygap.robots.khepera.body import UNITS, KheperaBody
 from realitygap.robots.khepera.driver import Khepera
 from realitygap.twin.process import TwinProcess, start_twin
 from realitygap.values import Command, Pose
@@ -42,14 +42,14 @@ class TwinBody(KheperaBody):
     @property
     def facts(self) -> dict[str, Any]:
         """What a recording says of it."""
-        return {"robot": "twin (pseudo-reality)", "unit": self.unit, "twin_noise": self.noise}
+        return {"units": UNITS, "robot": "twin (pseudo-reality)", "unit": self.unit, "twin_noise": self.noise}
 
     @property
     def twin(self) -> TwinProcess | None:
         """Its process, if there is one yet."""
         return self._twin
 
-    def enter(self, room: Mapping[str, Any], seed: int, pose: Pose | None = None) -> None:
+    def enter(self, room: Mapping[str, Any], seed: int, pose: Pose | None) -> None:
         """Be switched off, and on as a process of its own would be: no trial leaves the next a trace."""
         self._line.close()
         if self._twin is None or self._room != room:
