@@ -34,7 +34,8 @@ if TYPE_CHECKING:
     from realitygap.study.runner import run_study
     from realitygap.tasks import load_task
     from realitygap.tasks.task import Start, Task
-    from realitygap.transfer.run import load_transfers, transfer
+    from realitygap.transfer.options import Transfer
+    from realitygap.transfer.run import load_transfers, run_transfer
     from realitygap.transfer.score_rows import marks_of
     from realitygap.values import Command, Pose, Readings, Trajectory
     from realitygap.world.arena import Arena, load_arena
@@ -57,6 +58,7 @@ __all__ = [
     "StudyConfig",
     "Task",
     "Trajectory",
+    "Transfer",
     "UsageError",
     "Variation",
     "__version__",
@@ -81,9 +83,9 @@ __all__ = [
     "random_genotype",
     "read_trials",
     "run_study",
+    "run_transfer",
     "save_genotype",
     "setting_of",
-    "transfer",
 ]
 
 _HOMES = {
@@ -107,7 +109,8 @@ _HOMES = {
     "tasks": ("load_task",),
     "simulation.simulation": ("Simulation",),
     "tasks.task": ("Start", "Task"),
-    "transfer.run": ("load_transfers", "transfer"),
+    "transfer.options": ("Transfer",),
+    "transfer.run": ("load_transfers", "run_transfer"),
     "transfer.score_rows": ("marks_of",),
     "values": ("Command", "Pose", "Readings", "Trajectory"),
     "world.arena": ("Arena", "load_arena"),

@@ -188,19 +188,19 @@ def test_reproduce_transfers_before_it_reports(json_of, monkeypatch, tmp_path):
     """Every champion drives unit 1 from each start; the first of one run of each condition is filmed."""
     asked = []
 
-    def transfer(study, runs=(), **settings):
-        asked.append({**settings, "runs": runs})
+    def transfer(study, options, **settings):
+        asked.append(options)
         assert not (study.folder / "report" / "index.html").exists()
         return []
 
-    monkeypatch.setattr("realitygap.experiments.reproduction.transfer", transfer)
+    monkeypatch.setattr("realitygap.experiments.reproduction.run_transfer", transfer)
     words = ("reproduce", "--runs", 1, "--evaluations", 66, "--workers", 1, "--profile", "paper")
     words = (*words, "--starts", 3, "--out", tmp_path / "study")
     assert json_of(*words)["transfers"] == []
     first, rest = asked
-    assert first["robots"] == rest["robots"] == ("twin:1",) and first["runs"] == rest["runs"] == ()
-    assert first["film"] == [1, 2, 3, 4, 5, 6] and "starts" not in first
-    assert rest["starts"] == 3 and "film" not in rest
+    assert first.robots == rest.robots == ("twin:1",) and first.runs == rest.runs == ()
+    assert first.film == [1, 2, 3, 4, 5, 6] and first.starts == 1
+    assert rest.starts == 3 and rest.film is False
     asked.clear()
     assert "transfers" not in json_of(*words, "--resume", "--no-transfer")
     assert not asked

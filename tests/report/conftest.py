@@ -8,7 +8,7 @@ from realitygap.report import build_report
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study, load_study
 from realitygap.study.runner import run_study
-from realitygap.transfer.run import transfer
+from tests.transfer.helpers import transfer
 
 FIGURE = '<svg width="72pt" viewBox="0 0 72 72" xmlns="http://www.w3.org/2000/svg"></svg>'
 

@@ -148,7 +148,7 @@ OTHERS: dict[str, Callable[[], object]] = {
     "a folder in a list": lambda: rg.run_study([1]),
     "marks of a list": lambda: rg.marks_of([1]),
     "transfers of nothing": lambda: rg.load_transfers(None),
-    "a transfer of nothing": lambda: rg.transfer(None),
+    "a transfer of nothing": lambda: rg.run_transfer(None),
     "a report on nothing": lambda: rg.build_report(None),
     "a recording in numbers": lambda: rg.load_recording(3),
     "a calibration of paths": lambda: rg.calibrate(["unit-1"], "paper"),

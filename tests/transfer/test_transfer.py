@@ -20,11 +20,12 @@ from realitygap.robots.recording import Recording
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study, load_study
 from realitygap.transfer.folder import half_folder
-from realitygap.transfer.plan import Robot
+from realitygap.transfer.options import Robot
 from realitygap.transfer.replay import Replays
-from realitygap.transfer.run import Transferred, load_transfers, transfer
+from realitygap.transfer.run import Transferred, load_transfers
 from realitygap.twin.process import start_twin
 from realitygap.twin.states import States
+from tests.transfer.helpers import transfer
 
 SECONDS = 1.0
 

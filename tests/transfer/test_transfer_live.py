@@ -19,12 +19,13 @@ from realitygap.film.video import FilmReader, FilmWriter
 from realitygap.study.load import Study, load_study
 from realitygap.transfer.film import calibrated
 from realitygap.transfer.paths import lost_steps
-from realitygap.transfer.run import load_transfers, transfer
+from realitygap.transfer.run import load_transfers
 from realitygap.twin import drawing
 from realitygap.twin.camera import OverheadCamera
 from realitygap.twin.process import start_twin
 from realitygap.twin.states import States
 from realitygap.values import Pose
+from tests.transfer.helpers import transfer
 
 SECONDS, FPS = 1.0, 25
 STANDS = Pose.from_degrees(24.0, 26.0, 30.0)

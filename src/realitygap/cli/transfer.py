@@ -130,32 +130,22 @@ def transfer(
         realitygap transfer out/reproduce 9 --robot serial:/dev/ttyUSB0 --camera camera.json --eye 0
     """
     from realitygap.study.load import load_study
-    from realitygap.transfer.run import transfer as carry_over
+    from realitygap.transfer.options import Transfer
+    from realitygap.transfer.run import Attendant, run_transfer
 
     ask_trust(study, trust)
     loaded = load_study(study)
     consider(trials=(len(runs) or len(loaded.runs)) * len(robots) * starts, workers=workers)
+    options = Transfer(
+        runs=runs, robots=robots, starts=starts, individual=individual, film=film, watch=watch,
+        twin_noise=twin_noise, seed=seed, seconds=seconds, baud=None if baud == "any" else int(baud),
+        camera=camera, eye=eye, disk=disk,
+    )  # fmt: skip
+    attendant = Attendant(partial(_carry, seen=eye is not None), _found)
     try:
-        with TransferLine() as progress:
-            made = carry_over(
-                loaded,
-                runs,
-                robots=robots,
-                starts=starts,
-                individual=individual,
-                film=film,
-                watch=watch,
-                twin_noise=twin_noise,
-                seed=seed,
-                seconds=seconds,
-                baud=None if baud == "any" else int(baud),
-                workers=workers,
-                carry=partial(_carry, seen=eye is not None),
-                camera=camera,
-                eye=eye,
-                disk=disk,
-                found=_found,
-                on_progress=progress.transfer,
+        with TransferLine() as line:
+            made = run_transfer(
+                loaded, options, workers=workers, attendant=attendant, on_progress=line.transfer
             )
     except (KeyboardInterrupt, StudyInterruptedError, click.Abort) as stop:
         raise StoppedError(_stopped(stop, study)) from None

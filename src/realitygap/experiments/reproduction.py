@@ -21,7 +21,8 @@ from realitygap.tasks import load_task
 from realitygap.toml import read_toml, to_toml
 from realitygap.transfer.choice import shown_runs
 from realitygap.transfer.load import Transferred, load_transfers
-from realitygap.transfer.run import transfer
+from realitygap.transfer.options import Transfer
+from realitygap.transfer.run import run_transfer
 from realitygap.transfer.work import OnProgress
 from realitygap.whole import write
 from realitygap.world.files import Value, build, shipped
@@ -135,10 +136,10 @@ def transferred(
     study: Study, *, starts: int, workers: int | None, on_progress: OnProgress | None
 ) -> list[Transferred]:
     """Every champion on the unit from each start; the first trials of those that figures show are filmed."""
-    film = [run.id for run in shown_runs(study)]
-    robots = (f"twin:{UNIT}",)
-    transfer(study, robots=robots, film=film, workers=workers, on_progress=on_progress)
-    return transfer(study, robots=robots, starts=starts, workers=workers, on_progress=on_progress)
+    driven = Transfer(robots=(f"twin:{UNIT}",))
+    filmed = replace(driven, film=[run.id for run in shown_runs(study)])
+    run_transfer(study, filmed, workers=workers, on_progress=on_progress)
+    return run_transfer(study, replace(driven, starts=starts), workers=workers, on_progress=on_progress)
 
 
 def again(study: Study) -> str:

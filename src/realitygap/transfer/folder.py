@@ -9,7 +9,7 @@ from pathlib import Path
 
 from realitygap import whole
 from realitygap.errors import FilmError, FrozenError, LineError, RobotError, RobotStoppedError
-from realitygap.transfer.plan import Robot
+from realitygap.transfer.options import Robot
 from realitygap.values import Pose
 
 __all__ = ["half_folder", "made", "place"]

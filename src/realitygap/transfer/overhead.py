@@ -10,11 +10,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
-from realitygap.errors import FilmError, UsageError
+from realitygap.errors import FilmError
 from realitygap.kernels.params import STEP_S
 from realitygap.transfer.film import FILM, TRACK, keep_film
 from realitygap.transfer.paths import Table, of_track
-from realitygap.transfer.plan import Robot, Situation
+from realitygap.transfer.plan import Situation
 from realitygap.values import Pose
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from realitygap.film.disk import Disk
     from realitygap.film.live import Filmed
 
-__all__ = ["Found", "Overhead", "check_eye", "open_overhead"]
+__all__ = ["Found", "Overhead", "open_overhead"]
 
 Found = Callable[[Situation, Pose, Pose | None], bool]
 """Gets the requested pose and the one that is seen (None: not seen), and says whether to start there;
@@ -112,28 +112,6 @@ class Overhead:
                 self._live.finish(time.monotonic())
             raise
         film.filmed = self._live.finish(film.begun + one.seconds)
-
-
-def check_eye(robots: list[Robot], camera: object, eye: object, disk: object) -> None:
-    """Refuse a live camera without its calibration, a calibration or a disk without it, or a twin below.
-
-    Raises:
-        UsageError: says what is missing.
-    """
-    if disk is not None and all(robot.port is None for robot in robots):
-        raise UsageError(
-            "disk: expected a robot on a serial port that wears it; a twin has a disk of its own."
-        )
-    if (camera is None) != (eye is None):
-        if camera is None:
-            cure = "its camera.json, as `realitygap camera calibrate` makes it (--camera FILE)"
-            raise UsageError(f"eye: expected camera beside it: {cure}.")
-        raise UsageError("camera: expected eye beside it: what looks down on the robot (--eye DEVICE).")
-    if disk is not None and eye is None:
-        cure = "what looks down on the robot, and its camera (--eye DEVICE, --camera FILE)"
-        raise UsageError(f"disk: expected eye beside it: {cure}.")
-    if eye is not None and all(robot.port is None for robot in robots):
-        raise UsageError("eye: expected a robot on a serial port under it; a twin has a camera of its own.")
 
 
 def open_overhead(

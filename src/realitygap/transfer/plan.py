@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,11 +14,12 @@ from realitygap.streams import TRANSFER
 from realitygap.study.load import Run, Study
 from realitygap.study.plan import run_stream
 from realitygap.study.run import WHO
+from realitygap.transfer.options import Robot, Transfer
 
 if TYPE_CHECKING:
     from realitygap.film.disk import Disk
 
-__all__ = ["FOLDER", "SOURCES", "Robot", "Situation", "chosen_runs", "situations", "transfer_stream"]
+__all__ = ["FOLDER", "SOURCES", "Situation", "chosen_runs", "situations", "transfer_stream"]
 
 FOLDER = "transfer"
 """In a study's folder."""
@@ -31,47 +30,8 @@ SENSORS, TOP_COMMAND = 8, 10
 BAUD = 38400
 """What a twin's jumper is set to, if nothing else is requested."""
 
-LARGEST_UNIT = 2**63 - 1
-
 SOURCES = ("counters", "camera", "film")
 """What a situated path may come from, the surest last."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Robot:
-    """A unit of the twin, or a robot on a serial port."""
-
-    unit: int | None = None
-    port: str | None = None
-
-    @classmethod
-    def parse(cls, text: str) -> Self:
-        """From "twin", "twin:UNIT" or "serial:PORT".
-
-        Raises:
-            UsageError: anything else.
-        """
-        kind, colon, rest = text.partition(":")
-        if kind == "serial" and rest:
-            return cls(port=rest)
-        if kind == "twin" and not colon:
-            return cls(unit=1)
-        if kind == "twin" and rest.isascii() and rest.isdecimal() and int(rest) <= LARGEST_UNIT:
-            return cls(unit=int(rest))
-        if kind == "twin":
-            raise UsageError(f"robot: a twin's unit is a whole number from 0 on, got {rest!r} in {text!r}.")
-        raise UsageError(f"robot: expected twin, twin:UNIT or serial:PORT, got {text!r}.")
-
-    def __str__(self) -> str:
-        return f"twin:{self.unit}" if self.port is None else f"serial:{self.port}"
-
-    def folder(self, twin_noise: float) -> str:
-        """Name of its folder: twin-1, twin-1-noise-2 (the noise scale, where it is not 1), serial-ttyUSB0."""
-        if self.port is not None:
-            return "serial-" + re.sub(r"[^A-Za-z0-9._-]", "-", Path(self.port).name)
-        short = f"{twin_noise:g}"
-        scale = short if float(short) == twin_noise else repr(twin_noise)
-        return f"twin-{self.unit}" if twin_noise == 1 else f"twin-{self.unit}-noise-{scale}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,76 +96,66 @@ class Situation:
 FINISH = "Finish the study (`realitygap … --resume`)."
 
 
-def chosen_runs(study: Study, runs: Sequence[int | str], individual: str) -> list[Run]:
+def chosen_runs(study: Study, options: Transfer) -> list[Run]:
     """The named runs, all that are finished if none is named.
 
     Raises:
         UsageError: no such run or individual, or one that there is not yet.
     """
-    if individual not in WHO:
-        raise UsageError(f"individual: expected {' or '.join(WHO)}, got {individual!r}.")
-    if not runs:
+    if options.individual not in WHO:
+        raise UsageError(f"individual: expected {' or '.join(WHO)}, got {options.individual!r}.")
+    if not options.runs:
         finished = [run for run in study.runs if run.finished]
         if not finished:
             raise StudyError(f"{study.folder}: no run is finished yet. {FINISH}")
         return finished
-    chosen = list({run.id: run for run in map(study.run, runs)}.values())
+    chosen = list({run.id: run for run in map(study.run, options.runs)}.values())
     for run in chosen:
-        if _number(run, individual) is None:
-            raise StudyError(f"{study.folder}: run {run.id} has no {individual} yet. {FINISH}")
+        if _number(run, options.individual) is None:
+            raise StudyError(f"{study.folder}: run {run.id} has no {options.individual} yet. {FINISH}")
     return chosen
 
 
-def situations(
-    study: Study,
-    runs: Sequence[Run],
-    robots: Sequence[Robot],
-    *,
-    starts: int,
-    individual: str,
-    film: bool | Collection[int],
-    watch: bool,
-    disk: Disk | None,
-    twin_noise: float,
-    seed: int,
-    seconds: float | None,
-    baud: int | None,
-) -> Iterator[Situation]:
-    """All trials, robot by robot. `film`: of all runs, of none, or of those with these ids.
-
-    `watch`: let the camera above see those that are not filmed; `disk`: what a live camera over real robots
-    looks for, None where there is none.
+def situations(study: Study, options: Transfer) -> Iterator[Situation]:
+    """All trials that are requested, robot by robot.
 
     Raises:
-        UsageError: a study whose robot is no Khepera.
+        UsageError: a study whose robot is no Khepera, or runs and individuals that there are not.
     """
-    for robot in dict.fromkeys(robots):
+    runs = chosen_runs(study, options)
+    for robot in options.bodies:
         for run in runs:
-            task = study.task(run.task)
             _check_body(study, run.task)
-            number = _number(run, individual)
-            assert number is not None
-            for start in range(1, starts + 1):
-                name = run.name.replace("/", "-") + ("" if individual == WHO[1] else f"-{individual}")
-                yield Situation(
-                    run=run.id,
-                    name=run.name,
-                    task=run.task,
-                    noise=run.noise,
-                    individual=individual,
-                    evaluation=number,
-                    robot=robot,
-                    twin_noise=twin_noise,
-                    seed=seed,
-                    start=start,
-                    seconds=task.seconds if seconds is None else seconds,
-                    baud=BAUD if baud is None and robot.port is None else baud,
-                    stream=transfer_stream(seed, run, start),
-                    film=film if isinstance(film, bool) else run.id in film,
-                    watch=watch and (disk is not None or robot.port is None),
-                    disk=None if robot.port is None else disk,
-                    folder=f"{FOLDER}/{robot.folder(twin_noise)}/{name}/start-{start}",
-                )
+            for start in range(1, options.starts + 1):
+                yield _situation(study, options, robot, run, start)
+
+
+def _situation(study: Study, options: Transfer, robot: Robot, run: Run, start: int) -> Situation:
+    number, twin = _number(run, options.individual), robot.port is None
+    assert number is not None
+    seed = study.config.seed if options.seed is None else options.seed
+    seen = twin or options.eye is not None
+    name = run.name.replace("/", "-")
+    name += "" if options.individual == WHO[1] else f"-{options.individual}"
+    return Situation(
+        run=run.id,
+        name=run.name,
+        task=run.task,
+        noise=run.noise,
+        individual=options.individual,
+        evaluation=number,
+        robot=robot,
+        twin_noise=options.noise,
+        seed=seed,
+        start=start,
+        seconds=study.task(run.task).seconds if options.seconds is None else options.seconds,
+        baud=BAUD if options.baud is None and twin else options.baud,
+        stream=transfer_stream(seed, run, start),
+        film=options.films(run.id),
+        watch=options.watch and seen,
+        disk=options.worn if seen and not twin else None,
+        folder=f"{FOLDER}/{robot.folder(options.noise)}/{name}/start-{start}",
+    )
 
 
 def transfer_stream(seed: int, run: Run, start: int) -> int:

@@ -30,8 +30,8 @@ from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recorder, Recording
 from realitygap.streams import TWIN_NOISE
 from realitygap.tasks.task import Task
+from realitygap.transfer.options import Robot
 from realitygap.transfer.paths import Table, of_track
-from realitygap.transfer.plan import Robot
 from realitygap.values import Pose, Readings
 from realitygap.world.profile import Profile
 
