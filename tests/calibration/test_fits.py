@@ -49,7 +49,7 @@ def test_a_surface_is_taken_for_matt(recorded):
     """Where noise hides whether a surface is matt, it is taken to be, and that is said."""
     made = calibrate([recorded("wall", matt=0.0, noise=21.0)], PAPER)
     assert made.profile.infrared.matt == 1.0
-    assert any("do not decide whether surfaces are matt" in warning for warning in made.warnings)
+    assert any("whether surfaces are Lambertian is not identifiable" in warning for warning in made.warnings)
 
 
 @pytest.mark.parametrize("repeats", [1, 10])

@@ -69,7 +69,7 @@ PROBE = ("probe", "avoidance", "--pose", 25, 25, 0)
         (("twin", "serve", "--arena", "light", "--noise", 11), "--noise"),
         (("twin", "serve", "--arena", "light", "--baud", "any"), "--baud"),
         (("record", "--robot", "twin", "--plan", "all", "--out", "x", "--twin-noise", 11), "at most 10"),
-        (("study", "noise", "--twin-noise", 11), "at most 10"),
+        (("experiment", "noise", "--twin-noise", 11), "at most 10"),
     ],
     ids=lambda value: " ".join(map(str, value)) if isinstance(value, tuple) else None,
 )

@@ -144,7 +144,7 @@ def test_a_study_is_not_overwritten(study, refused):
 
 
 def test_resuming_needs_no_options_again(study, json_of):
-    """With --resume what is not given is as it was; a finished study stays as it is."""
+    """With --resume omitted options keep their saved values; a finished study stays as it is."""
     folder, printed = study
     assert json_of("evolve", "light", "--resume", "--out", folder)["runs"] == printed["runs"]
 

@@ -105,7 +105,9 @@ def test_the_settings_and_the_calibration_are_told(done):
     assert NoiseConfig.from_folder(done) == tiny()
     assert told["levels"] == [0, 1] and told["twin_trials"] == 48 and told["versions"]["mujoco"]
     assert told["versions"]["commit"] == told["versions_at_start"]["commit"] == project_commit()
-    assert told["command"].startswith("realitygap study noise --levels 0,1 --runs 2 --seed-sets 1 --units 2")
+    assert told["command"].startswith(
+        "realitygap experiment noise --levels 0,1 --runs 2 --seed-sets 1 --units 2"
+    )
     assert list(told["seconds"]) == ["calibrate", "evolve", "situated", "simulated"]
     assert [(row["unit"], row["channel"], row["ratio"]) for row in rows(done, "calibration.csv")] == [
         ("1", "infrared", "0.45"), ("2", "infrared", "0.45"),

@@ -202,7 +202,7 @@ def _warnings(made: ChannelFit) -> list[str]:
         out.append(
             f"{kind}: model error is more than {limit:g} noise deviations ({made.deviation:.3g} "
             f"counts) for sensors "
-            f"{which}: there the level of noise can explain nothing"
+            f"{which}: model error exceeds noise there"
         )
     held_out = made.held_out[made.form]
     if held_out > OVERFITTED * made.rmse:
@@ -213,7 +213,8 @@ def _warnings(made: ChannelFit) -> list[str]:
     dead = tuple(f"[{k}]" for k in made.dead)
     vague = [c.key for c in made.fit.constants if not c.told and not c.key.endswith(dead)]
     if vague:
-        out.append(f"{kind}: the data do not decide {', '.join(vague)}: bounds or a mild prior do")
+        names = ", ".join(vague)
+        out.append(f"{kind}: not identifiable from these recordings: {names} (bounds or a mild prior decide)")
     out += _doubtful_light(made)
     if not made.measured:
         out.append(

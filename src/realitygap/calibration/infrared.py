@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 INFRARED_FORMS = ("paper", "individual", "extended")
 """Common a and b; a and b for each sensor; also directions, distance offset, exponent of the cosine, and
-surfaces that are matt."""
+Lambertian surfaces."""
 
 PROXIMITY_COUNTS = 21.0
 """Noise that residuals are weighed by before it is measured."""
@@ -37,14 +37,14 @@ DIRECTION_PRIOR_DEG = 5.0
 TURN_DEG, TURN_PRIOR_DEG = 10.0, 2.0
 """How far a rig may be turned, and how far it is likely to be."""
 AGAINST, DECIDED = -1.5, 2.0
-"""Standard errors: surfaces are taken for matt unless the readings are this much against it; whether they
-are is called decided from there on. Walls alone tell little of it, and a cylinder then tells plainly."""
+"""Standard errors: surfaces are taken to be Lambertian unless the readings are this much against it; from
+DECIDED on that counts as identified. Walls alone say little about it, a cylinder says it plainly."""
 
 
 def infrared_problems(rows: Rows, base: Profile) -> tuple[dict[str, Problem], str]:
-    """The forms to be fitted; and what the readings do not decide about them, in words, if anything.
+    """The forms to be fitted; and in words what is not identifiable about them, if anything.
 
-    Surfaces are matt or not: tried, not fitted, for fitted to walls such an exponent wanders.
+    Surfaces are Lambertian or not: tried, not fitted, since an exponent fitted to walls wanders.
     """
     problems = {form: _problem(form, rows, base) for form in INFRARED_FORMS}
     tried = [
@@ -57,8 +57,11 @@ def infrared_problems(rows: Rows, base: Profile) -> tuple[dict[str, Problem], st
         problems["extended"] = replace(tried[0], begin=glossy.values)
     else:
         problems["extended"] = replace(tried[1], begin=matt.values)
-    chosen = "are not matt" if for_matt <= AGAINST else "are matt"
-    doubt = f"infrared: the readings do not decide whether surfaces are matt; it is taken that they {chosen}"
+    chosen = "are not" if for_matt <= AGAINST else "are"
+    doubt = (
+        "infrared: whether surfaces are Lambertian is not identifiable from these recordings; "
+        f"it is assumed that they {chosen}"
+    )
     return problems, "" if abs(for_matt) >= DECIDED else doubt + " (readings before a cylinder would tell)"
 
 

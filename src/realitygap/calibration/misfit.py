@@ -19,7 +19,7 @@ __all__ = ["LIMITS", "Misfit", "measure_noise", "misfits"]
 Array = NDArray[np.float64]
 
 LIMITS = {"infrared": 2.0, "ambient": 1.0}
-"""Model error over noise deviation, beyond which the level of noise can explain nothing."""
+"""Model error over noise deviation, above which the noise level says little: model error exceeds noise."""
 
 
 @dataclass(frozen=True, kw_only=True)

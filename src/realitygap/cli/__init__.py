@@ -11,6 +11,7 @@ from realitygap.cli.calibrate import calibrate
 from realitygap.cli.camera import camera
 from realitygap.cli.classify import classify
 from realitygap.cli.evolve import evolve
+from realitygap.cli.experiment import experiment
 from realitygap.cli.failure import Commands
 from realitygap.cli.judge import judge
 from realitygap.cli.probe import probe
@@ -23,7 +24,6 @@ from realitygap.cli.robot import robot
 from realitygap.cli.score import score
 from realitygap.cli.show import show
 from realitygap.cli.simulate import simulate
-from realitygap.cli.study import study
 from realitygap.cli.track import track
 from realitygap.cli.transfer import transfer
 from realitygap.cli.twin import twin
@@ -42,10 +42,10 @@ def realitygap(ctx: click.Context) -> None:
     """Evolve robot controllers in a noisy simulation of a Khepera.
 
     A rebuild of Jakobi, Husbands and Harvey, "Noise and the Reality Gap" (1995). Lengths are in
-    cm, headings in degrees counter-clockwise from +x, the origin is the arena's lower left corner.
+    cm, headings in degrees counter-clockwise from +x; the origin is the arena's lower left corner.
 
     \b
-    Example: the paper's thirty runs, and a page to look at
+    Example: the paper's thirty runs, and a page that shows them
         realitygap reproduce
     """
     if ctx.invoked_subcommand is None:
@@ -53,7 +53,7 @@ def realitygap(ctx: click.Context) -> None:
 
 
 for _command in (
-    reproduce, evolve, study, simulate, probe, show, replay, report, transfer, score, classify, judge,
+    reproduce, evolve, experiment, simulate, probe, show, replay, report, transfer, score, classify, judge,
     robot, twin, record, calibrate, track, camera, profile, arena, bench,
 ):  # fmt: skip
     realitygap.add_command(_command)

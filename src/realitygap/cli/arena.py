@@ -12,7 +12,7 @@ __all__ = ["arena"]
 
 @click.group()
 def arena() -> None:
-    """Look at arenas.
+    """Show arenas.
 
     \b
     Example:

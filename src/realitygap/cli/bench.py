@@ -35,14 +35,14 @@ TRIALS = 4
     default=3.0,
     show_default=True,
     metavar="S",
-    help="Time spent on each figure.",
+    help="Measuring time for each figure.",
 )
 @as_json
 def bench(profile: str, noise: float, seconds: float, json_output: bool) -> None:
     """Measure simulation steps per second.
 
-    Both tasks, on one core and on all. The networks are random ones as a run starts with, of the
-    size that evolved ones have; each figure follows a warm-up.
+    Both tasks, on one core and on all. The networks are random, as at the start of a run, and as large as
+    evolved ones; each figure is measured after a warm-up.
 
     \b
     Example:

@@ -36,7 +36,7 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended")
     help="Which constants are free.",
 )
 @click.option(
-    "--light", type=click.Choice(LIGHT_FORMS), help="Another form for ambient light [default: as --form]."
+    "--light", type=click.Choice(LIGHT_FORMS), help="Form for ambient light [default: that of --form]."
 )
 @click.option(
     "--object", "objects", multiple=True, metavar="O",
@@ -44,25 +44,23 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended")
 )  # fmt: skip
 @click.option(
     "--base", default="paper", show_default=True, metavar="P",
-    help="Profile that keeps what the recordings do not tell; the form paper has the printed laws.",
+    help="Profile that supplies what the recordings do not cover; the form paper has the printed laws.",
 )  # fmt: skip
 @click.option(
     "--out",
     type=FileToWrite(".toml"),
     metavar="TOML",
-    help="The profile to write; its report goes beside it.",
+    help="The profile to write; its report is saved beside it.",
 )
 @click.option(
     "--report",
     "page",
     type=FileToWrite(".html", ".htm"),
     metavar="HTML",
-    help="Another place for the report.",
+    help="Where to write the report instead.",
 )
 @click.option("--no-report", is_flag=True, help="Write no report.")
-@click.option(
-    "--check", is_flag=True, help="Judge a profile, the last argument, by the recordings before it."
-)
+@click.option("--check", is_flag=True, help="Judge a profile (last argument) by the recordings before it.")
 @as_json
 def calibrate(
     recordings: tuple[str, ...],
@@ -80,11 +78,11 @@ def calibrate(
 
     A RECORDING is a folder made by `realitygap record` (or a folder of several), or a .sam table.
     Forms: paper has the paper's laws with common constants and its printed gains; individual has
-    constants for each sensor, light read linearly, and refitted gains; extended also directions,
-    distance offset, exponents, surfaces that are matt, and the lamp's height.
+    constants for each sensor, light read linearly, and refitted gains; extended adds directions,
+    distance offset, exponents, Lambertian surfaces and the lamp's height.
 
     \b
-    Examples: a profile from two tables, and its judge on a third
+    Examples: a profile from two tables; judged on a third
         realitygap calibrate wall.sam light.sam --out robot.toml
         realitygap calibrate --check round.sam robot.toml --object cylinder:2.7
     """
@@ -94,9 +92,7 @@ def calibrate(
         _check(recordings, objects, json_output)
         return
     if out is None:
-        raise click.UsageError(
-            "--out: missing: say where the profile shall be written, as in --out robot.toml."
-        )
+        raise click.UsageError("--out: missing: say where to write the profile, as in --out robot.toml.")
     from realitygap.calibration.calibrate import calibrate as fit
     from realitygap.world.profile import load_profile
 
@@ -125,7 +121,7 @@ def _beside(out: Path) -> Path:
     page = out.with_suffix(".html")
     if page.is_dir():
         raise click.UsageError(
-            f"--out: {str(page)!r}, where its report would go, is a folder. Give --report."
+            f"--out: {str(page)!r}, where its report would go, is a folder. Name another file with --report."
         )
     return page
 
@@ -148,8 +144,8 @@ def _header(made: Calibration) -> str:
     files = ", ".join(f.file for f in where.files)
     return (
         f"# Calibrated {where.date} by realitygap {where.version} from {files}.\n"
-        "# Lengths cm, speeds cm/s, angles degrees, readings counts; where each comes from "
-        "stands at the end.\n"
+        "# Lengths cm, speeds cm/s, angles degrees, readings counts; the end of the file says where each "
+        "comes from.\n"
     )
 
 
@@ -206,7 +202,7 @@ def _tell(made: Calibration, target: Path, page: Path | None) -> None:
         )
         vague = [c.key for c in made.wheels.constants if not c.told]
         if vague:
-            click.echo(f"  not decided by these data: {', '.join(vague)}")
+            click.echo(f"  not identifiable from these recordings: {', '.join(vague)}")
         _tell_alike(made.wheels.alike)
     click.echo(f"profile {target}")
     if page:
@@ -241,7 +237,7 @@ def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) 
     if _is_recording(words[-1]):
         raise click.UsageError(
             f"--check: expected recordings first and a profile as the last argument, got the recording "
-            f"{words[-1]!r} last. Turn them round."
+            f"{words[-1]!r} last. Swap them."
         )
     profile = load_profile(words[-1])
     found = [judge(recording, profile) for recording in _load(words[:-1], objects)]

@@ -39,7 +39,7 @@ def camera() -> None:
     "--lens-height",
     type=Finite(low=0),
     metavar="CM",
-    help="Lens above the floor; lets disks of other heights be tracked.",
+    help="Height of the lens above the floor; needed to track disks of other heights.",
 )
 @as_json
 def calibrate(
@@ -48,7 +48,7 @@ def calibrate(
     """Calibrate a camera with known poses.
 
     Put the robot, with its disk, at 12 or more places all over the floor, at many headings; take a
-    picture of each, and write down where it stood. Prints how far each pose is off.
+    picture of each, and write down where it stood. Prints the error of each pose.
 
     \b
     Example:

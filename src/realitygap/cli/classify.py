@@ -12,7 +12,7 @@ __all__ = ["classify"]
 
 @click.command()
 @click.argument("tracks", type=click.Path())
-@click.option("--task", metavar="TASK", help="Whose arena they were made in [default: guessed].")
+@click.option("--task", metavar="TASK", help="Task whose arena the tracks were made in [default: guessed].")
 @as_json
 def classify(tracks: str, task: str | None, json_output: bool) -> None:
     """Name the behaviour in TRACKS.

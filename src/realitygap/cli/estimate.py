@@ -22,7 +22,7 @@ LONG_S = DAY_S / 2
 
 
 def note(text: str) -> None:
-    """One line on stderr about something that is taken as it was said."""
+    """One line on stderr about something that is taken literally."""
     click.echo(f"note: {text}", err=True)
 
 

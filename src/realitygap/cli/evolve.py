@@ -64,8 +64,8 @@ def evolve(
 ) -> None:
     """Evolve controllers for TASK and make the report.
 
-    TASK is obstacle-avoidance, light-seeking or a Python file of your own. Options win over --set,
-    which wins over --config. With --resume what is not given is as it was.
+    TASK is obstacle-avoidance, light-seeking or a Python file of your own. Options override --set, which
+    overrides --config. With --resume, omitted options keep their saved values.
 
     \b
     Example:

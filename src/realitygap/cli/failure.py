@@ -46,6 +46,8 @@ class Commands(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """The command that the arguments name, and its words, tidied."""
+        if args[:1] == ["study"]:
+            raise click.UsageError("study: renamed; it is `realitygap experiment` now.", ctx)
         name, command, rest = super().resolve_command(ctx, args)
         return name, command, rest if command is None else tidy(command, ctx, rest)
 

@@ -1,4 +1,4 @@
-"""`realitygap judge`: pairs of tracks for human judges, and what their marks say of the score."""
+"""`realitygap judge`: pairs of tracks for human judges, and how their ratings compare with the score."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = ["judge"]
 
 @click.group()
 def judge() -> None:
-    """Let people mark pairs of tracks, blind.
+    """Collect people's blind ratings of pairs of tracks.
 
     \b
     Example:
@@ -34,18 +34,24 @@ def judge() -> None:
 
 @judge.command()
 @click.argument("pairs", type=click.Path(exists=True, file_okay=False))
-@click.option("--task", metavar="TASK", help="Whose arena they were made in [default: guessed].")
+@click.option("--task", metavar="TASK", help="Task whose arena the tracks were made in [default: guessed].")
 @click.option("--out", type=FileToWrite(".html"), required=True, metavar="FILE", help="Write the page there.")
 @click.option(
-    "--key", type=FileToWrite(".json"), required=True, metavar="FILE", help="Write there which pair is which."
+    "--key",
+    type=FileToWrite(".json"),
+    required=True,
+    metavar="FILE",
+    help="Write there which pair is which; keep it from the judges.",
 )
-@click.option("--seed", type=SEED, default=0, show_default=True, metavar="S", help="Of order and sides.")
+@click.option(
+    "--seed", type=SEED, default=0, show_default=True, metavar="S", help="Random seed of order and sides."
+)
 def page(pairs: str, task: str | None, out: Path, key: Path, seed: int) -> None:
     """Make a page of the pairs in a folder PAIRS.
 
-    Each folder in PAIRS is a pair: what is in it called a (a.csv, or a folder a) and what is called b.
-    The page shows them side by side without their names, sides drawn by chance; a judge marks each
-    0 to 10 and saves the marks as a file. Keep the key from the judges: it holds names and scores.
+    Each folder in PAIRS is a pair: it holds a (a.csv, or a folder a) and b. The page shows
+    the two side by side without their names, on sides drawn at random; a judge rates each pair from
+    0 to 10 and saves the ratings as a file. Keep the key from the judges: it holds names and scores.
 
     \b
     Example:
@@ -66,13 +72,17 @@ def page(pairs: str, task: str | None, out: Path, key: Path, seed: int) -> None:
 @judge.command()
 @click.argument("files", nargs=-1, required=True, type=click.Path(exists=True))
 @click.option(
-    "--key", required=True, type=click.Path(exists=True, dir_okay=False), metavar="FILE", help="Of the page."
+    "--key",
+    required=True,
+    type=click.Path(exists=True, dir_okay=False),
+    metavar="FILE",
+    help="The key file of the page.",
 )
 @as_json
 def marks(files: tuple[str, ...], key: str, json_output: bool) -> None:
-    """Hold judges' marks against the score.
+    """Compare ratings with the score.
 
-    FILES are what the page saved, CSV with columns pair, judge, mark; or folders of them.
+    FILES are the CSV files that the page saved (columns pair, judge, mark), or folders of them.
 
     \b
     Example:
@@ -125,7 +135,7 @@ def _print(made: Agreement) -> None:
     found = made.correlation
     low, high = found.interval
     click.echo(f"{made.judges} judges, {made.pairs} pairs")
-    click.echo(f"score and mean mark: r {found.r:.2f} (95 %: {low:.2f} to {high:.2f}), rho {found.rho:.2f}")
-    click.echo(f"marks are {made.difference:+.1f} beside the score on average")
+    click.echo(f"score and mean rating: r {found.r:.2f} (95 %: {low:.2f} to {high:.2f}), rho {found.rho:.2f}")
+    click.echo(f"ratings differ from the score by {made.difference:+.1f} on average")
     if made.between_judges is not None:
         click.echo(f"a judge and the others' mean: r {made.between_judges:.2f}")

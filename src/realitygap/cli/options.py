@@ -34,7 +34,7 @@ __all__ = [
 ]
 
 BAUDS = tuple(map(str, BAUD_RATES))
-LARGEST_DIAL = 10.0
+LARGEST_SCALE = 10.0
 """A twin that is noisier than that can hardly be steered."""
 
 Numbers = tuple[float, float, float]
@@ -65,7 +65,7 @@ def seed_option(default: int | None = 0, says: str = "") -> Callable[[Decorated]
         default=default,
         show_default=default is not None,
         metavar="S",
-        help=f"Everything random follows from it.{says}",
+        help=f"Random seed.{says}",
     )
 
 
@@ -92,7 +92,7 @@ def pose_option(required: bool = True) -> Callable[[Decorated], Decorated]:
         nargs=3,
         required=required,
         metavar="X Y HEADING_DEG",
-        help="Where the robot's centre is (cm) and where it looks (degrees).",
+        help="The robot's centre (cm) and heading (degrees).",
     )
 
 
@@ -110,24 +110,24 @@ def profile_option(default: str | None = "paper", says: str = "") -> Callable[[D
 def arena_option(command: Decorated) -> Decorated:
     """`--arena A`."""
     return click.option(
-        "--arena", metavar="A", help="Another arena than the task's: a shipped one's name or a TOML file."
+        "--arena", metavar="A", help="Arena instead of the task's: a shipped arena's name or a TOML file."
     )(command)
 
 
 def twin_noise_option(*aliases: str) -> Callable[[Decorated], Decorated]:
-    """`--twin-noise X`; None if it is not given."""
+    """`--twin-noise X`; None if omitted."""
     return click.option(
         "--twin-noise",
         *aliases,
         "twin_noise",
-        type=Finite(0, LARGEST_DIAL),
+        type=Finite(0, LARGEST_SCALE),
         metavar="X",
         help="Noise scale of a twin, 0 to 10 [default: 1].",
     )
 
 
 def baud_option(
-    says: str = "Rate that a robot's jumper is set to; any: try them all.", *, any_rate: bool = True
+    says: str = "Baud rate set by the robot's jumpers; any: try them all.", *, any_rate: bool = True
 ) -> Callable[[Decorated], Decorated]:
     """`--baud B`; with `any_rate` also "any"."""
     return click.option(
@@ -145,7 +145,7 @@ def workers_option(command: Decorated) -> Decorated:
         "--workers",
         type=Whole(1, 1024),
         metavar="N",
-        help="Processes that work on runs (default: one a core). Never changes a result.",
+        help="Worker processes [default: one per core]. Never changes a result.",
     )(command)
 
 

@@ -12,7 +12,7 @@ __all__ = ["profile"]
 
 @click.group()
 def profile() -> None:
-    """Look at robot profiles.
+    """Show robot profiles.
 
     \b
     Example:

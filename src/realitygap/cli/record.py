@@ -33,24 +33,26 @@ PLANS = ("infrared", "ambient", "wheels", "all")
     "file.py:Class.",
 )
 @click.option("--plan", type=click.Choice(PLANS), required=True, help="What to record.")
-@click.option("--out", required=True, metavar="DIR", help="Folder to write; several recordings go into it.")
+@click.option("--out", required=True, metavar="DIR", help="Folder to write; several recordings fit into it.")
 @click.option(
     "--object", "object_name", metavar="O",
     help="wall or cylinder:RADIUS_CM: the infrared's one object [default: a wall, then a cylinder of 4 cm].",
 )  # fmt: skip
 @click.option(
     "--repeats", type=Whole(1, 1000), default=10, show_default=True, metavar="N",
-    help="Readings at each place: they measure the noise.",
+    help="Readings at each place, which measure the noise.",
 )  # fmt: skip
-@seed_option(says=" A twin's constants follow from its unit alone.")
+@seed_option(says=" It does not change a twin's constants: those depend on its unit alone.")
 @twin_noise_option()
 @baud_option()
 @click.option(
     "--base", metavar="P",
     help="Robot of your own: its rough profile, a TOML file: radius, heights, top command and speed.",
 )  # fmt: skip
-@click.option("--notes", default="", metavar="TEXT", help="Kept with it: which robot, where, by whom.")
-@click.option("--resume", is_flag=True, help="Go on with recordings that were broken off.")
+@click.option(
+    "--notes", default="", metavar="TEXT", help="Kept with the recording: which robot, where, by whom."
+)
+@click.option("--resume", is_flag=True, help="Continue interrupted recordings.")
 @as_json
 def record(
     robot: Address,
@@ -66,14 +68,14 @@ def record(
     resume: bool,
     json_output: bool,
 ) -> None:
-    """Record a robot at known places: what a calibration is made from.
+    """Record a robot at known places, for a calibration.
 
-    Infrared: a wall and a cylinder at all bearings, 0.5 to 8 cm away. Ambient: poses all over the
-    arena of light seeking. Wheels: speed steps, standing starts, straight lines and turns. Each
-    finished place is written at once; --resume goes on after whatever broke it off.
+    Infrared: a wall and a cylinder at all bearings, 0.5 to 8 cm away. Ambient: poses all over the arena of
+    light seeking. Wheels: speed steps, standing starts, straight lines and turns. Each finished place is
+    saved at once; --resume continues after an interruption.
 
     \b
-    Examples: all that a calibration of a twin needs; a robot before a wall, and how to go on after "q";
+    Examples: all that a calibration of a twin needs; a robot at a wall, and how to continue after "q";
     a robot of your own
         realitygap record --robot twin:7 --plan all --out unit-7
         realitygap record --robot serial:/dev/ttyUSB0 --plan infrared --object wall --out wall

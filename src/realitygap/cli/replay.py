@@ -1,4 +1,4 @@
-"""`realitygap replay`: let an evolved individual live again."""
+"""`realitygap replay`: replay an evolved individual."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ __all__ = ["replay"]
 @noise_option(None, " [default: the run's own]")
 @seed_option()
 @pose_option(required=False)
-@click.option("--seconds", type=SECONDS, metavar="S", help="Length [default: the task's own].")
-@click.option("--picture", type=PICTURE, metavar="FILE", help="Draw the path there (.png, .svg or .pdf).")
-@click.option("--animation", type=FILM, metavar="FILE", help="Animate the trial there (.gif or .mp4).")
+@click.option("--seconds", type=SECONDS, metavar="S", help="Length of the trial [default: the task's own].")
+@click.option("--picture", type=PICTURE, metavar="FILE", help="Draw the path to FILE (.png, .svg or .pdf).")
+@click.option("--animation", type=FILM, metavar="FILE", help="Animate the trial to FILE (.gif or .mp4).")
 @trust_option
 @as_json
 def replay(
@@ -61,7 +61,7 @@ def replay(
     trust: bool,
     json_output: bool,
 ) -> None:
-    """Let an individual of a run live again.
+    """Replay an evolved individual.
 
     Simulates it in the run's own task and prints its trajectory.
 

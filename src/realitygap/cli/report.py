@@ -17,7 +17,7 @@ __all__ = ["report"]
 @trust_option
 @as_json
 def report(study: str, trust: bool, json_output: bool) -> None:
-    """Make the report of STUDY again.
+    """Rebuild the report of STUDY.
 
     STUDY is a folder; its page, figures and tables are made from its database.
 

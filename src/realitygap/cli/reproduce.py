@@ -40,8 +40,8 @@ CONDITIONS = 6
     metavar="DIR",
     help="The study's folder.",
 )
-@profile_option(None, " [default: one that is calibrated first, to unit 1 of the twin]")
-@runs_option("Runs for each task and level of noise [default: 5].")
+@profile_option(None, "  [default: a profile calibrated first, to unit 1 of the twin]")
+@runs_option("Runs for each task and noise level [default: 5].")
 @evaluations_option
 @seed_option(None, " [default: 1995]")
 @click.option(
@@ -66,10 +66,10 @@ def reproduce(
     """Make the paper's experiment, and the page about it.
 
     Records the readings of unit 1 of the twin (pseudo-reality: a physics model behind the robot's
-    own serial protocol) and fits the simulation to them, as the paper began; evolves both tasks in
-    that simulation at all three levels of noise; lets every champion drive the unit, films one of
-    each kind; scores all that, and reports. --profile paper keeps the printed constants and
-    records nothing. With --resume what is not given is as it was.
+    own serial protocol) and fits the simulation to them, as the paper did first; evolves both tasks in
+    that simulation at all three noise levels; lets every champion drive the unit and films one of each
+    kind; then scores the runs and writes a page about them. --profile paper uses the printed constants
+    and records nothing. With --resume, omitted options keep their saved values.
 
     \b
     Example:

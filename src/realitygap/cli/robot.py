@@ -40,23 +40,27 @@ def robot() -> None:
 
 
 @robot.command()
-@click.option("--port", required=True, metavar="P", help="Its serial device.")
+@click.option("--port", required=True, metavar="P", help="The robot's serial device.")
 @baud_option()
 @click.option(
-    "--seconds", type=Finite(0.1, 3600), default=3.0, show_default=True, help="How long to show the sensors."
+    "--seconds",
+    type=Finite(0.1, 3600),
+    default=3.0,
+    show_default=True,
+    help="Seconds for which to show the sensors.",
 )
-@click.option("--clock-channel", metavar="FILE", help="Second channel of a twin that runs in virtual time.")
+@click.option("--clock-channel", metavar="FILE", help="Control channel of a twin that runs in virtual time.")
 @click.option("--yes", is_flag=True, help="Let it move 2 cm and back without asking.")
 @as_json
 def check(
     port: str, baud: str, seconds: float, clock_channel: str | None, yes: bool, json_output: bool
 ) -> None:
-    """See whether a robot is well: versions, sensors, counters, LEDs, a loop of 100 ms.
+    """Check that a robot works: versions, sensors, counters, LEDs, a 100 ms loop.
 
-    It moves only if you agree.
+    It moves only with your consent.
 
     \b
-    Example: a robot as it comes from the factory
+    Example: a robot with factory settings
         realitygap robot check --port /dev/ttyUSB0 --baud 9600
     """
     from contextlib import closing
@@ -82,7 +86,7 @@ def check(
         return
     if facts["movement"]:
         click.echo("moved: counters {left} and {right} pulses, then back".format(**facts["movement"]))
-    click.echo(f"answers that had to be asked for again: {facts['faults']}")
+    click.echo(f"answers that had to be requested again: {facts['faults']}")
 
 
 def _sensors(khepera: Khepera, seconds: float, *, live: bool) -> dict[str, Any]:
@@ -182,7 +186,7 @@ def _agreed(yes: bool, json_output: bool) -> bool:
     """Whether the person lets the robot move; without anyone to ask it stands."""
     if yes or json_output or not sys.stdin.isatty():
         return yes
-    return click.confirm("Let it move 2 cm ahead and back? Its wheels must be free", default=False)
+    return click.confirm("Let it move 2 cm forward and back? Its wheels must be free", default=False)
 
 
 def _movement(khepera: Khepera) -> dict[str, int]:

@@ -18,19 +18,22 @@ __all__ = ["score"]
 @click.command()
 @click.argument("a", type=click.Path())
 @click.argument("b", type=click.Path(), required=False)
-@click.option("--task", metavar="TASK", help="Whose arena they were made in [default: guessed].")
+@click.option("--task", metavar="TASK", help="Task whose arena the tracks were made in [default: guessed].")
 @click.option(
-    "--ceiling", type=click.Path(), metavar="PATH", help="Tracks of another behaviour: what scores 0."
+    "--ceiling",
+    type=click.Path(),
+    metavar="PATH",
+    help="Tracks of another behaviour, which define a score of 0.",
 )
 @as_json
 def score(a: str, b: str | None, task: str | None, ceiling: str | None, json_output: bool) -> None:
     """Score how alike two sets of tracks are.
 
     A (say, simulated) and B (situated) are CSV files with columns t_s, x_cm, y_cm, heading_deg, where
-    a column start separates several trials and a column unit several robots; what `realitygap track`
-    or `realitygap simulate --json` wrote; or folders of such files. A folder that `realitygap transfer`
-    made needs no B: its own simulated trials are held against the situated ones. 10 is the same robot
-    again, 0 is another behaviour; the output says what these ends were measured on.
+    a column start separates several trials and a column unit several robots; or what `realitygap track`
+    or `realitygap simulate --json` wrote; or folders of such files. A folder made by `realitygap
+    transfer` needs no B: its simulated trials are compared with its situated ones. 10 means as alike as
+    the same robot twice, 0 another behaviour; the output says what these ends were measured on.
 
     \b
     Example:
@@ -56,7 +59,7 @@ def score(a: str, b: str | None, task: str | None, ceiling: str | None, json_out
 
 
 def _print(made: Comparison) -> None:
-    """The figures, and what they stand on, in plain words."""
+    """The figures, and what they rest on, in plain words."""
     shown = "" if made.interval is None else f"   (95 %: {made.interval[0]:.1f} to {made.interval[1]:.1f})"
     click.echo(f"correspondence score {made.score:.1f} of 10{shown}")
     click.echo(f"  behaviour {made.behaviour:.1f}, layout {made.layout:.1f}")

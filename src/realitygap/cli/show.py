@@ -23,7 +23,7 @@ __all__ = ["describe", "print_runs", "show"]
 @click.command()
 @click.argument("study", type=click.Path())
 @click.argument("run", required=False)
-@click.option("--picture", type=PICTURE, metavar="FILE", help="Draw the network of RUN's champion there.")
+@click.option("--picture", type=PICTURE, metavar="FILE", help="Draw the network of RUN's champion to FILE.")
 @trust_option
 @as_json
 def show(study: str, run: str | None, picture: Path | None, trust: bool, json_output: bool) -> None:

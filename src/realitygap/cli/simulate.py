@@ -35,7 +35,7 @@ __all__ = ["simulate"]
 @noise_option()
 @seed_option()
 @click.option("--seconds", type=SECONDS, metavar="S", help="Length of the trial [default: the task's own].")
-@click.option("--picture", type=PICTURE, metavar="FILE", help="Draw the path there (.png, .svg or .pdf).")
+@click.option("--picture", type=PICTURE, metavar="FILE", help="Draw the path to FILE (.png, .svg or .pdf).")
 @as_json
 def simulate(
     task: str,

@@ -95,7 +95,7 @@ def print_scores(tables: Sequence[ScoreTable]) -> None:
     if rows:
         click.echo()
         paper = tuple(f"paper's {name}" for name in SCORES)
-        head = ("marks, 0 to 10", "noise", "on", *SCORES, *paper)
+        head = ("scores, 0 to 10", "noise", "on", *SCORES, *paper)
         print_table(head, [[*row, *("–",) * (len(head) - len(row))] for row in rows])
 
 

@@ -25,7 +25,7 @@ SHOWN_AFTER_S = 2.0
 
 @click.command()
 @click.argument("film", type=click.Path())
-@click.option("--camera", required=True, metavar="FILE", help="The camera's camera.json.")
+@click.option("--camera", required=True, metavar="FILE", help="Calibration of the camera (camera.json).")
 @click.option("--disk", metavar="FILE", help="The disk's TOML file [default: the shipped disk].")
 @click.option(
     "--out", type=FileToWrite(".csv"), required=True, metavar="FILE", help="Write the track there (.csv)."
@@ -37,9 +37,9 @@ SHOWN_AFTER_S = 2.0
 def track(film: str, camera: str, disk: str | None, out: Path, tails: Path | None, json_output: bool) -> None:
     """Track the robot in FILM.
 
-    FILM is any film from above (MP4, MOV, MKV, AVI …) of a robot that carries the disk. The track
-    is a table: t_s, x_cm, y_cm, heading_deg, quality (0 to 1). In a frame where the disk is not
-    found place and heading are empty and quality is 0.
+    FILM is any film from above (MP4, MOV, MKV, AVI …) of a robot that wears the disk. The track is a table:
+    t_s, x_cm, y_cm, heading_deg, quality (0 to 1). In a frame where the disk is not found, place and
+    heading are empty and quality is 0.
 
     \b
     Example:

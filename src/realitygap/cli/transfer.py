@@ -66,7 +66,12 @@ SIDES = (
     help="A unit of the twin, or a Khepera on a serial port; may be repeated.",
 )
 @click.option(
-    "--starts", type=Whole(1, 10**6), default=1, show_default=True, metavar="N", help="Trials of each run."
+    "--starts",
+    type=Whole(1, 10**6),
+    default=1,
+    show_default=True,
+    metavar="N",
+    help="Trials of each run, each from its own start.",
 )
 @click.option(
     "--individual",
@@ -80,16 +85,18 @@ SIDES = (
     "--watch/--no-watch",
     default=True,
     show_default=True,
-    help="Take paths from the camera above; else from the wheels' counters, which see no slip.",
+    help="Take paths from the overhead camera; otherwise from the wheel counters, which miss slip.",
 )
-@click.option("--camera", metavar="FILE", help="Over a real robot: the calibration of --eye (camera.json).")
+@click.option("--camera", metavar="FILE", help="Calibration of the live camera (camera.json).")
 @click.option(
     "--eye",
     metavar="DEVICE",
-    help="Over a real robot: the live camera: its number, a video file or a stream.",
+    help="The live camera over a real robot: its number, a video file or a stream.",
 )
 @click.option(
-    "--disk", metavar="FILE", help="Over a real robot: its disk's TOML file [default: the shipped disk]."
+    "--disk",
+    metavar="FILE",
+    help="TOML file of the disk that a real robot wears [default: the shipped disk].",
 )
 @twin_noise_option()
 @seed_option(None, " [default: the study's]")
@@ -117,11 +124,11 @@ def transfer(
     trust: bool,
     json_output: bool,
 ) -> None:
-    """Let individuals of STUDY drive a robot.
+    """Drive a robot with evolved individuals of STUDY.
 
-    Each RUN (a number or a name; all finished runs without one) drives each robot from as many
-    starts as you say, and is simulated from the same poses. Recordings, paths, films and tails go
-    to STUDY/transfer; trials that are there already are kept. The twin is pseudo-reality: a
+    Each RUN (a number or a name; omitted: all finished runs) drives each robot from --starts poses and
+    is simulated from the same poses. Recordings, paths, films and tails go to STUDY/transfer; finished
+    trials are kept. The twin is pseudo-reality: a
     physics model behind the robot's own serial protocol.
 
     \b
@@ -179,28 +186,30 @@ def _carry(one: Situation, pose: Pose, *, seen: bool) -> None:
     click.echo(
         f"\n{one.name}, {one.individual}, start {one.start}, {one.seconds:g} s on {one.robot}\n"
         f"Put the robot at x = {pose.x:.1f} cm, y = {pose.y:.1f} cm from the arena's lower left corner, "
-        f"looking {side}: {pose.heading_deg:.0f}°, counter-clockwise from +x.",
+        f"facing {side}: {pose.heading_deg:.0f}°, counter-clockwise from +x.",
         err=True,
     )
-    enter = "Enter when it stands there and your hand is gone" if seen else "Enter starts it"
+    enter = "Press Enter when it is in place and your hand is away" if seen else "Press Enter to start it"
     click.prompt(enter, default="", show_default=False, prompt_suffix=" ", err=True)
 
 
 def _found(one: Situation, requested: Pose, seen: Pose | None) -> bool:
     """Tell a person where the camera sees the robot; ask where it is not seen, or far from its start."""
     if seen is None:
-        click.echo("The camera does not see the robot there.", err=True)
-        return _answered("w starts it as if it stood exactly where you were told; Enter looks again")
+        click.echo("The camera does not see the robot.", err=True)
+        return _answered(
+            "Type w to start it as if it were exactly at the requested pose; press Enter to look again"
+        )
     off = math.hypot(seen.x - requested.x, seen.y - requested.y)
     turned = math.degrees(math.remainder(seen.heading - requested.heading, math.tau))
     click.echo(
         f"Seen at x = {seen.x:.1f} cm, y = {seen.y:.1f} cm, {seen.heading_deg:.0f}°: {off:.1f} cm and "
-        f"{abs(turned):.0f}° from there. The simulated robot starts where this one is seen.",
+        f"{abs(turned):.0f}° from the requested pose. The simulated robot starts where this one is seen.",
         err=True,
     )
     if off <= NEAR_CM and abs(turned) <= NEAR_DEG:
         return True
-    return _answered("That is far off. w starts it all the same; Enter looks again")
+    return _answered("That is far off. Type w to start it all the same; press Enter to look again")
 
 
 def _answered(question: str) -> bool:

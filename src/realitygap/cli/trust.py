@@ -19,7 +19,7 @@ Decorated = TypeVar("Decorated", bound="Callable[..., Any]")
 
 def trust_option(command: Decorated) -> Decorated:
     """`--trust`."""
-    says = "Run the task files of a study that was made elsewhere: they are programs."
+    says = "Run task files of a study made elsewhere: they are programs."
     return click.option("--trust", is_flag=True, help=says)(command)
 
 

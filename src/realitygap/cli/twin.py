@@ -19,7 +19,7 @@ __all__ = ["plain_arena", "twin"]
 
 @click.group()
 def twin() -> None:
-    """A physics twin of the Khepera: pseudo-reality, where no robot is at hand.
+    """Serve a physics twin of the Khepera (pseudo-reality).
 
     \b
     Example:
@@ -33,7 +33,7 @@ def twin() -> None:
 )
 @click.option("--unit", type=Whole(0, SEED.high), default=1, show_default=True, help="Which robot.")
 @twin_noise_option("--noise")
-@seed_option(says=" The unit's constants follow from --unit alone.")
+@seed_option(says=" It does not change the unit's constants: those depend on --unit alone.")
 @baud_option("Rate that its jumper is set to.", any_rate=False)
 @click.option(
     "--clock",

@@ -19,7 +19,8 @@ from realitygap.report.words import Words
 __all__ = ["KEPT_FILE", "few_figure", "few_sentences", "few_words", "kept_scores", "shows_few"]
 
 KEPT_FILE = Path(__file__).parent / "kept_scores.csv"
-"""Correspondence scores of `realitygap study noise`, the diagonal; docs/figures/kept_scores.py makes it."""
+"""Correspondence scores of `realitygap experiment noise`, the diagonal; docs/figures/kept_scores.py makes
+it."""
 
 Kept = Mapping[float, Sequence[float]]
 

@@ -113,7 +113,7 @@ class NoiseConfig(Value):
             ConfigError: its file is broken.
         """
         path = folder / CONFIG
-        cure = "Give the folder of `realitygap study noise`."
+        cure = "Give the folder of `realitygap experiment noise`."
         if not path.exists():
             raise StudyError(f"{folder}: no study of the level of noise there ({CONFIG} is missing). {cure}")
         table = read_toml(path, ConfigError, cure, broken="Restore it from a copy.")

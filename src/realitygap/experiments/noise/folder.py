@@ -26,7 +26,7 @@ MADE = f".{CONFIG}"
 
 _HEADER = """\
 # A study of the level of noise: all that its results depend on.
-# To go on with it: realitygap study noise --out THIS_FOLDER --resume
+# To go on with it: realitygap experiment noise --out THIS_FOLDER --resume
 """
 
 
@@ -65,7 +65,7 @@ def command_of(config: NoiseConfig) -> str:
     usual = NoiseConfig().to_dict()
     changed = {key: value for key, value in config.to_dict().items() if usual.get(key) != value}
     words = [f"--{key.replace('_', '-')} {_typed(value)}" for key, value in changed.items()]
-    return " ".join(["realitygap study noise", *words])
+    return " ".join(["realitygap experiment noise", *words])
 
 
 def _typed(value: Any) -> str:

@@ -20,7 +20,7 @@ __all__ = ["Misfit", "NoiseResults", "read_results", "real_misfits"]
 PARTS = ("score", "behaviour", "layout", "noisiness", "responsiveness")
 NEEDED = 3
 """Of these the first so many; a controller whose trials were all lost has none of them."""
-AGAIN = "Let the study finish (realitygap study noise --resume), or copy its results again."
+AGAIN = "Let the study finish (realitygap experiment noise --resume), or copy its results again."
 
 Key = tuple[str, int, float, int]
 

@@ -1,4 +1,4 @@
-"""`study noise`: from words to tables, refusals, Ctrl-C."""
+"""`experiment noise`: from words to tables, refusals, Ctrl-C."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def units():
 def test_noise_comes_to_tables_and_a_report(units, json_of, call, refused, tmp_path):
     """The command makes the study that its options say; --json has a paragraph and where things are."""
     out = tmp_path / "study"
-    told = json_of("study", "noise", "--out", out, *SMALL)
+    told = json_of("experiment", "noise", "--out", out, *SMALL)
     assert told["study"] == str(out) and told["paragraph"]
     assert (out / "results" / "cells.csv").is_file() and Path(told["report"]).exists()
     made = NoiseConfig.from_folder(out)
@@ -33,16 +33,16 @@ def test_noise_comes_to_tables_and_a_report(units, json_of, call, refused, tmp_p
         levels=(0, 1), runs=2, seed_sets=2, units=1, starts=2, evaluations=40, seconds=2.0,
         tasks=("obstacle-avoidance",),
     )  # fmt: skip
-    again = call("study", "noise", "--out", out, "--resume")  # what is not given is as it was
+    again = call("experiment", "noise", "--out", out, "--resume")  # omitted options keep their saved values
     assert again.exit_code == 0 and told["paragraph"].split()[0] in again.stdout
-    assert "--resume" in refused("study", "noise", "--out", out, *SMALL)
-    other = refused("study", "noise", "--out", out, *SMALL, "--resume", "--seed", 7)
+    assert "--resume" in refused("experiment", "noise", "--out", out, *SMALL)
+    other = refused("experiment", "noise", "--out", out, *SMALL, "--resume", "--seed", 7)
     assert "made with seed = 1995, not 7" in other
 
 
 def test_what_cannot_be_done_is_refused(refused, tmp_path):
     """Wrong levels, runs that do not divide, a task that is none: one line, before any work."""
-    out = ("study", "noise", "--out", tmp_path / "study")
+    out = ("experiment", "noise", "--out", tmp_path / "study")
     assert "got 'loud'" in refused(*out, "--levels", "0,loud")
     assert "Give a multiple of 2" in refused(*out, "--runs", 5)
     assert "unknown task 'football'" in refused(*out, "--tasks", "football")
@@ -59,7 +59,7 @@ def test_ctrl_c_says_how_to_go_on(units, call, tmp_path):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(realitygap.transfer.rig.Rig, "drive", stopped)
-        result = call("study", "noise", "--out", tmp_path / "study", *SMALL)
+        result = call("experiment", "noise", "--out", tmp_path / "study", *SMALL)
     assert result.exit_code == 130 and result.stdout == ""
     last = result.stderr.splitlines()[-1]
     assert last.startswith("stopped; what is done is kept in") and "--resume" in last

@@ -1,4 +1,4 @@
-"""`realitygap study`: studies of a question, from the first recording to the answer."""
+"""`realitygap experiment`: experiments of many runs, from the first recording to the answer."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ from realitygap.errors import RobotStoppedError, StudyInterruptedError
 if TYPE_CHECKING:
     from realitygap.experiments.noise.config import NoiseConfig
 
-__all__ = ["study"]
+__all__ = ["experiment"]
 
 
 @click.group()
-def study() -> None:
-    """Answer a question with as many runs as it takes.
+def experiment() -> None:
+    """Run a multi-run experiment.
 
     \b
     Example: does a simulation as noisy as the robot cross the gap best?
-        realitygap study noise
+        realitygap experiment noise
     """
 
 
-@study.command()
+@experiment.command()
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -51,14 +51,14 @@ def study() -> None:
 @click.option(
     "--levels",
     metavar="L,L,…",
-    help="Levels of noise (1 = observed), to evolve at and to compare with [default: 0,0.5,1,2,4].",
+    help="Noise levels (1 = observed) to evolve at and to compare with [default: 0,0.5,1,2,4].",
 )
-@runs_option("Runs for each task and level, over all seed sets [default: 40].")
+@runs_option("Runs of each task at each level, over all seed sets [default: 40].")
 @click.option(
     "--seed-sets",
     type=Whole(1, 100),
     metavar="N",
-    help="Sets of runs, each with seeds of its own [default: 2].",
+    help="Independent sets of runs, each with its own seeds [default: 2].",
 )
 @click.option("--units", type=Whole(1, 100), metavar="N", help="Units of the twin [default: 3].")
 @click.option(
@@ -73,19 +73,19 @@ def study() -> None:
 @click.option("--resume", is_flag=True, help="Continue an interrupted study to exactly the same result.")
 @as_json
 def noise(out: Path, workers: int | None, resume: bool, json_output: bool, **options: Any) -> None:
-    """Ask which level of noise crosses the reality gap best.
+    """Ask which noise level crosses the reality gap best.
 
     Calibrates a simulation to each unit of the twin (pseudo-reality: a physics model behind the
-    robot's own serial protocol), evolves controllers in it at every level of noise, lets each drive
-    every unit from the same starts, and holds what it did there against the simulation at every
-    level. The claims that this is to judge were written down first. With --resume what is not
-    given is as it was.
+    robot's own serial protocol), evolves controllers in it at every noise level, lets each drive every
+    unit from the same starts, and compares what it did there with the simulation at every level.
+    The claims under test were written down beforehand. With --resume, omitted options keep their
+    saved values.
 
     \b
-    Examples: all of it; the same on a twin twice as noisy; a small one, to try
-        realitygap study noise
-        realitygap study noise --twin-noise 2 --out out/noise-2
-        realitygap study noise --levels 0,1,2 --runs 4 --units 1 --starts 4 --out out/small
+    Examples: the full experiment; the same on a twin twice as noisy; a small one to try
+        realitygap experiment noise
+        realitygap experiment noise --twin-noise 2 --out out/noise-2
+        realitygap experiment noise --levels 0,1,2 --runs 4 --units 1 --starts 4 --out out/small
     """
     from realitygap.experiments.noise.run import noise_study
     from realitygap.report.noise.report import build_noise_report, noise_summary
@@ -100,7 +100,7 @@ def noise(out: Path, workers: int | None, resume: bool, json_output: bool, **opt
             results = noise_study(out, config, workers=workers, resume=resume, on_progress=progress.noise)
             page = build_noise_report(out, on_progress=progress.report)
     except (KeyboardInterrupt, StudyInterruptedError, RobotStoppedError):
-        again = f"realitygap study noise --out {shlex.quote(str(out))} --resume"
+        again = f"realitygap experiment noise --out {shlex.quote(str(out))} --resume"
         raise StoppedError(f"stopped; what is done is kept in {out}; resume with `{again}`") from None
     summary = noise_summary(out)
     if json_output:
