@@ -1,4 +1,4 @@
-"""`realitygap robot`: a Khepera on a serial line."""
+"""`realitygap robot`: a robot by its address, checked."""
 
 from __future__ import annotations
 
@@ -7,41 +7,52 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from realitygap.cli.kinds import Finite
-from realitygap.cli.options import as_json, baud_option
+from realitygap.cli.kinds import Finite, RobotKind
+from realitygap.cli.options import as_json, baud_option, profile_option
 from realitygap.cli.output import print_json, print_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from realitygap.robots.khepera.body import KheperaBody
-    from realitygap.robots.khepera.driver import Khepera
+    from realitygap.robots.address import Address
+    from realitygap.robots.body import Body, Channel
     from realitygap.robots.recording import Recording
     from realitygap.values import Readings
 
 __all__ = ["robot"]
 
-FULL_SCALE = 1023
 BAR_CHARACTERS = 40
-MOVE_UNITS, MOVE_S = 5, 0.5
+MOVE_CM_S, MOVE_S = 4.0, 0.5
 """A small movement: 4 cm/s for half a second and back, 2 cm."""
 
-LED_S = 0.2
+ROOM_CM = 60.0
+"""Side of the empty room in which a robot that places itself is checked."""
+
+SAID = {"leds": "both LEDs, on and off", "faults": "answers that had to be requested again"}
+"""What a robot finds out by itself, in words."""
 
 
 @click.group()
 def robot() -> None:
-    """Talk to a Khepera on a serial line.
+    """Talk to a robot.
 
     \b
     Example:
-        realitygap robot check --port /dev/ttyUSB0
+        realitygap robot check --robot khepera:/dev/ttyUSB0
     """
 
 
 @robot.command()
-@click.option("--port", required=True, metavar="P", help="The robot's serial device.")
+@click.option(
+    "--robot",
+    "address",
+    type=RobotKind(),
+    metavar="R",
+    help="khepera:PORT, twin:UNIT, or a body of your own, file.py:Class.",
+)
+@click.option("--port", metavar="P", help="The same as --robot serial:P.")
 @baud_option()
+@profile_option(says=" Tells how fast its commands are, for the movement.")
 @click.option(
     "--seconds",
     type=Finite(0.1, 3600),
@@ -53,69 +64,103 @@ def robot() -> None:
 @click.option("--yes", is_flag=True, help="Let it move 2 cm and back without asking.")
 @as_json
 def check(
-    port: str, baud: str, seconds: float, clock_channel: str | None, yes: bool, json_output: bool
+    address: Address | None,
+    port: str | None,
+    baud: str,
+    profile: str,
+    seconds: float,
+    clock_channel: str | None,
+    yes: bool,
+    json_output: bool,
 ) -> None:
-    """Check that a robot works: versions, sensors, counters, LEDs, a 100 ms loop.
+    """Check that a robot works: sensors, counters, a loop of its period, and what else it has.
 
     It moves only with your consent.
 
     \b
-    Example: a robot with factory settings
+    Examples: a robot with factory settings; one of your own
         realitygap robot check --port /dev/ttyUSB0 --baud 9600
+        realitygap robot check --robot my_robot.py:MyRobot --profile my_robot.toml
     """
     from contextlib import closing
 
-    from realitygap.robots.clock import RealClock, VirtualClock
-    from realitygap.robots.khepera.driver import Khepera
+    from realitygap.robots.address import Address
+    from realitygap.robots.body import Inspected, Placing
     from realitygap.robots.signals import Stopping
+    from realitygap.values import Pose
+    from realitygap.world.profile import load_profile
 
-    clock = VirtualClock(clock_channel) if clock_channel else RealClock()
-    rate = None if baud == "any" else int(baud)
-    with Stopping(), closing(clock), Khepera.connect(port, baud=rate, clock=clock) as khepera:
-        facts: dict[str, Any] = {"port": port, "baud": khepera.baud, **khepera.versions._asdict()}
+    if (address is None) == (port is None):
+        raise click.UsageError("expected --robot R or --port P, one of them.")
+    where = Address(kind="serial", rest=port or "") if address is None else address
+    units = round(MOVE_CM_S / load_profile(profile).wheels.speed_per_unit_cm_s[0])
+    settings = {"baud": None if baud == "any" else int(baud), "clock_channel": clock_channel}
+    with Stopping(), closing(where.open(**settings)) as body:
+        if isinstance(body, Placing):
+            body.enter({"size_cm": [ROOM_CM] * 2}, 0, Pose(x=ROOM_CM / 2, y=ROOM_CM / 2, heading=0.0))
+        facts = _about(where, body)
         if not json_output:
-            click.echo(f"{port}: bios {khepera.versions.bios}, protocol {khepera.versions.protocol}")
-        facts |= _sensors(khepera, round(seconds, 1), live=not json_output and sys.stdout.isatty())
-        facts |= {"counters": khepera.counters(), "leds": _leds(khepera)}
+            about = [f"{name} {fact}" for name, fact in facts.items() if name not in ("robot", "port")]
+            click.echo(": ".join([str(port or where), ", ".join(about)]) if about else str(where))
+        facts |= _sensors(body, seconds, live=not json_output and sys.stdout.isatty())
+        facts |= {"counters": _counters(body)}
         if not json_output:
-            _tell(facts)
-        facts["movement"] = _movement(khepera) if _agreed(yes, json_output) else None
-        facts["faults"] = khepera.line.faults
+            _tell(facts, body.channels)
+        facts["movement"] = _movement(body, units) if _agreed(yes, json_output) else None
+        found = body.inspect() if isinstance(body, Inspected) else {}
     if json_output:
-        print_json(facts)
+        print_json({**facts, **found})
         return
     if facts["movement"]:
-        click.echo("moved: counters {left} and {right} pulses, then back".format(**facts["movement"]))
-    click.echo(f"answers that had to be requested again: {facts['faults']}")
+        counted = "counters {left} and {right} pulses, then back".format(**facts["movement"])
+        click.echo(f"moved: {counted}" if facts["counters"] else "moved ahead and back")
+    for name, fact in found.items():
+        click.echo(f"{SAID.get(name, name)}: {fact}")
 
 
-def _sensors(khepera: Khepera, seconds: float, *, live: bool) -> dict[str, Any]:
+def _about(where: Address, body: Body) -> dict[str, Any]:
+    """Which robot it is."""
+    from realitygap.robots.body import facts_of
+
+    known = {name: fact for name, fact in facts_of(body).items() if name not in ("units", "robot")}
+    baud = getattr(body, "baud", None)
+    return {"robot": str(where), **known, **({} if baud is None else {"baud": baud})}
+
+
+def _sensors(body: Body, seconds: float, *, live: bool) -> dict[str, Any]:
     """Run a standing robot through the control loop, and show what it reads."""
     from realitygap.errors import BaudError
-    from realitygap.robots.khepera.body import KheperaBody
+    from realitygap.robots.body import attend
 
-    note = None
+    note, kinds = None, [one.name for one in body.channels]
     try:
-        body = KheperaBody(khepera, kinds=("proximity", "ambient"))
+        attend(body, *kinds)
     except BaudError as error:
-        note, body = str(error), KheperaBody(khepera, kinds=("proximity",))
-    recording = _drive(body, 0, seconds, live)
-    late = recording.late * 1000
+        note = str(error)
+        attend(body, kinds[0])
+    steps = max(1, round(seconds / body.period_s))
+    recording = _drive(body, 0, steps * body.period_s, live)
+    late, wire_ms = recording.late * 1000, getattr(body, "wire_ms", None)
+    read = {kind: getattr(recording, kind)[-1] for kind in kinds if getattr(recording, kind).size}
+    for kind in kinds:
+        if kind not in read:  # a step has no room for it
+            attend(body, kind, turns=False)
+            read[kind] = getattr(body.sense(), kind)
     return {
-        "proximity": recording.proximity[-1],
-        "ambient": recording.ambient[-1] if recording.ambient.size else khepera.ambient(),
+        **{kind: read[kind] for kind in kinds},
         "loop": {
             "steps": len(late),
             "late_steps": recording.late_steps,
             "mean_lateness_ms": round(float(late.mean()), 3),
             "worst_lateness_ms": round(float(late.max()), 3),
-            "wire_ms": round(body.budget.ms, 1),
+            "wire_ms": None if wire_ms is None else round(wire_ms, 1),
             "note": note,
         },
+        "period_s": body.period_s,
     }
 
 
-def _drive(body: KheperaBody, units: int, seconds: float, live: bool = False) -> Recording:
+def _drive(body: Body, units: int, seconds: float, live: bool = False) -> Recording:
     """Straight on; 0: stand."""
     from realitygap.robots.loop import drive
     from realitygap.values import Command
@@ -132,51 +177,56 @@ def _drive(body: KheperaBody, units: int, seconds: float, live: bool = False) ->
             show(readings)
             return []
 
-        return drive(body, Steady(), seconds=seconds, clock=body.khepera.clock, inputs=look)
+        return drive(body, Steady(), seconds=seconds, inputs=look)
 
     if not live:
         return run(lambda readings: None)
     from rich.live import Live
 
     with Live(auto_refresh=False, transient=True) as screen:
-        return run(lambda readings: screen.update(_bars(readings), refresh=True))
+        return run(lambda readings: screen.update(_bars(readings, body.channels), refresh=True))
 
 
-def _bars(readings: Readings) -> Any:
+def _bars(readings: Readings, channels: Sequence[Channel]) -> Any:
     """Readings as bars: long is many counts (for ambient light: dark)."""
     from rich.progress_bar import ProgressBar
     from rich.table import Table
 
     table = Table(box=None)
-    for column in ("sensor", "proximity", "", "ambient", ""):
+    for column in ("sensor", *(word for one in channels for word in (one.name, ""))):
         table.add_column(column)
-    for i in range(8):
+    for i in range(max(one.sensors for one in channels)):
         cells: list[Any] = [str(i)]
-        for counts in (readings.proximity, readings.ambient):
-            value = float(counts[i]) if len(counts) else 0.0
-            cells.append(ProgressBar(total=FULL_SCALE, completed=value, width=BAR_CHARACTERS))
-            cells.append(f"{value:4.0f}" if len(counts) else "–")
+        for one in channels:
+            counts = getattr(readings, one.name)
+            value = float(counts[i]) if i < len(counts) else None
+            cells.append(ProgressBar(total=one.high, completed=value or 0.0, width=BAR_CHARACTERS))
+            cells.append("–" if value is None else f"{value:4.0f}")
         table.add_row(*cells)
     return table
 
 
-def _leds(khepera: Khepera) -> str:
-    """Switch both on and off."""
-    for on in (True, False):
-        for number in (0, 1):
-            khepera.led(number, on)
-        khepera.clock.sleep_until(khepera.clock.now() + LED_S)
-    return "answered"
+def _counters(body: Body) -> tuple[int, int] | None:
+    """Pulses, of a robot that counts."""
+    from realitygap.robots.body import attend, odometry_of
+
+    attend(body)
+    body.sense()
+    return odometry_of(body).counters
 
 
-def _tell(facts: dict[str, Any]) -> None:
-    rows = [[kind, *(int(value) for value in facts[kind])] for kind in ("proximity", "ambient")]
-    print_table(["counts", *(f"s{i}" for i in range(8))], rows)
-    click.echo("counters: {} and {} pulses; both LEDs were on and off".format(*facts["counters"]))
+def _tell(facts: dict[str, Any], channels: Sequence[Channel]) -> None:
+    most = max(one.sensors for one in channels)
+    rows = [[one.name, *map(int, facts[one.name]), *[""] * (most - one.sensors)] for one in channels]
+    print_table(["counts", *(f"s{i}" for i in range(most))], rows)
+    if facts["counters"] is not None:
+        click.echo("counters: {} and {} pulses".format(*facts["counters"]))
     loop = facts["loop"]
+    on_wire = "" if loop["wire_ms"] is None else f"; up to {loop['wire_ms']} ms of a step on the wire"
     click.echo(
-        "loop of 100 ms: {steps} steps, {late_steps} late (over 10 ms); lateness {mean_lateness_ms} ms on "
-        "average, {worst_lateness_ms} ms at worst; up to {wire_ms} ms of a step on the wire".format(**loop)
+        f"loop of {1000 * facts['period_s']:g} ms: {loop['steps']} steps, {loop['late_steps']} late (over "
+        f"10 ms); lateness {loop['mean_lateness_ms']} ms on average, {loop['worst_lateness_ms']} ms at worst"
+        + on_wire
     )
     if loop["note"]:
         click.echo(f"note: {loop['note']}")
@@ -189,14 +239,15 @@ def _agreed(yes: bool, json_output: bool) -> bool:
     return click.confirm("Let it move 2 cm forward and back? Its wheels must be free", default=False)
 
 
-def _movement(khepera: Khepera) -> dict[str, int]:
+def _movement(body: Body, units: int) -> dict[str, int | None]:
     """Ahead, look at the counters, back, stand."""
-    from realitygap.robots.khepera.body import KheperaBody
+    from realitygap.robots.body import attend
 
-    body = KheperaBody(khepera, kinds=("proximity",))
+    attend(body, body.channels[0].name)
     body.reset()
-    for units in (MOVE_UNITS, -MOVE_UNITS):
-        _drive(body, units, MOVE_S)
-        if units > 0:
-            left, right = khepera.counters()
+    steps = max(1, round(MOVE_S / body.period_s))
+    _drive(body, units, steps * body.period_s)
+    left, right = _counters(body) or (None, None)
+    attend(body, body.channels[0].name)
+    _drive(body, -units, steps * body.period_s)
     return {"left": left, "right": right}

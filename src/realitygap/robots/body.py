@@ -43,6 +43,7 @@ __all__ = [
     "Body",
     "Channel",
     "Filmed",
+    "Inspected",
     "Odometry",
     "Placing",
     "Seen",
@@ -155,6 +156,14 @@ class Filmed(Protocol):
 
     def film(self, states: Path | None) -> None:
         """Write where it is, every 20 ms, into a sealed file for the camera; None ends it."""
+
+
+@runtime_checkable
+class Inspected(Protocol):
+    """A body that has more to try than sensors and wheels."""
+
+    def inspect(self) -> Mapping[str, Any]:
+        """Try it; what came of it, by name."""
 
 
 @runtime_checkable

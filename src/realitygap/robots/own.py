@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -68,7 +69,7 @@ class OwnBody(Blamed):
     @property
     def facts(self) -> dict[str, str]:
         """What recordings say of it."""
-        return {"robot": f"{self._place}:{self._name}"}
+        return {"robot": f"{Path(self._place).name}:{self._name}"}
 
     def sense(self) -> Readings:
         """What it reads, checked.
@@ -109,6 +110,7 @@ def opened(name: str, **_: Any) -> Body:
         UsageError: there is no such class, it stops with an error, or it is no body.
     """
     found, place = named_object(name, UsageError, "robot"), name.rpartition(":")[0]
+    place = str(Path(place).expanduser().resolve()) if place.endswith(".py") else place
     if not callable(found):
         raise UsageError(f"robot: {name}: expected a class, or a function that makes a body, got {found!r}.")
     with blamed_on(place, UsageError, f"{name.rpartition(':')[2]}() stops"):

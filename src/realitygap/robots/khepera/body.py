@@ -8,13 +8,15 @@ from typing import Any, cast
 import numpy as np
 
 from realitygap.robots.body import KINDS, Channel, Odometry
-from realitygap.robots.clock import LineClock
+from realitygap.robots.clock import LineClock, RealClock, VirtualClock
 from realitygap.robots.khepera.budget import STEP_MS, step_budget
 from realitygap.robots.khepera.driver import Khepera
 from realitygap.robots.khepera.protocol import FULL, SENSORS, request
 from realitygap.values import Command, Pose, Readings
 
 __all__ = ["KheperaBody", "opened"]
+
+LED_S = 0.2
 
 UNITS = "Khepera units"
 """Of its commands and speeds: pulses per 10 ms."""
@@ -74,6 +76,11 @@ class KheperaBody:
             **self.khepera.versions._asdict(),
         }
 
+    @property
+    def wire_ms(self) -> float:
+        """The time that a step takes on the line, at most."""
+        return self.budget.ms
+
     def attend(self, kinds: tuple[str, ...], turns: bool) -> None:
         """Read these kinds of sensors from now on, and what of counters and speeds a step has room for."""
         self.budget = step_budget(kinds, self.baud, turns=turns)
@@ -117,21 +124,39 @@ class KheperaBody:
         self.khepera.close()
         self.clock.close()
 
+    def inspect(self) -> dict[str, Any]:
+        """Switch both LEDs on and off; and count what had to be asked for again so far."""
+        for on in (True, False):
+            for number in (0, 1):
+                self.khepera.led(number, on)
+            self.clock.sleep_until(self.clock.now() + LED_S)
+        return {"leds": "answered", "faults": self.khepera.line.faults}
+
     def abandon(self) -> None:
         """Close the line without a word to the robot."""
         self.khepera.abandon()
 
 
 def opened(
-    port: str, *, baud: int | None = 38400, kinds: tuple[str, ...] = ("proximity",), **_: Any
+    port: str,
+    *,
+    baud: int | None = 38400,
+    kinds: tuple[str, ...] = ("proximity",),
+    clock_channel: str | None = None,
+    **_: Any,
 ) -> KheperaBody:
-    """The Khepera on a serial port, told to stand.
+    """The Khepera on a serial port, told to stand; with a clock channel a twin in virtual time.
 
     Raises:
         UsageError: the port cannot be opened, or is too slow for these sensors.
         LineError: nobody answers.
     """
-    khepera = Khepera.connect(port, baud=baud)
+    clock = VirtualClock(clock_channel) if clock_channel else RealClock()
+    try:
+        khepera = Khepera.connect(port, baud=baud, clock=clock)
+    except BaseException:
+        clock.close()
+        raise
     try:
         khepera.stop()
         return KheperaBody(khepera, kinds=kinds)

@@ -100,6 +100,13 @@ class TwinBody(KheperaBody):
             self._twin = None
 
 
-def opened(unit: str, *, baud: int | None = 38400, **settings: Any) -> TwinBody:
+def opened(
+    unit: str,
+    *,
+    baud: int | None = 38400,
+    noise: float = 1.0,
+    kinds: tuple[str, ...] = ("proximity",),
+    **_: Any,
+) -> TwinBody:
     """A unit by its number in words; its line has the usual rate if any will do."""
-    return TwinBody(int(unit), baud=baud or 38400, **settings)
+    return TwinBody(int(unit), noise=noise, baud=baud or 38400, kinds=kinds)

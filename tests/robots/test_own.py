@@ -1,0 +1,159 @@
+"""A body of the user's own: opened by its address, held to what it declares, blamed by its line."""
+
+from __future__ import annotations
+
+import json
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from realitygap.cli.robot import robot
+from realitygap.errors import LineError, UsageError
+from realitygap.robots.address import Address
+from realitygap.robots.body import Placing, Seen, Timed, channel, clock_of, odometry_of
+from realitygap.robots.clock import RealClock
+
+BODY = """\
+import numpy as np
+from realitygap.errors import LineError
+from realitygap.robots.body import Channel
+from realitygap.robots.clock import SteppedClock
+from realitygap.values import Pose, Readings
+
+
+class Three:
+    channels = (Channel(name="proximity", sensors=3, high=4095),)
+    period_s, counts_turns = 0.1, False
+
+    def __init__(self):
+        self.clock, self.gone = SteppedClock(self.step, 0.1), 0
+        self.enter({}, 0, None)
+
+    def step(self): self.gone += 1
+    def enter(self, room, seed, pose): self.pose = pose or Pose(x=1, y=2, heading=0)
+    def reset(self, pose=None): self.pose = pose or self.pose
+    def sense(self): return Readings(proximity=np.full(3, 4000.0), ambient=np.empty(0))
+    def act(self, command): self.command = command
+    def stop(self): pass
+    def close(self): pass
+
+
+class Many(Three):
+    def sense(self): return Readings(proximity=np.zeros(8), ambient=np.empty(0))
+class Loud(Three):
+    def sense(self): return Readings(proximity=np.full(3, 5000.0), ambient=np.empty(0))
+class Wordy(Three):
+    def sense(self): return [1, 2, 3]
+class Broken(Three):
+    def reset(self, pose=None): return 1 / 0
+class Lost(Three):
+    def act(self, command): raise LineError("unplugged")
+class Late(Three):
+    def step(self): return {}["no"]
+class Counting(Three):
+    counts_turns = True
+class Empty: pass
+class Odd(Three):
+    channels = ("proximity",)
+class Shy(Three):
+    def __init__(self): raise RuntimeError("no robot here")
+number = 3
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """A file with bodies."""
+    (tmp_path / "mine.py").write_text(BODY)
+    return tmp_path / "mine.py"
+
+
+def check(address: str, *words: str) -> tuple[int, str]:
+    """What `robot check` says, or the error."""
+    result = CliRunner().invoke(robot, ["check", "--robot", address, "--seconds", "0.5", *words])
+    return result.exit_code, result.stdout or str(result.exception)
+
+
+def test_what_a_body_has_is_found_by_its_name(file: Path) -> None:
+    """Its time, its room, its pose; what it declares of sensors and counters."""
+    with closing(Address.parse(f"{file}:Three").open()) as body:
+        assert isinstance(body, Timed) and isinstance(body, Placing) and isinstance(body, Seen)
+        assert channel(body, "proximity").high == 4095 and odometry_of(body).counters is None
+        with pytest.raises(UsageError, match="expected ambient sensors, which this one has not"):
+            channel(body, "ambient")
+        clock = clock_of(body)
+        clock.sleep_until(clock.now() + 0.5)
+        assert clock.now() == 0.5 and (body.pose.x, body.pose.y) == (1, 2)
+
+
+def test_it_is_checked_as_any_robot(file: Path) -> None:
+    """Three sensors, no ambient light, no counters; it moves if it may."""
+    code, said = check(f"{file}:Three", "--json", "--yes")
+    facts = json.loads(said)
+    assert code == 0 and facts["proximity"] == [4000] * 3 and "ambient" not in facts
+    assert facts["counters"] is None and facts["loop"]["steps"] == 5 and facts["loop"]["wire_ms"] is None
+    assert "moved ahead and back" in check(f"{file}:Three", "--yes")[1]
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("Many", r"sense: expected 3 proximity readings, as its channels say, got \(8,\)"),
+        ("Loud", "expected proximity counts from 0 to 4095"),
+        ("Wordy", r"sense: expected Readings, got \[1, 2, 3\]"),
+        ("Broken", r"mine.py, line \d+: Broken.reset stops with ZeroDivisionError"),
+        ("Late", r"mine.py, line \d+: SteppedClock.sleep_until stops with KeyError"),
+        ("Counting", "odometry: expected, since it counts turns"),
+        ("Empty", "expected channels, period_s, counts_turns, reset, sense, act, stop, close"),
+        ("Odd", "channels: expected a tuple of Channel"),
+        ("Shy", r"mine.py, line \d+: Shy\(\) stops with RuntimeError: no robot here"),
+        ("Nobody", "expected 'Nobody' in it. It has Three, "),
+        ("number", "expected a class, or a function that makes a body, got 3"),
+    ],
+)
+def test_what_is_no_body_is_said_in_one_line(file: Path, name: str, says: str) -> None:
+    """By the member and the line of the user's file."""
+    with pytest.raises(UsageError, match=says), closing(Address.parse(f"{file}:{name}").open()) as body:
+        body.reset()
+        body.sense()
+        clock_of(body).sleep_until(1.0)
+
+
+def test_a_robot_that_is_lost_is_no_mistake_of_its_file(file: Path) -> None:
+    """Its own RobotError passes as it is."""
+    with closing(Address.parse(f"{file}:Lost").open()) as body, pytest.raises(LineError, match="unplugged"):
+        body.act(None)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("ant", "expected twin, twin:UNIT, khepera:PORT"),
+        ("khepera:", "expected twin"),
+        ("twin:x", "whole number"),
+        ("nowhere.py:Me", "no such file"),
+        ("nowhere:Me", "no module 'nowhere' is installed. A file of your own: nowhere.py:Me"),
+    ],
+)
+def test_an_address_that_leads_nowhere_is_refused(text: str, says: str) -> None:
+    """With the forms that there are."""
+    with pytest.raises(UsageError, match=says):
+        Address.parse(text).open()
+
+
+def test_addresses_name_folders() -> None:
+    """As they always did, and for one's own by file and class."""
+    names = {"twin": "twin-1", "serial:/dev/ttyUSB0": "serial-ttyUSB0", "a/mine.py:Three": "mine-Three"}
+    assert {text: Address.parse(text).folder() for text in names} == names
+    assert Address.parse("twin:2").folder(0.5) == "twin-2-noise-0.5"
+    assert [str(Address.parse(text)) for text in ("twin", "a/mine.py:Three")] == ["twin:1", "a/mine.py:Three"]
+
+
+def test_a_body_without_a_time_of_its_own_has_the_computers(file: Path) -> None:
+    """And is placed by a person."""
+    body = Address.parse(f"{file}:Three").open()
+    del body._own.clock  # type: ignore[attr-defined]
+    assert isinstance(clock_of(body), RealClock) and np.isfinite(clock_of(body).now())
