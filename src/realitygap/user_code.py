@@ -6,14 +6,55 @@ import hashlib
 import importlib.util
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from inspect import signature
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from realitygap.errors import RealityGapError, UsageError
 
-__all__ = ["blamed_on", "named_object", "run_file"]
+__all__ = ["blamed_on", "made", "named_object", "place_of", "placed", "run_file"]
+
+
+def place_of(text: str) -> tuple[Path, str] | None:
+    """The file and the name of `file.py:Name`; None for a text of another form."""
+    file, colon, name = str(text).rpartition(":")
+    return (Path(file).expanduser(), name) if colon and file.endswith(".py") else None
+
+
+def placed(text: str, file: Path | str) -> str:
+    """The same name in another file."""
+    return f"{file}:{text.rpartition(':')[2]}"
+
+
+def made(text: str, what: str, ways: Iterable[str], settings: Mapping[str, Any], **given: Any) -> Any:
+    """What a user's class makes of its settings and of what it is given.
+
+    Args:
+        text: where the class is, `file.py:Name`.
+        what: it makes, for the message, such as "algorithm".
+        ways: attributes that this must have.
+        settings: the user's, by the names of the class's own parameters.
+        given: the others.
+
+    Raises:
+        UsageError: no such class, a setting that it does not have, or a value that it refuses.
+    """
+    kind: Any = named_object(text, UsageError, what)
+    file, _, name = text.rpartition(":")
+    with blamed_on(Path(file).expanduser().resolve(), UsageError):
+        known = signature(kind).parameters
+        for key in settings:
+            if key not in known or key in given:
+                has = ", ".join(other for other in known if other not in given) or "no settings"
+                raise UsageError(f"{name} has {has}; no {key!r}")
+        thing = kind(**given, **settings)
+    lacking = [way for way in ways if not hasattr(thing, way)]
+    if lacking:
+        raise UsageError(f"{text}: {what}: got {thing!r}, which has no {', '.join(lacking)}.")
+    return thing
 
 
 def named_object(text: str, error: type[UsageError], what: str) -> object:
@@ -69,31 +110,38 @@ def run_file(path: Path, error: type[UsageError]) -> ModuleType:
 
 
 @contextmanager
-def blamed_on(place: str | Path, error: type[UsageError], does: str = "the file stops") -> Iterator[None]:
+def blamed_on(
+    place: str | Path, error: type[UsageError], does: str = "the file stops", *, own: bool = False
+) -> Iterator[None]:
     """Any error of a user's code as one that names the file and the line; a robot's own passes.
 
     Args:
         place: the file, or the module's name.
         error: what to raise.
         does: what ended with the error, for the message.
+        own: let errors pass that no line of the file led to.
 
     Raises:
         UsageError: of the class `error`.
     """
     try:
         yield
-    except SyntaxError as why:
-        where = f"{why.filename or place}, line {why.lineno}"
-        raise error(f"{where}: not valid Python: {why.msg}. Correct that line.") from None
-    except UsageError as why:
-        raise error(f"{_line(place, why)}: {why}") from None
-    except (RealityGapError, KeyboardInterrupt):
-        raise
-    except OSError as why:
-        raise error(f"{_line(place, why)}: {why.strerror or why}. Check the path.") from None
     except (Exception, SystemExit) as why:
-        text = f"{type(why).__name__}: {why}".rstrip(": ")
-        raise error(f"{_line(place, why)}: {does} with {text}. Correct that line.") from None
+        passes = isinstance(why, RealityGapError) and not isinstance(why, UsageError)
+        if passes or (own and _line(place, why) == str(place)):
+            raise
+        raise error(_told(place, does, why)) from None
+
+
+def _told(place: str | Path, does: str, why: BaseException) -> str:
+    if isinstance(why, SyntaxError):
+        return f"{why.filename or place}, line {why.lineno}: not valid Python: {why.msg}. Correct that line."
+    where = _line(place, why)
+    if isinstance(why, UsageError):
+        return f"{where}: {why}"
+    if isinstance(why, OSError):
+        return f"{where}: {why.strerror or why}. Check the path."
+    return f"{where}: {does} with {f'{type(why).__name__}: {why}'.rstrip(': ')}. Correct that line."
 
 
 def _line(place: str | Path, error: BaseException) -> str:

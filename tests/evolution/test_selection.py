@@ -134,18 +134,18 @@ def test_the_smallest_population():
 
 def test_events_that_do_not_touch_commute():
     """An event whose neighbourhood is clear of the event before asks the same before and after it."""
-    algorithm = DistributedGA(variation=Toy())
+    algorithm = DistributedGA(encoding=Toy())
     state = advance(algorithm, algorithm.init(np.uint64(5)), 64)
     apart = 0
     for _ in range(150):
-        candidate = algorithm.ask(state)
-        early = algorithm.ask(dataclasses.replace(state, evaluations=state.evaluations + 1))
-        state = algorithm.tell(state, candidate, float(state.evaluations % 11))
-        late = algorithm.ask(state)
-        reached = [*neighbours(early.cell, 8, 8), early.cell]
+        candidate = algorithm.ask(state, 1)
+        early = algorithm.ask(dataclasses.replace(state, evaluations=state.evaluations + 1), 1)
+        state = algorithm.tell(state, candidate, np.array([float(state.evaluations % 11)]))
+        late = algorithm.ask(state, 1)
+        reached = [*neighbours(int(early.cells[0]), 8, 8), int(early.cells[0])]
         far = {other for cell in reached for other in (cell, *neighbours(cell, 8, 8))}
-        if candidate.cell not in far:
+        if candidate.cells[0] not in far:
             apart += 1
-            assert (early.genes == late.genes).all() and early.parents == late.parents
-            assert early.cell == late.cell
+            assert (early.genes == late.genes).all() and (early.parents == late.parents).all()
+            assert early.cells == late.cells
     assert apart > 30

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from realitygap.evolution import Algorithm, State
+from realitygap.evolution import Algorithm, Population
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,9 @@ def fitness_of(genes: np.ndarray) -> float:
     return -float(np.abs(genes.astype(int) - 20).sum())
 
 
-def advance(algorithm: Algorithm, state: State, n: int) -> State:
+def advance(algorithm: Algorithm, state: Population, n: int) -> Population:
     """The state after n more evaluations."""
     for _ in range(n):
-        candidate = algorithm.ask(state)
-        state = algorithm.tell(state, candidate, fitness_of(candidate.genes))
+        batch = algorithm.ask(state, 1)
+        state = algorithm.tell(state, batch, np.array([fitness_of(batch.genes[0])]))
     return state

@@ -172,7 +172,7 @@ def test_a_moved_study_goes_on(finished, folder):
         for _ in range(2):
             message = next(messages)
             assert isinstance(message, Advanced)
-            store.advance(message.run, message.records, message.state)
+            store.advance(message.run, message.records, message.kept)
     half = load_study(folder)
     assert [run.evaluations for run in half.runs] == [0, 40]
     assert half.runs[0].fittest is None and half.runs[1].champion is None and not half.runs[1].tests

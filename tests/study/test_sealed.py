@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from realitygap.errors import StudyError
+from realitygap.study.digest import seal
 from realitygap.study.folder import open_folder
 from realitygap.study.jobs import Job, Workshop
 from realitygap.study.load import load_study
@@ -125,7 +126,7 @@ def half_done(folder: Path) -> None:
     with Store(folder / DATABASE) as store:
         messages = Workshop(materials).carry_out(Job(2, None))
         for message, _ in zip(messages, range(2), strict=False):
-            store.advance(message.run, message.records, message.state)
+            store.advance(message.run, message.records, message.kept)
 
 
 def test_an_unfinished_run_is_sealed_too(folder):
@@ -137,16 +138,21 @@ def test_an_unfinished_run_is_sealed_too(folder):
         run_study(folder, resume=True, workers=1)
 
 
-def test_a_study_of_the_first_format_is_read_and_goes_on(folder, finished):
-    """Without sources and digests in its database a study still resumes to the same bits."""
+@pytest.mark.parametrize("version", [1, 2])
+def test_a_study_of_an_earlier_format_is_read_and_goes_on(folder, finished, version):
+    """Without sources and digests (1), or encodings (2), in its database a study resumes to the same bits."""
     half_done(folder)
     with closing(sqlite3.connect(folder / DATABASE)) as database, database:
-        for table in ("source", "task", "digest"):
+        database.execute("ALTER TABLE run DROP COLUMN encoding")
+        for table in ("source", "task", "digest") if version == 1 else ():
             database.execute(f"DROP TABLE {table}")
-        database.execute("PRAGMA user_version = 1")
+        for (run,) in database.execute("SELECT id FROM run").fetchall() if version == 2 else ():
+            seal(database, run, "run")
+        database.execute(f"PRAGMA user_version = {version}")
     assert load_study(folder).layout("light-seeking") == finished.layout("light-seeking")
     run_study(folder, resume=True, workers=1)
-    assert content(folder) == content(finished.folder)
+    here, there = content(folder), content(finished.folder)
+    assert {**here, "run": 0} == {**there, "run": 0}
     assert (load_study(folder).runs[0].champion == finished.runs[0].champion).all()
 
 

@@ -112,8 +112,8 @@ def torus() -> tuple[object, object]:
 def asked(**change: object) -> object:
     """The first candidate of a torus, changed and told."""
     algorithm, state = torus()
-    candidate = algorithm.ask(state)._replace(**change)  # type: ignore[attr-defined]
-    return algorithm.tell(state, candidate, 0.0)  # type: ignore[attr-defined]
+    candidate = algorithm.ask(state, 1)._replace(**change)  # type: ignore[attr-defined]
+    return algorithm.tell(state, candidate, [0.0])  # type: ignore[attr-defined]
 
 
 OTHERS: dict[str, Callable[[], object]] = {
@@ -133,10 +133,10 @@ OTHERS: dict[str, Callable[[], object]] = {
     "a parent in a list": lambda: VARIATION.offspring(GENES[0].tolist(), GENES[1], np.uint64(1)),
     "a stream of breeding below 0": lambda: VARIATION.random(-1),
     "a layout in words": lambda: rg.Variation(layout="large"),
-    "a candidate for no cell": lambda: asked(cell=9),
-    "a candidate for a cell below 0": lambda: asked(cell=-1),
-    "a candidate of another layout": lambda: asked(genes=np.zeros((3, 6), np.int8)),
-    "a fitness in words": lambda: torus()[0].tell(torus()[1], torus()[0].ask(torus()[1]), "high"),
+    "a candidate for no cell": lambda: asked(cells=np.array([9])),
+    "a candidate for a cell below 0": lambda: asked(cells=np.array([-1])),
+    "a candidate of another layout": lambda: asked(genes=np.zeros((1, 3, 6), np.int8)),
+    "a fitness in words": lambda: torus()[0].tell(torus()[1], torus()[0].ask(torus()[1], 1), "high"),
     "a population beyond all memory": lambda: make_algorithm("torus", VARIATION, rows=10**6, columns=10**6),
     "a size beyond all memory": lambda: make_algorithm("random", VARIATION, size=10**9),
     "a task in numbers": lambda: rg.load_task(3),

@@ -100,7 +100,7 @@ def _notes(config: StudyConfig, task: str, workers: int | None) -> None:
     loaded = load_task(task)
     named = config.arenas.get(loaded.name)
     note_dark(loaded, loaded.arena if named is None else load_arena(named))
-    population = config.evolution.make(config.variation).cells
+    population = config.evolution.make(config.encoding_for(loaded)).cells
     runs = config.runs * len(config.conditions)
     consider(runs=runs, evaluations=config.evaluations, workers=workers, population=population)
 

@@ -1,8 +1,8 @@
-"""Variation: how genotypes begin and change (§5.1), with every rate a named setting."""
+"""The paper's encoding (§5.2): how genotypes of slots begin and change (§5.1) and what they stand for."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Literal
 
@@ -10,7 +10,9 @@ import numpy as np
 
 from realitygap.controller import breeding
 from realitygap.controller.layout import Genes, Layout, check_layout, shown
+from realitygap.controller.network import decode
 from realitygap.errors import GenotypeError, UsageError
+from realitygap.kernels.params import Networks
 from realitygap.values import as_stream
 
 __all__ = ["Variation"]
@@ -18,7 +20,7 @@ __all__ = ["Variation"]
 
 @dataclass(frozen=True, kw_only=True)
 class Variation:
-    """Random genotypes, and offspring of two parents.
+    """The encoding by slots, with its operators: random genotypes, offspring of two parents, networks.
 
     Attributes:
         layout: the size of a genotype.
@@ -59,6 +61,24 @@ class Variation:
         chances = {name: float(getattr(self, name)) for name in self._chances()}
         any_source = int(self.sources == "all")
         return breeding.Rates(inputs=self.layout.inputs, any_source=any_source, **chances)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Of a genotype: [slots, 2 + 4·links]."""
+        return self.layout.shape
+
+    @property
+    def dtype(self) -> np.dtype[np.int8]:
+        """Of its values."""
+        return np.dtype(np.int8)
+
+    def sized(self, layout: Layout) -> Variation:
+        """The same rates for genotypes of another size."""
+        return replace(self, layout=layout)
+
+    def decode(self, genes: Genes) -> Networks:
+        """The networks of genotypes [N, slots, 2 + 4·links]."""
+        return decode(genes, self.layout)
 
     def random(self, stream: np.uint64) -> Genes:
         """A random genotype [slots, 2 + 4·links]; the same for the same stream."""

@@ -1,44 +1,63 @@
-"""§5.1: the distributed genetic algorithm and two baselines, behind the same ask and tell."""
+"""§5.1: the distributed genetic algorithm and two baselines, behind the same ask and tell as a user's."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from realitygap.errors import UsageError
-from realitygap.evolution.algorithm import Algorithm, Candidate, State, Variation
-from realitygap.evolution.panmictic import Panmictic
-from realitygap.evolution.random_search import RandomSearch
-from realitygap.evolution.torus import DistributedGA
+from realitygap.evolution.algorithm import Algorithm, Batch, State, Variation
+from realitygap.evolution.cellular import DistributedGA, Panmictic, RandomSearch
+from realitygap.evolution.population import Population
+from realitygap.user_code import made, place_of
 
 __all__ = [
     "ALGORITHMS",
     "Algorithm",
-    "Candidate",
+    "Batch",
     "DistributedGA",
     "Panmictic",
+    "Population",
     "RandomSearch",
     "State",
+    "Variation",
     "make_algorithm",
 ]
 
-ALGORITHMS = ("torus", "panmictic", "random")
-"""Names of the algorithms: the paper's, and two to compare it with."""
+ALGORITHMS: dict[str, type[DistributedGA] | type[Panmictic] | type[RandomSearch]] = {
+    "torus": DistributedGA,
+    "panmictic": Panmictic,
+    "random": RandomSearch,
+}
+"""The algorithms by name: the paper's, and two to compare it with."""
 
 
-def make_algorithm(name: str, variation: Variation, **params: Any) -> Algorithm:
-    """The algorithm of a name: "torus" (rows, columns), "panmictic" (size) or "random" (size).
+def make_algorithm(name: str, encoding: Any, **params: Any) -> Algorithm[Any]:
+    """The algorithm of a name, for individuals of an encoding.
+
+    Args:
+        name: "torus" (rows, columns), "panmictic" (size), "random" (size), or `FILE.py:NAME`: a class of
+            a user's own, made by `NAME(encoding=…, **params)`; its file is run.
+        encoding: how individuals begin and change: `Variation` is the paper's.
+        params: the algorithm's own.
 
     Raises:
         UsageError: an unknown name or parameter, or a value out of range.
     """
-    kinds: dict[str, type[DistributedGA] | type[Panmictic] | type[RandomSearch]]
-    kinds = {"torus": DistributedGA, "panmictic": Panmictic, "random": RandomSearch}
-    if not isinstance(name, str) or name not in kinds:
-        raise UsageError(f"the algorithm must be one of {', '.join(ALGORITHMS)}; not {name!r}")
-    if not all(hasattr(variation, way) for way in ("random", "crosses", "offspring")):
-        raise UsageError(f"variation: expected a Variation, got {variation!r}")
-    known = [key for key in kinds[name].__dataclass_fields__ if key != "variation"]
+    if isinstance(name, str) and place_of(name):
+        ways = ("cells", "init", "ask", "tell", "from_bytes")
+        own: Algorithm[Any] = made(name, "algorithm", ways, params, encoding=encoding)
+        return own
+    if not isinstance(name, str) or name not in ALGORITHMS:
+        raise UsageError(
+            f"the algorithm must be one of {', '.join(ALGORITHMS)}, or FILE.py:NAME; not {name!r}"
+        )
+    if not all(hasattr(encoding, way) for way in ("random", "crosses", "offspring")):
+        raise UsageError(
+            f"encoding: the algorithm {name!r} expected one with random, crosses and offspring, "
+            f"as a Variation, got {encoding!r}"
+        )
+    known = [key for key in ALGORITHMS[name].__dataclass_fields__ if key != "encoding"]
     for key in params:
         if key not in known:
             raise UsageError(f"the algorithm {name!r} has {', '.join(known)}; no {key!r}")
-    return kinds[name](variation=variation, **params)
+    return ALGORITHMS[name](encoding=encoding, **params)

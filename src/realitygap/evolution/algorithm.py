@@ -1,36 +1,104 @@
-"""What every algorithm is: its state a value, asked for a candidate and told its fitness.
+"""What every algorithm is: its state a value, asked for individuals and told their fitness.
 
-It sees genes and fitness, never a robot. Evaluation e of a run is the event
-`substream(state.stream, e)`; its streams are named in `streams.py`: OFFSPRING is the one
-that the variation draws from. A state and an event's number thus decide every bit of a candidate.
+It sees genes and fitness, never a robot. What an algorithm of one's own looks like is shown by
+`examples/`; `realitygap.testing` has the contract that every algorithm passes.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.errors import StudyError, UsageError
-from realitygap.evolution import checkpoint
-from realitygap.kernels.rng import substream
-from realitygap.streams import OFFSPRING
+from realitygap.errors import UsageError
 
-__all__ = ["Algorithm", "Candidate", "Genes", "State", "Variation"]
+__all__ = ["NOBODY", "Algorithm", "Batch", "Genes", "State", "Variation", "check_batch"]
 
-Genes = NDArray[np.int8]
+Genes = NDArray[Any]
+"""Individuals of any type and shape: [n, ...], or one, [...]."""
 
 NOBODY = -1
-"""The number of a parent that is not there."""
-LARGEST = 4096
-"""Most individuals of a population: every evaluation copies it."""
+"""The number of a parent, or of a resident, that is not there."""
+
+
+class Batch(NamedTuple):
+    """n individuals to be evaluated."""
+
+    number: int
+    """Evaluation number of the first, from 0; the others follow."""
+    genes: Genes
+    """[n, ...]."""
+    parents: NDArray[np.int64]
+    """[n, 2] evaluation numbers of the parents; −1: none (the second without crossover)."""
+    cells: NDArray[np.int64]
+    """[n] the cell that each will take, or is offered."""
+
+
+class State(Protocol):
+    """Where a run of an algorithm is; a value: nothing ever changes one. `Population` is one."""
+
+    @property
+    def evaluations(self) -> int:
+        """How many were told."""
+
+    @property
+    def genes(self) -> Genes:
+        """[cells, ...] who lives now; a finished run tests them all once more."""
+
+    @property
+    def numbers(self) -> NDArray[np.int64]:
+        """[cells] evaluation number of each resident, −1 where no one lives."""
+
+    @property
+    def best_genes(self) -> Genes:
+        """The fittest ever told (the first of equals)."""
+
+    @property
+    def best_fitness(self) -> float:
+        """Its fitness, −inf before the first."""
+
+    @property
+    def best_number(self) -> int:
+        """Its evaluation number, −1 before the first."""
+
+    def to_bytes(self) -> bytes:
+        """The state written down, as its algorithm's `from_bytes` reads it; equal states, equal bytes."""
+
+
+S = TypeVar("S", bound=State)
+
+
+class Algorithm(Protocol[S]):
+    """init, then ask and tell by turns; each a function of its arguments alone."""
+
+    @property
+    def cells(self) -> int:
+        """How many individuals a state holds."""
+
+    def init(self, stream: np.uint64) -> S:
+        """The state before the first evaluation; all of the run's draws come from the stream."""
+
+    def ask(self, state: S, n: int) -> Batch:
+        """The next individuals to evaluate: n at most, and at least one.
+
+        Fewer where the next one depends on a fitness that was not told yet: the paper's algorithm gives
+        what is left of its random beginning, then one at a time. Asking twice gives the same.
+        """
+
+    def tell(self, state: S, batch: Batch, fitness: NDArray[np.float64]) -> S:
+        """The state after these evaluations, fitness [n]; the old one stays as it was."""
+
+    def from_bytes(self, data: bytes) -> S:
+        """The state that `State.to_bytes` wrote, bit for bit.
+
+        Raises:
+            StudyError: the bytes are damaged or of another version.
+        """
 
 
 class Variation(Protocol):
-    """How individuals begin and change; each method is a function of its arguments."""
+    """How individuals begin and change, where an algorithm leaves that to their encoding."""
 
     def random(self, stream: np.uint64) -> Genes:
         """A random individual."""
@@ -42,160 +110,24 @@ class Variation(Protocol):
         """A new individual from two, which stay as they are."""
 
 
-class Candidate(NamedTuple):
-    """An individual to be evaluated."""
-
-    number: int
-    """Evaluation number, from 0."""
-    genes: Genes
-    parents: tuple[int, int]
-    """Evaluation numbers of the parents; −1: none (the second without crossover)."""
-    cell: int
-    """The cell it will take."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class State:
-    """A population and all that is needed to go on; a value: nothing ever changes one.
-
-    Attributes:
-        stream: where all draws of the run come from.
-        evaluations: how many were told.
-        genes: [cells, ...] int8 individuals.
-        fitness: [cells], −inf where no one lives yet.
-        numbers: [cells] evaluation number of each resident, −1 where no one lives yet.
-        best_genes, best_fitness, best_number: the fittest ever told (the first of equals).
-    """
-
-    stream: np.uint64
-    evaluations: int
-    genes: Genes
-    fitness: NDArray[np.float64]
-    numbers: NDArray[np.int64]
-    best_genes: Genes
-    best_fitness: float
-    best_number: int
-
-    def to_bytes(self) -> bytes:
-        """The state written down, checked on reading."""
-        return checkpoint.pack(self)
-
-    @classmethod
-    def from_bytes(cls, data: bytes) -> State:
-        """The state that `to_bytes` wrote, bit for bit.
-
-        Raises:
-            StudyError: the bytes are damaged or of another version.
-        """
-        return cls(**checkpoint.unpack(data))
-
-
-class Algorithm(Protocol):
-    """init, then ask and tell by turns; pure functions of state."""
-
-    @property
-    def cells(self) -> int:
-        """How many individuals a state holds."""
-
-    def init(self, stream: np.uint64) -> State:
-        """The state before the first evaluation."""
-
-    def ask(self, state: State) -> Candidate:
-        """The next individual to evaluate; asking twice gives the same."""
-
-    def tell(self, state: State, candidate: Candidate, fitness: float) -> State:
-        """The state after this evaluation; the old one stays as it was."""
-
-
-def check_size(size: object, low: int, what: str) -> None:
-    """Refuse a size that is no whole number from `low` to LARGEST.
+def check_batch(batch: object, state: State, n: int, one: Genes) -> int:
+    """Refuse what is no answer to `ask(state, n)`, of individuals as `one`; how many there are.
 
     Raises:
-        UsageError: says what `what` must be.
+        UsageError: says what was expected of the algorithm and what came.
     """
-    if isinstance(size, bool) or not isinstance(size, int) or not low <= size <= LARGEST:
-        raise UsageError(f"{what} must be a whole number from {low} to {LARGEST}, not {size!r}")
-
-
-def empty(variation: Variation, stream: np.uint64, cells: int) -> State:
-    """A state of empty cells for individuals of a variation."""
-    blank = np.zeros_like(variation.random(np.uint64(0)))
-    return State(
-        stream=np.uint64(stream),
-        evaluations=0,
-        genes=np.zeros((cells, *blank.shape), np.int8),
-        fitness=np.full(cells, -np.inf),
-        numbers=np.full(cells, NOBODY, np.int64),
-        best_genes=blank,
-        best_fitness=-math.inf,
-        best_number=NOBODY,
-    )
-
-
-def event_of(state: State, cells: int) -> np.uint64:
-    """The stream of the state's next event.
-
-    Raises:
-        StudyError: a state of another number of cells than the algorithm's, or not of one number.
-    """
-    if len(state.fitness) != cells:
-        raise StudyError(f"the algorithm has {cells} cells, but the state to go on from {len(state.fitness)}")
-    if not state.genes.shape[:1] == state.numbers.shape == state.fitness.shape:
-        raise StudyError(f"a state's genes, fitness and numbers must each have {cells} cells")
-    return np.uint64(substream(state.stream, state.evaluations))
-
-
-def first(variation: Variation, state: State, event: np.uint64, cell: int) -> Candidate:
-    """A candidate without parents."""
-    genes = variation.random(np.uint64(substream(event, OFFSPRING)))
-    return Candidate(state.evaluations, genes, (NOBODY, NOBODY), cell)
-
-
-def bred(variation: Variation, state: State, event: np.uint64, cells: tuple[int, int, int]) -> Candidate:
-    """The offspring of two cells, for a third: `cells` is (first parent, mate, replaced)."""
-    cell, mate, replaced = cells
-    stream = np.uint64(substream(event, OFFSPRING))
-    genes = variation.offspring(state.genes[cell], state.genes[mate], stream)
-    second = int(state.numbers[mate]) if variation.crosses(stream) else NOBODY
-    return Candidate(state.evaluations, genes, (int(state.numbers[cell]), second), replaced)
-
-
-def told(state: State, candidate: Candidate, fitness: float, *, placed: bool = True) -> State:
-    """The state after an evaluation; the candidate lives in its cell if it is `placed`.
-
-    Raises:
-        UsageError: a fitness that is no finite number, an answer out of turn, or another's candidate.
-    """
-    try:
-        fitness = float(fitness)
-    except (TypeError, ValueError):
-        fitness = math.nan
-    if not math.isfinite(fitness):
+    if not isinstance(batch, Batch):
+        raise UsageError(f"ask: expected a Batch, got {type(batch).__name__}.")
+    genes, count = batch.genes, len(np.atleast_1d(batch.genes))
+    if not isinstance(genes, np.ndarray) or (genes.dtype, genes.shape[1:]) != (one.dtype, one.shape):
+        came = f"{genes.dtype}{list(genes.shape)}" if isinstance(genes, np.ndarray) else type(genes).__name__
         raise UsageError(
-            f"the fitness of evaluation {candidate.number} must be a finite number, "
-            f"not {fitness}: see to the task's score"
+            f"ask: expected genes {one.dtype}[n{''.join(f', {k}' for k in one.shape)}], got {came}."
         )
-    kind, shape = candidate.genes.dtype, candidate.genes.shape
-    cells = len(state.fitness)
-    if kind != np.int8 or shape != state.best_genes.shape or not 0 <= candidate.cell < cells:
-        expected = f"genes int8{list(state.best_genes.shape)} for a cell of 0 to {cells - 1}"
-        raise UsageError(f"the candidate must have {expected}, not {kind}{list(shape)} for {candidate.cell}")
-    if candidate.number != state.evaluations:
-        raise UsageError(f"expected the fitness of evaluation {state.evaluations}, not of {candidate.number}")
-    genes, residents, numbers = state.genes, state.fitness, state.numbers
-    if placed:
-        genes, residents, numbers = genes.copy(), residents.copy(), numbers.copy()
-        genes[candidate.cell] = candidate.genes
-        residents[candidate.cell] = fitness
-        numbers[candidate.cell] = candidate.number
-    better = fitness > state.best_fitness
-    return State(
-        stream=state.stream,
-        evaluations=state.evaluations + 1,
-        genes=genes,
-        fitness=residents,
-        numbers=numbers,
-        best_genes=candidate.genes if better else state.best_genes,
-        best_fitness=fitness if better else state.best_fitness,
-        best_number=candidate.number if better else state.best_number,
-    )
+    if not 1 <= count <= n or batch.number != state.evaluations:
+        there = f"{count} from number {batch.number}"
+        raise UsageError(f"ask: expected 1 to {n} individuals from number {state.evaluations}, got {there}.")
+    if batch.parents.shape != (count, 2) or batch.cells.shape != (count,):
+        shapes = f"{list(batch.parents.shape)} and {list(batch.cells.shape)}"
+        raise UsageError(f"ask: expected parents [{count}, 2] and cells [{count}], got {shapes}.")
+    return count

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from realitygap.report.gather import TaskPart
@@ -43,8 +44,9 @@ def is_paper(study: Any, parts: Sequence[TaskPart]) -> bool:
 def lead(study: Any, parts: Sequence[TaskPart]) -> str:
     """What was evolved, how, in the simulation of which robot, and under what noise: by the settings."""
     config = study.config
-    found = FOUND[config.evolution.algorithm]
-    if config.evolution.algorithm != "random" and _other_rates(config):
+    name = config.evolution.algorithm
+    found = FOUND.get(name, f"evolved by {Path(name).name}")
+    if name != "random" and _other_rates(config):
         found += " (operators at other rates)"
     levels = sorted({c.level for part in parts for c in part.conditions})
     names = [noise_name(level) for level in levels]

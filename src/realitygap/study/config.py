@@ -6,21 +6,23 @@ the paper's value. Paths are relative to the file that names them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, Self
 
+from realitygap.controller.encoding import Encoding as Made
 from realitygap.controller.layout import Layout
 from realitygap.controller.operators import Variation
 from realitygap.errors import ConfigError
-from realitygap.study.parts import Condition, Encoding, Evolution, TaskSettings
+from realitygap.study.parts import NAMED, Condition, Encoding, Evolution, TaskSettings, with_own
 from realitygap.study.settings import apply, whole
 from realitygap.tasks.load import reference
 from realitygap.tasks.task import Task
 from realitygap.toml import read_toml
 from realitygap.toml import to_toml as write_toml
+from realitygap.user_code import place_of, placed
 from realitygap.world.files import Value, build, require
 from realitygap.world.noise import NOISE_LEVELS, noise_level
 
@@ -44,7 +46,8 @@ class StudyConfig(Value):
         profile: the robot, a shipped name or a TOML file.
         conditions: tasks and noise levels, in this order.
         task: changes to every task, as `task.seconds`.
-        evolution, variation, encoding: the algorithm, its operators' rates, the genotype's size.
+        evolution, encoding: the algorithm, and how genes stand for networks; variation: rates of the
+            operators on the paper's genotypes.
         arenas: another arena for a task, by the task's name.
 
     Raises:
@@ -105,7 +108,7 @@ class StudyConfig(Value):
     def from_dict(cls, table: Mapping[str, Any]) -> Self:
         """From a dictionary with a file's keys (`versions`, which a study adds, is left out)."""
         try:
-            return build(cls, {key: value for key, value in table.items() if key != "versions"})
+            return build(cls, {key: value for key, value in with_own(table).items() if key != "versions"})
         except ConfigError:
             raise
         except ValueError as error:  # the algorithm's and the variation's own words
@@ -138,7 +141,7 @@ class StudyConfig(Value):
             return str((folder / path).resolve()) if path.suffix in (".py", ".toml") else name
 
         return replace(
-            self,
+            self.with_own_files(lambda _, file: found(str(file))),
             profile=found(self.profile),
             conditions=tuple(replace(c, task=found(c.task)) for c in self.conditions),
             arenas={task: found(arena) for task, arena in self.arenas.items()},
@@ -152,10 +155,23 @@ class StudyConfig(Value):
         """
         return self.from_dict(apply(self.to_dict(), settings))
 
-    def variation_for(self, task: Task) -> Variation:
-        """The operators on genotypes with an input for each of the task's sensors."""
-        size = Layout(inputs=len(task.sensors), slots=self.encoding.slots, links=self.encoding.links)
-        return replace(self.variation, layout=size)
+    def own_files(self) -> dict[str, Path]:
+        """The files of a user's algorithm and encoding, by the table that names each."""
+        named = {part: place_of(getattr(getattr(self, part), key)) for part, key in NAMED.items()}
+        return {part: place[0] for part, place in named.items() if place is not None}
+
+    def with_own_files(self, moved: Callable[[str, Path], str]) -> Self:
+        """The same with those files elsewhere: where `moved` says for a table and a file."""
+        changes = {}
+        for part, file in self.own_files().items():
+            table = getattr(self, part)
+            name = placed(getattr(table, NAMED[part]), moved(part, file))
+            changes[part] = replace(table, **{NAMED[part]: name})
+        return replace(self, **changes)
+
+    def encoding_for(self, task: Task) -> Made:
+        """How genes stand for networks with an input for each of the task's sensors."""
+        return self.encoding.make(len(task.sensors), self.variation)
 
     def to_dict(self) -> dict[str, Any]:
         """The configuration as a dictionary, keys as in its file."""

@@ -15,8 +15,7 @@ from realitygap.errors import StudyBusyError, StudyError
 from realitygap.study.commit import project_commit
 from realitygap.study.config import StudyConfig
 from realitygap.study.machine import processor
-from realitygap.study.materials import Materials, gather, own, task_files
-from realitygap.study.plan import plans
+from realitygap.study.materials import Materials, gather, own, program_files
 from realitygap.study.reader import DATABASE, Reader
 from realitygap.study.schema import told
 from realitygap.study.settings import difference
@@ -45,7 +44,18 @@ __all__ = [
 
 CONFIG = "study.toml"
 LOCK = "study.lock"
-OURS = {CONFIG, LOCK, "profile.toml", "arenas", "tasks", "report", "reproduce.toml", "calibration"}
+OURS = {
+    CONFIG,
+    LOCK,
+    "profile.toml",
+    "arenas",
+    "tasks",
+    "evolution",
+    "encoding",
+    "report",
+    "reproduce.toml",
+    "calibration",
+}
 OURS |= {"reproduce.tmp"}  # of earlier versions
 """What a study that was killed while it was being made may have left."""
 
@@ -88,7 +98,7 @@ def open_folder(folder: Path, requested: Materials | None, *, resume: bool) -> M
             path = folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
             whole.write(path, content)
-    create(folder / DATABASE, plans(requested), requested.tasks, sources)
+    create(folder / DATABASE, requested, sources)
     return read_materials(folder)
 
 
@@ -158,13 +168,13 @@ def own_config(folder: Path) -> StudyConfig:
 
 
 def read_materials(folder: Path) -> Materials:
-    """A study's robot, tasks and arenas, from its own copies; task files are run for it.
+    """A study's robot, tasks and arenas, from its own copies; users' files are run for it.
 
     Raises:
         StudyError: a copy is missing or was edited since, or is a program that is not trusted.
     """
     config = own_config(folder)
-    refuse_strange(folder, task_files(config))
+    refuse_strange(folder, program_files(config))
     return gather(config)
 
 
@@ -181,16 +191,16 @@ def read_profile(folder: Path) -> Profile:
 
 
 def programs(folder: Path) -> list[Path]:
-    """The task files that a study brings and that this user has not agreed to run.
+    """The programs that a study brings and that this user has not agreed to run.
 
     Raises:
         StudyError, ConfigError: as of `own_config`.
     """
-    return strange(task_files(own_config(folder)))
+    return strange(program_files(own_config(folder)))
 
 
 def agree(folder: Path) -> None:
-    """Run the task files that a study brings from now on, whoever wrote them."""
+    """Run the programs that a study brings from now on, whoever wrote them."""
     agree_to(path.read_bytes() for path in programs(folder))
 
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from typing import NamedTuple
 
+from realitygap.errors import UsageError
 from realitygap.evolution.algorithm import State
 from realitygap.study.materials import Materials
 from realitygap.study.plan import Plan, plans
 from realitygap.study.run import WHO, Bench, Records, Results, advance, begin, bench_for, finish
 from realitygap.tasks.task import Task
+from realitygap.user_code import blamed_on
 from realitygap.world.noise import NOISE_LEVELS
 
 __all__ = ["Advanced", "Finished", "Job", "Message", "Workshop"]
@@ -25,12 +28,21 @@ class Job(NamedTuple):
     checkpoint: bytes | None
 
 
+class Kept(NamedTuple):
+    """What the store keeps of a run's state."""
+
+    evaluations: int
+    best_fitness: float
+    best_number: int
+    state: bytes
+
+
 class Advanced(NamedTuple):
     """Evaluations of a run, and its state after them."""
 
     run: int
     records: Records
-    state: State
+    kept: Kept
 
 
 class Finished(NamedTuple):
@@ -59,17 +71,42 @@ class Workshop:
     def compile(self) -> None:
         """Load or compile once all that the conditions' runs call."""
         for condition in range(len(self._materials.tasks)):
-            self._bench(condition).compile()
+            with self._blamed():
+                self._bench(condition).compile()
 
     def carry_out(self, job: Job) -> Iterator[Message]:
         """A run's messages, one for each checkpoint, then its tests."""
         plan = self._plans[job.run]
         bench = self._bench(plan.condition)
-        state = begin(bench, plan) if job.checkpoint is None else State.from_bytes(job.checkpoint)
+        with self._blamed():
+            state = begin(bench, plan) if job.checkpoint is None else self.read(job.run, job.checkpoint)
         while (left := self.config.evaluations - state.evaluations) > 0:
-            state, records = advance(bench, plan, state, min(left, self.config.checkpoint_every))
-            yield Advanced(job.run, records, state)
-        yield Finished(job.run, finish(bench, plan, state))
+            with self._blamed():
+                state, records = advance(bench, plan, state, min(left, self.config.checkpoint_every))
+                kept = Kept(
+                    state.evaluations, float(state.best_fitness), int(state.best_number), state.to_bytes()
+                )
+            yield Advanced(job.run, records, kept)
+        with self._blamed():
+            results = finish(bench, plan, state)
+        yield Finished(job.run, results)
+
+    def read(self, run: int, checkpoint: bytes) -> State:
+        """The state that a run goes on from.
+
+        Raises:
+            StudyError: the checkpoint is damaged.
+        """
+        state: State = self._bench(self._plans[run].condition).algorithm.from_bytes(checkpoint)
+        return state
+
+    @contextmanager
+    def _blamed(self) -> Iterator[None]:
+        """What goes wrong in a user's algorithm or encoding is told by their file and line."""
+        with ExitStack() as stack:
+            for file in self.config.own_files().values():
+                stack.enter_context(blamed_on(file.resolve(), UsageError, own=True))
+            yield
 
     def cost(self, run: int, evaluations: int) -> float:
         """About what that many evaluations of a run cost, in steps of obstacle avoidance."""

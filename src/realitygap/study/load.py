@@ -16,9 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.controller.layout import Genes, Layout
+from realitygap.controller.encoding import Encoding, as_slots
+from realitygap.controller.layout import Layout
+from realitygap.controller.operators import Variation
 from realitygap.errors import StudyError
-from realitygap.evolution.algorithm import State
+from realitygap.evolution.algorithm import Genes, State
+from realitygap.evolution.checkpoint import MAGIC
+from realitygap.evolution.population import Population
 from realitygap.study.config import StudyConfig
 from realitygap.study.folder import agree, read_config, read_materials, read_profile
 from realitygap.study.materials import Materials
@@ -68,6 +72,7 @@ class Study:
         self.config: StudyConfig = read_config(folder)
         self._reader = Reader(folder / DATABASE)
         self.runs: list[Run] = self._read_runs()
+        self._encodings: dict[str, Encoding] = {}
 
     def __fspath__(self) -> str:
         """Its folder: a study goes wherever a path to one is wanted."""
@@ -109,10 +114,36 @@ class Study:
             raise StudyError(f"{self.folder}: expected a task of the study ({known}), got {task!r}.")
         return found[task]
 
+    def encoding(self, task: str | Task) -> Encoding:
+        """How genotypes that evolve in a task stand for networks; a user's file is run for it.
+
+        Raises:
+            StudyError: a file that this user has not agreed to run, or that was edited since.
+        """
+        name = _name(task)
+        if name not in self._encodings:
+            own = "encoding" in self.config.own_files()
+            config = self._materials.config if own else self.config
+            sensors = self.facts(name)["sensors"]
+            self._encodings[name] = config.encoding.make(len(sensors), config.variation)
+        return self._encodings[name]
+
     def layout(self, task: str | Task) -> Layout:
-        """The size of the genotypes that evolve in a task."""
-        encoding = self.config.encoding
-        return Layout(inputs=len(self.facts(task)["sensors"]), slots=encoding.slots, links=encoding.links)
+        """The size of the slots' genotypes that evolve in a task.
+
+        Raises:
+            StudyError: the study has another encoding.
+        """
+        encoding = self.encoding(task)
+        if not isinstance(encoding, Variation):
+            raise StudyError(
+                f"{self.folder}: genotypes of slots have a layout, not {self.config.encoding.kind}."
+            )
+        return encoding.layout
+
+    def as_slots(self, task: str | Task, genes: Genes) -> Genes:
+        """A genotype as one of slots with the same network: itself, unless it is of another encoding."""
+        return as_slots(self.encoding(task), genes)[0]
 
     def run(self, id_or_name: int | str) -> Run:
         """One run.
@@ -136,26 +167,26 @@ class Study:
         return self._table("evaluation", kinds, "run, number", run)
 
     def genotypes(self, run: int) -> Genes:
-        """int8 [n, slots, fields]: all individuals of a run, in the order of evaluation."""
-        shape = self._shape
+        """[n, ...]: all individuals of a run, in the order of evaluation; of slots [n, slots, fields]."""
+        kind, shape = self._form(run)
         with self._reader.reading("evaluation", self.run(run).id) as database:
             query = "SELECT genotype FROM evaluation WHERE run = ? ORDER BY number"
             rows = [row[0] for row in database.execute(query, (run,))]
-        return np.frombuffer(b"".join(rows), np.int8).reshape(-1, *shape)
+        return np.frombuffer(b"".join(rows), kind).reshape(-1, *shape)
 
     def genotype(self, run: int, number: int) -> Genes:
-        """int8 [slots, fields]: the individual of one evaluation.
+        """The individual of one evaluation, of the type and shape that its run keeps.
 
         Raises:
             StudyError: no such evaluation.
         """
-        shape = self._shape
+        kind, shape = self._form(run)
         with self._reader.reading("evaluation", self.run(run).id) as database:
             query = "SELECT genotype FROM evaluation WHERE run = ? AND number = ?"
             row = database.execute(query, (run, number)).fetchone()
         if row is None:
             raise StudyError(f"{self.folder}: run {run} has no evaluation {number}.")
-        return np.frombuffer(row[0], np.int8).reshape(shape).copy()
+        return np.frombuffer(row[0], kind).reshape(shape).copy()
 
     def tests(self, run: int | None = None) -> Table:
         """Fresh trials: run, who (fittest or champion), noise, trial, score."""
@@ -168,16 +199,26 @@ class Study:
         return self._table("retest", kinds, "run, cell, trial", run)
 
     def state(self, run: int) -> State | None:
-        """What a run's last checkpoint holds; None before the first."""
+        """What a run's last checkpoint holds; None before the first. A user's file may be run for it."""
         with self._reader.reading("checkpoint", self.run(run).id) as database:
             row = database.execute("SELECT state FROM checkpoint WHERE run = ?", (run,)).fetchone()
-        return None if row is None else State.from_bytes(row[0])
+        if row is None:
+            return None
+        if row[0].startswith(MAGIC):
+            return Population.from_bytes(row[0])
+        task, config = self.task(self.run(run).task), self._materials.config
+        state: State = config.evolution.make(config.encoding_for(task)).from_bytes(row[0])
+        return state
 
-    @property
-    def _shape(self) -> tuple[int, int]:
-        """Of every genotype: it takes no task to know it."""
-        encoding = self.config.encoding
-        return Layout(inputs=1, slots=encoding.slots, links=encoding.links).shape
+    def _form(self, run: int) -> tuple[str, tuple[int, ...]]:
+        """Type and shape of a run's genotypes: it takes neither its task nor its encoding to know them."""
+        with self._reader.reading("run", self.run(run).id) as database:
+            if "encoding" not in [row[1] for row in database.execute("PRAGMA table_info(run)")]:
+                size = self.config.encoding  # of the formats before, which had slots only
+                return "i1", Layout(inputs=1, slots=size.slots or 0, links=size.links or 0).shape
+            row = database.execute("SELECT encoding FROM run WHERE id = ?", (self.run(run).id,)).fetchone()
+        facts = json.loads(row[0])
+        return facts["dtype"], tuple(facts["shape"])
 
     def versions(self) -> dict[str, list[str]]:
         """What has worked on it, by name, each version once: see `folder.versions`."""
@@ -282,7 +323,7 @@ class Run:
 
     @property
     def population(self) -> Genes | None:
-        """int8 [cells, slots, fields]: the population at the last checkpoint, cell by cell."""
+        """[cells, ...]: the population at the last checkpoint, cell by cell."""
         state = self.study.state(self.id)
         return None if state is None else state.genes
 

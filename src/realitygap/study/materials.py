@@ -20,7 +20,7 @@ from realitygap.tasks.task import Task
 from realitygap.world.arena import load_arena
 from realitygap.world.profile import Profile, load_profile
 
-__all__ = ["Materials", "gather", "own", "task_files"]
+__all__ = ["Materials", "gather", "own", "program_files"]
 
 PROFILE = "profile.toml"
 
@@ -47,8 +47,9 @@ class Materials:
         raise ConfigError(f"task: expected one of the study's ({known}), got {name!r}.")
 
     def own_code(self) -> Iterator[bytes]:
-        """The text of each task file that is not the package's."""
-        return (Path(task.source).read_bytes() for task in self.tasks if task.source is not None)
+        """The text of each program that is not the package's: tasks, algorithm, encoding."""
+        tasks = [Path(task.source) for task in self.tasks if task.source is not None]
+        return (path.read_bytes() for path in (*tasks, *self.config.own_files().values()))
 
     def copies(self) -> tuple[StudyConfig, dict[str, bytes]]:
         """The configuration with every file named inside the study's folder, and those files."""
@@ -64,7 +65,10 @@ class Materials:
                 name = f"{home}/{Path(task.source).name}"
                 files.update({f"{home}/{path}": content for path, content in _task_files(task).items()})
             conditions.append(replace(condition, task=name))
-        config = replace(self.config, profile=PROFILE, conditions=tuple(conditions), arenas=arenas)
+        for part, file in self.config.own_files().items():
+            files[f"{part}/{file.name}"] = file.read_bytes()
+        config = self.config.with_own_files(lambda part, file: f"{part}/{file.name}")
+        config = replace(config, profile=PROFILE, conditions=tuple(conditions), arenas=arenas)
         return config, files
 
 
@@ -79,7 +83,7 @@ def own(config: StudyConfig, folder: Path) -> StudyConfig:
         return str(inside(folder, name).resolve())
 
     return replace(
-        config,
+        config.with_own_files(lambda _, file: place(file.as_posix())),
         profile=place(config.profile),
         conditions=tuple(c if c.task in TASKS else replace(c, task=place(c.task)) for c in config.conditions),
         arenas={task: place(arena) for task, arena in config.arenas.items()},
@@ -87,7 +91,7 @@ def own(config: StudyConfig, folder: Path) -> StudyConfig:
 
 
 def gather(config: StudyConfig) -> Materials:
-    """Load and check everything that a configuration names; task files are run for it.
+    """Load and check everything that a configuration names; users' files are run for it.
 
     Raises:
         UsageError: says which file, task or key cannot be used.
@@ -105,16 +109,17 @@ def gather(config: StudyConfig) -> Materials:
             task = replace(task, arena=load_arena(config.arenas[task.name]))
         task = replace(task, **config.task.changes())
         task.to_kernel(profile)  # the robot fits its start and has the sensors
-        config.variation_for(task)  # the genotype has room for the inputs
+        config.evolution.make(config.encoding_for(task))  # the genotype has room for the inputs
         loaded[key] = task
     tasks = tuple(loaded[c.task] for c in config.conditions)
     _refuse_repetition([(task.name, c.noise) for task, c in zip(tasks, config.conditions, strict=True)])
     return Materials(config=config, profile=profile, tasks=tasks)
 
 
-def task_files(config: StudyConfig) -> list[Path]:
-    """The users' own task files that a configuration names."""
-    return [Path(task) for task in dict.fromkeys(c.task for c in config.conditions) if task not in TASKS]
+def program_files(config: StudyConfig) -> list[Path]:
+    """The users' own programs that a configuration names: tasks, algorithm, encoding."""
+    tasks = [Path(task) for task in dict.fromkeys(c.task for c in config.conditions) if task not in TASKS]
+    return [*tasks, *config.own_files().values()]
 
 
 def _refuse_same_name(tasks: list[Task]) -> None:

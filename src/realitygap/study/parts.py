@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from typing import Any
 
+from realitygap.controller.encoding import SLOTS, make_encoding
+from realitygap.controller.encoding import Encoding as Made
 from realitygap.controller.operators import Variation
 from realitygap.errors import ConfigError, UsageError
 from realitygap.evolution import make_algorithm
 from realitygap.evolution.algorithm import Algorithm
 from realitygap.study.settings import whole
 from realitygap.tasks.load import reference
+from realitygap.user_code import place_of
 from realitygap.world.files import Value, require
 from realitygap.world.noise import NOISE_LEVELS, noise_level, noise_name
 
-__all__ = ["Condition", "Encoding", "Evolution", "TaskSettings"]
+__all__ = ["NAMED", "Condition", "Encoding", "Evolution", "TaskSettings", "with_own"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,26 +66,53 @@ class TaskSettings(Value):
 
 @dataclass(frozen=True, kw_only=True)
 class Encoding(Value):
-    """The size of a genotype (§5.2); its inputs are the task's sensors."""
+    """How genes stand for networks: "slots" (§5.2) of so many slots and links, or FILE.py:NAME.
 
-    slots: int = 30
-    links: int = 8
+    A network's inputs are the task's sensors. `own` are the settings of an encoding of a user's; they
+    stand in its table beside `kind`, and are checked where its file is run.
+    """
+
+    kind: str = SLOTS
+    slots: int | None = None
+    links: int | None = None
+    own: Mapping[str, Any] = field(default_factory=dict)
 
     def _check(self) -> None:
-        whole("slots", self.slots, 3, 128)
-        whole("links", self.links, 1, 128)
+        if place_of(self.kind):
+            return
+        require(self.kind == SLOTS, "kind", f'"{SLOTS}" or FILE.py:NAME', self.kind)
+        for key, most, usual in (("slots", 128, 30), ("links", 128, 8)):
+            value = usual if getattr(self, key) is None else getattr(self, key)
+            whole(key, value, 3 if key == "slots" else 1, most)
+            object.__setattr__(self, key, value)
+
+    def make(self, inputs: int, variation: Variation) -> Made:
+        """The encoding of networks of so many inputs; `variation` has the rates of the slots' operators."""
+        settings = self.to_dict()
+        return make_encoding(settings.pop("kind"), variation, settings, inputs=inputs)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Its name and its own settings."""
+        return _set(self)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Evolution(Value):
-    """The algorithm: "torus" (rows, columns), "panmictic" or "random" (size)."""
+    """The algorithm: "torus" (rows, columns), "panmictic" or "random" (size), or FILE.py:NAME.
+
+    `own` are the settings of an algorithm of a user's; they stand in its table beside `algorithm`, and are
+    checked where its file is run.
+    """
 
     algorithm: str = "torus"
     rows: int | None = None
     columns: int | None = None
     size: int | None = None
+    own: Mapping[str, Any] = field(default_factory=dict)
 
     def _check(self) -> None:
+        if place_of(self.algorithm):
+            return
         try:
             algorithm = self.make(Variation())
         except UsageError as error:
@@ -90,11 +120,30 @@ class Evolution(Value):
         for key in ("rows", "columns", "size"):
             object.__setattr__(self, key, getattr(algorithm, key, None))
 
-    def make(self, variation: Variation) -> Algorithm:
-        """The algorithm, on genotypes of a variation."""
+    def make(self, encoding: Made) -> Algorithm[Any]:
+        """The algorithm, for individuals of an encoding."""
         settings = self.to_dict()
-        return make_algorithm(settings.pop("algorithm"), variation, **settings)
+        return make_algorithm(settings.pop("algorithm"), encoding, **settings)
 
     def to_dict(self) -> dict[str, Any]:
         """The algorithm and its own settings."""
-        return {f.name: v for f in fields(self) if (v := getattr(self, f.name)) is not None}
+        return _set(self)
+
+
+NAMED = {"evolution": "algorithm", "encoding": "kind"}
+"""Tables of a configuration that may name something of a user's, and by which key."""
+
+
+def with_own(table: Mapping[str, Any]) -> dict[str, Any]:
+    """A configuration's dictionary in which the settings of what a user made stand by themselves."""
+    made = dict(table)
+    for part, key in NAMED.items():
+        inner = table.get(part)
+        if isinstance(inner, Mapping) and place_of(inner.get(key, "")):
+            made[part] = {key: inner[key], "own": {k: v for k, v in inner.items() if k != key}}
+    return made
+
+
+def _set(part: Encoding | Evolution) -> dict[str, Any]:
+    plain = {f.name: v for f in fields(part) if f.name != "own" and (v := getattr(part, f.name)) is not None}
+    return {**plain, **part.own}

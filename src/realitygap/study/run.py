@@ -9,14 +9,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.controller.layout import Genes, Layout
-from realitygap.controller.network import decode
-from realitygap.evolution.algorithm import Algorithm, State
+from realitygap.controller.encoding import Encoding
+from realitygap.errors import UsageError
+from realitygap.evolution.algorithm import Algorithm, Batch, Genes, State, check_batch
 from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation
 from realitygap.streams import BREEDING, FRESH, RETEST, TRIALS
@@ -43,7 +43,7 @@ class Records(NamedTuple):
     scores: NDArray[np.float64]
     """[n, trials]."""
     genes: Genes
-    """[n, slots, fields]."""
+    """[n, ...] of the encoding's type and shape."""
     parents: NDArray[np.int64]
     """[n, 2] evaluation numbers, −1: none."""
     cell: NDArray[np.int64]
@@ -71,8 +71,8 @@ class Bench:
     task: Task
     profile: Profile
     noise: float
-    layout: Layout
-    algorithm: Algorithm
+    encoding: Encoding
+    algorithm: Algorithm[Any]
     retest_trials: int
     fresh_trials: int
 
@@ -81,27 +81,38 @@ class Bench:
         """At the condition's own noise."""
         return Simulation(self.task, self.profile, self.noise)
 
+    @cached_property
+    def individual(self) -> Genes:
+        """Some individual: of the type and shape of all."""
+        return self.encoding.random(np.uint64(0))
+
     def compile(self) -> None:
         """Load or compile once everything that a run calls."""
         self.simulation.compile()
         state = self.algorithm.init(np.uint64(0))
         trial_streams(np.uint64(0), 0, 1, 1)
-        for _ in range(len(state.fitness) + 2):
-            candidate = self.algorithm.ask(state)
-            decode(candidate.genes, self.layout)
-            state = self.algorithm.tell(state, candidate, 0.0)
+        while state.evaluations < self.algorithm.cells + 2:
+            batch = self.ask(state, self.algorithm.cells)
+            self.encoding.decode(batch.genes)
+            state = self.algorithm.tell(state, batch, np.zeros(len(batch.genes)))
+
+    def ask(self, state: State, n: int) -> Batch:
+        """The algorithm's next individuals, checked."""
+        batch: Batch = self.algorithm.ask(state, n)
+        check_batch(batch, state, n, self.individual)
+        return batch
 
 
 def bench_for(materials: Materials, condition: int) -> Bench:
     """The bench of one condition of a study."""
     config, task = materials.config, materials.tasks[condition]
-    variation = config.variation_for(task)
+    encoding = config.encoding_for(task)
     return Bench(
         task=task,
         profile=materials.profile,
         noise=config.conditions[condition].noise,
-        layout=variation.layout,
-        algorithm=config.evolution.make(variation),
+        encoding=encoding,
+        algorithm=config.evolution.make(encoding),
         retest_trials=config.retest_trials,
         fresh_trials=config.fresh_trials,
     )
@@ -109,37 +120,40 @@ def bench_for(materials: Materials, condition: int) -> Bench:
 
 def begin(bench: Bench, plan: Plan) -> State:
     """The state before a run's first evaluation."""
-    return bench.algorithm.init(np.uint64(substream(plan.stream, BREEDING)))
+    state: State = bench.algorithm.init(np.uint64(substream(plan.stream, BREEDING)))
+    return state
 
 
 def advance(bench: Bench, plan: Plan, state: State, n: int) -> tuple[State, Records]:
-    """Carry out the next `n` evaluations of a run.
+    """Carry out the next `n` evaluations of a run, as many at once as the algorithm gives.
 
     Raises:
         TaskError: the task's score is no finite number.
     """
-    trials, algorithm, layout, simulation = bench.task.trials, bench.algorithm, bench.layout, bench.simulation
-    start = state.evaluations
+    trials, start = bench.task.trials, state.evaluations
     streams = trial_streams(np.uint64(substream(plan.stream, TRIALS)), start, n, trials)
-    scores = np.empty((n, trials))
-    genes = np.empty((n, *layout.shape), np.int8)
-    fitness, parents, cells = [], [], []
-    for i in range(n):
-        candidate = algorithm.ask(state)
-        scores[i] = simulation.scores(decode(candidate.genes, layout), streams[i : i + 1])[0]
-        mean = math.fsum(scores[i].tolist()) / trials
-        state = algorithm.tell(state, candidate, mean)
-        genes[i] = candidate.genes
-        fitness.append(mean)
-        parents.append(candidate.parents)
-        cells.append(candidate.cell)
+    batches: list[Batch] = []
+    scores: list[NDArray[np.float64]] = []
+    fitness: list[NDArray[np.float64]] = []
+    done = 0
+    while done < n:
+        batch = bench.ask(state, n - done)
+        some = slice(done, done + len(batch.genes))
+        scores.append(bench.simulation.scores(bench.encoding.decode(batch.genes), streams[some]))
+        fitness.append(np.array([math.fsum(row) / trials for row in scores[-1].tolist()]))
+        state = bench.algorithm.tell(state, batch, fitness[-1])
+        batches.append(batch)
+        done = some.stop
+        if state.evaluations != start + done:
+            expected = f"{start + done} evaluations, got {state.evaluations}"
+            raise UsageError(f"tell: expected a state after {expected}.")
     records = Records(
         number=np.arange(start, start + n),
-        fitness=np.array(fitness),
-        scores=scores,
-        genes=genes,
-        parents=np.array(parents, np.int64).reshape(n, 2),
-        cell=np.array(cells, np.int64),
+        fitness=np.concatenate(fitness),
+        scores=np.concatenate(scores),
+        genes=np.concatenate([batch.genes for batch in batches]),
+        parents=np.concatenate([batch.parents for batch in batches]),
+        cell=np.concatenate([batch.cells for batch in batches]),
     )
     return state, records
 
@@ -169,7 +183,7 @@ def _scores(
     scores = np.empty((len(genes), trials))
     at_once = max(1, STEPS_AT_ONCE // bench.task.steps)
     for i, one in enumerate(genes):
-        network = decode(one, bench.layout)
+        network = bench.encoding.decode(one[np.newaxis])
         for t in range(0, trials, at_once):
             scores[i, t : t + at_once] = simulation.scores(network, streams[:, t : t + at_once])[0]
     return scores

@@ -96,7 +96,7 @@ def _carry_out(
     workshop.compile()
     reporter.begin()
     longest_first = sorted(costs, key=lambda run: (-costs[run], run))
-    jobs = (Job(run, store.checkpoint(run)) for run in longest_first)
+    jobs = (Job(run, store.checkpoint(run, workshop.read)) for run in longest_first)
     with closing(_messages(folder, workshop, jobs, min(workers, len(left)))) as messages:
         for message in messages:
             _keep(workshop, store, reporter, message)
@@ -116,7 +116,7 @@ def _keep(workshop: Workshop, store: Store, reporter: Reporter, message: Message
     """Write a message to the store, then count it."""
     run = message.run
     if isinstance(message, Advanced):
-        store.advance(run, message.records, message.state)
+        store.advance(run, message.records, message.kept)
         count = len(message.records.number)
         reporter.add(evaluations=count, work=workshop.cost(run, count))
     else:

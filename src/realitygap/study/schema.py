@@ -14,7 +14,7 @@ __all__ = ["APPLICATION", "FORMAT", "SEALED", "check_format", "schema", "told"]
 
 APPLICATION = 0x52474150
 """`PRAGMA application_id` of a study's database: "RGAP"."""
-FORMAT = 2
+FORMAT = 3
 """`PRAGMA user_version`: raised when the tables change."""
 SEALED = 2
 """From this format on a database keeps its study's sources, and a digest of all that it holds."""
@@ -26,6 +26,7 @@ CREATE TABLE run (            -- one evolutionary run; its numbers are those of 
     task TEXT NOT NULL,
     noise REAL NOT NULL,      -- level: 0 zero, 1 observed, 2 double
     position INTEGER NOT NULL, -- from 1 within its condition
+    encoding TEXT NOT NULL,   -- JSON: dtype and shape of its genotypes, the encoding's name and settings
     evaluations INTEGER NOT NULL DEFAULT 0,
     best_fitness REAL,        -- highest fitness stored so far, of evaluation `fittest`
     fittest INTEGER,
@@ -89,7 +90,7 @@ CREATE TABLE evaluation (     -- every individual that was ever evaluated
     parent_a INTEGER NOT NULL, -- evaluation numbers; -1: none
     parent_b INTEGER NOT NULL,
     cell INTEGER NOT NULL,    -- the place in the population that it took, or was offered
-    genotype BLOB NOT NULL,   -- int8, [slots, 2 + 4 links], row by row
+    genotype BLOB NOT NULL,   -- of the dtype and shape in run.encoding, row by row
     PRIMARY KEY (run, number)
 );
 PRAGMA application_id = {APPLICATION};

@@ -32,8 +32,9 @@ def apply(table: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
     """
     changed = copy.deepcopy(dict(table))
     pairs = [_pair(text) for text in settings]
-    if any(key == "evolution.algorithm" for key, _ in pairs):
-        changed["evolution"] = {}  # the settings of one algorithm are not those of another
+    for named in ("evolution.algorithm", "encoding.kind"):
+        if any(key == named for key, _ in pairs):
+            changed[named.partition(".")[0]] = {}  # the settings of one algorithm are not those of another
     for key, value in pairs:
         first, *rest = key.split(".")
         refuse_unknown([first], changed, ConfigError)

@@ -10,7 +10,7 @@ import json
 import math
 import os
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,29 +18,37 @@ from types import TracebackType
 from typing import Self
 
 from realitygap import whole
+from realitygap.controller.encoding import facts_of
 from realitygap.errors import StudyError
-from realitygap.evolution.algorithm import State
 from realitygap.study.digest import seal, seal_more, verify_all
-from realitygap.study.plan import Plan
+from realitygap.study.jobs import Kept
+from realitygap.study.materials import Materials
+from realitygap.study.plan import plans
 from realitygap.study.run import Records, Results
 from realitygap.study.schema import SEALED, check_format, schema, told
-from realitygap.tasks.task import Task
 
 __all__ = ["Store", "create"]
 
 
-def create(path: Path, plans: Sequence[Plan], tasks: Sequence[Task], sources: Mapping[str, bytes]) -> None:
-    """Make a database with these runs, whole or not at all.
+def create(path: Path, materials: Materials, sources: Mapping[str, bytes]) -> None:
+    """Make a database with the runs of a study, whole or not at all.
 
     Args:
         path: the database's.
-        plans: of the runs; tasks: theirs.
+        materials: the study's.
         sources: all that the study follows from: files by their names in its folder.
 
     Raises:
         StudyError: it cannot be written there.
     """
-    rows = [(p.id, p.name, p.task, p.noise, p.index) for p in plans]
+    tasks, config = materials.tasks, materials.config
+    encodings = [
+        json.dumps(
+            facts_of(config.encoding_for(task), {**config.encoding.to_dict(), "inputs": len(task.sensors)})
+        )
+        for task in tasks
+    ]
+    rows = [(p.id, p.name, p.task, p.noise, p.index, encodings[p.condition]) for p in plans(materials)]
     facts = {task.name: json.dumps(task.to_dict()) for task in tasks}
     trials = max(task.trials for task in tasks)
     with told(path), whole.new(path) as new, closing(sqlite3.connect(new, isolation_level=None)) as database:
@@ -48,13 +56,13 @@ def create(path: Path, plans: Sequence[Plan], tasks: Sequence[Task], sources: Ma
         database.execute("PRAGMA journal_mode = DELETE")
         database.executescript(f"BEGIN;{schema(trials)}COMMIT;")
         database.execute("BEGIN")
-        columns = "id, name, task, noise, position"
-        database.executemany(f"INSERT INTO run ({columns}) VALUES (?, ?, ?, ?, ?)", rows)
+        columns = "id, name, task, noise, position, encoding"
+        database.executemany(f"INSERT INTO run ({columns}) VALUES (?, ?, ?, ?, ?, ?)", rows)
         database.executemany("INSERT INTO source VALUES (?, ?)", sources.items())
         database.executemany("INSERT INTO task VALUES (?, ?)", facts.items())
         seal(database, 0, "source", "task")
-        for plan in plans:
-            seal(database, plan.id, "run")
+        for row in rows:
+            seal(database, row[0], "run")
         database.execute("COMMIT")
 
 
@@ -100,8 +108,8 @@ class Store:
             query = "SELECT id, evaluations FROM run WHERE NOT finished ORDER BY id"
             return self._database.execute(query).fetchall()
 
-    def checkpoint(self, run: int) -> bytes | None:
-        """What the run goes on from, as State.from_bytes reads it; None at its beginning.
+    def checkpoint(self, run: int, read: Callable[[int, bytes], object]) -> bytes | None:
+        """What the run goes on from, if `read` can read it; None at its beginning.
 
         Raises:
             StudyError: the checkpoint is damaged.
@@ -111,20 +119,20 @@ class Store:
         if row is None:
             return None
         try:
-            State.from_bytes(row[0])
+            read(run, row[0])
         except StudyError as error:
             raise StudyError(f"{self.path}: run {run}: {error}. Restore the file from a copy.") from None
         return bytes(row[0])
 
-    def advance(self, run: int, records: Records, state: State) -> None:
+    def advance(self, run: int, records: Records, kept: Kept) -> None:
         """Keep evaluations, and the state after the last of them."""
-        done = state.evaluations
+        done = kept.evaluations
         with self._transaction():
             self._database.executemany(self._insert, _rows(run, records, self._trials))
-            self._database.execute("REPLACE INTO checkpoint VALUES (?, ?, ?)", (run, done, state.to_bytes()))
+            self._database.execute("REPLACE INTO checkpoint VALUES (?, ?, ?)", (run, done, kept.state))
             self._database.execute(
                 "UPDATE run SET evaluations = ?, best_fitness = ?, fittest = ? WHERE id = ?",
-                (done, state.best_fitness, state.best_number, run),
+                (done, kept.best_fitness, kept.best_number, run),
             )
             if self._sealed:
                 seal_more(self._database, run, "evaluation", done - len(records.number))
@@ -192,7 +200,7 @@ def _rows(run: int, records: Records, trials: int) -> Iterator[tuple[object, ...
         records.scores.tolist(),
         records.parents.tolist(),
         records.cell.tolist(),
-        records.genes,
+        records.genes.astype(records.genes.dtype.newbyteorder("<"), copy=False),
         strict=True,
     )
     for number, fitness, scores, (first, second), cell, genes in columns:

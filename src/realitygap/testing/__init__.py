@@ -18,6 +18,8 @@ failed assertion.
 
 from __future__ import annotations
 
+from realitygap.testing.algorithm import AlgorithmContract
 from realitygap.testing.body import BodyContract
+from realitygap.testing.encoding import EncodingContract
 
-__all__ = ["BodyContract"]
+__all__ = ["AlgorithmContract", "BodyContract", "EncodingContract"]

@@ -1,0 +1,104 @@
+"""What an encoding is: how genes of some type and shape stand for networks.
+
+The paper's is `controller.operators.Variation` (slots, §5.2). One of a user's own has genes of any kind;
+its networks are those of the paper (integers, §5.3), so that every one of them can also be written as a
+genotype of slots: that is what pictures, texts and robots take it for.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.controller.layout import EXPRESSED, FIRST_LINK, LINK_FIELDS, THRESHOLD, Genes, Layout, shown
+from realitygap.controller.network import NetworkController, check_networks
+from realitygap.controller.operators import Variation
+from realitygap.errors import UsageError
+from realitygap.kernels.params import Networks
+from realitygap.user_code import blamed_on, made
+
+__all__ = ["SLOTS", "Encoding", "as_slots", "controller_of", "facts_of", "make_encoding"]
+
+SLOTS = "slots"
+"""Name of the paper's encoding."""
+
+
+class Encoding(Protocol):
+    """Genes that stand for networks. An algorithm may ask more of it: `evolution.algorithm.Variation`."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of one genotype."""
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Of its values."""
+
+    def random(self, stream: np.uint64) -> NDArray[Any]:
+        """A random genotype; the same for the same stream."""
+
+    def decode(self, genes: NDArray[Any]) -> Networks:
+        """The networks of genotypes [N, *shape], for the number of inputs that it was made with."""
+
+
+def make_encoding(kind: str, variation: Variation, settings: dict[str, Any], *, inputs: int) -> Encoding:
+    """The encoding of a name: "slots" or a user's `FILE.py:NAME`, made by `NAME(inputs=…, **settings)`.
+
+    Args:
+        kind: its name; a user's file is run.
+        variation: the rates of the slots' operators.
+        settings: slots and links of the slots; a user's own.
+        inputs: of each network: as many as the task has sensors.
+
+    Raises:
+        UsageError: no such encoding or setting, or one whose random genotypes make no networks.
+    """
+    if kind == SLOTS:
+        return variation.sized(Layout(inputs=inputs, **settings))
+    ways = ("shape", "dtype", "random", "decode")
+    own: Encoding = made(kind, "encoding", ways, settings, inputs=inputs)
+    file, _, _ = kind.rpartition(":")
+    with blamed_on(Path(file).expanduser().resolve(), UsageError):
+        one = own.random(np.uint64(0))
+        if not isinstance(one, np.ndarray) or (one.dtype, one.shape) != (np.dtype(own.dtype), own.shape):
+            expected = f"{np.dtype(own.dtype)}{list(own.shape)}, its dtype and shape"
+            raise UsageError(f"random: expected an array {expected}, got {shown(one)}.")
+        if check_networks(own.decode(np.stack([one, one])), inputs) != 2:
+            raise UsageError("decode: expected as many networks as genotypes.")
+        as_slots(own, one)  # it has room
+    return own
+
+
+def facts_of(encoding: Encoding, settings: dict[str, Any]) -> dict[str, Any]:
+    """What is kept with genotypes, ready for JSON: type (with its order of bytes) and shape read them."""
+    kind = np.dtype(encoding.dtype).newbyteorder("<").str
+    return {"dtype": kind, "shape": list(encoding.shape), **settings}
+
+
+def as_slots(encoding: Encoding, genes: NDArray[Any]) -> tuple[Genes, Layout]:
+    """A genotype as one of slots with the same network, and the layout of that."""
+    if isinstance(encoding, Variation):
+        return genes, encoding.layout
+    nets = encoding.decode(genes[np.newaxis])
+    inputs, neurons = int(nets.inputs[0]), int(nets.neurons[0])
+    into: list[list[tuple[int, int, int]]] = [[] for _ in range(neurons)]
+    for target, source, weight, delay in nets.sensor_links[0, : nets.sensor_count[0]].tolist():
+        into[target].append((source, weight, delay))
+    for target, source, weight, delay in nets.links[0, : nets.link_start[0, neurons]].tolist():
+        into[target].append((inputs + source, weight, delay))
+    layout = Layout(inputs=inputs, slots=inputs + neurons, links=max(1, *map(len, into)))
+    made: Genes = np.zeros(layout.shape, np.int8)
+    made[:, EXPRESSED] = 1
+    made[inputs:, THRESHOLD] = nets.thresholds[0, :neurons]
+    for slot, links in enumerate(into, start=inputs):
+        for k, link in enumerate(links):
+            made[slot, FIRST_LINK + LINK_FIELDS * k :][:LINK_FIELDS] = (1, *link)
+    return made, layout
+
+
+def controller_of(encoding: Encoding, genes: NDArray[Any]) -> NetworkController:
+    """What drives a body as a genotype's network does."""
+    return NetworkController(*as_slots(encoding, genes))

@@ -1,0 +1,155 @@
+"""A state for most algorithms: individuals in cells, the fittest ever, and what else is remembered."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Self, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from realitygap.errors import StudyError, UsageError
+from realitygap.evolution import checkpoint
+from realitygap.evolution.algorithm import NOBODY, Batch, Genes
+
+__all__ = ["Population"]
+
+ARRAYS = ("genes", "fitness", "numbers", "best_genes")
+NUMBERS = ("stream", "evaluations", "best_fitness", "best_number")
+
+
+def _always(fitness: float, resident: float) -> bool:
+    return True
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Population:
+    """A population and all that is needed to go on; a value: nothing ever changes one.
+
+    Attributes:
+        stream: where all draws of the run come from.
+        evaluations: how many were told.
+        genes: [cells, ...] individuals.
+        fitness: [cells], −inf where no one lives yet.
+        numbers: [cells] evaluation number of each resident, −1 where no one lives yet.
+        best_genes, best_fitness, best_number: the fittest ever told (the first of equals).
+        memory: arrays by name that an algorithm goes on from besides, as the size of its steps.
+    """
+
+    stream: np.uint64
+    evaluations: int
+    genes: Genes
+    fitness: NDArray[np.float64]
+    numbers: NDArray[np.int64]
+    best_genes: Genes
+    best_fitness: float
+    best_number: int
+    memory: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+
+    @classmethod
+    def empty(cls, stream: np.uint64, like: Genes, cells: int, **memory: ArrayLike) -> Self:
+        """Empty cells for individuals of the type and shape of one."""
+        return cls(
+            stream=np.uint64(stream),
+            evaluations=0,
+            genes=np.zeros((cells, *like.shape), like.dtype),
+            fitness=np.full(cells, -np.inf),
+            numbers=np.full(cells, NOBODY, np.int64),
+            best_genes=np.zeros_like(like),
+            best_fitness=-math.inf,
+            best_number=NOBODY,
+            memory={name: np.asarray(value) for name, value in memory.items()},
+        )
+
+    def batch(self, genes: Genes, parents: ArrayLike | None = None, cells: ArrayLike | None = None) -> Batch:
+        """The next individuals [n, ...]: without parents and for cells 0 to n − 1 unless they are given."""
+        n = len(genes)
+        named = np.full((n, 2), NOBODY, np.int64) if parents is None else np.array(parents, np.int64)
+        return Batch(self.evaluations, genes, named, np.array(range(n) if cells is None else cells, np.int64))
+
+    def told(
+        self,
+        batch: Batch,
+        fitness: ArrayLike,
+        takes: Callable[[float, float], bool] = _always,
+        **memory: ArrayLike,
+    ) -> Self:
+        """The population after some evaluations; `memory` replaces what was remembered.
+
+        Args:
+            batch: who was evaluated.
+            fitness: theirs, [n].
+            takes: of a fitness and that of the resident: whether one takes the cell; always, if left out.
+            memory: arrays by name, of which those that are left out stay.
+
+        Raises:
+            UsageError: a fitness that is no finite number, an answer out of turn, or another's individuals.
+        """
+        values = self._checked(batch, fitness)
+        genes, residents, numbers = self.genes.copy(), self.fitness.copy(), self.numbers.copy()
+        best = (self.best_genes, self.best_fitness, self.best_number)
+        for i, (value, cell) in enumerate(zip(values, batch.cells.tolist(), strict=True)):
+            if takes(value, float(residents[cell])):
+                genes[cell], residents[cell], numbers[cell] = batch.genes[i], value, batch.number + i
+            if value > best[1]:
+                best = (batch.genes[i], value, batch.number + i)
+        return replace(
+            self,
+            evaluations=self.evaluations + len(values),
+            genes=genes,
+            fitness=residents,
+            numbers=numbers,
+            best_genes=best[0],
+            best_fitness=best[1],
+            best_number=best[2],
+            memory={**self.memory, **{name: np.asarray(value) for name, value in memory.items()}},
+        )
+
+    def _checked(self, batch: Batch, fitness: ArrayLike) -> list[float]:
+        """The fitness of each, if the batch is one that could be asked of this population."""
+        try:
+            values = np.asarray(fitness, np.float64).reshape(len(batch.genes)).tolist()
+        except (TypeError, ValueError):
+            values = [math.nan]
+        for i, value in enumerate(values):
+            if not math.isfinite(value):
+                raise UsageError(
+                    f"the fitness of evaluation {batch.number + i} must be a finite number, "
+                    f"not {value}: see to the task's score"
+                )
+        kind, shape, cells = batch.genes.dtype, batch.genes.shape[1:], len(self.fitness)
+        right = (kind, shape) == (self.best_genes.dtype, self.best_genes.shape)
+        if not right or batch.cells.min() < 0 or batch.cells.max() >= cells:
+            expected = (
+                f"genes {self.best_genes.dtype}{list(self.best_genes.shape)} for cells of 0 to {cells - 1}"
+            )
+            raise UsageError(
+                f"the batch must have {expected}, not {kind}{list(shape)} for {batch.cells.tolist()}"
+            )
+        if batch.number != self.evaluations:
+            raise UsageError(f"expected the fitness of evaluation {self.evaluations}, not of {batch.number}")
+        return values
+
+    def to_bytes(self) -> bytes:
+        """The population written down, checked on reading."""
+        numbers = {name: getattr(self, name) for name in NUMBERS} | {"stream": int(self.stream)}
+        return checkpoint.pack(numbers, {name: getattr(self, name) for name in ARRAYS} | self._memory())
+
+    def _memory(self) -> dict[str, NDArray[Any]]:
+        return {f"memory.{name}": value for name, value in self.memory.items()}
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> Self:
+        """The population that `to_bytes` wrote, bit for bit.
+
+        Raises:
+            StudyError: the bytes are damaged or of another version.
+        """
+        numbers, arrays = checkpoint.unpack(data)
+        memory = {n.removeprefix("memory."): arrays.pop(n) for n in list(arrays) if n.startswith("memory.")}
+        if set(numbers) != set(NUMBERS) or set(arrays) != set(ARRAYS):
+            raise StudyError(f"a checkpoint must hold {', '.join(NUMBERS + ARRAYS)}: it is damaged")
+        numbers["stream"] = np.uint64(numbers["stream"])
+        return cls(**numbers, **cast("dict[str, Any]", arrays), memory=memory)
