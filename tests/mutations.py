@@ -27,7 +27,7 @@ FITS = ("tests/calibration/test_fits.py",)
 MISFIT = ("tests/calibration/test_misfit.py",)
 WHEEL_FITS = ("tests/calibration/test_wheels.py",)
 TRACKER = ("tests/film/test_tracker.py",)
-TRACK = ("tests/film/test_track.py",)
+TRACK = ("tests/test_track.py",)
 DESCRIPTORS = ("tests/correspondence/test_descriptors.py",)
 SCORE = ("tests/correspondence/test_score.py",)
 CLAIMS = ("tests/correspondence/test_claims.py",)
@@ -141,9 +141,9 @@ MUTATIONS = (
     Mutation("film/tracker.py", "anything is believed",
              "if seen is not None and seen.quality >= least else None", "if seen is not None else None",
              TRACKER),
-    Mutation("film/track.py", "a gap ends one frame late",
-             "(float(self.t_s[a]), float(self.t_s[b - 1]))",
-             "(float(self.t_s[a]), float(self.t_s[min(b, len(self.t_s) - 1)]))", TRACK + TRACKER),
+    Mutation("track.py", "a gap ends one frame late",
+             "(float(self.t[a]), float(self.t[b - 1]))",
+             "(float(self.t[a]), float(self.t[min(b, len(self.t) - 1)]))", TRACK + TRACKER),
     # score
     Mutation("correspondence/scale.py", "a layout counts for more than the behaviour",
              "* min(behaviour, layout)", "* layout", SCORE),

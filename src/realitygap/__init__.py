@@ -34,10 +34,11 @@ if TYPE_CHECKING:
     from realitygap.study.runner import run_study
     from realitygap.tasks import load_task
     from realitygap.tasks.task import Start, Task
+    from realitygap.track import Track, Trajectory
     from realitygap.transfer.options import Transfer
     from realitygap.transfer.run import load_transfers, run_transfer
     from realitygap.transfer.score_rows import marks_of
-    from realitygap.values import Command, Pose, Readings, Trajectory
+    from realitygap.values import Command, Pose, Readings
     from realitygap.world.arena import Arena, load_arena
     from realitygap.world.noise import noise_level
     from realitygap.world.profile import Profile, load_profile
@@ -57,6 +58,7 @@ __all__ = [
     "Start",
     "StudyConfig",
     "Task",
+    "Track",
     "Trajectory",
     "Transfer",
     "UsageError",
@@ -109,10 +111,11 @@ _HOMES = {
     "tasks": ("load_task",),
     "simulation.simulation": ("Simulation",),
     "tasks.task": ("Start", "Task"),
+    "track": ("Track", "Trajectory"),
     "transfer.options": ("Transfer",),
     "transfer.run": ("load_transfers", "run_transfer"),
     "transfer.score_rows": ("marks_of",),
-    "values": ("Command", "Pose", "Readings", "Trajectory"),
+    "values": ("Command", "Pose", "Readings"),
     "world.arena": ("Arena", "load_arena"),
     "world.noise": ("noise_level",),
     "world.profile": ("Profile", "load_profile"),

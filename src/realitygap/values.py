@@ -1,4 +1,4 @@
-"""The words that every room shares: a pose, readings, a command, a trajectory.
+"""The words that every room shares: a pose, readings, a command.
 
 Lengths cm, angles rad, times s, readings counts, commands Khepera units (design: one boundary
 where a person's degrees become radians, and it is here).
@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import UsageError
 
-__all__ = ["Command", "Pose", "Readings", "Trajectory", "as_stream"]
+__all__ = ["Command", "Pose", "Readings", "as_stream"]
 
 
 def as_stream(value: object, name: str = "stream") -> np.uint64:
@@ -48,6 +47,10 @@ class Pose:
         """Heading in degrees, −180 < h ≤ 180."""
         return 180.0 - (180.0 - math.degrees(self.heading)) % 360.0
 
+    def to_dict(self) -> dict[str, float]:
+        """As a person reads it, ready for JSON and TOML."""
+        return {"x_cm": self.x, "y_cm": self.y, "heading_deg": self.heading_deg}
+
 
 @dataclass(frozen=True, kw_only=True)
 class Readings:
@@ -63,41 +66,3 @@ class Command:
 
     left: int
     right: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class Trajectory:
-    """One trial as it was lived, a row a step; row k holds what the robot read and decided at
-    `t[k]`, where it stood then, and what its wheels did in the step that follows.
-
-    Shapes: t, x, y, heading, contact [n]; proximity [n, P]; ambient [n, A]; inputs [n, I];
-    commands, wheels [n, 2] (Khepera units, left and right). `end` is the pose after the last step.
-    """
-
-    t: NDArray[np.float64]
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    heading: NDArray[np.float64]
-    proximity: NDArray[np.float64]
-    ambient: NDArray[np.float64]
-    inputs: NDArray[np.int64]
-    commands: NDArray[np.int64]
-    wheels: NDArray[np.float64]
-    contact: NDArray[np.bool_]
-    end: Pose
-
-    def to_dict(self) -> dict[str, Any]:
-        """The trajectory in the units people read (cm, degrees), ready for JSON."""
-        return {
-            "t_s": self.t.round(6).tolist(),
-            "x_cm": self.x.tolist(),
-            "y_cm": self.y.tolist(),
-            "heading_deg": np.degrees(self.heading).tolist(),
-            "proximity": self.proximity.tolist(),
-            "ambient": self.ambient.tolist(),
-            "inputs": self.inputs.tolist(),
-            "commands": self.commands.tolist(),
-            "wheels": self.wheels.tolist(),
-            "contact": self.contact.tolist(),
-            "end": {"x_cm": self.end.x, "y_cm": self.end.y, "heading_deg": self.end.heading_deg},
-        }

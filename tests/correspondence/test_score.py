@@ -28,6 +28,7 @@ from realitygap.correspondence.words import differences, noisiness
 from realitygap.errors import UsageError
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
+from realitygap.track import Track
 from realitygap.transfer import paths
 from realitygap.world.profile import load_profile
 from tests.correspondence.tracks import half_round, in_mirror, mirrored, turned
@@ -212,8 +213,10 @@ def test_a_slow_film_is_said():
     """A track of 7 rows a second hides quick turns: the comparison says so."""
     a = lives(TURNER)
     t = np.arange(0, 20, 1 / 7)
-    of = lambda o: (np.interp(t, np.arange(len(o)) / 10, v) for v in (o.x, o.y, np.degrees(o.heading)))  # noqa: E731
-    slow = [resampled(t, *of(one), start=one.start) for one in a]
+    slow = []
+    for one in a:
+        x, y, heading = (np.interp(t, np.arange(len(one)) / 10, v) for v in (one.x, one.y, one.heading))
+        slow.append(resampled(Track(t=t, x=x, y=y, heading=heading), start=one.start))
     assert "7.0 rows a second" in " ".join(compare(a, slow, setting_for(TURNER.task), resamples=0).notes)
     assert not compare(a, a, setting_for(TURNER.task), resamples=0).notes
 
@@ -270,8 +273,7 @@ def test_behaviour_score_goes_from_standing_to_ideal():
         scores = simulation.scores(networks, np.arange(20, dtype=np.uint64)[None])
         assert 2 < behaviour_score(scores, ends) < 10
         trajectory, score = simulation.trajectory(networks, stream=1)
-        path = paths.of_trajectory(trajectory)
-        assert paths.score(path, task, profile) == pytest.approx(score, rel=0.05)
+        assert paths.score(trajectory.track, task, profile) == pytest.approx(score, rel=0.05)
 
 
 def test_noise_of_the_simulation_is_seen():

@@ -90,7 +90,7 @@ def errors_of() -> Callable[..., tuple[np.ndarray, np.ndarray]]:
 
     def errors(track, truth):
         found = track.found
-        off = 10 * np.hypot(track.x_cm - truth[:, 0], track.y_cm - truth[:, 1])
+        off = 10 * np.hypot(track.x - truth[:, 0], track.y - truth[:, 1])
         turned = np.abs((track.heading_deg - np.degrees(truth[:, 2]) + 180) % 360 - 180)
         return off[found], turned[found]
 

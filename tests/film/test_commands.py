@@ -9,7 +9,7 @@ from realitygap.cli.camera import camera as camera_group
 from realitygap.cli.failure import Commands
 from realitygap.cli.track import track as track_command
 from realitygap.film.camera import load_camera
-from realitygap.film.track import read_track
+from realitygap.track import read_track
 from tests.film.conftest import write_film
 from tests.film.scene import Scene
 from tests.film.test_camera import write_frames

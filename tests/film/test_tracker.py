@@ -8,7 +8,6 @@ import pytest
 
 from realitygap.errors import FilmError
 from realitygap.film.disk import Disk
-from realitygap.film.track import COLUMNS
 from realitygap.film.tracker import Tracker, track_film
 from tests.film.conftest import pinhole, write_film
 from tests.film.scene import Lens, Renderer, Scene
@@ -33,7 +32,7 @@ def test_clean_film_is_exact(clean_film, camera, poses, errors_of):
     assert off.mean() < 0.4
     assert off.max() < 1.5
     assert turned.mean() < 0.5
-    assert np.allclose(track.t_s, np.arange(len(poses)) * 4 / 25, atol=1e-3)
+    assert np.allclose(track.t, np.arange(len(poses)) * 4 / 25, atol=1e-3)
 
 
 def test_places_are_not_off_to_one_side(poses):
@@ -168,6 +167,9 @@ def test_only_what_is_looked_at_has_to_be_shown(camera, poses):
 
     whole = Tracker(camera, Disk()).follow((k / 10, picture) for k, picture in enumerate(pictures))
     parts = Tracker(camera, Disk()).follow((k / 10, look(picture)) for k, picture in enumerate(pictures))
-    assert all(np.array_equal(getattr(whole, c), getattr(parts, c), equal_nan=True) for c in COLUMNS)
+    assert all(
+        np.array_equal(getattr(whole, c), getattr(parts, c), equal_nan=True)
+        for c in ("t", "x", "y", "heading", "quality")
+    )
     assert not whole.found.all() and whole.found.sum() == 5
     assert asked.count(1.0) == 3 and max(share for share in asked if share < 1.0) < 0.2

@@ -111,7 +111,7 @@ def test_garbled_film_is_never_guessed(tmp_path, clean_film, camera, poses, erro
     path.write_bytes(bytes(data))
     tracked = track_film(path, camera, Disk())
     assert tracked.trouble is not None
-    truth = poses[np.rint(tracked.track.t_s * 25 / 4).astype(int)]
+    truth = poses[np.rint(tracked.track.t * 25 / 4).astype(int)]
     off, _ = errors_of(tracked.track, truth)
     assert 5 < len(off) < len(poses)
     assert off.max() < 1.5

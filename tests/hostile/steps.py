@@ -21,8 +21,9 @@ from realitygap.controller.layout import Layout
 from realitygap.controller.network import decode
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
+from realitygap.track import Trajectory
 from realitygap.twin.body import TwinBody
-from realitygap.values import Pose, Trajectory
+from realitygap.values import Pose
 from realitygap.world.arena import Arena
 from tests.kernels.reference.rays import overlap
 from tests.kernels.scenes import PAPER, RADIUS, random_scenes

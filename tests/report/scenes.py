@@ -7,7 +7,8 @@ import numpy as np
 from realitygap.kernels.params import MAX_DELAY
 from realitygap.report.statistics import Mean, mean_of
 from realitygap.report.tables import NoiseClass, Row, Table
-from realitygap.values import Pose, Trajectory
+from realitygap.track import Trajectory
+from realitygap.values import Pose
 
 LEVELS = {0.0: "zero", 1.0: "observed", 2.0: "double"}
 

@@ -14,13 +14,14 @@ from matplotlib.patches import Circle
 
 from realitygap.report import build_report, style
 from realitygap.report.gather import parts_of
-from realitygap.report.paths import PathPanel, Route, pairs_figure
+from realitygap.report.paths import PathPanel, pairs_figure
 from realitygap.report.situated import SituatedPart, make_situated
 from realitygap.report.transfers import groups_of, pairs_of, robots_of, shown_pair
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study, load_study
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
+from realitygap.track import Track
 from realitygap.transfer.choice import shown_runs
 from realitygap.world.profile import load_profile
 from tests.report.situations import STEPS, write_transfer
@@ -55,7 +56,7 @@ def _all(study: Study, **settings: object) -> None:
 
 def test_pairs_stand_one_above_the_other() -> None:
     """Two rows; the noise level's colour in both, but another line, width and body: never colour alone."""
-    route = Route(x=np.array([20.0, 25.0]), y=np.array([25.0, 25.0]), heading=np.zeros(2))
+    route = Track.from_degrees([0.0, 0.1], [20.0, 25.0], [25.0, 25.0], [0.0, 0.0])
     rows = [
         [PathPanel(noise=1.0, title="simulated: 1", trajectory=route)],
         [PathPanel(noise=1.0, title="twin unit 1: 2", trajectory=route, look=style.SITUATED)],

@@ -14,12 +14,13 @@ from realitygap.controller.handmade import braitenberg
 from realitygap.controller.layout import Layout
 from realitygap.errors import RobotError, UsageError
 from realitygap.film.disk import load_disk
-from realitygap.film.track import COLUMNS
 from realitygap.film.tracker import Tracker
+from realitygap.robots.recording import Recording
 from realitygap.tasks import load_task
+from realitygap.track import Track
 from realitygap.transfer.film import WATCH_FPS
 from realitygap.transfer.paths import score
-from realitygap.transfer.rig import Rig, SituatedPath
+from realitygap.transfer.rig import Rig
 from realitygap.twin.camera import OverheadCamera
 from realitygap.values import Pose
 from realitygap.world.profile import load_profile
@@ -46,19 +47,24 @@ def used(folder: Path) -> Iterator[SimpleNamespace]:
         yield SimpleNamespace(rig=one, first=one.drive(GENES, LAYOUT, 7, POSE, 2.0))
 
 
-def same(one: SituatedPath, two: SituatedPath) -> bool:
-    arrays = ("t_s", "pose", "readings", "commands")
-    return all(np.array_equal(getattr(one, a), getattr(two, a)) for a in arrays)
+def same(one: tuple[Track, Recording], two: tuple[Track, Recording]) -> bool:
+    names = (("t", "x", "y", "heading"), ("proximity", "commands"))
+    return all(
+        np.array_equal(getattr(a, name), getattr(b, name))
+        for a, b, these in zip(one, two, names, strict=True)
+        for name in these
+    )
 
 
 def test_a_path_has_a_row_a_step(used: SimpleNamespace) -> None:
     """From the start on, in cm and rad, with what was read and done, and it can be scored."""
-    path = used.first
-    assert path.t_s == pytest.approx(np.arange(21) / 10) and path.pose.shape == (21, 3)
-    assert path.pose[0] == pytest.approx((POSE.x, POSE.y, POSE.heading), abs=0.06)
-    assert path.readings.shape == (20, 8) and path.commands.shape == (20, 2) and np.isfinite(path.pose).all()
-    assert np.hypot(*(path.pose[-1] - path.pose[0])[:2]) > 1.0
-    assert np.isfinite(score(path.table, TASK, PAPER))
+    path, recording = used.first
+    assert path.t == pytest.approx(np.arange(21) / 10) and path.lost == 0 and path.seen_by == "camera"
+    begun = (path.x[0], path.y[0], path.heading[0])
+    assert begun == pytest.approx((POSE.x, POSE.y, POSE.heading), abs=0.06)
+    assert recording.proximity.shape == (20, 8) and recording.commands.shape == (20, 2)
+    assert np.hypot(path.end.x - path.x[0], path.end.y - path.y[0]) > 1.0
+    assert np.isfinite(score(path, TASK, PAPER))
 
 
 def test_a_trial_does_not_know_what_was_before_it(used: SimpleNamespace, folder: Path) -> None:
@@ -84,7 +90,8 @@ def test_the_track_is_that_of_whole_frames(used: SimpleNamespace, tmp_path: Path
         ]
     whole = Tracker(used.rig.watcher.camera, load_disk()).follow(frames)
     assert len(whole) == 11 and whole.found.all()
-    assert all(np.array_equal(getattr(track, column), getattr(whole, column)) for column in COLUMNS)
+    names = ("t", "x", "y", "heading", "quality")
+    assert all(np.array_equal(getattr(track, name), getattr(whole, name)) for name in names)
 
 
 def test_a_rig_goes_on_after_a_trial_that_failed(used: SimpleNamespace) -> None:

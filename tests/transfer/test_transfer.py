@@ -14,11 +14,11 @@ import pytest
 
 import realitygap.twin.render as render
 from realitygap.errors import LineError, RobotStoppedError, StudyError, StudyInterruptedError, UsageError
-from realitygap.film.track import read_track
 from realitygap.film.video import FilmReader
 from realitygap.robots.recording import Recording
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study, load_study
+from realitygap.track import read_track
 from realitygap.transfer.folder import half_folder
 from realitygap.transfer.options import Robot
 from realitygap.transfer.replay import Replays
@@ -52,12 +52,12 @@ def files(folder: Path) -> dict[str, bytes]:
 def test_a_trial_begins_where_its_simulation_does(made, finished):
     """Both paths of a pair begin at the start that the task draws; no two starts are the same."""
     for one in made:
-        assert one.situated["t_s"].tolist() == one.simulated["t_s"].tolist()
-        assert len(one.simulated["t_s"]) == round(SECONDS / 0.1) + 1
+        assert one.situated.t.tolist() == one.simulated.t.tolist()
+        assert len(one.simulated.t) == round(SECONDS / 0.1) + 1
         for path, near in ((one.simulated, 1e-5), (one.situated, 0.05)):
-            assert path["x_cm"][0] == pytest.approx(one.pose.x, abs=near)
-            assert path["y_cm"][0] == pytest.approx(one.pose.y, abs=near)
-            assert abs((path["heading_deg"][0] - one.pose.heading_deg + 180) % 360 - 180) < 10 * near
+            assert path.x[0] == pytest.approx(one.pose.x, abs=near)
+            assert path.y[0] == pytest.approx(one.pose.y, abs=near)
+            assert abs((path.heading_deg[0] - one.pose.heading_deg + 180) % 360 - 180) < 10 * near
         assert finished.task(one.task).arena.obstacle_at(one.pose.x, one.pose.y, 2.9) is None
     assert len({(one.pose.x, one.pose.y, one.pose.heading) for one in made}) == 4
 
@@ -71,7 +71,7 @@ def test_the_simulated_trial_is_the_runs_own(made, finished):
     simulation = Simulation(finished.task(run.task), finished.profile, run.noise)
     networks = decode(run.champion, finished.layout(run.task))
     again, _ = simulation.trajectory(networks, stream=1, pose=one.pose, seconds=SECONDS)
-    off = np.hypot(again.x - one.simulated["x_cm"][:-1], again.y - one.simulated["y_cm"][:-1])
+    off = np.hypot(again.x - one.simulated.x[:-1], again.y - one.simulated.y[:-1])
     assert off.max() < 2.0  # only the noise differs
     assert one.noise == run.noise and one.name == run.name and one.individual == "champion"
 
@@ -110,7 +110,7 @@ def test_units_and_noise_and_seeds_are_different_robots(study):
     loud = transfer(study, [1], twin_noise=2.0, **settings)
     fittest = transfer(study, [1], individual="fittest", **settings)
     assert [one.robot for one in both + loud] == ["twin-1", "twin-2", "twin-1-noise-2"]
-    ends = [one.situated["heading_deg"].tolist() for one in both + loud]
+    ends = [one.situated.heading_deg.tolist() for one in both + loud]
     assert ends[0] != ends[1] != ends[2] != ends[0]
     assert both[0].pose == both[1].pose == loud[0].pose
     assert len(load_transfers(study.folder)) == len({one.folder for one in both + loud + fittest}) == 4
@@ -132,17 +132,19 @@ def test_a_film_is_tracked_to_the_truth(study, monkeypatch):
     with FilmReader(one.folder / "film.mp4") as film:
         assert film.notes["view"] == one.view
     assert len(track) == round(25 * SECONDS) + 1 and track.lost == 0
-    shown = np.searchsorted(truth.time_ms - truth.time_ms[0], track.t_s * 1000 + 1e-3, side="right") - 1
-    off = np.hypot(track.x_cm - truth.x_cm[shown], track.y_cm - truth.y_cm[shown])
+    shown = np.searchsorted(truth.time_ms - truth.time_ms[0], track.t * 1000 + 1e-3, side="right") - 1
+    off = np.hypot(track.x - truth.x_cm[shown], track.y - truth.y_cm[shown])
     turned = (track.heading_deg - np.degrees(truth.heading[shown]) + 180) % 360 - 180
     assert off.mean() < 0.04 and off.max() < 0.15
     assert np.abs(turned).mean() < 0.5
     assert (one.folder / "tails.png").read_bytes()[:4] == b"\x89PNG"
     assert (one.folder / "camera.json").is_file()
-    for name, column in (("x_cm", track.x_cm), ("y_cm", track.y_cm)):
-        path = one.situated[name]
-        assert path == pytest.approx(np.interp(one.situated["t_s"], track.t_s, column), abs=1e-3)
-        assert path == pytest.approx(before.situated[name], abs=1.0)  # the same drive, by the counters
+    for name in ("x", "y"):
+        path = getattr(one.situated, name)
+        assert path == pytest.approx(np.interp(one.situated.t, track.t, getattr(track, name)), abs=1e-3)
+        assert path == pytest.approx(
+            getattr(before.situated, name), abs=1.0
+        )  # the same drive, by the counters
     assert Recording.from_folder(one.folder).ended == "finished"
 
 
@@ -152,14 +154,14 @@ def test_a_watched_trial_is_seen_ten_times_a_second(made, study):
     assert one.situated_from == "camera" and not one.filmed and one.view.startswith("drawn")
     assert not (one.folder / "film.mp4").exists() and one.lost_steps == 0
     track, truth = read_track(one.folder / "track.csv"), States.from_file(one.folder / "sealed.csv")
-    shown = np.searchsorted(truth.time_ms - truth.time_ms[0], one.situated["t_s"] * 1000 + 1e-3, "right") - 1
+    shown = np.searchsorted(truth.time_ms - truth.time_ms[0], one.situated.t * 1000 + 1e-3, "right") - 1
     path = one.situated
-    off = np.hypot(path["x_cm"] - truth.x_cm[shown], path["y_cm"] - truth.y_cm[shown])
-    assert len(track) == len(path["t_s"]) and off.mean() < 0.03 and off.max() < 0.1
+    off = np.hypot(path.x - truth.x_cm[shown], path.y - truth.y_cm[shown])
+    assert len(track) == len(path.t) and off.mean() < 0.03 and off.max() < 0.1
     counted = transfer(study, [one.run], seconds=SECONDS, workers=1, watch=False)[0]
     assert counted.situated_from == "counters" and counted.view is None
     assert not (counted.folder / "sealed.csv").exists()
-    assert counted.situated["x_cm"] == pytest.approx(path["x_cm"], abs=1.0)  # the same drive
+    assert counted.situated.x == pytest.approx(path.x, abs=1.0)  # the same drive
     assert (counted.folder / "steps.csv").read_bytes() == (one.folder / "steps.csv").read_bytes()
     assert transfer(study, [one.run], seconds=SECONDS, workers=1)[0].situated_from == "camera"  # made again
 
@@ -174,8 +176,8 @@ def test_a_robot_that_pushes_a_wall_is_seen_to_stand(study, monkeypatch):
     width, depth = task.arena.size_cm
     for watch in (False, True):
         path = transfer(study, [1], seconds=8.0, workers=1, watch=watch)[0].situated
-        outside = max(path["x_cm"].max() - width, path["y_cm"].max() - depth, -path["x_cm"].min(),
-                      -path["y_cm"].min())  # fmt: skip
+        outside = max(path.x.max() - width, path.y.max() - depth, -path.x.min(),
+                      -path.y.min())  # fmt: skip
         assert bool(outside < 0.0) is watch
 
 
@@ -271,7 +273,7 @@ def test_a_transfer_can_be_lived_once_more(made, finished):
     for one in made:
         genes, simulated, situated = replays.of(one.folder)
         assert np.array_equal(genes, finished.run(one.run).champion)
-        assert np.abs(np.append(simulated.x, simulated.end.x) - one.simulated["x_cm"]).max() < 1e-5
+        assert np.abs(np.append(simulated.x, simulated.end.x) - one.simulated.x).max() < 1e-5
         assert len(situated.t) == len(simulated.t) == round(10 * SECONDS)
 
 

@@ -14,11 +14,10 @@ from realitygap.errors import FilmError, StudyError, UsageError
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import load_disk
 from realitygap.film.live import LiveCamera
-from realitygap.film.track import read_track
 from realitygap.film.video import FilmReader, FilmWriter
 from realitygap.study.load import Study, load_study
+from realitygap.track import read_track
 from realitygap.transfer.film import calibrated
-from realitygap.transfer.paths import lost_steps
 from realitygap.transfer.run import load_transfers
 from realitygap.twin import drawing
 from realitygap.twin.camera import OverheadCamera
@@ -100,16 +99,16 @@ def test_the_eye_reads_the_start_and_films_the_drive(study, robot, camera, video
     assert told[:COVERED] == [None] * COVERED and len(told) == COVERED + 1
     assert math.dist((one.pose.x, one.pose.y), (STANDS.x, STANDS.y)) < 0.05
     assert one.pose.heading_deg == pytest.approx(STANDS.heading_deg, abs=1.0)
-    assert one.simulated["x_cm"][0] == pytest.approx(one.pose.x, abs=1e-5)
+    assert one.simulated.x[0] == pytest.approx(one.pose.x, abs=1e-5)
     assert one.situated_from == "film" and one.filmed and one.view == f"camera {video}"
     facts = tomllib.loads((one.folder / "transfer.toml").read_text())
-    assert facts["wished"]["x_cm"] != facts["pose"]["x_cm"] and 0 <= facts["film_lead_s"] < 0.5
+    assert facts["wished"] != facts["pose"] and 0 <= facts["film_lead_s"] < 0.5
     path = one.situated
-    assert lost_steps(path) == one.lost_steps == 0 and one.late_steps <= 2
-    assert np.hypot(path["x_cm"] - STANDS.x, path["y_cm"] - STANDS.y).max() < 0.1
+    assert path.lost == one.lost_steps == 0 and one.late_steps <= 2
+    assert np.hypot(path.x - STANDS.x, path.y - STANDS.y).max() < 0.1
     # the frame after the one that was looked at is the film's first
     begun = STANDS.heading_deg + 90.0 * (1 / FPS + facts["film_lead_s"])
-    assert path["heading_deg"] == pytest.approx(begun + 90.0 * path["t_s"], abs=2.0)
+    assert path.heading_deg == pytest.approx(begun + 90.0 * path.t, abs=2.0)
     track = read_track(one.folder / "track.csv")
     with FilmReader(one.folder / "film.mp4") as film:
         times = [frame.t_s for frame in film]
@@ -124,7 +123,7 @@ def test_an_eye_that_only_watches_keeps_no_film(study, robot, camera, video):
     settings["found"] = lambda one, requested, seen: seen is not None
     counted = transfer(study, [1], eye=str(video), watch=False, **settings)[0]
     assert counted.situated_from == "counters"
-    assert counted.situated["x_cm"][0] == pytest.approx(STANDS.x, abs=0.05)
+    assert counted.situated.x[0] == pytest.approx(STANDS.x, abs=0.05)
     one = transfer(study, [1], eye=str(video), **settings)[0]
     assert one.situated_from == "camera" and not one.filmed and one.lost_steps == 0
     assert not (one.folder / "film.mp4").exists() and (one.folder / "track.csv").is_file()
@@ -147,7 +146,7 @@ def test_a_robot_may_wear_a_disk_of_its_own(study, robot, camera, arena, tmp_pat
     for film in (False, True):
         one = transfer(study, [1], disk=mine, film=film, **settings)[0]
         assert one.pose.heading_deg == pytest.approx(STANDS.heading_deg, abs=1.0) and one.lost_steps == 0
-        assert np.hypot(one.situated["x_cm"] - STANDS.x, one.situated["y_cm"] - STANDS.y).max() < 0.1
+        assert np.hypot(one.situated.x - STANDS.x, one.situated.y - STANDS.y).max() < 0.1
     assert load_disk(one.folder / "disk.toml") == load_disk(mine)
     assert transfer(study, [1], disk=mine, **settings)[0] == one  # it is there already
     with pytest.raises(StudyError, match=r"made with disk\.centre_radius_cm = 0\.45, not 0\.7"):
@@ -172,7 +171,7 @@ def test_a_film_that_ends_too_soon_leaves_a_gap(study, robot, camera, video):
     settings["found"] = lambda one, requested, seen: seen is not None
     one = transfer(study, [1], eye=str(video), film=True, **settings)[0]
     assert 5 <= one.lost_steps <= 15 and math.isnan(one.fitness_situated)
-    assert np.isnan(one.situated["x_cm"][-5:]).all() and np.isfinite(one.situated["x_cm"][:25]).all()
+    assert np.isnan(one.situated.x[-5:]).all() and np.isfinite(one.situated.x[:25]).all()
     assert "no more pictures" in tomllib.loads((one.folder / "transfer.toml").read_text())["trouble"]
 
 

@@ -12,21 +12,17 @@ from hypothesis import strategies as st
 from realitygap.controller.handmade import braitenberg
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import decode
-from realitygap.film.track import Track
 from realitygap.kernels.trial import scale_input
 from realitygap.report.gather import chosen, parts_of
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
+from realitygap.track import Track, read_track
 from realitygap.transfer.choice import shown_runs
 from realitygap.transfer.film import known_poses
 from realitygap.transfer.paths import (
-    lost_steps,
     of_counters,
     of_track,
-    of_trajectory,
-    read_path,
     score,
-    write_path,
 )
 from realitygap.values import Pose
 from realitygap.world.arena import load_arena
@@ -61,7 +57,7 @@ def test_a_path_scores_as_the_trial_did(name):
     task = load_task(name)
     networks = decode(braitenberg(task.feeds, Layout()), Layout())
     trajectory, own = Simulation(task, PAPER, 1.0).trajectory(networks, stream=4)
-    assert score(of_trajectory(trajectory), task, PAPER) == pytest.approx(own, rel=1e-6)
+    assert score(trajectory.track, task, PAPER) == pytest.approx(own, rel=1e-6)
 
 
 def test_counters_tell_straight_ways_and_circles():
@@ -69,20 +65,19 @@ def test_counters_tell_straight_ways_and_circles():
     pulses = np.linspace(0, 1200, 11)
     table = of_counters(np.stack([pulses, pulses], 1), Pose(x=5, y=5, heading=math.pi / 2),
                         cm_per_pulse=1 / 120, axle_cm=5.3)  # fmt: skip
-    assert (table["x_cm"][-1], table["y_cm"][-1]) == pytest.approx((5, 15))
+    assert (table.x[-1], table.y[-1]) == pytest.approx((5, 15))
     round_it = 2 * math.pi * 10 * np.linspace(0, 1, 41)
     wheels = np.stack([round_it * (1 - 0.265), round_it * (1 + 0.265)], 1) * 120
     wheels[7] = np.nan  # nothing was read in that step
     table = of_counters(wheels, Pose(x=0, y=0, heading=0), cm_per_pulse=1 / 120, axle_cm=5.3)
-    assert (table["x_cm"][20], table["y_cm"][20]) == pytest.approx((0, 20), abs=0.1)
-    assert (table["x_cm"][-1], table["y_cm"][-1]) == pytest.approx((0, 0), abs=0.1)
+    assert (table.x[20], table.y[20]) == pytest.approx((0, 20), abs=0.1)
+    assert (table.x[-1], table.y[-1]) == pytest.approx((0, 0), abs=0.1)
 
 
 def track_of(t, quality, heading=0.0) -> Track:
     """Straight ahead at 10 cm/s, lost where `quality` is 0."""
     lost = np.where(quality > 0, 1.0, np.nan)
-    place = {"x_cm": 10 * t * lost, "y_cm": 5 + 0 * t * lost}
-    return Track(t_s=t, **place, heading_deg=(heading + 0 * t) * lost, quality=quality)
+    return Track.from_degrees(t, 10 * t * lost, 5 + 0 * t, heading + 0 * t, quality=quality)
 
 
 def test_a_track_is_brought_to_the_steps():
@@ -93,15 +88,15 @@ def test_a_track_is_brought_to_the_steps():
     lost = [4]  # 0.40 s: that frame is lost; 0.3 s lies between 0.28 and 0.32, and 0.32 is lost too
     lost += [3, 5]
     known = np.setdiff1d(np.arange(11), lost)
-    assert np.isnan(table["x_cm"][lost]).all() and lost_steps(table) == 3
-    assert table["x_cm"][known] == pytest.approx(known.astype(float))
-    assert table["heading_deg"][-1] == pytest.approx(-170)
+    assert np.isnan(table.x[lost]).all() and table.lost == 3
+    assert table.x[known] == pytest.approx(known.astype(float))
+    assert table.heading_deg[-1] == pytest.approx(-170)
     late = of_track(track_of(t, np.ones(26)), 5, 0.52)
-    assert late["x_cm"][:5] == pytest.approx(5.2 + np.arange(5)) and np.isnan(late["x_cm"][5])
-    assert late["t_s"][0] == 0.0
-    assert lost_steps(of_track(track_of(t, np.zeros(26)), 10)) == 11
+    assert late.x[:5] == pytest.approx(5.2 + np.arange(5)) and np.isnan(late.x[5])
+    assert late.t[0] == 0.0
+    assert of_track(track_of(t, np.zeros(26)), 10).lost == 11
     sparse = of_track(track_of(np.array([0.0, 0.1, 0.9, 1.0]), np.ones(4)), 10)
-    assert np.isfinite(sparse["x_cm"]).nonzero()[0].tolist() == [0, 1, 9, 10]
+    assert np.isfinite(sparse.x).nonzero()[0].tolist() == [0, 1, 9, 10]
 
 
 def test_gaps_are_written_as_gaps_and_scored_if_short(tmp_path):
@@ -115,9 +110,9 @@ def test_gaps_are_written_as_gaps_and_scored_if_short(tmp_path):
         value = score(path, task, PAPER)
         assert math.isfinite(value) is scored
         assert not scored or value == pytest.approx(score(whole, task, PAPER))
-        write_path(tmp_path / "path.csv", path)
+        path.write_csv(tmp_path / "path.csv")
         assert (tmp_path / "path.csv").read_text().splitlines()[11] == "1.0,,,"
-        assert lost_steps(read_path(tmp_path / "path.csv")) == gap
+        assert read_track(tmp_path / "path.csv").lost == gap
     for end in (0, 40):
         quality = np.ones(41)
         quality[end] = 0
@@ -128,10 +123,10 @@ def test_a_path_reads_back(tmp_path):
     """A written path is read as it was, to a hundred nanometres."""
     counters = np.cumsum(np.random.default_rng(1).integers(0, 99, (20, 2)), 0).astype(float)
     table = of_counters(counters, Pose(x=1, y=2, heading=3), cm_per_pulse=1 / 120, axle_cm=5.3)
-    write_path(tmp_path / "path.csv", table)
-    back = read_path(tmp_path / "path.csv")
-    for name, column in table.items():
-        assert back[name] == pytest.approx(column, abs=1e-6)
+    table.write_csv(tmp_path / "path.csv")
+    back = read_track(tmp_path / "path.csv")
+    for name, column in table.to_dict().items():
+        assert back.to_dict()[name] == pytest.approx(column, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", ["obstacle-avoidance", "light-seeking"])

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from realitygap.controller.genotype import Layout
     from realitygap.simulation.simulation import Simulation
     from realitygap.tasks.task import Task
-    from realitygap.values import Pose, Trajectory
+    from realitygap.track import Trajectory
+    from realitygap.values import Pose
     from realitygap.world.arena import Arena
     from realitygap.world.profile import Profile
 
@@ -95,16 +96,15 @@ def note_dark(task: Task, arena: Arena) -> None:
 
 def print_path(trajectory: Trajectory, every: int = 10) -> None:
     """Every `every`th step of a trajectory and its end, as a table."""
-    import numpy as np
-
     rows: list[list[object]] = []
+    degrees = trajectory.heading_deg
     for k in range(0, len(trajectory.t), every):
         rows.append(
             [
                 Fixed(trajectory.t[k]),
                 Fixed(trajectory.x[k]),
                 Fixed(trajectory.y[k]),
-                Fixed(float(np.degrees(trajectory.heading[k]))),
+                Fixed(degrees[k]),
                 *(int(command) for command in trajectory.commands[k]),
                 *(Fixed(wheel) for wheel in trajectory.wheels[k]),
                 "yes" if trajectory.contact[k : k + every].any() else "",

@@ -75,9 +75,8 @@ def _doubts(tracked: Tracked, source: str) -> tuple[str, ...]:
     from realitygap.correspondence.heading import doubt_of_disk
     from realitygap.correspondence.trials import resampled
 
-    rows = tracked.track
     try:
-        seen = resampled(rows.t_s, rows.x_cm, rows.y_cm, rows.heading_deg, source=source)
+        seen = resampled(tracked.track, source=source)
     except TrackError:
         return ()
     return doubt_of_disk(seen)
@@ -86,9 +85,10 @@ def _doubts(tracked: Tracked, source: str) -> tuple[str, ...]:
 def _print(tracked: Tracked, seconds: float) -> None:
     """What was found, what was lost, and what was wrong with the film."""
     rows = tracked.track
+    assert rows.quality is not None
     good = rows.quality[rows.found].mean()
     click.echo(
-        f"{len(rows)} frames, {rows.t_s[-1]:.2f} s of film; found in {len(rows) - rows.lost}, "
+        f"{len(rows)} frames, {rows.t[-1]:.2f} s of film; found in {len(rows) - rows.lost}, "
         f"mean quality {good:.2f}; {len(rows) / max(seconds, 1e-9):.0f} frames/s"
     )
     if rows.lost:

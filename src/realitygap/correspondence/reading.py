@@ -14,17 +14,14 @@ from typing import Any
 from realitygap.correspondence.heading import with_doubts
 from realitygap.correspondence.trials import Trial, resampled
 from realitygap.errors import TrackError
-from realitygap.film.tables import read_table
 from realitygap.text import as_path
+from realitygap.track import COLUMNS, Track, read_tracks
 
-__all__ = ["COLUMNS", "doubts_of", "read_transfer", "read_trials"]
+__all__ = ["doubts_of", "read_transfer", "read_trials"]
 
-COLUMNS = ("t_s", "x_cm", "y_cm", "heading_deg")
-OPTIONAL = ("start", "unit", "quality")
 SIMULATED, SITUATED = "simulated.csv", "situated.csv"
 TRANSFER = "transfer.toml"
 """A folder that holds this is a trial of `realitygap transfer`, in which several files have tracks."""
-Row = tuple[float, float, float, float]
 
 
 def read_trials(path: str | Path) -> list[Trial]:
@@ -37,7 +34,7 @@ def read_trials(path: str | Path) -> list[Trial]:
     situated track counts, its folder's name is the start.
 
     Raises:
-        TrackError, FilmError: names the file, the line and the column.
+        TrackError: names the file, the line and the column.
     """
     place = as_path(path, "tracks")
     if not place.exists():
@@ -61,7 +58,7 @@ def read_transfer(path: str | Path) -> tuple[list[Trial], list[Trial]]:
     """The simulated and the situated trials of a folder that `realitygap transfer` made.
 
     Raises:
-        TrackError, FilmError: no such folder; names the file, the line and the column.
+        TrackError: no such folder; names the file, the line and the column.
     """
     place = Path(path)
     folders = sorted(file.parent for file in place.rglob(TRANSFER)) if place.is_dir() else []
@@ -101,25 +98,12 @@ def _is_track(path: Path) -> bool:
 def _read_file(path: Path, *, start: str, unit: str) -> list[Trial]:
     if path.suffix.lower() == ".json":
         return with_doubts([_from_json(path, start, unit)])
-    extra = [name for name in OPTIONAL if name in _head(path)]
-    rows: dict[tuple[str, str], list[Row]] = {}
-    for line, row in read_table(path, (*COLUMNS, *extra)):
-        key = (row.get("start", start), row.get("unit", unit))
-        if not key[0]:
-            raise TrackError(f"{path}, line {line}: start: expected a name or number, got nothing.")
-        lost = _number(path, line, "quality", row.get("quality", "1")) <= 0
-        numbers = [_number(path, line, name, row[name]) for name in COLUMNS]
-        if math.isnan(numbers[0]):
-            raise TrackError(f"{path}, line {line}: t_s: expected a number, got {row['t_s']!r}.")
-        place = (math.nan,) * 3 if lost else (numbers[1], numbers[2], numbers[3])
-        rows.setdefault(key, []).append((numbers[0], *place))
-    if not rows:
+    tracks = read_tracks(path, start=start, unit=unit)
+    if not tracks:
         raise TrackError(f"{path}: expected rows below its first line, got none. Film again.")
-    made = []
-    for (name, of), lines in rows.items():
-        t, x, y, heading = zip(*lines, strict=True)
-        made.append(resampled(t, x, y, heading, start=name, unit=of, source=str(path)))
-    return with_doubts(made)
+    return with_doubts([
+        resampled(track, start=start, unit=unit, source=str(path)) for (start, unit), track in tracks.items()
+    ])  # fmt: skip
 
 
 def _from_json(path: Path, start: str, unit: str) -> Trial:
@@ -132,7 +116,7 @@ def _from_json(path: Path, start: str, unit: str) -> Trial:
         ) from None
     if len({len(column) for column in columns}) != 1:
         raise TrackError(f"{path}: expected lists of one length, got {[len(c) for c in columns]}.")
-    return resampled(*columns, start=start, unit=unit, source=str(path))
+    return resampled(Track.from_degrees(*columns), start=start, unit=unit, source=str(path))
 
 
 def _json(path: Path) -> Any:
@@ -150,16 +134,3 @@ def _head(path: Path) -> list[str]:
         return [cell.strip() for cell in re.split("[,;\t]", head) if head]
     except (OSError, UnicodeDecodeError, csv.Error):
         return []
-
-
-def _number(path: Path, line: int, name: str, text: str) -> float:
-    """A cell; empty is NaN, where the robot was lost."""
-    if not text:
-        return math.nan
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.inf
-    if math.isinf(value):
-        raise TrackError(f"{path}, line {line}: {name}: expected a number, got {text!r}. Correct that line.")
-    return value

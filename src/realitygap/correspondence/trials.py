@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from realitygap.errors import TrackError
 from realitygap.text import must_be
-from realitygap.values import Trajectory
+from realitygap.track import Track, Trajectory
 
 __all__ = ["LONGEST_GAP_S", "RATE_HZ", "SHORTEST_S", "STEP_S", "Trial", "resampled", "trial_of"]
 
@@ -33,6 +33,8 @@ SLOWEST_HZ = 4.5
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trial:
     """One trial at 10 Hz, arrays [n]; x and y in cm, heading in rad, unwrapped.
+
+    No Track: it has neither times nor gaps, but a name by which it is laid beside others row by row.
 
     Attributes:
         start: which start it is; trials of two sets with the same name and pose are a pair.
@@ -78,36 +80,23 @@ class Trial:
 
 def trial_of(trajectory: Trajectory, *, start: str = "1", unit: str = "") -> Trial:
     """A simulated trajectory as a trial, its last pose included."""
-    end = trajectory.end
+    track = trajectory.track
     return Trial(
-        x=np.append(trajectory.x, end.x),
-        y=np.append(trajectory.y, end.y),
-        heading=np.unwrap(np.append(trajectory.heading, end.heading)),
-        start=start,
-        unit=unit,
-        source="simulation",
+        x=track.x, y=track.y, heading=np.unwrap(track.heading), start=start, unit=unit, source=track.seen_by
     )
 
 
-def resampled(
-    t_s: Sequence[float] | Floats,
-    x_cm: Sequence[float] | Floats,
-    y_cm: Sequence[float] | Floats,
-    heading_deg: Sequence[float] | Floats,
-    *,
-    start: str = "1",
-    unit: str = "",
-    source: str = "track",
-) -> Trial:
-    """A track of any rate as a trial; NaN is where the robot was lost.
+def resampled(track: Track, *, start: str = "1", unit: str = "", source: str = "") -> Trial:
+    """A track of any rate as a trial, by default named in messages after whoever saw it.
 
     Short losses inside are bridged; rows before it was first and after it was last seen are dropped.
 
     Raises:
         TrackError: too short, too slow, lost for too long, time that stands or runs back.
     """
+    source = source or track.seen_by or "track"
     where = f"{source}, start {start}"
-    rows = np.array([t_s, x_cm, y_cm, heading_deg], np.float64)
+    rows = np.array([track.t, track.x, track.y, track.heading])
     if not np.isfinite(rows[0]).all() or np.isinf(rows).any():
         raise TrackError(f"{where}: expected finite numbers (empty or NaN where the robot was lost).")
     if (np.abs(rows[1:3]) > FARTHEST_CM).any():
@@ -124,8 +113,7 @@ def resampled(
     grid = t[0] + np.arange(math.floor((t[-1] - t[0]) * RATE_HZ + 1e-6) + 1) * STEP_S
     usual = float(np.median(np.diff(t)))
     gaps = np.diff(t)[np.diff(t) > 1.5 * usual]
-    angle = np.unwrap(np.radians(rows[3]))
-    x, y, heading = (np.interp(grid, t, values) for values in (rows[1], rows[2], angle))
+    x, y, heading = (np.interp(grid, t, values) for values in (rows[1], rows[2], np.unwrap(rows[3])))
     return Trial(
         x=x, y=y, heading=heading, start=start, unit=unit, source=source,
         bridged_s=float((gaps - usual).sum()), rate_hz=min(RATE_HZ, 1 / usual),

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import FilmError
-from realitygap.film.tables import number, read_table
+from realitygap.text import read_table
 from realitygap.values import Pose
 
 __all__ = ["KnownFrame", "read_frames"]
@@ -43,17 +43,17 @@ def read_frames(folder: str | Path, poses: str | Path) -> list[KnownFrame]:
         raise FilmError(f"{folder}: no such folder. Give the folder that holds the frames.")
     known: dict[str, int] = {}
     frames: list[KnownFrame] = []
-    for line, row in read_table(poses, ("frame", "x_cm", "y_cm", "heading_deg")):
-        path = _picture_file(folder, row["frame"], f"{poses}, line {line}")
+    table = read_table(poses, ("frame", "x_cm", "y_cm", "heading_deg"), FilmError)
+    columns = (table.numbers(name) for name in ("x_cm", "y_cm", "heading_deg"))
+    for line, frame, *pose in zip(table.lines, table.cells["frame"], *columns, strict=True):
+        path = _picture_file(folder, frame, f"{poses}, line {line}")
         if path.name in known:
             raise FilmError(
                 f"{poses}, line {line}: {path.name} was already given in line {known[path.name]}. "
                 "Leave one of them out."
             )
         known[path.name] = line
-        x, y, heading = (number(poses, line, name, row[name]) for name in ("x_cm", "y_cm", "heading_deg"))
-        pose = Pose.from_degrees(x, y, heading)
-        frames.append(KnownFrame(name=path.name, picture=_read(path), pose=pose))
+        frames.append(KnownFrame(name=path.name, picture=_read(path), pose=Pose.from_degrees(*pose)))
     return frames
 
 

@@ -18,7 +18,7 @@ from realitygap import whole
 from realitygap.errors import FilmError
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
-from realitygap.film.track import Track
+from realitygap.track import Track
 
 __all__ = ["draw_tails", "save_tails"]
 
@@ -69,10 +69,9 @@ def save_tails(path: str | Path, picture: Picture) -> None:
 
 def _strokes(track: Track, camera: CameraModel, disk: Disk) -> NDArray[np.float64]:
     """From centre to leading edge, [n, 2, 2] px, where the robot was found."""
-    found = track.found
-    centre = np.stack([track.x_cm[found], track.y_cm[found]], 1)
-    heading = np.radians(track.heading_deg[found])
-    edge = centre + disk.radius_cm * np.stack([np.cos(heading), np.sin(heading)], 1)
+    seen = track.only(track.found)
+    centre = np.stack([seen.x, seen.y], 1)
+    edge = centre + disk.radius_cm * np.stack([np.cos(seen.heading), np.sin(seen.heading)], 1)
     return camera.to_pixels(np.stack([centre, edge], 1), disk.height_cm)
 
 

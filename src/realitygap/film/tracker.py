@@ -21,13 +21,15 @@ from realitygap.errors import FilmError
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
 from realitygap.film.finder import FOUND_ANEW, KNOWN_AGAIN, Finder, Look, Sighting
-from realitygap.film.track import COLUMNS, Track
 from realitygap.film.video import FilmReader
+from realitygap.track import Track
 from realitygap.values import Pose
 
 __all__ = ["Tracked", "Tracker", "track_film"]
 
 Picture = NDArray[np.uint8]
+Row = tuple[float, float, float, float, float]
+"""Time, x, y, heading, quality."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,8 +71,7 @@ class Tracker:
     def follow(self, frames: Iterable[tuple[float, Picture | Look]]) -> Track:
         """The track of pictures with their times (s), one after the other; none is kept."""
         with _one_thread():
-            rows = [(t_s, *_row(self.see(picture))) for t_s, picture in frames]
-        return Track(**dict(zip(COLUMNS, np.array(rows).T, strict=True)))
+            return _track([(t_s, *_row(self.see(picture))) for t_s, picture in frames])
 
     def _believed(self, seen: Sighting | None, least: float) -> Sighting | None:
         self.best_quality = max(self.best_quality, 0.0 if seen is None else seen.quality)
@@ -95,7 +96,7 @@ def track_film(
         FilmError: not a film, a film of another size, or one in which no disk is seen.
     """
     tracker = Tracker(camera, disk)
-    rows: list[tuple[float, float, float, float, float]] = []
+    rows: list[Row] = []
     with FilmReader(film) as reader:
         for frame in reader:
             if not rows:
@@ -110,7 +111,7 @@ def track_film(
         trouble = reader.trouble
     if on_progress is not None:
         on_progress(len(rows), len(rows))
-    track = Track(**dict(zip(COLUMNS, np.array(rows).T, strict=True)))
+    track = _track(rows)
     if not track.found.any():
         raise FilmError(
             f"{film}: no robot's disk is seen in any of its {len(track)} frames (best quality "
@@ -135,4 +136,9 @@ def _row(seen: tuple[Pose, float] | None) -> tuple[float, float, float, float]:
     if seen is None:
         return math.nan, math.nan, math.nan, 0.0
     pose, quality = seen
-    return pose.x, pose.y, pose.heading_deg, quality
+    return pose.x, pose.y, pose.heading, quality
+
+
+def _track(rows: list[Row]) -> Track:
+    t, x, y, heading, quality = np.array(rows).T
+    return Track(t=t, x=x, y=y, heading=heading, quality=quality, seen_by="camera")

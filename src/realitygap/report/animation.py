@@ -19,7 +19,7 @@ from realitygap.report.paths import tail
 from realitygap.report.pictures import checked_ending
 from realitygap.report.robots import draw_robot
 from realitygap.report.style import new_figure, styled
-from realitygap.values import Trajectory
+from realitygap.track import Trajectory
 
 __all__ = ["FILMS", "frames", "save_animation"]
 

@@ -18,11 +18,10 @@ from realitygap.report import style
 from realitygap.report.arenas import draw_arena
 from realitygap.report.robots import draw_robot
 from realitygap.report.style import PAGE, SIMULATED, Look, new_figure, noise_styles
-from realitygap.values import Pose, Trajectory
+from realitygap.track import Track, Trajectory
 
 __all__ = [
     "PathPanel",
-    "Route",
     "draw_path",
     "draw_trajectory",
     "pairs_figure",
@@ -33,38 +32,21 @@ __all__ = [
 
 
 @dataclass(frozen=True, kw_only=True)
-class Route:
-    """Where a robot went, however that is known: poses [n], cm and rad, the last one its end."""
-
-    x: np.ndarray
-    y: np.ndarray
-    heading: np.ndarray
-
-    @property
-    def end(self) -> Pose:
-        """The last pose."""
-        return Pose(x=float(self.x[-1]), y=float(self.y[-1]), heading=float(self.heading[-1]))
-
-
-@dataclass(frozen=True, kw_only=True)
 class PathPanel:
     """One path to be drawn: its noise level, what stands above it, the path, its look."""
 
     noise: float
     title: str
-    trajectory: Trajectory | Route
+    trajectory: Trajectory | Track
     look: Look = SIMULATED
 
 
-def tail(trajectory: Trajectory | Route, radius: float) -> np.ndarray:
+def tail(trajectory: Trajectory | Track, radius: float) -> np.ndarray:
     """The tail as one broken line [3 n, 2]: centre, leading edge, gap; one stroke a step, cm."""
-    x, y, heading = trajectory.x, trajectory.y, trajectory.heading
-    if isinstance(trajectory, Trajectory):
-        end = trajectory.end
-        x, y, heading = np.append(x, end.x), np.append(y, end.y), np.append(heading, end.heading)
-    strokes = np.full((len(x), 3, 2), np.nan)
-    strokes[:, 0] = np.stack([x, y], axis=1)
-    strokes[:, 1] = strokes[:, 0] + radius * np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    track = trajectory.track if isinstance(trajectory, Trajectory) else trajectory
+    strokes = np.full((len(track), 3, 2), np.nan)
+    strokes[:, 0] = np.stack([track.x, track.y], axis=1)
+    strokes[:, 1] = strokes[:, 0] + radius * np.stack([np.cos(track.heading), np.sin(track.heading)], axis=1)
     return strokes.reshape(-1, 2)
 
 
@@ -72,7 +54,7 @@ def draw_path(
     ax: Axes,
     arena: Arena,
     robot: Robot,
-    trajectory: Trajectory | Route,
+    trajectory: Trajectory | Track,
     *,
     colour: str = style.INK,
     look: Look = SIMULATED,

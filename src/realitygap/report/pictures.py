@@ -9,7 +9,7 @@ from realitygap import whole
 from realitygap.errors import UsageError
 from realitygap.report.paths import draw_trajectory
 from realitygap.report.style import new_figure, styled
-from realitygap.values import Trajectory
+from realitygap.track import Trajectory
 
 __all__ = ["PICTURES", "checked_ending", "save_picture"]
 

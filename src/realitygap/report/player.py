@@ -16,16 +16,15 @@ import numpy as np
 from realitygap.kernels.params import STEP_S
 from realitygap.report.gather import PER_CONDITION, Paths, TaskPart, chosen, individual
 from realitygap.report.player_network import network_drawing
-from realitygap.report.player_tracks import activity, poses_of, poses_of_table, track
+from realitygap.report.player_tracks import activity, poses_of, track
 from realitygap.report.robots import WHEEL_CM
 from realitygap.report.style import noise_styles
 from realitygap.report.tables import NoiseClass, Row, number
 from realitygap.report.transfers import Pair, robots_of
 from realitygap.robots.recording import Recording
-from realitygap.transfer.paths import read_path
+from realitygap.track import Trajectory, read_track
 from realitygap.transfer.replay import Replay, Replays
 from realitygap.transfer.trial import SIMULATED, SITUATED
-from realitygap.values import Trajectory
 from realitygap.world.rays import RAY_ANGLES_DEG
 
 __all__ = ["MOST_RUNS", "MOST_TRIALS", "player_data", "player_json"]
@@ -76,7 +75,7 @@ class _Cast:
         return track(
             "simulated",
             score,
-            poses_of(one),
+            poses_of(one.track),
             self.unit_cm,
             readings=one.proximity if self.task.feeds == "proximity" else one.ambient,
             commands=one.commands,
@@ -85,7 +84,7 @@ class _Cast:
 
     def situated(self, pair: Pair, replay: Replay, score: str) -> dict[str, Any]:
         """A drive on a robot, as far as its folder tells of it."""
-        poses, kept = poses_of_table(read_path(pair.folder / SITUATED)), replay.situated
+        poses, kept = poses_of(read_track(pair.folder / SITUATED)), replay.situated
         if kept is None:
             return track(pair.where, score, poses, self.unit_cm)
         return track(
@@ -175,7 +174,7 @@ class _Gather:
         if replay.simulated is not None:
             simulated = cast.simulated(replay.simulated, scores[0], replay.genes)
         else:
-            poses = poses_of_table(read_path(pair.folder / SIMULATED))
+            poses = poses_of(read_track(pair.folder / SIMULATED))
             simulated = track("simulated", scores[0], poses, cast.unit_cm)
         situated = cast.situated(pair, replay, scores[1])
         who = "" if pair.individual == "champion" else f"{pair.individual}/"

@@ -14,14 +14,16 @@ from numpy.typing import NDArray
 
 from realitygap.controller.layout import Genes, Layout
 from realitygap.controller.network import NetworkController
-from realitygap.values import Trajectory
+from realitygap.track import Track
 
-__all__ = ["LOST", "activity", "pack", "poses_of", "poses_of_table", "track"]
+__all__ = ["LOST", "activity", "pack", "poses_of", "track"]
 
 LOST = -32768
 """Stands for a number that there is not: the camera lost the robot."""
 TURN = 100.0
 """Headings are packed in hundredths of a degree."""
+DIGITS = 9
+"""More than a file has, fewer than a heading loses on its way from degrees and back."""
 
 Floats = NDArray[np.float64]
 
@@ -36,21 +38,9 @@ def pack(values: Any, kind: str) -> str:
     return base64.b64encode(np.ascontiguousarray(whole).astype(kind).tobytes()).decode("ascii")
 
 
-def poses_of(trajectory: Trajectory) -> Floats:
-    """Poses [n + 1, 3] of a simulated trial: cm, cm, degrees; the last one is its end."""
-    one, end = trajectory, trajectory.end
-    x, y = np.append(one.x, end.x), np.append(one.y, end.y)
-    return np.stack([x, y, _degrees(np.append(one.heading, end.heading))], axis=1)
-
-
-def poses_of_table(table: Any) -> Floats:
-    """Poses [n + 1, 3] of a path on file; NaN where the robot was lost."""
-    return np.stack([np.asarray(table[key], np.float64) for key in ("x_cm", "y_cm", "heading_deg")], axis=1)
-
-
-def _degrees(heading: Floats) -> Floats:
-    degrees: Floats = 180.0 - (180.0 - np.degrees(heading)) % 360.0
-    return degrees
+def poses_of(track: Track) -> Floats:
+    """Poses [n, 3]: cm, cm, degrees; of those on file the very digits, NaN where the robot was lost."""
+    return np.stack([track.x, track.y, track.heading_deg.round(DIGITS)], axis=1)
 
 
 def activity(genes: Genes, inputs: Any, commands: Any, slots: Sequence[int]) -> NDArray[np.int64] | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,9 +13,9 @@ import numpy as np
 
 from realitygap import whole
 from realitygap.report.gather import TaskPart, chosen
-from realitygap.report.paths import Route
 from realitygap.report.statistics import Mean, mean_of
 from realitygap.report.tables import NoiseClass, Row, Table
+from realitygap.track import Track
 
 __all__ = [
     "ROBOT",
@@ -48,8 +48,8 @@ class Pair:
     """Its folder's name: twin-1, serial-ttyUSB0."""
     individual: str
     start: int
-    simulated: Route
-    situated: Route
+    simulated: Track
+    situated: Track
     fitness: tuple[float, float]
     """Simulated and situated, unscaled."""
     filmed: bool
@@ -126,8 +126,8 @@ def _pair(one: Any, level: float, row: Row) -> Pair:
         robot=one.robot,
         individual=one.individual,
         start=one.start,
-        simulated=_route(one.simulated),
-        situated=_route(one.situated),
+        simulated=_drawn(one.simulated),
+        situated=_drawn(one.situated),
         fitness=(_number(one.fitness_simulated), _number(one.fitness_situated)),
         filmed=bool(one.filmed),
         source=one.situated_from,
@@ -139,16 +139,12 @@ def _number(value: float | None) -> float:
     return math.nan if value is None else float(value)
 
 
-def _route(columns: Mapping[str, Any]) -> Route:
-    """Poses about a tenth of a second apart; where the robot was lost there are none."""
-    t, x, y, degrees = (
-        np.asarray(columns[key], np.float64) for key in ("t_s", "x_cm", "y_cm", "heading_deg")
-    )
-    known = np.flatnonzero(np.isfinite(x) & np.isfinite(y) & np.isfinite(degrees))
-    steps = np.round(t[known] / TAIL_S)
+def _drawn(track: Track) -> Track:
+    """Its rows about a tenth of a second apart, without those in which the robot was lost."""
+    known = np.flatnonzero(track.found)
+    steps = np.round(track.t[known] / TAIL_S)
     first = np.append(True, steps[1:] != steps[:-1]) if len(steps) else np.zeros(0, bool)
-    some = np.unique(np.append(known[first], known[-1:]))
-    return Route(x=x[some], y=y[some], heading=np.radians(degrees[some]))
+    return track.only(np.unique(np.append(known[first], known[-1:])))
 
 
 def kinds_of(pairs: Sequence[Pair]) -> list[str]:

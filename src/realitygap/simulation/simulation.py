@@ -18,7 +18,8 @@ from realitygap.kernels import batch, halves
 from realitygap.kernels.params import STEP_S, Networks, Path, Room, Trial
 from realitygap.kernels.work import MOTOR_NOISE, Record, Work, new_work
 from realitygap.tasks.load import load_task
-from realitygap.values import Pose, Trajectory, as_stream
+from realitygap.track import Trajectory
+from realitygap.values import Pose, as_stream
 from realitygap.world.arena import Arena, load_arena
 from realitygap.world.noise import noise_level
 from realitygap.world.profile import Profile, load_profile

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from realitygap.film.camera import CameraModel
     from realitygap.film.disk import Disk
     from realitygap.film.finder import Look
-    from realitygap.film.track import Track
+    from realitygap.track import Track
     from realitygap.twin.camera import OverheadCamera
     from realitygap.twin.drawing import Window
     from realitygap.twin.states import States

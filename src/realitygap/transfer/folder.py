@@ -10,9 +10,8 @@ from pathlib import Path
 from realitygap import whole
 from realitygap.errors import FilmError, FrozenError, LineError, RobotError, RobotStoppedError
 from realitygap.transfer.options import Robot
-from realitygap.values import Pose
 
-__all__ = ["half_folder", "made", "place"]
+__all__ = ["half_folder", "made"]
 
 
 @contextmanager
@@ -42,11 +41,6 @@ def made(final: Path, robot: Robot) -> Iterator[Path]:
 def half_folder(final: Path) -> Path:
     """Where a trial is while it is being made."""
     return final.with_name(f"{final.name}.half")
-
-
-def place(pose: Pose) -> dict[str, float]:
-    """A pose as a trial's file has it."""
-    return {"x_cm": pose.x, "y_cm": pose.y, "heading_deg": pose.heading_deg}
 
 
 def _put_aside(folder: Path, robot: Robot, word: str) -> None:

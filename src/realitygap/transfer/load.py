@@ -12,7 +12,7 @@ from realitygap.errors import StudyError
 from realitygap.study.settings import difference
 from realitygap.text import as_path, refuse_unknown
 from realitygap.toml import read_toml
-from realitygap.transfer.paths import Table, read_path
+from realitygap.track import Track, read_track
 from realitygap.transfer.plan import FOLDER, SOURCES, Situation
 from realitygap.transfer.trial import SIMULATED, SITUATED, TRIAL
 from realitygap.values import Pose
@@ -41,8 +41,7 @@ class Transferred:
         robot: the folder's name, as twin-1 or serial-ttyUSB0; unit: of the twin, None for a robot.
         twin_noise: the twin's noise scale, None for a robot.
         start: its number, from 1; pose: where both trials began.
-        simulated, situated: the paths: t_s, x_cm, y_cm, heading_deg, a row a step, the start first;
-            NaN where the camera lost the robot.
+        simulated, situated: the tracks, a row a step, the start first.
         situated_from: "film" or "camera" (watched, no film kept), or "counters" for the wheels' own.
         filmed: whether the folder holds film.mp4, camera.json, track.csv and tails.png.
         view: what made the camera's frames, None where no camera saw the robot.
@@ -72,20 +71,24 @@ class Transferred:
     lost_steps: int
 
     @cached_property
-    def simulated(self) -> Table:
+    def simulated(self) -> Track:
         """The path in the simulation that it was evolved in."""
-        return read_path(self.folder / SIMULATED)
+        return _track(self.folder / SIMULATED, "simulation")
 
     @cached_property
-    def situated(self) -> Table:
+    def situated(self) -> Track:
         """The path on the robot."""
-        return read_path(self.folder / SITUATED)
+        return _track(self.folder / SITUATED, self.situated_from)
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the paths, ready for JSON."""
         plain = {field.name: getattr(self, field.name) for field in fields(self)}
-        pose = {"x_cm": self.pose.x, "y_cm": self.pose.y, "heading_deg": self.pose.heading_deg}
-        return {**plain, "folder": str(self.folder), "pose": pose}
+        return {**plain, "folder": str(self.folder), "pose": self.pose.to_dict()}
+
+
+def _track(file: Path, seen_by: str) -> Track:
+    cure = "Delete the trial's folder and make it again."
+    return read_track(file, seen_by=seen_by, error=StudyError, cure=cure)
 
 
 def load_transfers(study_folder: str | PathLike[str]) -> list[Transferred]:

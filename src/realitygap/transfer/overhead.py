@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any, Self
 
 from realitygap.errors import FilmError
 from realitygap.kernels.params import STEP_S
+from realitygap.track import Track
 from realitygap.transfer.film import FILM, TRACK, keep_film
-from realitygap.transfer.paths import Table, of_track
+from realitygap.transfer.paths import of_track
 from realitygap.transfer.plan import Situation
 from realitygap.values import Pose
 
@@ -41,7 +42,7 @@ class FilmOfDrive:
     begun: float
     filmed: Filmed | None = None
 
-    def path(self, facts: dict[str, Any]) -> Table:
+    def path(self, facts: dict[str, Any]) -> Track:
         """The situated path, by the tracker; the film itself is kept only if that was requested.
 
         Raises:

@@ -13,10 +13,10 @@ from realitygap.errors import UsageError
 from realitygap.robots.recording import Recording
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study
+from realitygap.track import Trajectory
 from realitygap.transfer.load import load_transfer, read_trial
 from realitygap.transfer.plan import transfer_stream
 from realitygap.transfer.trial import TRIAL
-from realitygap.values import Trajectory
 
 __all__ = ["Replay", "Replays"]
 
@@ -70,11 +70,10 @@ class Replays:
             trajectory, _ = simulation.trajectory(networks, stream=stream, pose=pose, seconds=one.seconds)
         except UsageError:  # the arena's file was changed since: nothing stands there any more
             return None
-        x, y = np.append(trajectory.x, trajectory.end.x), np.append(trajectory.y, trajectory.end.y)
-        path = one.simulated
-        if len(x) != len(path["x_cm"]):
+        track, path = trajectory.track, one.simulated
+        if len(track) != len(path):
             return None
-        apart = np.hypot(x - path["x_cm"], y - path["y_cm"])
+        apart = np.hypot(track.x - path.x, track.y - path.y)
         return trajectory if float(apart.max()) < SAME_CM else None
 
 

@@ -1,7 +1,7 @@
 """A unit of the twin in a task's arena, with the camera above it: one rig for many trials.
 
     with Rig(load_task("avoidance"), profile, unit=1, folder_for_camera="cameras") as rig:
-        path = rig.drive(genes, Layout(), stream=5, pose=Pose(x=25, y=25, heading=0.5))
+        track, recording = rig.drive(genes, Layout(), stream=5, pose=Pose(x=25, y=25, heading=0.5))
 
 A trial is a function of unit, noise, stream, pose and controller alone: before each the unit is
 switched off and a new one on, in one process that serves them all.
@@ -10,7 +10,6 @@ switched off and a new one on, in one process that serves them all.
 from __future__ import annotations
 
 from contextlib import closing
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
@@ -30,8 +29,9 @@ from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recorder, Recording
 from realitygap.streams import TWIN_NOISE
 from realitygap.tasks.task import Task
+from realitygap.track import Track
 from realitygap.transfer.options import Robot
-from realitygap.transfer.paths import Table, of_track
+from realitygap.transfer.paths import of_track
 from realitygap.values import Pose, Readings
 from realitygap.world.profile import Profile
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from realitygap.twin.process import TwinProcess
     from realitygap.twin.states import States
 
-__all__ = ["Driven", "Rig", "SituatedPath", "driven"]
+__all__ = ["Driven", "Rig", "driven"]
 
 Floats = NDArray[np.float64]
 
@@ -50,25 +50,6 @@ class Driven(NamedTuple):
 
     recording: Recording
     counters: Floats
-
-
-@dataclass(frozen=True, kw_only=True)
-class SituatedPath:
-    """A trial as the camera saw it: a row a step of 0.1 s, the first one the start.
-
-    Attributes:
-        t_s: [steps + 1] s.
-        pose: [steps + 1, 3] x, y (cm) and heading (rad); NaN where the robot was not seen.
-        readings: [steps, 8] counts of the sensors that the task feeds.
-        commands: [steps, 2] Khepera units.
-        table: the same path in the columns that `transfer.paths.score` takes.
-    """
-
-    t_s: Floats
-    pose: Floats
-    readings: Floats
-    commands: NDArray[np.int64]
-    table: Table
 
 
 def driven(
@@ -132,8 +113,9 @@ class Rig:
 
     def drive(
         self, genes: Any, layout: Layout, stream: int, pose: Pose, seconds: float | None = None
-    ) -> SituatedPath:
-        """A trial from a pose, driven through the serial line and seen by the camera.
+    ) -> tuple[Track, Recording]:
+        """A trial from a pose, driven through the serial line and seen by the camera: a row a step, the
+        first one the start, and what was read and done.
 
         Args:
             genes: the genotype.
@@ -151,15 +133,7 @@ class Rig:
             sealed = Path(folder) / "sealed.csv"
             recording = self.on_line(genes, layout, stream, pose, length, sealed=sealed).recording
             track = self.watcher.track(self.states(sealed, length), stream)
-        table = of_track(track, round(length / STEP_S))
-        heading = np.radians(table["heading_deg"])
-        return SituatedPath(
-            t_s=table["t_s"],
-            pose=np.stack([table["x_cm"], table["y_cm"], heading], axis=1),
-            readings=recording.proximity if self.task.feeds == "proximity" else recording.ambient,
-            commands=recording.commands,
-            table=table,
-        )
+        return of_track(track, round(length / STEP_S)), recording
 
     def on_line(
         self,

@@ -20,7 +20,6 @@ from realitygap.study.load import Run, Study
 from realitygap.study.plan import run_stream
 from realitygap.transfer.kept_rows import digest
 from realitygap.transfer.load import Transferred
-from realitygap.transfer.paths import Table
 
 if TYPE_CHECKING:
     from realitygap.correspondence.names import Namer
@@ -28,6 +27,7 @@ if TYPE_CHECKING:
     from realitygap.correspondence.setting import Setting
     from realitygap.correspondence.trials import Trial
     from realitygap.tasks.task import Task
+    from realitygap.track import Track
 
 __all__ = ["Bench", "Job", "Mark"]
 
@@ -214,12 +214,11 @@ class Job:
             situated.append(there)
         return list(simulated.values()), situated, lost
 
-    def _trial(self, path: Table, one: Transferred, unit: str) -> Trial:
+    def _trial(self, track: Track, one: Transferred, unit: str) -> Trial:
         from realitygap.correspondence.setting import setting_of
         from realitygap.correspondence.trials import resampled
 
-        columns = (path[key] for key in ("t_s", "x_cm", "y_cm", "heading_deg"))
-        made = resampled(*columns, start=str(one.start), unit=unit, source=one.situated_from)
+        made = resampled(track, start=str(one.start), unit=unit)
         setting_of([made], self.bench.task)  # a path by counters may leave the arena
         return made
 

@@ -20,22 +20,14 @@ from realitygap.simulation.simulation import Simulation
 from realitygap.study.folder import versions
 from realitygap.study.load import Study
 from realitygap.toml import to_toml
-from realitygap.transfer.folder import made, place
-from realitygap.transfer.paths import (
-    Table,
-    lost_steps,
-    of_counters,
-    of_track,
-    of_trajectory,
-    score,
-    write_path,
-)
+from realitygap.track import Track
+from realitygap.transfer.folder import made
+from realitygap.transfer.paths import of_counters, of_track, score
 from realitygap.transfer.plan import FOLDER, Situation
 from realitygap.transfer.rig import Driven, Rig, driven
 from realitygap.values import Pose
 
 if TYPE_CHECKING:
-    from realitygap.film.track import Track
     from realitygap.transfer.overhead import Overhead
 
 __all__ = ["TRIAL", "Carry", "Stage"]
@@ -116,7 +108,7 @@ class Stage:
                 pose = overhead.start(one, requested)
                 body.reset()  # whoever moved it once more has turned its wheels
             facts = self._simulate(one, pose, folder)
-            facts["wished"] = None if overhead is None else place(requested)
+            facts["wished"] = None if overhead is None else requested.to_dict()
             if overhead is None or one.source == "counters":
                 driven = self._drive(one, body, folder, facts)
                 path = self._counted(driven, pose)
@@ -132,8 +124,8 @@ class Stage:
         trajectory, fitness = self.simulation(one).trajectory(
             networks, stream=one.stream, pose=pose, seconds=one.seconds
         )
-        write_path(folder / SIMULATED, of_trajectory(trajectory))
-        return {**one.facts(), "pose": place(pose), "fitness": {"simulated": fitness}}
+        trajectory.track.write_csv(folder / SIMULATED)
+        return {**one.facts(), "pose": pose.to_dict(), "fitness": {"simulated": fitness}}
 
     def _genes(self, one: Situation) -> Any:
         return self.study.genotype(one.run, one.evaluation)
@@ -161,7 +153,7 @@ class Stage:
             recorder=Recorder(folder, facts=facts),
         )
 
-    def _counted(self, driven: Driven, pose: Pose) -> Table:
+    def _counted(self, driven: Driven, pose: Pose) -> Track:
         """The path by the wheels' counters."""
         axle = self.study.profile.wheels.track_cm
         return of_counters(driven.counters, pose, cm_per_pulse=0.1 / PULSES_PER_MM, axle_cm=axle)
@@ -187,13 +179,13 @@ class Stage:
         return track
 
     def _write(
-        self, one: Situation, folder: Path, facts: dict[str, Any], path: Table, driven: Driven
+        self, one: Situation, folder: Path, facts: dict[str, Any], path: Track, driven: Driven
     ) -> None:
-        write_path(folder / SITUATED, path)
+        path.write_csv(folder / SITUATED)
         facts["fitness"]["situated"] = score(path, self.study.task(one.task), self.study.profile)
         facts["film"] = one.film
         facts["situated_from"] = one.source
         facts["late_steps"] = driven.recording.late_steps
-        facts["lost_steps"] = lost_steps(path)
+        facts["lost_steps"] = path.lost
         facts["versions"] = versions()
         whole.write(folder / TRIAL, to_toml(facts))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,11 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from realitygap.errors import ConfigError
+from realitygap.track import read_track
 from realitygap.twin.arithmetic import arctan2, cos_sin
 
 __all__ = ["States", "heading_of"]
-
-_COLUMNS = ("t_s", "x_cm", "y_cm", "heading_deg")
 
 
 def heading_of(pose: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -24,7 +22,10 @@ def heading_of(pose: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 class States(NamedTuple):
-    """[n] times (ms) and [n, 7] poses: x, y, z (m) and a quaternion."""
+    """[n] times (ms) and [n, 7] poses: x, y, z (m) and a quaternion.
+
+    No Track: a robot that tips or is lifted has more than a heading, and the camera draws it so.
+    """
 
     time_ms: NDArray[np.int64]
     pose: NDArray[np.float64]
@@ -61,19 +62,5 @@ class States(NamedTuple):
         Raises:
             ConfigError: the file is not such a table; names the line.
         """
-        rows: list[list[float]] = []
-        with Path(path).open(encoding="utf-8", newline="") as file:
-            table = csv.DictReader(file)
-            missing = set(_COLUMNS) - set(table.fieldnames or ())
-            if missing:
-                raise ConfigError(f"{path}: a file of states has the columns {', '.join(_COLUMNS)}; "
-                                  f"missing {', '.join(sorted(missing))}")  # fmt: skip
-            for row in table:
-                try:
-                    rows.append([float(row[name]) for name in _COLUMNS])
-                except (TypeError, ValueError):
-                    raise ConfigError(
-                        f"{path}, line {table.line_num}: expected numbers for {', '.join(_COLUMNS)}"
-                    ) from None
-        t, x, y, heading = np.array(rows, np.float64).reshape(-1, 4).T
-        return cls.standing(np.rint(t * 1000.0).astype(np.int64), x, y, np.radians(heading))
+        truth = read_track(path, seen_by="truth", error=ConfigError)
+        return cls.standing(np.rint(truth.t * 1000.0).astype(np.int64), truth.x, truth.y, truth.heading)

@@ -7,9 +7,6 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from realitygap import whole
 from realitygap.controller.network import decode
 from realitygap.correspondence.names import common_name, namer
@@ -21,13 +18,10 @@ from realitygap.errors import StudyError, TrackError
 from realitygap.experiments.noise.plan import Controller, simulated_file, stream
 from realitygap.experiments.noise.situated import read_situated
 from realitygap.experiments.noise.stage import Stage
-from realitygap.kernels.params import STEP_S
 from realitygap.study.digest import check_of
 from realitygap.transfer.paths import score
 
 __all__ = ["compare_all", "read_compared", "scale_for"]
-
-Floats = NDArray[np.float64]
 
 LEAST_TRIALS = 2
 """So many have to be left, when those that the camera lost are taken out."""
@@ -121,22 +115,21 @@ def _seen(stage: Stage, one: Controller) -> tuple[dict[Pair, Trial], list[float]
     task, robot = stage.task(one.task), stage.profile(one.home)
     trials: dict[Pair, Trial] = {}
     fitness = []
-    poses = read_situated(stage, one).poses
-    for u, of_unit in enumerate(poses, start=1):
+    kept = read_situated(stage, one)
+    units, starts = kept.streams.shape
+    for u in range(1, units + 1):
         scores = []
-        for k, rows in enumerate(of_unit, start=1):
-            t_s: Floats = np.arange(len(rows), dtype=np.float64) * STEP_S
-            x, y = rows[:, 0], rows[:, 1]
-            degrees: Floats = np.degrees(rows[:, 2])
-            scores.append(score({"t_s": t_s, "x_cm": x, "y_cm": y, "heading_deg": degrees}, task, robot))
+        for k in range(1, starts + 1):
+            track = kept.track(u, k)
+            scores.append(score(track, task, robot))
             try:
-                trial = resampled(t_s, x, y, degrees, start=str(k), unit=str(u), source=one.name)
+                trial = resampled(track, start=str(k), unit=str(u), source=one.name)
             except TrackError:
                 continue  # lost for too long: nobody knows what it did
-            if len(trial) == len(rows):
+            if len(trial) == len(track):
                 trials[Pair(u, k)] = trial
         fitness.append(_mean(scores))
-    return trials, fitness, poses.shape[0] * poses.shape[1] - len(trials)
+    return trials, fitness, units * starts - len(trials)
 
 
 def _simulated(

@@ -16,10 +16,11 @@ from realitygap.errors import LineError, StudyError
 from realitygap.experiments.noise.plan import Controller, situated_file, stream
 from realitygap.experiments.noise.stage import Stage
 from realitygap.kernels.params import STEP_S
+from realitygap.track import Track, settled
 from realitygap.values import Pose
 
 if TYPE_CHECKING:
-    from realitygap.transfer.rig import Rig, SituatedPath
+    from realitygap.transfer.rig import Rig
 
 __all__ = ["Rigs", "Situated", "read_situated", "situate"]
 
@@ -30,7 +31,7 @@ TRIES = 3
 
 
 class Situated(NamedTuple):
-    """A controller's trials on the twin.
+    """A controller's trials on the twin: no Tracks, but arrays as the file has them.
 
     Attributes:
         poses: [units, starts, rows, 3]: x, y (cm), heading (rad), a row a step of 0.1 s, the first
@@ -40,6 +41,12 @@ class Situated(NamedTuple):
 
     poses: Floats
     streams: NDArray[np.uint64]
+
+    def track(self, unit: int, start: int) -> Track:
+        """One trial, by its numbers from 1."""
+        x, y, heading = self.poses[unit - 1, start - 1].T
+        t = np.arange(len(x), dtype=np.float64) * STEP_S
+        return Track(t=t, x=x, y=y, heading=settled(heading, wrapped=False), seen_by="camera")
 
 
 class Rigs:
@@ -91,13 +98,13 @@ def situate(
         for k, pose in enumerate(starts):
             names = (one.task, one.seed_set, one.level, one.run, u + 1, k + 1)
             streams[u, k] = stream(config, "situated", *names)
-            path = _driven(rig, genes, layout, int(streams[u, k]), pose)
-            _place(poses[u, k], path.t_s, path.pose)
+            track = _driven(rig, genes, layout, int(streams[u, k]), pose)
+            poses[u, k] = np.stack([track.x, track.y, track.heading], axis=1)
             tell(1.0 / streams.size)
     _keep(situated_file(stage.folder, one), poses, streams)
 
 
-def _driven(rig: Rig, genes: Genes, layout: Layout, name: int, pose: Pose) -> SituatedPath:
+def _driven(rig: Rig, genes: Genes, layout: Layout, name: int, pose: Pose) -> Track:
     """A trial; begun again where the line to the unit is lost.
 
     Raises:
@@ -105,10 +112,10 @@ def _driven(rig: Rig, genes: Genes, layout: Layout, name: int, pose: Pose) -> Si
     """
     for _ in range(TRIES - 1):
         try:
-            return rig.drive(genes, layout, name, pose)
+            return rig.drive(genes, layout, name, pose)[0]
         except LineError:
             continue  # the rig has let its unit go, and takes it anew
-    return rig.drive(genes, layout, name, pose)
+    return rig.drive(genes, layout, name, pose)[0]
 
 
 def read_situated(stage: Stage, one: Controller) -> Situated:
@@ -132,13 +139,6 @@ def read_situated(stage: Stage, one: Controller) -> Situated:
         cure = "Delete it and resume: it is made again."
         raise StudyError(f"{file}: expected paths {list(shape)} of a controller. {cure}") from None
     return found
-
-
-def _place(rows: Floats, t_s: Floats, pose: Floats) -> None:
-    """Put a path's rows at their steps; what is missing stays NaN."""
-    at = np.rint(np.asarray(t_s) / STEP_S).astype(np.int64)
-    kept = (at >= 0) & (at < len(rows))
-    rows[at[kept]] = np.asarray(pose)[kept]
 
 
 def _keep(file: Path, poses: Floats, streams: NDArray[np.uint64]) -> None:

@@ -1,4 +1,4 @@
-"""Tracks and their CSV, the disk and its TOML, tails."""
+"""The disk and its TOML, tails."""
 
 import cv2
 import numpy as np
@@ -7,55 +7,7 @@ import pytest
 from realitygap.errors import FilmError
 from realitygap.film.disk import Disk, load_disk
 from realitygap.film.tails import draw_tails, save_tails
-from realitygap.film.track import Track, read_track
-
-
-def track():
-    """Five frames, two of them lost."""
-    lost = np.nan
-    return Track(
-        t_s=np.arange(5) * 0.04,
-        x_cm=np.array([20, 21, lost, lost, 24.0]),
-        y_cm=np.array([25, 25.5, lost, lost, 26.0]),
-        heading_deg=np.array([0, 10, lost, lost, 40.0]),
-        quality=np.array([0.99, 0.98, 0, 0, 0.97]),
-    )
-
-
-def test_track_comes_back(tmp_path):
-    """A track read back is the track, its lost frames empty in the file."""
-    track().write_csv(tmp_path / "track.csv")
-    lines = (tmp_path / "track.csv").read_text().splitlines()
-    assert lines[0] == "t_s,x_cm,y_cm,heading_deg,quality"
-    assert lines[3] == "0.0800,,,,0"
-    back = read_track(tmp_path / "track.csv")
-    for name, column in track().to_dict().items():
-        assert np.allclose(getattr(back, name), column, atol=1e-3, equal_nan=True), name
-
-
-def test_gaps_are_stretches_of_time():
-    """Lost frames are told as stretches."""
-    assert track().lost == 2
-    assert np.allclose(track().gaps(), [(0.08, 0.12)])
-
-
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("t,x\n", "line 1: expected columns t_s"),
-        ("t_s,x_cm,y_cm,heading_deg,quality\n0,1,2,x,0.9\n", "line 2: heading_deg: expected a number"),
-        ("t_s,x_cm,y_cm,heading_deg,quality\n0,1,2,3,0\n", "line 2: quality is 0"),
-        ("t_s,x_cm,y_cm,heading_deg,quality\n0,,,,0.5\n", "line 2: x_cm: expected a number, got ''"),
-    ],
-)
-def test_broken_tracks_are_refused(tmp_path, text, says):
-    """A table that is no track is refused with file and line."""
-    path = tmp_path / "track.csv"
-    path.write_text(text)
-    with pytest.raises(FilmError) as refusal:
-        read_track(path)
-    assert says in str(refusal.value)
-    assert str(path) in str(refusal.value)
+from realitygap.track import Track
 
 
 def test_shipped_disk_is_the_default():
@@ -95,11 +47,14 @@ def test_broken_disks_are_refused(tmp_path, text, says):
 
 def test_tails_join_centre_and_leading_edge(tmp_path, camera):
     """Each found frame leaves a white line from the centre to the leading edge, a lost one none."""
-    rows = track()
+    lost = np.nan
+    rows = Track.from_degrees(
+        np.arange(5) * 0.04, [20, 21, lost, lost, 24], [25, 25.5, lost, lost, 26], [0, 10, lost, lost, 40]
+    )
     frame = np.full((480, 640, 3), 200, np.uint8)
     picture = draw_tails(frame, rows, camera, Disk())
     factor = picture.shape[1] // 640
-    for x, y, heading in zip(rows.x_cm, rows.y_cm, np.radians(rows.heading_deg), strict=True):
+    for x, y, heading in zip(rows.x, rows.y, rows.heading, strict=True):
         if np.isnan(x):
             continue
         for ahead in (0.1, 1.4, 2.65):

@@ -1,0 +1,250 @@
+"""Where a robot was, whoever saw it: one value, radians inside, degrees in its CSV.
+
+    track = read_track("track.csv")
+    track.x[track.found], track.heading_deg
+
+A CSV file has columns t_s, x_cm, y_cm, heading_deg (−180 < h ≤ 180), and quality where a tracker told it;
+where the robot was lost the fields of place and heading are empty. Columns start and unit part it into
+several tracks.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from realitygap import whole
+from realitygap.errors import TrackError, UsageError
+from realitygap.text import Table, read_table
+from realitygap.values import Pose
+
+__all__ = ["COLUMNS", "Track", "Trajectory", "read_track", "read_tracks", "settled"]
+
+Floats = NDArray[np.float64]
+
+COLUMNS = ("t_s", "x_cm", "y_cm", "heading_deg")
+STEP_S = 0.1
+"""A step of the simulation, as `kernels.params` has it."""
+
+
+def settled(heading: ArrayLike, *, wrapped: bool = True) -> Floats:
+    """Headings (rad) once to degrees and back, which may move their last bit: −π < h ≤ π if `wrapped`.
+
+    Scores are taken from such headings, those that were kept are: so they stay the same to the bit.
+    """
+    return np.radians(_degrees(heading) if wrapped else np.degrees(heading))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Track:
+    """Where a robot was, a row a time, arrays [n]; where it was lost, place and heading are NaN.
+
+    Attributes:
+        t: time, s.
+        x, y: the robot's centre, cm.
+        heading: where it looks, rad, counter-clockwise from +x; any number of turns.
+        quality: how much what a tracker saw looked like the disk, 0 (lost) to 1; None: no tracker.
+        seen_by: "simulation", "camera", "film", "counters" (the wheels' own), "truth" (the twin's); "" where
+            nobody said.
+    """
+
+    t: Floats
+    x: Floats
+    y: Floats
+    heading: Floats
+    quality: Floats | None = None
+    seen_by: str = ""
+
+    def __post_init__(self) -> None:
+        sizes = [len(column) for column in (self.t, self.x, self.y, self.heading)]
+        if len(set(sizes)) != 1:
+            raise UsageError(f"track: expected t, x, y and heading of one length, got {sizes}.")
+
+    @classmethod
+    def from_degrees(
+        cls,
+        t_s: ArrayLike,
+        x_cm: ArrayLike,
+        y_cm: ArrayLike,
+        heading_deg: ArrayLike,
+        *,
+        quality: Floats | None = None,
+        seen_by: str = "",
+    ) -> Track:
+        """A track as files tell it; a row without place, heading or quality is lost altogether.
+
+        Args:
+            t_s, x_cm, y_cm, heading_deg: columns [n], NaN where there is nothing.
+            quality: [n], 0 where it was lost.
+            seen_by: who saw it.
+
+        Raises:
+            UsageError: columns of several lengths.
+        """
+        t, x, y, turn = (np.asarray(column, np.float64) for column in (t_s, x_cm, y_cm, heading_deg))
+        track = cls(t=t, x=x, y=y, heading=np.radians(turn), seen_by=seen_by)
+        lost = np.isnan(x) | np.isnan(y) | np.isnan(turn) | (quality is not None and quality <= 0)
+        x, y, heading = (np.where(lost, np.nan, column) for column in (x, y, track.heading))
+        quality = None if quality is None else np.where(lost, 0.0, quality)
+        return replace(track, x=x, y=y, heading=heading, quality=quality)
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def heading_deg(self) -> Floats:
+        """[n] degrees, −180 < h ≤ 180."""
+        return _degrees(self.heading)
+
+    @property
+    def found(self) -> NDArray[np.bool_]:
+        """In which rows the robot was seen, [n]."""
+        return ~np.isnan(self.x)
+
+    @property
+    def lost(self) -> int:
+        """In how many rows it was not."""
+        return int((~self.found).sum())
+
+    @property
+    def end(self) -> Pose:
+        """The last pose."""
+        return Pose(x=float(self.x[-1]), y=float(self.y[-1]), heading=float(self.heading[-1]))
+
+    def gaps(self) -> list[tuple[float, float]]:
+        """When it was lost: first and last time of each stretch, s."""
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], ~self.found, [0]]).astype(int)))
+        return [
+            (float(self.t[a]), float(self.t[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)
+        ]
+
+    def only(self, rows: NDArray[Any]) -> Track:
+        """Some of its rows: their numbers, or a mask [n]."""
+        names = ("t", "x", "y", "heading", *(() if self.quality is None else ("quality",)))
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
+    def to_dict(self) -> dict[str, list[float]]:
+        """Its columns by their names in the file, in cm and degrees; NaN where it was lost."""
+        columns = (self.t, self.x, self.y, self.heading_deg, self.quality)
+        names = (*COLUMNS, "quality")
+        return {name: c.tolist() for name, c in zip(names, columns, strict=True) if c is not None}
+
+    def write_csv(self, path: str | Path) -> None:
+        """Write it: frames with their quality as a tracker tells them, without as rows of steps."""
+        columns, tracked = self.to_dict(), self.quality is not None
+        time, place, turn = (".4f", ".4f", ".3f") if tracked else (".1f", ".6f", ".6f")
+        with whole.new(path) as spare, spare.open("w", newline="", encoding="utf-8") as file:
+            rows = csv.writer(file, lineterminator="\n")
+            rows.writerow(columns)
+            for t, x, y, heading, *quality in zip(*columns.values(), strict=True):
+                lost = math.isnan(x)
+                told = ("", "", "") if lost else (f"{x:{place}}", f"{y:{place}}", f"{heading:{turn}}")
+                rows.writerow((f"{t:{time}}", *told, *("0" if lost else f"{q:.3f}" for q in quality)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trajectory:
+    """One trial as it was lived, a row a step; row k holds what the robot read and decided at
+    `t[k]`, where it stood then, and what its wheels did in the step that follows.
+
+    Shapes: t, x, y, heading, contact [n]; proximity [n, P]; ambient [n, A]; inputs [n, I];
+    commands, wheels [n, 2] (Khepera units, left and right). `end` is the pose after the last step.
+    """
+
+    t: Floats
+    x: Floats
+    y: Floats
+    heading: Floats
+    proximity: Floats
+    ambient: Floats
+    inputs: NDArray[np.int64]
+    commands: NDArray[np.int64]
+    wheels: Floats
+    contact: NDArray[np.bool_]
+    end: Pose
+
+    @property
+    def heading_deg(self) -> Floats:
+        """[n] degrees, in as many turns as it made."""
+        return np.degrees(self.heading)
+
+    @property
+    def track(self) -> Track:
+        """Where it was, [n + 1]: its end is the last row."""
+        end = self.end
+        return Track(
+            t=np.append(self.t, len(self.t) * STEP_S),
+            x=np.append(self.x, end.x),
+            y=np.append(self.y, end.y),
+            heading=np.append(self.heading, end.heading),
+            seen_by="simulation",
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """The trajectory in the units people read (cm, degrees), ready for JSON."""
+        kept = ("proximity", "ambient", "inputs", "commands", "wheels", "contact")
+        return {
+            "t_s": self.t.round(6).tolist(),
+            "x_cm": self.x.tolist(),
+            "y_cm": self.y.tolist(),
+            "heading_deg": self.heading_deg.tolist(),
+            **{name: getattr(self, name).tolist() for name in kept},
+            "end": self.end.to_dict(),
+        }
+
+
+def read_track(
+    path: str | Path, *, seen_by: str = "", error: type[UsageError] = TrackError, cure: str = ""
+) -> Track:
+    """The track of a CSV file; columns that part it into several are not looked at.
+
+    Args:
+        path: the file.
+        seen_by: who saw it.
+        error: what to raise.
+        cure: what to do about a broken file, where it can be made again.
+
+    Raises:
+        UsageError: of the class `error`: no such table; names file and line.
+    """
+    return _track(read_table(path, COLUMNS, error, optional=("quality",), cure=cure), seen_by)
+
+
+def read_tracks(path: str | Path, *, start: str = "1", unit: str = "") -> dict[tuple[str, str], Track]:
+    """The tracks of a CSV file by start and unit, in its order.
+
+    Args:
+        path: the file.
+        start, unit: of all rows, where it has no such column.
+
+    Raises:
+        TrackError: no such table, or a row without a start; names file and line.
+    """
+    table = read_table(path, COLUMNS, TrackError, optional=("start", "unit", "quality"))
+    every, n = _track(table, ""), len(table.lines)
+    rows: dict[tuple[str, str], list[int]] = {}
+    starts, units = table.cells.get("start", [start] * n), table.cells.get("unit", [unit] * n)
+    for k, key in enumerate(zip(starts, units, strict=True)):
+        if not key[0]:
+            raise table.wrong(table.lines[k], "start: expected a name or number, got nothing")
+        rows.setdefault(key, []).append(k)
+    return {key: every.only(np.array(some)) for key, some in rows.items()}
+
+
+def _track(table: Table, seen_by: str) -> Track:
+    """All of a table's rows."""
+    place = (table.numbers(name, gaps=name != "t_s") for name in COLUMNS)
+    quality = np.array(table.numbers("quality", gaps=True)) if "quality" in table.cells else None
+    return Track.from_degrees(*place, quality=quality, seen_by=seen_by)
+
+
+def _degrees(heading: ArrayLike) -> Floats:
+    """−180 < h ≤ 180."""
+    degrees: Floats = 180.0 - (180.0 - np.degrees(heading)) % 360.0
+    return degrees
