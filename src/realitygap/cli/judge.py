@@ -126,7 +126,10 @@ def _scores(path: Path) -> dict[int, float]:
     """The computed scores by pair, of a key."""
     try:
         rows: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
-        return {int(row["pair"]): float(row["score"]) for row in rows}
+        scores = {int(row["pair"]): float(row["score"]) for row in rows}
+        if not all(0 <= score <= 10 for score in scores.values()):
+            raise ValueError
+        return scores
     except (OSError, ValueError, TypeError, KeyError, OverflowError, RecursionError):
         raise TrackError(f"{path}: expected the key that `realitygap judge page` wrote.") from None
 

@@ -104,9 +104,9 @@ class FilmReader:
                 f"{self.path}: not a film, or cut off so early that its table of contents is missing. "
                 "Give a film as a camera writes it (MP4, MOV, MKV, AVI …)."
             ) from None
-        if not container.streams.video:
+        if not container.streams.video or container.streams.video[0].codec_context is None:
             container.close()
-            raise FilmError(f"{self.path}: there is no picture in this file. Give a film.")
+            raise FilmError(f"{self.path}: there is no picture in this file that can be read. Give a film.")
         return container
 
     def _expected(self) -> int | None:

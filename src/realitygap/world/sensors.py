@@ -151,7 +151,7 @@ class Ambient(Value):
         _check_radians(self.sensors)
         require(self.response in RESPONSES, "response", " or ".join(map(repr, RESPONSES)), self.response)
         require(0 <= self.facing <= 20, "facing", "an exponent from 0 to 20", self.facing)
-        require(self.lamp_height_cm >= 0, "lamp_height_cm", "0 or more", self.lamp_height_cm)
+        require(0 <= self.lamp_height_cm <= 1e6, "lamp_height_cm", "0 to 1e6", self.lamp_height_cm)
         require(0 <= self.lamp_narrow <= 1, "lamp_narrow", "a share from 0 to 1", self.lamp_narrow)
         require(0 <= self.lamp_proud_cm <= 5, "lamp_proud_cm", "0 to 5", self.lamp_proud_cm)
         require(self.falloff in (1.0, 2.0), "falloff", "2 (as in the paper) or 1", self.falloff)
