@@ -9,6 +9,7 @@ none of single units). A study that the template does not speak of gets a place 
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib
@@ -18,7 +19,6 @@ from noise_level_told import AVOIDANCE, LIGHT, Makings, Told, judged_against, ov
 
 from realitygap.errors import UsageError
 from realitygap.report.noise.facts import BOTH, FAILED, PAPER, SATURATED
-from realitygap.report.noise.page import captions
 from realitygap.report.noise.results import real_misfits
 
 DOCS = Path(__file__).resolve().parent.parent
@@ -63,7 +63,7 @@ def draw(one: Told, folder: Path) -> None:
     """A study's figures."""
     for which, word in FIGURES.items():
         file = f"noise-level-{one.name}-{word}"
-        one.report.save_figure(which, folder, file, dpi=130)
+        replace(one.report.figures[which], name=file).save(folder, dpi=130)
         (folder / f"{file}.svg").unlink()
 
 
@@ -91,11 +91,13 @@ def page(told: dict[str, Told]) -> str:
 
 def study(one: Told) -> str:
     """One study's part of the page."""
-    words = captions(one.report)
     parts = [f"```sh\n{one.settings.get('command', 'realitygap study noise')}\n```", one.report.paragraph]
     for which, word in FIGURES.items():
         file = f"noise-level-{one.name}-{word}"
-        parts += [f"![{word.capitalize()} of the study {one.name}](figures/{file}.png)", words[which]]
+        parts += [
+            f"![{word.capitalize()} of the study {one.name}](figures/{file}.png)",
+            one.report.figures[which].caption,
+        ]
     return "\n\n".join([*parts, tables(one, TABLES)])
 
 

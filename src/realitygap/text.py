@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -26,6 +27,7 @@ __all__ = [
     "refuse_odd_values",
     "refuse_separator",
     "refuse_unknown",
+    "to_csv",
 ]
 
 DEEPEST, LARGEST = 32, 2**63 - 1
@@ -235,3 +237,10 @@ def refuse_unknown(
             said = f"Did you mean {near[0]!r}?" if near else f"Known keys: {', '.join(names)}. {cure}".strip()
             shown = key if len(key) <= LONGEST else key[: LONGEST - 1] + "…"
             raise error(f"{where + ': ' if where else ''}{shown}: unknown key. {said}")
+
+
+def to_csv(rows: Iterable[Iterable[object]], *, end: str = "\n") -> str:
+    """Rows, the head first, as the text of a CSV file; `end` closes each line."""
+    out = io.StringIO()
+    csv.writer(out, lineterminator=end).writerows(rows)
+    return out.getvalue()

@@ -62,10 +62,10 @@ def move(made: Path, path: Path) -> None:
 
 
 @contextmanager
-def named(path: str | Path) -> Iterator[None]:
+def named(path: str | Path) -> Iterator[Path]:
     """Let what the system says about a file name it, which writing to a full disk does not do."""
     try:
-        yield
+        yield Path(path)
     except OSError as error:
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error
 

@@ -26,6 +26,6 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> Study:
     transfer(study, [1], starts=2, watch=False, workers=1)
     transfer(study, [2], watch=False, workers=1)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("realitygap.report.build.save_figure", lambda figure, folder, name: FIGURE)
+        patch.setattr("realitygap.report.page.save_figure", lambda *_, **__: FIGURE)
         build_report(folder)
     return load_study(folder)

@@ -70,8 +70,8 @@ def test_the_figure_shows_the_papers_averages_these_runs_and_the_kept_ones() -> 
     crosses = [float(x.get_ydata()[0]) for x in ax.lines if x.get_markersize() == 13]
     assert crosses == pytest.approx([np.mean(kept[level]) for level in LEVELS])
     told = few_words(table(), 1000)
-    assert "zero noise: the paper 6.2, here 5.0, kept study 7.3" in told["alt"]
-    assert "evaluations" not in told["caption"] and "these 200." in few_words(table(), 200)["caption"]
+    assert "zero noise: the paper 6.2, here 5.0, kept study 7.3" in told.alt
+    assert "evaluations" not in told.caption and "these 200." in few_words(table(), 200).caption
 
 
 def test_two_sentences_say_what_so_many_runs_can_show() -> None:
@@ -103,7 +103,7 @@ def test_the_page_of_a_reproduction_has_it(
     played: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With its sentences, where there are scores; light seeking drove no twin here and has none."""
-    monkeypatch.setattr("realitygap.report.build.save_figure", lambda figure, folder, name: FIGURE)
+    monkeypatch.setattr("realitygap.report.page.save_figure", lambda *_, **__: FIGURE)
     monkeypatch.setattr("realitygap.report.build.is_paper", lambda study, parts: True)
     monkeypatch.setattr("realitygap.report.build.marks_of", lambda study: marks(SPREAD))
     folder = shutil.copytree(played.folder, tmp_path / "study")

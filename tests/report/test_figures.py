@@ -13,7 +13,7 @@ from matplotlib.patches import Circle
 from realitygap.report import style
 from realitygap.report.arenas import arena_figure
 from realitygap.report.curves import curves_figure, mean_curve
-from realitygap.report.paths import PathPanel, draw_trajectory, panels_figure, sheet_figure, tail
+from realitygap.report.paths import PathPanel, Scene, draw_path, panels_figure, sheet_figure, tail
 from realitygap.report.rays import cast, sensor_rays
 from realitygap.report.robots import robot_figure
 from realitygap.report.statistics import difference, mean_of, running_best, student
@@ -29,7 +29,7 @@ TASKS = [load_task("avoidance"), load_task("light")]
 def test_an_arena_is_drawn_to_scale(task) -> None:
     """Axes are in cm with one scale for both, and every cylinder has its place and radius."""
     with style.styled():
-        axes = arena_figure(task, PROFILE).axes[0]
+        axes = arena_figure(task.arena, PROFILE, task.feeds, task.to_kernel(PROFILE).start).axes[0]
     assert axes.get_aspect() == 1.0
     assert "(cm)" in axes.get_xlabel() and "(cm)" in axes.get_ylabel()
     drawn = {(*patch.center, patch.radius) for patch in axes.patches if isinstance(patch, Circle)}
@@ -68,10 +68,10 @@ def test_a_tail_has_a_stroke_from_centre_to_leading_edge_for_every_step() -> Non
 
 
 def test_a_trajectory_can_be_drawn_into_any_axes() -> None:
-    """`draw_trajectory` needs an Axes and nothing else."""
+    """`draw_path` needs an Axes and where the robot drove."""
     with style.styled():
         axes = style.new_figure(3, 3).add_subplot()
-        draw_trajectory(axes, TASKS[0], PROFILE, circle())
+        draw_path(axes, Scene.of(TASKS[0], PROFILE), circle())
     assert any(len(line.get_xdata()) == 3 * 51 for line in axes.lines)
 
 
@@ -79,9 +79,9 @@ def test_panels_and_sheets_hold_every_path() -> None:
     """A panel for each path, rows of different lengths included."""
     panels = [PathPanel(noise=level, title=name, trajectory=circle(10)) for level, name in LEVELS.items()]
     with style.styled():
-        assert len(panels_figure(TASKS[1], PROFILE, panels).axes) == 3
-        assert len(panels_figure(TASKS[1], PROFILE, panels[:1]).axes) == 1
-        assert len(sheet_figure(TASKS[0], PROFILE, [panels, panels[:2], panels[:1]]).axes) == 6
+        assert len(panels_figure(Scene.of(TASKS[1], PROFILE), panels).axes) == 3
+        assert len(panels_figure(Scene.of(TASKS[1], PROFILE), panels[:1]).axes) == 1
+        assert len(sheet_figure(Scene.of(TASKS[0], PROFILE), [panels, panels[:2], panels[:1]]).axes) == 6
 
 
 def test_a_curve_is_the_mean_of_the_runs_with_its_interval() -> None:

@@ -36,7 +36,7 @@ def reproduced(tmp_path_factory) -> Study:
 
 
 def _page(study: Study, monkeypatch) -> str:
-    monkeypatch.setattr("realitygap.report.build.save_figure", lambda figure, folder, name: FIGURE)
+    monkeypatch.setattr("realitygap.report.page.save_figure", lambda *_, **__: FIGURE)
     monkeypatch.setattr("realitygap.report.build.marks_of", lambda study: [])  # other tests look at them
     return " ".join(build_report(study.folder).read_text("utf-8").split())
 

@@ -82,7 +82,7 @@ def test_a_picture_names_weights_delays_and_thresholds(hidden: float, feeds: str
     """Each working link's number and each computing neuron's threshold stand in it."""
     genes = random_genes(5, hidden=hidden)
     with styled():
-        figure = network_figure(genes, PROFILE, title="a run", feeds=feeds)
+        figure = network_figure(genes, PROFILE, title="a run", feeds=feeds, sensors=range(8))
     texts = [text.get_text() for text in figure.axes[0].texts]
     wiring = read_wiring(genes, inputs=8, outputs=2)
     assert sum(t.startswith("θ") for t in texts) == len(wiring.thresholds)
@@ -92,7 +92,9 @@ def test_a_picture_names_weights_delays_and_thresholds(hidden: float, feeds: str
 def test_networks_of_other_sizes_can_be_drawn() -> None:
     """Four inputs at the sensors that feed them, by name; the one that is fed nothing beside the robot."""
     with styled():
-        figure = network_figure(random_genes(2, slots=10, inputs=4), PROFILE, inputs=4, sensors=(2, 5, 7, -1))
+        figure = network_figure(
+            random_genes(2, slots=10, inputs=4), PROFILE, feeds="proximity", sensors=(2, 5, 7, -1)
+        )
     names = [text for text in figure.axes[0].texts if text.get_text()[0] not in "θ+−"]
     assert [text.get_text() for text in names[:6]] == ["2", "5", "7", "–", "L", "R"]
     for text, sensor in zip(names, (2, 5, 7), strict=False):

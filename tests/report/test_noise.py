@@ -19,6 +19,7 @@ from realitygap.report.noise.aside_words import falls_words
 from realitygap.report.noise.facts import gather_facts
 from realitygap.report.noise.figures import map_figure
 from realitygap.report.noise.results import read_results
+from realitygap.report.noise.summary import noise_summary
 from realitygap.report.noise.tables import names_table
 from realitygap.world.profile import load_profile
 from tests.experiments.crosses import TASKS, comparison, flat, study, write
@@ -57,7 +58,7 @@ def test_the_page_has_claims_verdicts_warnings_and_limits(built: Path) -> None:
 
 def test_the_summary_is_json_and_says_what_was_found(built: Path) -> None:
     """Verdicts, effects, intervals and the paragraph, without NaN."""
-    summary = noise.noise_summary(built)
+    summary = noise_summary(built)
     assert json.loads(json.dumps(summary, allow_nan=False)) == json.loads(json.dumps(summary))
     assert [claim["verdict"] for claim in summary["claims"]] == ["supported", "not supported", "supported"]
     against_zero = summary["scopes"]["both tasks"]["contrasts"]["a"][0]
@@ -83,7 +84,7 @@ def test_the_same_results_give_the_same_page(built: Path, tmp_path: Path) -> Non
 
 
 def said(out: Path) -> str:
-    return str(noise.noise_summary(out)["paragraph"])
+    return str(noise_summary(out)["paragraph"])
 
 
 def test_nothing_found_is_said_as_plainly(tmp_path: Path) -> None:
@@ -109,7 +110,7 @@ def test_the_claims_are_about_the_noise_that_was_measured(tmp_path: Path) -> Non
     out = write(study(comparison(1.0, by=3.0), runs=8), tmp_path)
     turned = lambda rows: [row.replace("twin_noise = 1.0", "twin_noise = 2.0") for row in rows]  # noqa: E731
     lines("study.toml", turned)(out / "results")
-    summary = noise.noise_summary(out)
+    summary = noise_summary(out)
     assert summary["robot_level"] == 1.0 and summary["settings"]["twin_noise"] == 2.0
     assert summary["claims"][0]["verdict"] == "supported"
     assert "its dial stands at 2" in summary["paragraph"]
@@ -121,7 +122,7 @@ def test_one_run_a_cell_has_no_intervals_but_a_report(tmp_path: Path) -> None:
     noisiness = np.full_like(data.noisiness, np.nan)
     write(replace(data, noisiness=noisiness), tmp_path)
     noise.build_noise_report(tmp_path)
-    contrast = noise.noise_summary(tmp_path)["scopes"][TASKS[0]]["contrasts"]["c"][0]
+    contrast = noise_summary(tmp_path)["scopes"][TASKS[0]]["contrasts"]["c"][0]
     assert contrast["delta_interval"] is None
     assert contrast["found"] == "open"
 

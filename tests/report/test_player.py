@@ -15,8 +15,8 @@ import pytest
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import NetworkController
 from realitygap.report import player
+from realitygap.report.build import _scripts
 from realitygap.report.gather import Paths, parts_of
-from realitygap.report.page import _scripts
 from realitygap.report.player_tracks import LOST, activity, pack, track
 from realitygap.report.transfers import pairs_of
 from realitygap.robots.recording import Recording

@@ -11,7 +11,7 @@ import pytest
 
 from realitygap.report import build_report
 from realitygap.report.paper_tables import PAPER_AVERAGES, PAPER_ROWS
-from realitygap.report.scores import score_tables, study_tables, write_scores
+from realitygap.report.scores import score_tables, scores_csv, study_tables
 from realitygap.report.words_scores import read_scores
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import load_study
@@ -56,8 +56,7 @@ def test_the_papers_rows_give_the_papers_averages(task: str) -> None:
 def test_the_csv_has_every_column_of_every_run_the_averages_and_the_papers(tmp_path: Path) -> None:
     """A row a run, one a level's average, and the paper's rows as such."""
     (table,) = score_tables(AVOID, LEVELS, marks(SPREAD))
-    write_scores(tmp_path / "t.csv", [table])
-    rows = list(csv.DictReader((tmp_path / "t.csv").read_text("utf-8").splitlines()))
+    rows = list(csv.DictReader(scores_csv([table]).splitlines()))
     ours = [row for row in rows if row["source"] == "here"]
     assert [row["row"] for row in ours] == ["1", "2", "average"] * 3
     assert ours[1]["type"] == "wall follower" and ours[1]["differences"] == "a little noisier"
@@ -89,8 +88,7 @@ def test_robots_and_twins_have_tables_of_their_own() -> None:
 def test_a_table_without_marks_says_nothing(tmp_path: Path) -> None:
     """A study that has just begun has no table, and an empty CSV with its head."""
     assert score_tables(AVOID, LEVELS, []) == []
-    write_scores(tmp_path / "t.csv", [])
-    assert len((tmp_path / "t.csv").read_text("utf-8").splitlines()) == 1
+    assert len(scores_csv([]).splitlines()) == 1
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,8 @@ from matplotlib.patches import Circle
 
 from realitygap.report import build_report, style
 from realitygap.report.gather import parts_of
-from realitygap.report.paths import PathPanel, pairs_figure
+from realitygap.report.page import Figures
+from realitygap.report.paths import PathPanel, Scene, pairs_figure
 from realitygap.report.situated import SituatedPart, make_situated
 from realitygap.report.transfers import groups_of, pairs_of, robots_of, shown_pair
 from realitygap.study.config import StudyConfig
@@ -62,7 +63,7 @@ def test_pairs_stand_one_above_the_other() -> None:
         [PathPanel(noise=1.0, title="twin unit 1: 2", trajectory=route, look=style.SITUATED)],
     ]
     with style.styled():
-        figure = pairs_figure(load_task("avoidance"), PAPER, ["observed noise, #1"], rows)
+        figure = pairs_figure(Scene.of(load_task("avoidance"), PAPER), ["observed noise, #1"], rows)
     above, below = figure.axes
     assert above.get_position().y0 > below.get_position().y1 and not above.get_xlabel()
     assert [text.get_text() for text in figure.texts] == ["observed noise, #1"]
@@ -170,13 +171,11 @@ def _situated(study: Study, task: str, names: list[str] | None = None) -> Situat
     parts = parts_of(study)
     part = next(part for part in parts if part.task.name == task)
     report = study.folder / "report"
-    (report / "tables").mkdir(parents=True, exist_ok=True)
-    pairs, kept = pairs_of(study, parts)[task], [] if names is None else names
-
-    def draw(name: str, *_: object, **__: object) -> None:
-        kept.append(name)
-
-    return make_situated(part, pairs, study.profile, "", draw, report)
+    figures, scene = Figures(), Scene.of(part.task, study.profile)
+    made = make_situated(part, pairs_of(study, parts)[task], scene, "", figures, report)
+    if names is not None:
+        names += [picture.name for picture in figures]
+    return made
 
 
 def test_the_table_has_every_transfer(study: Study) -> None:
@@ -186,8 +185,7 @@ def test_the_table_has_every_transfer(study: Study) -> None:
         for start in (1, 2):
             write_transfer(study, run, robot=robot, start=start, fitness=(0.7, 0.1 * start))
     made = _situated(study, AVOID)
-    path = study.folder / "report" / "tables" / f"{AVOID}-transfers.csv"
-    rows = list(csv.DictReader(path.read_text("utf-8").splitlines()))
+    rows = list(csv.DictReader(made.csv(parts_of(study)[0].table, study.folder).splitlines()))
     assert [(row["robot"], row["start"]) for row in rows] == [
         (robot, start) for robot in ("serial-ttyUSB0", "twin-1", "twin-2") for start in "12"
     ]

@@ -125,7 +125,6 @@ def _draw(study: Study, run: Run, picture: Path) -> None:
             title=run.name,
             feeds=facts["feeds"],
             sensors=sensors,
-            inputs=len(sensors),
         )
         with whole.named(picture):
             figure.savefig(picture, dpi=200)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-__all__ = ["build_report", "draw_network", "draw_trajectory", "save_animation", "save_picture"]
+__all__ = ["build_report", "draw_network", "draw_path", "save_animation", "save_picture"]
 
 _HOMES = {
     "build_report": "build",
     "draw_network": "network",
-    "draw_trajectory": "paths",
+    "draw_path": "paths",
     "save_animation": "animation",
     "save_picture": "pictures",
 }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,6 +15,8 @@ from realitygap.report import style
 from realitygap.report.rays import light_rays, sensor_rays
 from realitygap.report.robots import draw_robot
 from realitygap.report.style import PAGE, new_figure
+from realitygap.world import arena as world
+from realitygap.world.profile import Profile
 
 __all__ = ["arena_figure", "draw_arena", "draw_start"]
 
@@ -148,7 +149,7 @@ def _draw_rays(ax: Axes, robot: Robot, arena: Arena, feeds: str, pose: tuple[flo
     ax.plot(spots[:, 0], spots[:, 1], "o", color=style.RAY, markersize=1.8, zorder=6)
 
 
-def _sensing_pose(task: Any, robot: Robot, start: np.ndarray) -> tuple[float, float, float]:
+def _sensing_pose(arena: world.Arena, robot: Robot, start: np.ndarray) -> tuple[float, float, float]:
     """Where the robot of figure 1 stands: at its start, or beside an obstacle where starts are a region."""
     x, y, region = (float(v) for v in start[:3])
     heading = float(start[3]) if start[4] - start[3] < 6.28 else 0.0
@@ -161,22 +162,28 @@ def _sensing_pose(task: Any, robot: Robot, start: np.ndarray) -> tuple[float, fl
         for h in np.radians(np.arange(30, 390, 10))
     ]
     for px, py, h in places:
-        if not task.arena.obstacle_at(px, py, radius + 1.5) and task.arena.obstacle_at(px, py, radius + 3.0):
+        if not arena.obstacle_at(px, py, radius + 1.5) and arena.obstacle_at(px, py, radius + 3.0):
             return px, py, h
     return x, y, heading
 
 
-def arena_figure(task: Any, profile: Any) -> Figure:
-    """Figure 1 or 2: a task's arena with a robot that senses, to scale."""
-    arena, robot = task.arena.to_kernel(), profile.to_kernel()
-    start = task.to_kernel(profile).start
+def arena_figure(room: world.Arena, profile: Profile, feeds: str, start: np.ndarray) -> Figure:
+    """Figure 1 or 2: a task's arena, with a robot that senses by what is fed to it, to scale.
+
+    Args:
+        room: the task's arena.
+        profile: the robot.
+        feeds: "proximity" or "ambient".
+        start: where trials begin, as `draw_start` has it.
+    """
+    arena, robot = room.to_kernel(), profile.to_kernel()
     width, depth = (float(v) for v in arena.size)
     wide = min(PAGE, 3.3 * max(width / depth, 0.7) ** 0.75)
     figure = new_figure(wide, (wide - 0.6) * depth / width + 0.55, layout="constrained")
     ax = figure.add_subplot()
     draw_arena(ax, arena, names=True)
-    pose = _sensing_pose(task, robot, start)
-    _draw_rays(ax, robot, arena, task.feeds, pose)
+    pose = _sensing_pose(room, robot, start)
+    _draw_rays(ax, robot, arena, feeds, pose)
     draw_robot(ax, robot, pose)
     draw_start(ax, start)
     return figure

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from realitygap.report.noise.results import real_misfits
-from realitygap.report.page import Card
+from realitygap.report.page import Figures, Picture, Words
 from realitygap.report.style import GRID, INK, MUTED, PAGE, new_figure
+from realitygap.study.load import Study
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,10 +41,10 @@ class CalibratedPart:
     sensors: list[list[str]]
     limits: str
     real: str
-    figure: Card | None
+    figure: Picture | None
 
 
-def calibrated_part(study: Any, draw: Callable[..., Card]) -> CalibratedPart | None:
+def calibrated_part(study: Study, figures: Figures) -> CalibratedPart | None:
     """The section for a study's page; None where the robot's profile was not fitted to recordings."""
     from realitygap.calibration.judge import LIMITS
 
@@ -51,24 +53,24 @@ def calibrated_part(study: Any, draw: Callable[..., Card]) -> CalibratedPart | N
         return None
     rows = []
     for fit in where.fits:
-        figures = (fit.rmse, fit.held_out_rmse, fit.model_error, fit.noise)
+        values = (fit.rmse, fit.held_out_rmse, fit.model_error, fit.noise)
         places = 3 if fit.channel == "wheels" else 1
         over = fit.ratio > LIMITS.get(fit.channel, np.inf)
         rows.append([
             CHANNELS.get(fit.channel, fit.channel), fit.form, UNITS.get(fit.channel, ""),
-            *(f"{value:.{places}f}" if value else "–" for value in figures),
+            *(f"{value:.{places}f}" if value else "–" for value in values),
             f"{fit.ratio:.2f}{' ▲' if over else ''}" if fit.ratio else "–",
         ])  # fmt: skip
     found = _judged(study)
     figure = None
     if found:
-        words = (
+        caption = (
             "The calibrated model’s own error over the noise’s deviation, sensor by sensor; above the broken "
             "line the level of noise can explain nothing. Right: how much faster the model’s wheels turn "
             "than the robot’s, in twelve parts of their range."
         )
-        draws = lambda: _errors_figure(found)  # noqa: E731
-        figure = draw("calibration", draws, alt="Model error over noise, by channel.", caption=words)
+        words = Words("Model error over noise, by channel.", caption)
+        figure = figures.add("calibration", partial(_errors_figure, found), words)
     return CalibratedPart(
         said=_said(study, bool(found)),
         rows=rows,
@@ -86,7 +88,7 @@ def _real(name: str) -> str:
     return "" if name == "khepera" else beside
 
 
-def _said(study: Any, kept: bool) -> str:
+def _said(study: Study, kept: bool) -> str:
     """Where the constants come from."""
     profile = study.profile
     where = profile.provenance
@@ -104,14 +106,14 @@ def _said(study: Any, kept: bool) -> str:
     )
 
 
-def _judged(study: Any) -> list[Judgement]:
+def _judged(study: Study) -> list[Judgement]:
     """The study's profile against its own recordings, where it keeps them."""
     from realitygap.calibration.judge import judge
     from realitygap.calibration.recordings.files import load_recording
     from realitygap.errors import UsageError
 
-    home = Path(study.folder) / "calibration"
-    own = (Path(study.folder) / "profile.toml").read_bytes()
+    home = study.folder / "calibration"
+    own = (study.folder / "profile.toml").read_bytes()
     for unit in sorted(home.glob("*/robot.toml")):
         if unit.read_bytes() != own:
             continue

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import io
-import re
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from realitygap import whole
 from realitygap.calibration.judge import LIMITS
 from realitygap.calibration.recordings.recording import WheelRecording
 from realitygap.report import calibration_figures as draw
-from realitygap.report.page import Card
-from realitygap.report.style import inline_svg, styled
+from realitygap.report.page import Figures, OnProgress, Picture, Steps, Words, write_page
 from realitygap.world.profile import load_profile
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from realitygap.calibration.calibrate import Calibration
     from realitygap.calibration.channels import ChannelFit
     from realitygap.calibration.wheels.fit import WheelFit
@@ -30,6 +25,14 @@ ROOM = "the model's against what was measured, all over a room"
 GRID = (
     "measured dots over fitted curves, four distances from the nearest to the farthest at which the "
     "sensor answers"
+)
+LEFT_OVER = (
+    "What the model leaves over, over distance and bearing. A pattern is the model's error, a speckle is "
+    "noise."
+)
+NOISE = (
+    "Left: noise against a normal of its deviation. Right: its deviation over the reading, in quarters of "
+    "the data, and the 95 % interval of the whole."
 )
 
 
@@ -48,38 +51,26 @@ class _Part:
     title: str
     sentences: list[str] = field(default_factory=list)
     tables: list[_Table] = field(default_factory=list)
-    cards: list[Card] = field(default_factory=list)
+    cards: list[Picture] = field(default_factory=list)
 
 
-def write_calibration_page(made: Calibration, target: Path) -> Path:
-    """Write the page of a calibration and return where it stands."""
-    from jinja2 import Environment, FileSystemLoader
-    from markupsafe import Markup
+def write_calibration_page(made: Calibration, target: Path, on_progress: OnProgress | None = None) -> Path:
+    """Write the page of a calibration and return where it stands.
 
-    with styled():
-        parts = [_sensors(fit) for fit in made.channels]
-        driven = [r for r in made.recordings if isinstance(r, WheelRecording)]
-        if made.wheels is not None and driven:
-            parts.append(_wheels(made.wheels, driven[0]))
-    folder = Path(__file__).parent / "templates"
-    environment = Environment(
-        loader=FileSystemLoader(folder), autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters["svg"] = lambda text: Markup(text)
-    html = environment.get_template("calibration.html.j2").render(
-        profile=made.profile, where=made.profile.provenance, warnings=made.warnings, parts=parts
-    )
-    whole.write(target, re.sub(r"\n\s*\n+", "\n", html))
-    return target
+    Raises:
+        OSError: it cannot be written.
+    """
+    figures = Figures()
+    parts = [_sensors(fit, figures) for fit in made.channels]
+    driven = [r for r in made.recordings if isinstance(r, WheelRecording)]
+    if made.wheels is not None and driven:
+        parts.append(_wheels(made.wheels, driven[0], figures))
+    profile = made.profile
+    facts = {"profile": profile, "where": profile.provenance, "warnings": made.warnings, "parts": parts}
+    return write_page(target, "calibration.html.j2", figures, facts, Steps(on_progress, len(figures)))
 
 
-def _card(name: str, figure: Figure, alt: str, caption: str) -> Card:
-    buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", dpi=200, metadata={"Date": None, "Creator": "realitygap"})
-    return Card(name=name, svg=inline_svg(buffer.getvalue(), name, alt), caption=caption)
-
-
-def _sensors(fit: ChannelFit) -> _Part:
+def _sensors(fit: ChannelFit, figures: Figures) -> _Part:
     part = _Part(name=fit.kind, title=TITLES[fit.kind], sentences=_read(fit))
     forms = [
         [name, f"{rmse:.1f}", "fitted" if name == fit.form else ""] for name, rmse in fit.by_form.items()
@@ -102,22 +93,13 @@ def _sensors(fit: ChannelFit) -> _Part:
     )
     part.tables.append(_Table(title=title, head=head, rows=rows))
     what = f"Sensors of {fit.source.split('/')[-1]}"
-    part.cards.append(
-        _card(f"{fit.kind}-curves", draw.curves_figure(fit), f"{what}: measured and fitted.",
-              f"Readings: {GRID if draw.is_grid(fit) else ROOM}.")
-    )  # fmt: skip
-    part.cards.append(
-        _card(f"{fit.kind}-maps", draw.maps_figure(fit), f"{what}: what is left over.",
-              "What the model leaves over, over distance and bearing. A pattern is the model's "
-              "error, a speckle is noise.")
-    )  # fmt: skip
+    told = Words(f"{what}: measured and fitted.", f"Readings: {GRID if draw.is_grid(fit) else ROOM}.")
+    part.cards.append(figures.add(f"{fit.kind}-curves", partial(draw.curves_figure, fit), told))
+    told = Words(f"{what}: what is left over.", LEFT_OVER)
+    part.cards.append(figures.add(f"{fit.kind}-maps", partial(draw.maps_figure, fit), told))
     if fit.measured:
-        part.cards.append(
-            _card(f"{fit.kind}-noise", draw.noise_figure(fit), f"{what}: noise against a normal.",
-                  "Left: noise against a normal of its deviation. Right: its deviation over the "
-                  "reading, in quarters of "
-                  "the data, and the 95 % interval of the whole.")
-        )  # fmt: skip
+        told = Words(f"{what}: noise against a normal.", NOISE)
+        part.cards.append(figures.add(f"{fit.kind}-noise", partial(draw.noise_figure, fit), told))
     return part
 
 
@@ -156,7 +138,7 @@ def _read(fit: ChannelFit) -> list[str]:
     return out
 
 
-def _wheels(fit: WheelFit, recording: WheelRecording) -> _Part:
+def _wheels(fit: WheelFit, recording: WheelRecording, figures: Figures) -> _Part:
     part = _Part(name="wheels", title="Wheels")
     forms = [[name, f"{rmse:.3f}", "fitted" if name == fit.form else ""] for name, rmse in fit.rmse.items()]
     part.tables.append(_Table(title="All forms side by side", head=["form", "RMSE, cm/s", ""], rows=forms))
@@ -175,13 +157,13 @@ def _wheels(fit: WheelFit, recording: WheelRecording) -> _Part:
         part.sentences.append(
             f"Slip is {fit.odometry.slip:.1%} of the way of a step, which counters cannot see."
         )
-    part.cards.append(
-        _card("wheels-steps", draw.steps_figure(fit, recording), "Speed steps, measured and modelled.",
-              "Steps of the left wheel: mean speed of each 100 ms by its counter, and the model's.")
-    )  # fmt: skip
+    told = Words(
+        "Speed steps, measured and modelled.",
+        "Steps of the left wheel: mean speed of each 100 ms by its counter, and the model's.",
+    )
+    part.cards.append(figures.add("wheels-steps", partial(draw.steps_figure, fit, recording), told))
     if fit.odometry is not None:
-        part.cards.append(
-            _card("wheels-slip", draw.slip_figure(fit), "Camera minus counters.",
-                  "How much further each wheel came than its counter says, between two pictures.")
-        )  # fmt: skip
+        further = "How much further each wheel came than its counter says, between two pictures."
+        told = Words("Camera minus counters.", further)
+        part.cards.append(figures.add("wheels-slip", partial(draw.slip_figure, fit), told))
     return part

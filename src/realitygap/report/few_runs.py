@@ -5,16 +5,17 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
 
+from realitygap.report.page import Words
 from realitygap.report.scores import ScoreClass, ScoreTable
 from realitygap.report.statistics import mean_of
 from realitygap.report.style import COLUMN, INK, MUTED, new_figure, noise_styles
-from realitygap.report.words import Words
 
 __all__ = ["KEPT_FILE", "few_figure", "few_sentences", "few_words", "kept_scores", "shows_few"]
 
@@ -68,7 +69,7 @@ def draw_few(ax: Axes, classes: Sequence[ScoreClass], kept: Kept) -> None:
     ax.set_ylabel("correspondence score")
     ax.grid(axis="y")
     ax.set_axisbelow(True)
-    handles: list[Any] = [
+    handles: list[Artist | ErrorbarContainer] = [
         ax.plot([], [], "*", color=INK, markersize=9)[0],
         ax.errorbar([], [], yerr=[], fmt="o", color=MUTED, markersize=6, capsize=3),
         ax.plot([], [], ".", color=MUTED, markersize=4)[0],
@@ -112,7 +113,7 @@ def few_words(table: ScoreTable, evaluations: int) -> Words:
     )
     if evaluations != KEPT_EVALUATIONS:
         caption += f" Those runs had {KEPT_EVALUATIONS} evaluations each, these {evaluations}."
-    return {"alt": f"Average correspondence scores. {'; '.join(said)}.", "caption": caption}
+    return Words(f"Average correspondence scores. {'; '.join(said)}.", caption)
 
 
 def few_sentences(table: ScoreTable) -> list[str]:

@@ -56,7 +56,7 @@ def film_of(part: TaskPart, pair: Pair, report: Path) -> Film | None:
 
 
 def _copy(film: Path, copy: Path) -> None:
-    copy.parent.mkdir(exist_ok=True)
+    copy.parent.mkdir(parents=True, exist_ok=True)
     with whole.new(copy) as spare:
         shutil.copyfile(film, spare)
 

@@ -5,17 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from realitygap.controller.layout import Genes, Layout
 from realitygap.kernels.rng import substream
 from realitygap.report.paths import PathPanel
 from realitygap.report.statistics import mean_of, running_best
 from realitygap.report.tables import NoiseClass, Row, Table
 from realitygap.streams import PICTURES
+from realitygap.study.load import Run, Study
+from realitygap.tasks.task import Task
 from realitygap.transfer.choice import median_run
 from realitygap.world.noise import NOISE_LEVELS, noise_level, noise_name
+
+if TYPE_CHECKING:
+    from realitygap.simulation.simulation import Simulation
 
 __all__ = ["PER_CONDITION", "Paths", "TaskPart", "best_so_far", "chosen", "individual", "parts_of", "path_of"]
 
@@ -27,7 +33,7 @@ PER_CONDITION = 5
 class TaskPart:
     """All that a study has of one task."""
 
-    task: Any
+    task: Task
     table: Table
 
     @property
@@ -41,15 +47,15 @@ class TaskPart:
         return {c.level: f"{c.name} noise" for c in self.conditions}
 
 
-def parts_of(study: Any) -> list[TaskPart]:
+def parts_of(study: Study) -> list[TaskPart]:
     """The study's runs by task and by noise level, tasks in the study's order, levels rising."""
-    groups: dict[str, dict[float, list[Any]]] = {}
+    groups: dict[str, dict[float, list[Run]]] = {}
     for run in study.runs:
         groups.setdefault(run.task, {}).setdefault(noise_level(run.noise), []).append(run)
     return [_part(study.task(name), levels) for name, levels in groups.items()]
 
 
-def _part(task: Any, groups: dict[float, list[Any]]) -> TaskPart:
+def _part(task: Task, groups: dict[float, list[Run]]) -> TaskPart:
     """One task's runs as its table holds them."""
     classes = tuple(
         NoiseClass(level=level, name=noise_name(level), rows=tuple(map(_row, groups[level])))
@@ -63,29 +69,32 @@ def _part(task: Any, groups: dict[float, list[Any]]) -> TaskPart:
     return TaskPart(task=task, table=table)
 
 
-def _row(run: Any) -> Row:
+def _row(run: Run) -> Row:
     """A run as a table shows it."""
-    known = run.best_fitness is not None and math.isfinite(run.best_fitness)
+    best = run.best_fitness
     means = {(who, noise_level(noise)): mean_of(scores) for (who, noise), scores in run.tests.items()}
     return Row(
         index=run.index,
         run=run.id,
         name=run.name,
         evaluations=run.evaluations,
-        finished=bool(run.finished),
-        stored=float(run.best_fitness) if known else None,
+        finished=run.finished,
+        stored=best if best is not None and math.isfinite(best) else None,
         means={key: mean for key, mean in means.items() if mean is not None},
         source=run,
     )
 
 
-def individual(row: Row) -> Any:
+def individual(row: Row) -> Genes:
     """The genotype that stands for a run in pictures: its champion's, or its fittest's so far."""
-    champion = row.source.champion
-    return row.source.fittest if champion is None else champion
+    run = row.source
+    assert run is not None
+    genes = run.fittest if run.champion is None else run.champion
+    assert genes is not None  # the row is of a run that has begun
+    return genes
 
 
-def best_so_far(study: Any, part: TaskPart) -> dict[float, list[np.ndarray]]:
+def best_so_far(study: Study, part: TaskPart) -> dict[float, list[np.ndarray]]:
     """For each noise level the running best fitness of each run, read one run at a time."""
     return {
         one.level: [running_best(study.evaluations(row.run)["fitness"]) for row in one.begun]
@@ -97,21 +106,20 @@ def best_so_far(study: Any, part: TaskPart) -> dict[float, list[np.ndarray]]:
 def chosen(condition: NoiseClass) -> Row | None:
     """The run a figure shows: the study's median one of the condition."""
     rows = {row.run: row for row in condition.begun}
-    run = median_run(row.source for row in rows.values())
+    run = median_run(row.source for row in rows.values() if row.source is not None)
     return None if run is None else rows[run.id]
 
 
 class Paths:
     """Lets individuals of a study live once more, all of a task from the same start."""
 
-    def __init__(self, study: Any) -> None:
+    def __init__(self, study: Study) -> None:
         self._study = study
-        self._stream = np.uint64(substream(np.uint64(study.config.seed), np.uint64(PICTURES)))
-        self._simulations: dict[tuple[str, float], Any] = {}
+        self._stream = int(substream(np.uint64(study.config.seed), np.uint64(PICTURES)))
+        self._simulations: dict[tuple[str, float], Simulation] = {}
 
     def panel(self, part: TaskPart, condition: NoiseClass, row: Row, title: str) -> PathPanel:
         """One trial of a run's champion at the noise it evolved under; `title` may hold {score}."""
-        from realitygap.controller.layout import Layout
         from realitygap.controller.network import decode
         from realitygap.simulation.simulation import Simulation
 

@@ -4,36 +4,39 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Rectangle
+from matplotlib.patches import Circle, Patch, Rectangle
 
 from realitygap.report import style
 from realitygap.report.robots import draw_robot
 from realitygap.report.style import new_figure
-from realitygap.report.wiring import Link, Wiring, bend_links, label_places, place_neurons, read_wiring
+from realitygap.report.wiring import (
+    HIDDEN,
+    INPUT,
+    OUTPUT,
+    OUTPUTS,
+    UNIT_INCHES,
+    Link,
+    Wiring,
+    label_places,
+    lay_out,
+    read_wiring,
+    width_inches,
+)
+from realitygap.world.profile import Profile
 
 __all__ = ["draw_network", "network_figure"]
 
-INPUT, OUTPUT, HIDDEN = 0.36, 0.4, 0.36
-"""Radius or half side of a neuron in units of drawing; one unit holds its text, whatever the robot's size."""
-UNIT_INCHES = 0.55
 EXCITATORY = style.INK
 
 
 def draw_network(
-    ax: Axes,
-    genes: np.ndarray,
-    profile: Any,
-    *,
-    feeds: str = "proximity",
-    sensors: Sequence[int] | None = None,
-    inputs: int = 8,
-    outputs: int = 2,
+    ax: Axes, genes: np.ndarray, profile: Profile, *, feeds: str, sensors: Sequence[int]
 ) -> None:
     """A genotype's network on its robot, which looks up.
 
@@ -45,30 +48,23 @@ def draw_network(
         genes: [slots, 2 + 4 · links] as `realitygap.controller.genotype` has it.
         profile: the robot.
         feeds: "proximity" or "ambient".
-        sensors: which sensor feeds each input; 0, 1, … where not given.
-        inputs: input slots.
-        outputs: output slots (left wheel, right wheel).
+        sensors: which of these sensors feeds each input.
     """
     robot = profile.to_kernel()
     spots = robot.proximity_place if feeds == "proximity" else robot.ambient_place
-    wiring = read_wiring(np.asarray(genes), inputs=inputs, outputs=outputs)
-    sensors = tuple(sensors) if sensors is not None else tuple(range(inputs))
+    wiring = read_wiring(np.asarray(genes), inputs=len(sensors), outputs=OUTPUTS)
     unit = _unit(ax, robot.radius)
-    places = place_neurons(wiring, robot, spots, sensors, unit)
-    sizes = {n: unit * (INPUT if n < inputs else OUTPUT if n < inputs + outputs else HIDDEN) for n in places}
+    laid = lay_out(wiring, robot, spots, sensors, unit)
     draw_robot(ax, robot, (0.0, 0.0, math.pi / 2), edge=style.CYLINDER)
-    curves = bend_links(wiring, places, sizes, unit)
-    _draw_links(ax, wiring, curves, unit)
-    _draw_neurons(ax, wiring, places, sensors, unit)
-    where = np.array(list(places.values()))
-    working = [(k, c) for k, c in zip(wiring.links, curves, strict=True) if wiring.works(k)]
-    spots = label_places([c for _, c in working], where, np.array(list(sizes.values())), unit)
-    for (link, _), spot in zip(working, spots, strict=True):
+    _draw_links(ax, wiring, laid.curves, unit)
+    _draw_neurons(ax, wiring, laid.places, sensors, unit)
+    where = np.array(list(laid.places.values()))
+    working = [(k, c) for k, c in zip(wiring.links, laid.curves, strict=True) if wiring.works(k)]
+    labels = label_places([c for _, c in working], where, np.array(list(laid.sizes.values())), unit)
+    for (link, _), spot in zip(working, labels, strict=True):
         _label(ax, link, spot, unit)
     low = min(-robot.radius, float(where[:, 1].min()) - 0.4 * unit) - 0.12
-    ax.set_xlim(-robot.radius - 0.12, robot.radius + 0.12)
-    ax.set_ylim(low, robot.radius + 0.12)
-    ax.set_aspect("equal")
+    ax.set(xlim=(-robot.radius - 0.12, robot.radius + 0.12), ylim=(low, robot.radius + 0.12), aspect="equal")
     ax.axis("off")
 
 
@@ -133,7 +129,7 @@ def _draw_neurons(
     """Inputs round and tinted, outputs square, hidden neurons round; number and threshold inside."""
     for n, (x, y) in places.items():
         pale = 1.0 if n in wiring.useful else 0.4
-        shape: Any
+        shape: Patch
         if n < wiring.inputs:
             shape = Circle((x, y), INPUT * unit, facecolor=style.FLOOR, edgecolor=style.RAY, linewidth=1.2)
             name = str(sensors[n]) if n < len(sensors) and sensors[n] >= 0 else "–"
@@ -153,11 +149,11 @@ def _draw_neurons(
             name = str(n)
         ax.add_patch(shape)
         shape.set(zorder=9, alpha=pale if n >= wiring.inputs else None)
-        text: dict[str, Any] = {"ha": "center", "va": "center", "zorder": 10, "alpha": pale}
+        text = partial(ax.text, x, ha="center", va="center", zorder=10, alpha=pale)
         threshold = n in wiring.thresholds
-        ax.text(x, y + 0.11 * unit * threshold, name, fontsize=7.5, fontweight="bold", **text)
+        text(y + 0.11 * unit * threshold, name, fontsize=7.5, fontweight="bold")
         if threshold:
-            ax.text(x, y - 0.17 * unit, f"θ {_signed(wiring.thresholds[n])}", fontsize=6.2, **text)
+            text(y - 0.17 * unit, f"θ {_signed(wiring.thresholds[n])}", fontsize=6.2)
 
 
 def _signed(number: int) -> str:
@@ -184,14 +180,24 @@ def _label(ax: Axes, link: Link, spot: np.ndarray, unit: float) -> None:
     ax.text(spot[0], spot[1], words, ha="center", va="center_baseline", fontsize=6.6, zorder=11)
 
 
-def network_figure(genes: np.ndarray, profile: Any, *, title: str = "", **options: Any) -> Figure:
-    """A network's picture by itself, with its legend."""
-    hidden = int(np.asarray(genes)[options.get("inputs", 8) + options.get("outputs", 2) :, 0].sum())
-    wide = 3.7 if hidden <= 3 else 4.6 if hidden <= 7 else 6.6
+def network_figure(
+    genes: np.ndarray, profile: Profile, *, feeds: str, sensors: Sequence[int], title: str = ""
+) -> Figure:
+    """A network's picture by itself, with its legend.
+
+    Args:
+        genes: [slots, 2 + 4 · links], whose network it is.
+        profile: the robot.
+        feeds: "proximity" or "ambient".
+        sensors: which of these sensors feeds each input.
+        title: a line above.
+    """
+    hidden = int(np.asarray(genes)[len(sensors) + OUTPUTS :, 0].sum())
+    wide = width_inches(hidden)
     tall = wide + 0.5
     figure = new_figure(wide, tall)
     ax = figure.add_axes((0.01, 0.33 / tall, 0.98, (wide - 0.06) / tall))
-    draw_network(ax, genes, profile, **options)
+    draw_network(ax, genes, profile, feeds=feeds, sensors=sensors)
     if title:
         figure.text(0.5, 1 - 0.05 / tall, title, ha="center", va="top", fontsize=8.5)
     legend = figure.add_axes((0.5 - 1.8 / wide, 0.0, 3.6 / wide, 0.33 / tall))

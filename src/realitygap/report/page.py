@@ -1,153 +1,158 @@
-"""The page a person looks at: its words, and the template that they go into."""
+"""How every page is made: a list of its figures, its tables, a template, one file written whole."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import NamedTuple
 
-from realitygap.experiments.reproduction import again
-from realitygap.report.gather import PER_CONDITION, TaskPart
-from realitygap.report.lead import departures, is_paper, lead
-from realitygap.report.statistics import mean_of
-from realitygap.report.style import noise_styles
-from realitygap.report.tables import WHO, NoiseClass, Table
+from matplotlib.figure import Figure
 
-if TYPE_CHECKING:
-    from realitygap.report.calibrated import CalibratedPart
-    from realitygap.report.scores import ScoreTable
-    from realitygap.report.situated import SituatedPart
+from realitygap import whole
+from realitygap.report.style import inline_svg, noise_styles, save_figure, styled
+from realitygap.study.sources import refuse_links
 
-__all__ = ["Card", "Section", "render"]
+__all__ = [
+    "Figures", "OnProgress", "Picture", "Steps", "Words", "draw_all", "noise_key", "report_folder",
+    "write_page",
+]  # fmt: skip
+
+OnProgress = Callable[[int, int, str], None]
+"""Called with parts done, parts in all, and the name of the next one."""
 
 GLYPHS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "X": "✖"}
 
 
+class Words(NamedTuple):
+    """What is told of a figure to those who cannot see it, and what stands under it."""
+
+    alt: str
+    caption: str
+
+
 @dataclass(frozen=True, kw_only=True)
-class Card:
-    """A figure on the page; its files are figures/NAME.png and .svg."""
+class Picture:
+    """A figure that is to be drawn: whichever process draws it needs nothing else.
+
+    Attributes:
+        name: of its files, figures/NAME.png and .svg, and of its place on the page.
+        draw: makes it; a `functools.partial` of a function and its data, so that it can be sent.
+        words: for those who cannot see it, and under it.
+        label: what the paper calls it, such as "Figure 3".
+    """
 
     name: str
-    svg: str
-    caption: str
+    draw: Callable[[], Figure]
+    words: Words
     label: str = ""
 
+    @property
+    def caption(self) -> str:
+        """What stands under it."""
+        return self.words.caption
 
-@dataclass(frozen=True, kw_only=True)
-class Section:
-    """One task's part of the page."""
-
-    task: Any
-    arena: Card
-    curves: Card | None
-    paths: Card | None
-    situated: SituatedPart | None
-    sheet: Card | None
-    table: Table
-    scores: list[ScoreTable]
-    score_label: str
-    few: Card | None
-    few_sentences: list[str]
-    sentences: list[str]
-    networks: list[tuple[Card, bool]]
+    def save(self, folder: Path | None, dpi: int = 200) -> str:
+        """Draw it, write it into a folder, if there is one, as PNG and SVG; its SVG."""
+        with styled():
+            return save_figure(self.draw(), folder, self.name, dpi=dpi)
 
 
-def _rows(one: NoiseClass, table: Table) -> list[dict[str, Any]]:
-    """A noise class's rows for the template: few enough to read, then the average."""
-    rows = [
-        {
-            "head": f"{row.index}",
-            "stored": table.show(row.stored),
-            "average": False,
-            "finished": row.finished,
-            "cells": [
-                (table.show(row.mean(who, level)), level == one.level)
-                for who in WHO
-                for level in table.levels
-            ],
-        }
-        for row in one.rows[: 2 * PER_CONDITION]
-    ]
-    rows.append(
-        {
-            "head": "average",
-            "stored": table.show(mean_of(one.stored())),
-            "average": True,
-            "finished": True,
-            "cells": [
-                (table.show(mean_of(one.means(who, level))), level == one.level)
-                for who in WHO
-                for level in table.levels
-            ],
-        }
-    )
-    return rows
+class Figures:
+    """The figures of a page, in the order in which they were asked for: one list says which there are."""
+
+    def __init__(self) -> None:
+        self._pictures: dict[str, Picture] = {}
+
+    def add(self, name: str, draw: Callable[[], Figure], words: Words, label: str = "") -> Picture:
+        """Another figure, to be drawn with all the others."""
+        picture = Picture(name=name, draw=draw, words=words, label=label)
+        self._pictures[name] = picture
+        return picture
+
+    def __getitem__(self, name: str) -> Picture:
+        return self._pictures[name]
+
+    def __iter__(self) -> Iterator[Picture]:
+        return iter(self._pictures.values())
+
+    def __len__(self) -> int:
+        return len(self._pictures)
 
 
-def render(
-    study: Any,
-    parts: Sequence[TaskPart],
-    robot: Card,
-    sections: Sequence[Section],
-    calibrated: CalibratedPart | None = None,
-    player: str = "",
-) -> str:
-    """The page as one self-contained HTML text; `player` is what its player knows, as JSON."""
+class Steps:
+    """Counts the parts of a page, and tells of each before it is made."""
+
+    def __init__(self, tell: OnProgress | None, total: int) -> None:
+        self._tell, self._done, self._total = tell, 0, total
+
+    def __call__(self, name: str) -> None:
+        if self._tell:
+            self._tell(self._done, self._total, name)
+        self._done += 1
+
+
+def report_folder(study: Path) -> Path:
+    """The folder of a study's report, with room for figures and tables.
+
+    Raises:
+        StudyError: a link stands where it would be written.
+    """
+    folder = study / "report"
+    refuse_links(folder)
+    for name in ("figures", "tables"):
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def draw_all(figures: Figures, folder: Path | None, step: Steps) -> dict[str, str]:
+    """Draw every figure, into `folder` if there is one; SVGs by name."""
+    drawn = {}
+    for picture in figures:
+        step(picture.name)
+        drawn[picture.name] = picture.save(folder)
+    return drawn
+
+
+def write_page(
+    target: Path,
+    template: str,
+    figures: Figures,
+    facts: Mapping[str, object],
+    step: Steps,
+    *,
+    tables: Mapping[str, str] | None = None,
+) -> Path:
+    """Make a page: draw its figures, write its tables, then itself, whole.
+
+    Args:
+        target: the page's path.
+        template: of the folder `templates`; `figure(picture)` in it shows one of the figures.
+        figures: all that it shows.
+        facts: what the template speaks of, by name.
+        step: told of each figure, then of the page.
+        tables: CSV texts by name; None for a page that stands alone, with no files beside it.
+
+    Raises:
+        OSError: something cannot be written.
+    """
     from jinja2 import Environment, FileSystemLoader
     from markupsafe import Markup
 
-    folder = Path(__file__).parent / "templates"
-    environment = Environment(
-        loader=FileSystemLoader(folder), autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters["svg"] = lambda text: Markup(text)
-    levels = sorted({c.level: c.name for part in parts for c in part.conditions}.items())
-    styles = noise_styles(level for level, _ in levels)
-    runs = list(study.runs)
-    html = environment.get_template("page.html.j2").render(
-        study=study,
-        config=study.config,
-        robot=robot,
-        player=Markup(player),
-        scripts=Markup(_scripts()),
-        sections=sections,
-        calibrated=calibrated,
-        rows=_rows,
-        per_condition=2 * PER_CONDITION,
-        sheet_runs=PER_CONDITION,
-        key=[(name, styles[level].colour, GLYPHS[styles[level].marker]) for level, name in levels],
-        total=len(runs),
-        finished=sum(bool(run.finished) for run in runs),
-        paper=is_paper(study, parts),
-        lead=lead(study, parts),
-        departures=departures(study.profile),
-        changes=", ".join(f"{key} = {value}" for key, value in study.config.task.to_dict().items()),
-        again=again(study),
-        stand_in=_stand_in(sections),
-        evaluations=sum(int(run.evaluations) for run in runs),
-        settings=_settings(study),
-        versions={name: ", then ".join(found) for name, found in study.versions().items()},
-    )
-    return re.sub(r"\n\s*\n+", "\n", html)
+    for name, text in (tables or {}).items():
+        whole.write(target.parent / "tables" / f"{name}.csv", text)
+    drawn = draw_all(figures, None if tables is None else target.parent / "figures", step)
+    svgs = {one.name: Markup(inline_svg(drawn[one.name], one.name, one.words.alt)) for one in figures}
+    loader = FileSystemLoader(Path(__file__).parent / "templates")
+    environment = Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    html = environment.get_template(template).render(**facts, svgs=svgs)
+    whole.write(target, re.sub(r"\n\s*\n+", "\n", html))
+    step(target.name)
+    return target
 
 
-def _scripts() -> str:
-    """The page's own scripts in one scope, in the order of their names."""
-    files = sorted((Path(__file__).parent / "assets").glob("*.js"))
-    text = "\n".join(file.read_text("utf-8") for file in files)
-    return f'"use strict";\n(() => {{\n{text}}})();'
-
-
-def _stand_in(sections: Sequence[Section]) -> str:
-    """What the evolved networks were let have besides the simulation: "twin", "robot", "both" or nothing."""
-    pairs = [pair for s in sections if s.situated for group in s.situated.groups for pair in group.pairs]
-    kinds = {pair.twin for pair in pairs}
-    return "both" if len(kinds) > 1 else "" if not kinds else "twin" if True in kinds else "robot"
-
-
-def _settings(study: Any) -> str:
-    """The study's own configuration file as text."""
-    path = Path(study.folder) / "study.toml"
-    return path.read_text("utf-8") if path.is_file() else ""
+def noise_key(levels: Mapping[float, str]) -> list[tuple[str, str, str]]:
+    """Name, colour and sign of each noise level, for a page's legend."""
+    styles = noise_styles(levels)
+    return [(name, styles[level].colour, GLYPHS[styles[level].marker]) for level, name in levels.items()]

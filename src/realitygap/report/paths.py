@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,17 +18,31 @@ from realitygap.report import style
 from realitygap.report.arenas import draw_arena
 from realitygap.report.robots import draw_robot
 from realitygap.report.style import PAGE, SIMULATED, Look, new_figure, noise_styles
+from realitygap.tasks.task import Task
 from realitygap.track import Track, Trajectory
+from realitygap.world.profile import Profile
 
 __all__ = [
     "PathPanel",
+    "Scene",
     "draw_path",
-    "draw_trajectory",
     "pairs_figure",
     "panels_figure",
     "sheet_figure",
     "tail",
 ]
+
+
+class Scene(NamedTuple):
+    """Where a path is drawn: the arena, and the robot that drove."""
+
+    arena: Arena
+    robot: Robot
+
+    @classmethod
+    def of(cls, task: Task, profile: Profile) -> Scene:
+        """A task's."""
+        return cls(task.arena.to_kernel(), profile.to_kernel())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,8 +66,7 @@ def tail(trajectory: Trajectory | Track, radius: float) -> np.ndarray:
 
 def draw_path(
     ax: Axes,
-    arena: Arena,
-    robot: Robot,
+    scene: Scene,
     trajectory: Trajectory | Track,
     *,
     colour: str = style.INK,
@@ -61,8 +74,8 @@ def draw_path(
     labels: bool = True,
 ) -> None:
     """A trajectory in its arena: the tail, a cross where it began, the robot where it ended."""
-    draw_arena(ax, arena, labels=labels)
-    strokes = tail(trajectory, robot.radius)
+    draw_arena(ax, scene.arena, labels=labels)
+    strokes = tail(trajectory, scene.robot.radius)
     ax.plot(
         strokes[:, 0],
         strokes[:, 1],
@@ -86,35 +99,27 @@ def draw_path(
         zorder=4.5,
     )
     end = trajectory.end
-    draw_robot(ax, robot, (end.x, end.y, end.heading), look)
+    draw_robot(ax, scene.robot, (end.x, end.y, end.heading), look)
 
 
-def draw_trajectory(ax: Axes, task: Any, profile: Any, trajectory: Trajectory, **options: Any) -> None:
-    """A task's trajectory in its arena, to scale, axes in cm; options as for `draw_path`."""
-    draw_path(ax, task.arena.to_kernel(), profile.to_kernel(), trajectory, **options)
-
-
-def panels_figure(task: Any, profile: Any, panels: Sequence[PathPanel]) -> Figure:
+def panels_figure(scene: Scene, panels: Sequence[PathPanel]) -> Figure:
     """One panel a noise level, side by side."""
-    return _grid(task, profile, [list(panels)], wide=min(PAGE, 2.6 * len(panels) + 0.3), labels=True)
+    return _grid(scene, [list(panels)], wide=min(PAGE, 2.6 * len(panels) + 0.3), labels=True)
 
 
-def pairs_figure(
-    task: Any, profile: Any, heads: Sequence[str], rows: Sequence[Sequence[PathPanel | None]]
-) -> Figure:
+def pairs_figure(scene: Scene, heads: Sequence[str], rows: Sequence[Sequence[PathPanel | None]]) -> Figure:
     """Simulated paths above, situated ones below; a column a noise level, which `heads` name."""
     wide = min(PAGE, 2.6 * len(heads) + 0.3)
-    return _grid(task, profile, rows, wide=wide, labels=True, heads=heads)
+    return _grid(scene, rows, wide=wide, labels=True, heads=heads)
 
 
-def sheet_figure(task: Any, profile: Any, rows: Sequence[Sequence[PathPanel | None]]) -> Figure:
+def sheet_figure(scene: Scene, rows: Sequence[Sequence[PathPanel | None]]) -> Figure:
     """Every run's path: a row a noise level (simulated, then situated), a column a run."""
-    return _grid(task, profile, rows, wide=PAGE, labels=False)
+    return _grid(scene, rows, wide=PAGE, labels=False)
 
 
 def _grid(
-    task: Any,
-    profile: Any,
+    scene: Scene,
     rows: Sequence[Sequence[PathPanel | None]],
     *,
     wide: float,
@@ -122,14 +127,13 @@ def _grid(
     heads: Sequence[str] = (),
 ) -> Figure:
     """Panels in rows; every arena at the same scale, laid out by hand (cheap and deterministic)."""
-    arena, robot = task.arena.to_kernel(), profile.to_kernel()
     styles = noise_styles(panel.noise for row in rows for panel in row if panel)
     columns = max(len(row) for row in rows)
     left, bottom, gap, head = (0.46, 0.42, 0.14, 0.27) if labels else (0.06, 0.06, 0.1, 0.2)
     if labels and columns == 1:
         wide = 3.4
     cell = (wide - left - 0.06 - gap * (columns - 1)) / columns
-    tall = cell * float(arena.size[1] / arena.size[0])
+    tall = cell * float(scene.arena.size[1] / scene.arena.size[0])
     height = bottom + len(rows) * (tall + head) + (0.11 if heads else 0.0)
     figure = new_figure(wide, height)
     for c, text in enumerate(heads):
@@ -142,7 +146,7 @@ def _grid(
             box = (left + c * (cell + gap), bottom + (len(rows) - 1 - r) * (tall + head))
             ax = figure.add_axes((box[0] / wide, box[1] / height, cell / wide, tall / height))
             colour = styles[panel.noise].colour
-            draw_path(ax, arena, robot, panel.trajectory, colour=colour, look=panel.look, labels=labels)
+            draw_path(ax, scene, panel.trajectory, colour=colour, look=panel.look, labels=labels)
             if labels:
                 _spare_labels(ax, inner=c > 0, upper=r + 1 < len(rows) and rows[r + 1][c] is not None)
             ax.set_title(panel.title, fontsize=8.5 if labels else 7, pad=3, loc="left", color=style.INK)

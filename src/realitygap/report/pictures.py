@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from realitygap import whole
 from realitygap.errors import UsageError
-from realitygap.report.paths import draw_trajectory
+from realitygap.report.paths import Scene, draw_path
 from realitygap.report.style import new_figure, styled
+from realitygap.tasks.task import Task
 from realitygap.track import Trajectory
+from realitygap.world.profile import Profile
 
 __all__ = ["PICTURES", "checked_ending", "save_picture"]
 
-PICTURES = (".png", ".svg", ".pdf")
+STAMPS = {".png": "Software", ".svg": "Date", ".pdf": "CreationDate"}
+"""What is left out of each kind of file, so that the same picture has the same bytes."""
+PICTURES = tuple(STAMPS)
 
 
 def checked_ending(path: str | Path, allowed: tuple[str, ...]) -> Path:
@@ -32,7 +35,7 @@ def checked_ending(path: str | Path, allowed: tuple[str, ...]) -> Path:
 
 
 def save_picture(
-    path: str | Path, task: Any, profile: Any, trajectory: Trajectory, title: str = "", **options: Any
+    path: str | Path, task: Task, profile: Profile, trajectory: Trajectory, title: str = ""
 ) -> Path:
     """Write a trajectory in its arena, with its tail, as PNG, SVG or PDF.
 
@@ -42,24 +45,19 @@ def save_picture(
         profile: the robot.
         trajectory: what is drawn.
         title: a line above.
-        options: as for `paths.draw_path`, such as `colour`.
 
     Raises:
         UsageError: an ending that cannot be written.
     """
     path = checked_ending(path, PICTURES)
-    width, depth = (float(v) for v in task.arena.to_kernel().size)
+    scene = Scene.of(task, profile)
+    width, depth = (float(v) for v in scene.arena.size)
     wide = 4.6 if width >= depth else 3.4
     with styled():
         figure = new_figure(wide, (wide - 0.6) * depth / width + 0.75, layout="constrained")
         ax = figure.add_subplot()
-        draw_trajectory(ax, task, profile, trajectory, **options)
+        draw_path(ax, scene, trajectory)
         ax.set_title(title, loc="left")
-        stamp: dict[str, Any] = {
-            ".png": {"Software": None},
-            ".svg": {"Date": None},
-            ".pdf": {"CreationDate": None},
-        }
         with whole.named(path):
-            figure.savefig(path, dpi=200, metadata=stamp[path.suffix.lower()])
+            figure.savefig(path, dpi=200, metadata={STAMPS[path.suffix.lower()]: None})
     return path

@@ -144,8 +144,8 @@ class _Gather:
     def run(self, part: TaskPart, condition: NoiseClass, row: Row, pairs: Sequence[Pair]) -> dict[str, Any]:
         """A run: its network and its trials, transferred ones where there are any."""
         genes, task = individual(row), part.task
-        drawing = network_drawing(genes, task, self.study.profile)
-        cast = _Cast(task=task, genes=genes, slots=drawing.pop("slots"), unit_cm=_unit_cm(task))
+        drawing, slots = network_drawing(genes, task, self.study.profile)
+        cast = _Cast(task=task, genes=genes, slots=slots, unit_cm=_unit_cm(task))
         order = {robot: i for i, robot in enumerate(robots_of(pairs))}
         there = sorted(
             (p for p in pairs if len(p.situated.x)),

@@ -106,13 +106,7 @@ def _draw_sensor(ax: Axes, place: Any, ray: Any, name: str) -> None:
         arrowprops={"arrowstyle": "-|>", "color": style.RAY, "lw": 0.8, "mutation_scale": 6},
     )
     ax.text(
-        spot[0] + 1.75 * out[0],
-        spot[1] + 1.75 * out[1],
-        name,
-        ha="center",
-        va="center",
-        fontsize=8,
-        zorder=7,
+        spot[0] + 1.75 * out[0], spot[1] + 1.75 * out[1], name, ha="center", va="center", fontsize=8, zorder=7
     )
 
 

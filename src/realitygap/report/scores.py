@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from itertools import zip_longest
-from pathlib import Path
 from typing import Any
 
-from realitygap import whole
 from realitygap.report.paper_tables import PAPER_AVERAGES, PAPER_ROWS, PaperRow
 from realitygap.report.statistics import Mean, mean_of
 from realitygap.study.load import Study
+from realitygap.tasks.task import Task
+from realitygap.text import to_csv
 from realitygap.transfer.score_rows import Mark, marks_of
 from realitygap.world.noise import noise_level, noise_name
 
-__all__ = ["ScoreClass", "ScoreTable", "score_tables", "study_tables", "write_scores"]
+__all__ = ["ScoreClass", "ScoreTable", "score_tables", "scores_csv", "study_tables"]
 
+SCORES = ("behaviour", "correspondence")
 SHOWN = 10
 """Rows of a noise level that a page shows."""
 
@@ -51,7 +51,7 @@ class ScoreClass:
         printed = ("", "", "", "")
         if self.paper_average:
             printed = ("", f"{self.paper_average[0]:g}", "", f"{self.paper_average[1]:g}")
-        means = [_plain(self.mean(of)) for of in ("behaviour", "correspondence")]
+        means = [_plain(self.mean(of)) for of in SCORES]
         ours = (("", ""), means[0], ("", ""), means[1])
         return [*rows, {"head": "average", "ours": ours, "paper": printed, "average": True}]
 
@@ -116,7 +116,7 @@ class ScoreTable:
         }
 
 
-def score_tables(task: Any, levels: Iterable[float], marks: Sequence[Mark]) -> list[ScoreTable]:
+def score_tables(task: Task, levels: Iterable[float], marks: Sequence[Mark]) -> list[ScoreTable]:
     """A task's tables, one for each kind of robot and individual, in the order of the marks."""
     own = [mark for mark in marks if mark.task == task.name]
     paper = PAPER_ROWS.get(task.name, {}) if task.source is None else {}
@@ -153,40 +153,35 @@ def study_tables(study: Study) -> list[ScoreTable]:
     return found
 
 
-def write_scores(path: Path, tables: Sequence[ScoreTable]) -> None:
+def scores_csv(tables: Sequence[ScoreTable]) -> str:
     """All of a task's tables as CSV: a row a run, averages, and the paper's own rows (source: paper)."""
     names = [field.name for field in fields(Mark) if field.name not in ("task", "noise")]
-    with whole.new(path) as spare, spare.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, ["task", "noise", "source", "row", *names], restval="")
-        writer.writeheader()
-        for table in tables:
-            for one in table.classes:
-                _write_class(writer, table, one)
-        for one in tables[0].classes if tables else ():
-            facts = {"task": tables[0].task, "noise": one.name, "source": "paper"}
-            for k, row in enumerate(one.paper, 1):
-                writer.writerow({**facts, "row": k, **row._asdict()})
-            if one.paper:
-                writer.writerow({**facts, "row": "average", **_printed(one)})
+    head = ["task", "noise", "source", "row", *names]
+    rows = [row for table in tables for one in table.classes for row in _class_rows(table, one)]
+    for one in tables[0].classes if tables else ():
+        facts = {"task": tables[0].task, "noise": one.name, "source": "paper"}
+        rows += [{**facts, "row": k, **row._asdict()} for k, row in enumerate(one.paper, 1)]
+        if one.paper:
+            rows.append({**facts, "row": "average", **_printed(one)})
+    return to_csv([head, *([row.get(key, "") for key in head] for row in rows)], end="\r\n")
 
 
-def _write_class(writer: csv.DictWriter[str], table: ScoreTable, one: ScoreClass) -> None:
+def _class_rows(table: ScoreTable, one: ScoreClass) -> Iterator[dict[str, object]]:
     facts = {"task": table.task, "noise": one.name, "source": "here"}
     for mark in one.marks:
         told = {key: value for key, value in mark.to_dict().items() if value is not None}
-        writer.writerow({**told, **facts, "row": mark.index})
+        yield {**told, **facts, "row": mark.index}
     if one.marks:
         mean = one.mean("correspondence")
         ends = {"low": mean.value - mean.half, "high": mean.value + mean.half} if mean else {}
         known = {key: min(max(value, 0.0), 10.0) for key, value in ends.items() if math.isfinite(value)}
-        average = {key: value for key, value in _average(one).items() if value is not None}
-        average = {key: average[key] for key in ("behaviour", "correspondence") if key in average}
-        writer.writerow({**facts, "row": "average", "kind": table.kind, "individual": table.individual,
-                         **average, **known})  # fmt: skip
+        means = {key: value for key, value in _average(one).items() if key in SCORES and value is not None}
+        whose = {"row": "average", "kind": table.kind, "individual": table.individual}
+        yield {**facts, **whose, **means, **known}
 
 
 def _average(one: ScoreClass) -> dict[str, Any]:
-    means = {of: one.mean(of) for of in ("behaviour", "correspondence")}
+    means = {of: one.mean(of) for of in SCORES}
     return {
         "noise": one.level,
         "runs": len(one.marks),
@@ -195,7 +190,7 @@ def _average(one: ScoreClass) -> dict[str, Any]:
 
 
 def _printed(one: ScoreClass) -> dict[str, float]:
-    return dict(zip(("behaviour", "correspondence"), one.paper_average or (), strict=False))
+    return dict(zip(SCORES, one.paper_average or (), strict=False))
 
 
 def _plain(mean: Mean | None) -> tuple[str, str]:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 from realitygap.report.films import Film, film_of
 from realitygap.report.gather import PER_CONDITION, TaskPart, chosen
-from realitygap.report.page import Card
-from realitygap.report.paths import PathPanel, pairs_figure, sheet_figure
-from realitygap.report.style import SITUATED
+from realitygap.report.page import Figures, Picture
+from realitygap.report.paths import PathPanel, Scene, pairs_figure, sheet_figure
+from realitygap.report.style import SIMULATED, SITUATED
 from realitygap.report.tables import Table, number
 from realitygap.report.transfers import (
     Group,
@@ -21,16 +21,14 @@ from realitygap.report.transfers import (
     on_robot,
     robots_of,
     shown_pair,
-    write_transfers,
+    transfers_csv,
 )
 from realitygap.report.words_situated import about, pair_words, read_transfers, sheet_words
 
-__all__ = ["SituatedPart", "count_figures", "make_situated"]
+__all__ = ["SituatedPart", "make_situated"]
 
 ROWS = 2 * PER_CONDITION
 """Rows of the table that a page shows of each noise level."""
-
-Draw = Callable[..., Card]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,8 +37,8 @@ class SituatedPart:
 
     about: str
     shown: list[Pair]
-    figures: list[Card]
-    sheets: list[Card]
+    figures: list[Picture]
+    sheets: list[Picture]
     films: list[Film]
     groups: list[Group]
     sentences: list[str]
@@ -61,9 +59,13 @@ class SituatedPart:
         """Whether the table leaves rows to its CSV."""
         return any(len(group.pairs) > ROWS for group in self.groups)
 
-    def rows(self, group: Group, table: Table) -> list[dict[str, Any]]:
+    def csv(self, table: Table, study: Path) -> str:
+        """All transfers as CSV."""
+        return transfers_csv(table, self.groups, study)
+
+    def rows(self, group: Group, table: Table) -> list[dict[str, object]]:
         """A group's rows for the template, then their average."""
-        rows = [
+        rows: list[dict[str, object]] = [
             {
                 "head": f"{p.row.index}",
                 "where": p.where,
@@ -84,28 +86,22 @@ def _cells(pair: Pair, table: Table) -> list[str]:
     return ["–" if v != v else number(v / table.scale, table.places) for v in values]
 
 
-def count_figures(pairs: Sequence[Pair]) -> int:
-    """How many figures `make_situated` draws, the sheets included."""
-    return 2 * len(robots_of(pairs))
-
-
 def make_situated(
-    part: TaskPart, pairs: Sequence[Pair], profile: Any, label: str, draw: Draw, report: Path
+    part: TaskPart, pairs: Sequence[Pair], scene: Scene, label: str, listed: Figures, report: Path
 ) -> SituatedPart:
-    """All of it, with the table's CSV written.
+    """All of it.
 
     Args:
         part: the task's runs.
         pairs: its transfers, at least one.
-        profile: the robot that was simulated.
+        scene: the arena, and the robot that was simulated.
         label: what the paper calls the figure.
-        draw: makes a card of a name, a function that draws, and the words for it.
-        report: the report's folder.
+        listed: the page's figures, to which its own are added.
+        report: the report's folder, into which films are copied.
     """
     groups = groups_of(part, pairs)
-    write_transfers(report / "tables" / f"{part.task.name}-transfers.csv", part.table, groups, report)
-    figures: list[Card] = []
-    sheets: list[Card] = []
+    figures: list[Picture] = []
+    sheets: list[Picture] = []
     films: list[Film] = []
     seen: list[Pair] = []
     for robot in robots_of(pairs):
@@ -114,9 +110,9 @@ def make_situated(
         if not shown:
             continue
         name = f"{part.task.name}-{'pairs' if not figures else 'pairs-' + robot}"
-        figures.append(_figure(part, shown, profile, name, label, draw))
+        figures.append(_figure(part, shown, scene, name, label, listed))
         seen += shown
-        sheets += _sheet(part, here, profile, name, draw)
+        sheets += _sheet(part, here, scene, name, listed)
         films += [film for pair in shown if (film := film_of(part, pair, report)) is not None]
     return SituatedPart(
         about=about(pairs),
@@ -130,16 +126,15 @@ def make_situated(
     )
 
 
-def _figure(part: TaskPart, shown: Sequence[Pair], profile: Any, name: str, label: str, draw: Draw) -> Card:
+def _figure(
+    part: TaskPart, shown: Sequence[Pair], scene: Scene, name: str, label: str, listed: Figures
+) -> Picture:
     """Figure 3 or 5: a column a noise level, simulated above, situated below."""
     heads = [f"{part.names[pair.level]}, #{pair.row.index}" for pair in shown]
     above = [_panel(part, pair, situated=False, title="simulated: {}") for pair in shown]
     below = [_panel(part, pair, situated=True, title=f"{pair.where}: {{}}") for pair in shown]
-    return draw(
-        name,
-        lambda: pairs_figure(part.task, profile, heads, [above, below]),
-        label=label,
-        **pair_words(part, shown),
+    return listed.add(
+        name, partial(pairs_figure, scene, heads, [above, below]), pair_words(part, shown), label
     )
 
 
@@ -147,11 +142,11 @@ def _panel(part: TaskPart, pair: Pair, *, situated: bool, title: str) -> PathPan
     score = pair.fitness[situated]
     told = "–" if score != score else number(score / part.task.fitness_scale, 2)
     route = pair.situated if situated else pair.simulated
-    look = {"look": SITUATED} if situated else {}
-    return PathPanel(noise=pair.level, title=title.format(told), trajectory=route, **look)
+    look = SITUATED if situated else SIMULATED
+    return PathPanel(noise=pair.level, title=title.format(told), trajectory=route, look=look)
 
 
-def _sheet(part: TaskPart, here: Sequence[Pair], profile: Any, name: str, draw: Draw) -> list[Card]:
+def _sheet(part: TaskPart, here: Sequence[Pair], scene: Scene, name: str, listed: Figures) -> list[Picture]:
     """Every transferred run of a robot: two rows a noise level, simulated above situated."""
     rows: list[list[PathPanel | None]] = []
     many = 0
@@ -168,4 +163,4 @@ def _sheet(part: TaskPart, here: Sequence[Pair], profile: Any, name: str, draw: 
     if many <= len(part.conditions) and len(rows) == 2 * many:
         return []
     told = sheet_words(many, here[0].where, counted=any(p.source == "counters" for p in here))
-    return [draw(f"{name}-all", lambda: sheet_figure(part.task, profile, rows), **told)]
+    return [listed.add(f"{name}-all", partial(sheet_figure, scene, rows), told)]

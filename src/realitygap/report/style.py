@@ -162,19 +162,20 @@ def new_figure(width: float, height: float, **kwargs: Any) -> Figure:
     return figure
 
 
-def save_figure(figure: Figure, folder: Path, name: str, *, dpi: int = 200) -> str:
-    """Write NAME.png and NAME.svg into a folder; the SVG's text is returned.
+def save_figure(figure: Figure, folder: Path | None, name: str, *, dpi: int = 200) -> str:
+    """Write NAME.png and NAME.svg into a folder, if there is one; the SVG's text is returned.
 
     The same figure gives the same bytes: no date, fixed ids.
     """
-    picture = folder / f"{name}.png"
-    with whole.named(picture):
-        figure.savefig(picture, dpi=dpi, metadata={"Software": None}, pil_kwargs={"compress_level": 4})
     buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": "realitygap"})
+    if folder is not None:
+        with whole.named(folder / f"{name}.png") as picture:
+            figure.savefig(picture, dpi=dpi, metadata={"Software": None}, pil_kwargs={"compress_level": 4})
+    figure.savefig(buffer, format="svg", dpi=dpi, metadata={"Date": None, "Creator": "realitygap"})
     svg = buffer.getvalue()
-    with whole.named(folder / f"{name}.svg"):
-        (folder / f"{name}.svg").write_text(svg, encoding="utf-8")
+    if folder is not None:
+        with whole.named(folder / f"{name}.svg") as file:
+            file.write_text(svg, encoding="utf-8")
     return svg
 
 

@@ -5,19 +5,17 @@ Behaviour names and correspondence scores need a situated robot; these columns n
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from realitygap import whole
 from realitygap.report.statistics import Mean, mean_of
+from realitygap.study.load import Run
+from realitygap.text import to_csv
 
-__all__ = ["WHO", "NoiseClass", "Row", "Table", "decimals", "number", "write_csv"]
+__all__ = ["WHO", "NoiseClass", "Row", "Table", "decimals", "number", "rows_of", "table_csv"]
 
 WHO = ("fittest", "champion")
 """The paper's individual (highest stored fitness) and the retested champion."""
@@ -34,7 +32,7 @@ class Row:
     finished: bool
     stored: float | None
     means: Mapping[tuple[str, float], Mean]
-    source: Any = field(default=None, repr=False, compare=False)
+    source: Run | None = field(default=None, repr=False, compare=False)
     """The study's own run, for what a table does not show."""
 
     def mean(self, who: str, level: float) -> Mean | None:
@@ -105,7 +103,28 @@ def number(value: float, places: int) -> str:
     return f"{value:.{places}f}".replace("-", "−")
 
 
-def write_csv(path: Path, table: Table) -> None:
+def rows_of(one: NoiseClass, table: Table, most: int) -> list[dict[str, object]]:
+    """A noise class's rows for the template: few enough to read, then the average."""
+    pairs = [(who, level) for who in WHO for level in table.levels]
+
+    def cells(means: Iterable[Mean | None]) -> list[tuple[tuple[str, str], bool]]:
+        return [(table.show(mean), level == one.level) for (_, level), mean in zip(pairs, means, strict=True)]
+
+    rows: list[dict[str, object]] = [
+        {
+            "head": f"{row.index}", "stored": table.show(row.stored), "average": False,
+            "finished": row.finished, "cells": cells(row.mean(*pair) for pair in pairs),
+        }
+        for row in one.rows[:most]
+    ]  # fmt: skip
+    average = {
+        "head": "average", "stored": table.show(mean_of(one.stored())), "average": True, "finished": True,
+        "cells": cells(mean_of(one.means(*pair)) for pair in pairs),
+    }  # fmt: skip
+    return [*rows, average]
+
+
+def table_csv(table: Table) -> str:
     """The table as CSV: a row a run and an average a noise class, fitness unscaled.
 
     Columns `fittest_LEVEL_mean`, `_sd` and `_n` are over fresh trials; in an average's row they are
@@ -113,19 +132,17 @@ def write_csv(path: Path, table: Table) -> None:
     """
     tests = [(who, level) for who in WHO for level in table.levels]
     head = ["task", "noise", "row", "run", "name", "evaluations", "finished", "stored_fitness"]
-    for who, level in tests:
-        head += [f"{who}_{table.levels[level]}_{part}" for part in ("mean", "sd", "n")]
-    with whole.new(path) as spare, spare.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(head)
-        for one in table.classes:
-            for row in one.rows:
-                facts = [row.index, row.run, row.name, row.evaluations, int(row.finished), _exact(row.stored)]
-                writer.writerow([table.task, one.name, *facts, *_cells([row.mean(*test) for test in tests])])
-            stored = mean_of(one.stored())
-            facts = ["average", "", "", "", "", _exact(None if stored is None else stored.value)]
-            cells = _cells([mean_of(one.means(*test)) for test in tests])
-            writer.writerow([table.task, one.name, *facts, *cells])
+    head += [f"{who}_{table.levels[level]}_{part}" for who, level in tests for part in ("mean", "sd", "n")]
+    lines: list[list[object]] = [[*head]]
+    for one in table.classes:
+        for row in one.rows:
+            run = [row.index, row.run, row.name, row.evaluations, int(row.finished), _exact(row.stored)]
+            lines.append([table.task, one.name, *run, *_cells([row.mean(*test) for test in tests])])
+        stored = mean_of(one.stored())
+        means = _cells([mean_of(one.means(*test)) for test in tests])
+        average = _exact(None if stored is None else stored.value)
+        lines.append([table.task, one.name, "average", "", "", "", "", average, *means])
+    return to_csv(lines, end="\r\n")
 
 
 def _exact(value: float | None) -> str:

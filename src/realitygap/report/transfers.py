@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from realitygap import whole
 from realitygap.report.gather import TaskPart, chosen
 from realitygap.report.statistics import Mean, mean_of
 from realitygap.report.tables import NoiseClass, Row, Table
+from realitygap.study.load import Study
+from realitygap.text import to_csv
 from realitygap.track import Track
+from realitygap.transfer.load import Transferred, load_transfers
 
 __all__ = [
     "ROBOT",
@@ -28,7 +28,7 @@ __all__ = [
     "pairs_of",
     "robots_of",
     "shown_pair",
-    "write_transfers",
+    "transfers_csv",
 ]
 
 ROBOT, TWIN = "robot", "twin"
@@ -108,17 +108,15 @@ class Group:
         return mean_of(self.values(of))
 
 
-def pairs_of(study: Any, parts: Sequence[TaskPart]) -> dict[str, list[Pair]]:
+def pairs_of(study: Study, parts: Sequence[TaskPart]) -> dict[str, list[Pair]]:
     """The study's transfers by task, in the order of its runs, robots and starts."""
-    from realitygap.transfer.run import load_transfers
-
     rows = {row.run: (c.level, row) for part in parts for c in part.conditions for row in c.rows}
     pairs = [_pair(one, *rows[one.run]) for one in load_transfers(study.folder) if one.run in rows]
     pairs.sort(key=lambda pair: (pair.row.run, pair.twin, len(pair.robot), pair.robot, pair.start))
     return {part.task.name: [p for p in pairs if p.task == part.task.name] for part in parts}
 
 
-def _pair(one: Any, level: float, row: Row) -> Pair:
+def _pair(one: Transferred, level: float, row: Row) -> Pair:
     return Pair(
         task=one.task,
         level=level,
@@ -128,15 +126,11 @@ def _pair(one: Any, level: float, row: Row) -> Pair:
         start=one.start,
         simulated=_drawn(one.simulated),
         situated=_drawn(one.situated),
-        fitness=(_number(one.fitness_simulated), _number(one.fitness_situated)),
-        filmed=bool(one.filmed),
+        fitness=(one.fitness_simulated, one.fitness_situated),
+        filmed=one.filmed,
         source=one.situated_from,
-        folder=Path(one.folder),
+        folder=one.folder,
     )
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else float(value)
 
 
 def _drawn(track: Track) -> Track:
@@ -190,15 +184,13 @@ def groups_of(part: TaskPart, pairs: Sequence[Pair]) -> list[Group]:
     return groups
 
 
-def write_transfers(path: Path, table: Table, groups: Sequence[Group], report: Path) -> None:
+def transfers_csv(table: Table, groups: Sequence[Group], study: Path) -> str:
     """The transfers as CSV: a row each, fitness unscaled; folders as seen from the study's."""
     head = "task noise run name individual robot start path_from simulated situated drop folder"
-    with whole.new(path) as spare, spare.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(head.split())
-        for group in groups:
-            for p in group.pairs:
-                told = [repr(v) if math.isfinite(v) else "" for v in (*p.fitness, p.drop)]
-                run = [p.row.run, p.row.name, p.individual]
-                where = p.folder.relative_to(report.parent).as_posix()
-                writer.writerow([table.task, group.name, *run, p.robot, p.start, p.source, *told, where])
+    rows: list[list[object]] = [[*head.split()]]
+    for group in groups:
+        for p in group.pairs:
+            told = [repr(v) if math.isfinite(v) else "" for v in (*p.fitness, p.drop)]
+            who = [p.row.run, p.row.name, p.individual, p.robot, p.start, p.source]
+            rows.append([table.task, group.name, *who, *told, p.folder.relative_to(study).as_posix()])
+    return to_csv(rows, end="\r\n")

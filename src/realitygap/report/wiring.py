@@ -8,16 +8,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.kernels.params import Robot
 
-__all__ = ["Link", "Wiring", "bend_links", "label_places", "place_neurons", "read_wiring"]
+__all__ = [
+    "HIDDEN", "INPUT", "OUTPUT", "OUTPUTS", "UNIT_INCHES", "Layout", "Link", "Wiring", "label_places",
+    "lay_out", "read_wiring", "width_inches",
+]  # fmt: skip
 
 F = NDArray[np.float64]
 SAMPLES = 18
+OUTPUTS = 2
+"""Left and right wheel."""
+INPUT, OUTPUT, HIDDEN = 0.36, 0.4, 0.36
+"""Radius or half side of a neuron in units of drawing; one unit holds its text, whatever the robot's size."""
+UNIT_INCHES = 0.55
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +50,10 @@ class Wiring:
     links: tuple[Link, ...]
     useful: frozenset[int]
     """Slots from which some output can be reached over links that weigh something."""
+
+    def kind(self, slot: int) -> str:
+        """What a slot is: "input", "output" or "hidden"."""
+        return "input" if slot < self.inputs else "output" if slot < self.inputs + self.outputs else "hidden"
 
     def works(self, link: Link) -> bool:
         """Whether a link has any effect on an output."""
@@ -70,6 +83,35 @@ def read_wiring(genes: np.ndarray, *, inputs: int, outputs: int) -> Wiring:
         thresholds={s: int(genes[s, 1]) for s in computing},
         useful=frozenset(useful),
     )
+
+
+class Layout(NamedTuple):
+    """A network's picture: places and sizes (radius or half side) of neurons, a curve for each link; cm."""
+
+    places: dict[int, F]
+    sizes: dict[int, float]
+    curves: list[F]
+
+
+def lay_out(wiring: Wiring, robot: Robot, sensor_places: F, sensors: Sequence[int], unit: float) -> Layout:
+    """Where everything stands.
+
+    Args:
+        wiring: the network.
+        robot: that it is drawn on.
+        sensor_places: [S, 2] of the sensors that feed it, in the robot's frame.
+        sensors: which of these feeds each input.
+        unit: how many cm of robot one unit of drawing takes.
+    """
+    places = place_neurons(wiring, robot, sensor_places, sensors, unit)
+    kinds = {"input": INPUT, "output": OUTPUT, "hidden": HIDDEN}
+    sizes = {n: unit * kinds[wiring.kind(n)] for n in places}
+    return Layout(places, sizes, bend_links(wiring, places, sizes, unit))
+
+
+def width_inches(hidden: int) -> float:
+    """How wide a picture must be for so many hidden neurons."""
+    return 3.7 if hidden <= 3 else 4.6 if hidden <= 7 else 6.6
 
 
 def place_neurons(

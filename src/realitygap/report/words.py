@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from realitygap.report.gather import PER_CONDITION, TaskPart
+from realitygap.report.page import Words
 from realitygap.report.wiring import read_wiring
+from realitygap.world.profile import Profile
 
-__all__ = ["Words", "arena_words", "curve_words", "network_words", "path_words", "robot_words", "sheet_words"]
-
-Words = dict[str, str]
-"""`alt` and `caption` of a figure."""
+__all__ = ["arena_words", "curve_words", "network_words", "path_words", "robot_words", "sheet_words"]
 
 
-def robot_words(profile: Any) -> Words:
+def robot_words(profile: Profile) -> Words:
     """Of the robot's picture."""
     robot = profile.to_kernel()
     count = max(len(robot.proximity_place), len(robot.ambient_place))
     text = f"The robot from above, to scale: {count} sensors with their numbers and directions, two wheels."
-    return {"alt": text, "caption": text + " It looks up; in the arenas a line points to its front."}
+    return Words(text, text + " It looks up; in the arenas a line points to its front.")
 
 
 def arena_words(part: TaskPart) -> Words:
@@ -45,7 +43,7 @@ def arena_words(part: TaskPart) -> Words:
         f"The arena, {width:g} × {depth:g} cm, with {named}, where trials start, "
         f"and a robot with its {what}, to what they meet."
     )
-    return {"alt": caption, "caption": caption}
+    return Words(caption, caption)
 
 
 def curve_words(part: TaskPart, curves: Mapping[float, Sequence[np.ndarray]], fresh: bool) -> Words:
@@ -71,7 +69,7 @@ def curve_words(part: TaskPart, curves: Mapping[float, Sequence[np.ndarray]], fr
         f"{part.names[level]} {np.mean([run[-1] for run in runs]) / part.task.fitness_scale:.2f}"
         for level, runs in curves.items()
     )
-    return {"alt": f"Fitness of the fittest against evaluations. At the end: {ends}.", "caption": caption}
+    return Words(f"Fitness of the fittest against evaluations. At the end: {ends}.", caption)
 
 
 def path_words(part: TaskPart, seen: str) -> Words:
@@ -88,18 +86,18 @@ def path_words(part: TaskPart, seen: str) -> Words:
         f"After the colon: this trial's score{unit}. Ring: start, the same for all; each stroke of the tail "
         "joins the robot's centre to its leading edge, every 0.1 s, and none is erased."
     )
-    return {"alt": f"Paths. {seen}.", "caption": caption}
+    return Words(f"Paths. {seen}.", caption)
 
 
 def sheet_words(part: TaskPart, seen: str) -> Words:
     """Of the sheet with all runs' paths."""
     most = max(len(c.rows) for c in part.conditions)
     few = f"the first {PER_CONDITION} of {most} runs" if most > PER_CONDITION else "every run"
-    return {
-        "alt": f"Paths of {few}. {seen}.",
-        "caption": f"One trial of the retested champion of {few}, all from the same start; "
-        "a row a noise level. The number is the trial's score.",
-    }
+    return Words(
+        f"Paths of {few}. {seen}.",
+        f"One trial of the retested champion of {few}, all from the same start; a row a noise level. The "
+        "number is the trial's score.",
+    )
 
 
 def network_words(genes: np.ndarray, title: str, inputs: int, *, champion: bool) -> Words:
@@ -112,4 +110,4 @@ def network_words(genes: np.ndarray, title: str, inputs: int, *, champion: bool)
     spelled = "; ".join(
         f"{k.source} to {k.target} weight {k.weight} delay {k.delay}" for k in wiring.links if wiring.works(k)
     )
-    return {"alt": f"Network of {title}: {facts}. {spelled}.", "caption": f"{who}, {title}: {facts}."}
+    return Words(f"Network of {title}: {facts}. {spelled}.", f"{who}, {title}: {facts}.")

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from realitygap.report.gather import TaskPart
+from realitygap.report.page import Words
 from realitygap.report.statistics import difference
 from realitygap.report.tables import Table, number
 from realitygap.report.transfers import ROBOT, Group, Pair
-from realitygap.report.words import Words
 
 __all__ = ["about", "pair_words", "read_transfers", "sheet_words"]
 
@@ -39,7 +39,7 @@ def about(pairs: Sequence[Pair]) -> str:
 
 def pair_words(part: TaskPart, shown: Sequence[Pair]) -> Words:
     """Of figure 3 or 5."""
-    return {"alt": f"Paths. {_seen(part, shown)}.", "caption": _caption(part, shown)}
+    return Words(f"Paths. {_seen(part, shown)}.", _caption(part, shown))
 
 
 def sheet_words(many: int, where: str, *, counted: bool) -> Words:
@@ -48,7 +48,7 @@ def sheet_words(many: int, where: str, *, counted: bool) -> Words:
     caption = f"{alt} Simulated above, {where} below; the number is the path’s score."
     if counted:
         caption += " A path that leaves the room is reckoned from counters of wheels that slipped at a wall."
-    return {"alt": alt, "caption": caption}
+    return Words(alt, caption)
 
 
 def _caption(part: TaskPart, shown: Sequence[Pair]) -> str:

@@ -94,8 +94,4 @@ def with_gain(profile: Profile, gain: float) -> Profile:
     infrared, ambient = profile.infrared, profile.ambient
     near = tuple(replace(s, a=s.a * gain, b=s.b * gain) for s in infrared.sensors)
     lit = tuple(replace(s, gain=s.gain * gain) for s in ambient.sensors)
-    return replace(
-        profile,
-        infrared=replace(infrared, sensors=near),
-        ambient=replace(ambient, sensors=lit),
-    )
+    return replace(profile, infrared=replace(infrared, sensors=near), ambient=replace(ambient, sensors=lit))

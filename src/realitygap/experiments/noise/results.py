@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ from realitygap.experiments.noise.plan import Controller, controllers
 from realitygap.experiments.noise.simulated import read_compared
 from realitygap.experiments.noise.stage import Stage
 from realitygap.study.folder import versions
+from realitygap.text import to_csv
 from realitygap.toml import read_toml, to_toml
 
 __all__ = ["write_results"]
@@ -102,9 +102,7 @@ def _calibration(stage: Stage) -> Iterator[dict[str, object]]:
 def _table(file: Path, rows: Sequence[Mapping[str, object]]) -> None:
     """A CSV file; what is not known is empty."""
     head = list(rows[0]) if rows else ["unit", "channel", "model_error", "noise", "ratio"]
-    lines = [head, *([_text(row[key]) for key in head] for row in rows)]
-    with whole.new(file) as spare, spare.open("w", newline="", encoding="utf-8") as stream:
-        csv.writer(stream, lineterminator="\n").writerows(lines)
+    whole.write(file, to_csv([head, *([_text(row[key]) for key in head] for row in rows)]))
 
 
 def _text(value: object) -> str:

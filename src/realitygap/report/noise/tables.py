@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -16,6 +14,7 @@ from realitygap.experiments.noise.contrasts import Effect
 from realitygap.report.noise.facts import PAPER, NoiseFacts, Span
 from realitygap.report.noise.figures import titled
 from realitygap.report.noise.results import Misfit, real_misfits
+from realitygap.text import to_csv
 
 __all__ = [
     "NoiseTable", "Number", "Row", "calibration_table", "claim_table", "contrast_table", "effect_spans",
@@ -74,12 +73,8 @@ class NoiseTable:
             text for name, span in zip(self.head, spans, strict=True)
             for text in ([name, f"{name}, from", f"{name}, to"] if span else [name])
         ]  # fmt: skip
-        out = io.StringIO()
-        writer = csv.writer(out, lineterminator="\n")
-        writer.writerow(head)
-        for row in self.rows:
-            writer.writerow([t for cell, span in zip(row, spans, strict=True) for t in _exact(cell, span)])
-        return out.getvalue()
+        rows = ([t for pair in zip(row, spans, strict=True) for t in _exact(*pair)] for row in self.rows)
+        return to_csv([head, *rows])
 
 
 def _exact(cell: Cell, span: bool) -> list[str]:

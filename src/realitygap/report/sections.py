@@ -1,0 +1,178 @@
+"""A task's section of a study's page: its figures, its tables, its sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+from realitygap.report import words
+from realitygap.report.arenas import arena_figure
+from realitygap.report.curves import curves_figure
+from realitygap.report.few_runs import few_figure, few_sentences, few_words, shows_few
+from realitygap.report.gather import PER_CONDITION, Paths, TaskPart, best_so_far, chosen, individual, path_of
+from realitygap.report.network import network_figure
+from realitygap.report.page import Figures, Picture
+from realitygap.report.paths import Scene, panels_figure, sheet_figure
+from realitygap.report.reading import read_table
+from realitygap.report.scores import ScoreTable, score_tables, scores_csv
+from realitygap.report.situated import SituatedPart, make_situated
+from realitygap.report.statistics import mean_of
+from realitygap.report.tables import NoiseClass, Row, Table, table_csv
+from realitygap.report.transfers import Pair
+from realitygap.report.words_scores import read_scores
+from realitygap.study.load import Study
+from realitygap.tasks.task import Task
+from realitygap.transfer.score_rows import Mark
+
+__all__ = ["Section", "Sections"]
+
+PAPER = {
+    "obstacle-avoidance": ("Figure 1", "Figure 4", "Figure 3", "Table 1"),
+    "light-seeking": ("Figure 2", "Figure 6", "Figure 5", "Table 2"),
+}
+"""What the paper calls each task's arena, curves, paths and table."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section:
+    """One task's part of the page."""
+
+    task: Task
+    arena: Picture
+    curves: Picture | None
+    paths: Picture | None
+    situated: SituatedPart | None
+    sheet: Picture | None
+    table: Table
+    scores: list[ScoreTable]
+    score_label: str
+    few: Picture | None
+    few_sentences: list[str]
+    sentences: list[str]
+    networks: list[tuple[Picture, bool]]
+    """Champions' networks; True marks those of the runs that the paths show."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sections:
+    """Takes tasks of one study apart: pictures go to `figures`, CSV texts to `tables`."""
+
+    study: Study
+    folder: Path
+    figures: Figures
+    tables: dict[str, str]
+    pairs: Mapping[str, Sequence[Pair]]
+    marks: Sequence[Mark]
+    paper: bool
+    """Whether it is the paper's study, so that a kept one may stand beside it."""
+    paths: Paths = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "paths", Paths(self.study))
+
+    def section(self, part: TaskPart) -> Section:
+        """All figures and tables of one task."""
+        task, table = part.task, part.table
+        usual = ("Arena", "Curves", "Paths", "")
+        labels = PAPER.get(task.name, usual) if task.source is None else usual
+        scores = score_tables(task, [one.level for one in part.conditions], self.marks)
+        self.tables[task.name] = table_csv(table)
+        self.tables[f"{task.name}-scores"] = scores_csv(scores)
+        start = task.to_kernel(self.study.profile).start
+        draw = partial(arena_figure, task.arena, self.study.profile, task.feeds, start)
+        arena = self.figures.add(f"{task.name}-arena", draw, words.arena_words(part), labels[0])
+        situated = self._situated(part, labels[2])
+        whole = situated is not None and situated.stands_for(part)
+        few = next((one for one in scores if self.paper and shows_few(one)), None)
+        read = [*(said for one in scores for said in read_scores(one)), *read_table(table)]
+        return Section(
+            task=task,
+            arena=arena,
+            table=table,
+            scores=scores,
+            score_label=labels[3],
+            few=None if few is None else self._few(few),
+            few_sentences=[] if few is None else few_sentences(few),
+            sentences=[*read, *(situated.sentences if situated else ())],
+            curves=self._curves(part, table, labels[1]),
+            paths=None if whole else self._chosen_paths(part, "" if situated else labels[2]),
+            situated=situated,
+            sheet=self._sheet(part),
+            networks=self._networks(part),
+        )
+
+    def _few(self, table: ScoreTable) -> Picture:
+        told = few_words(table, self.study.config.evaluations)
+        return self.figures.add(f"{table.task}-few", partial(few_figure, table), told)
+
+    def _situated(self, part: TaskPart, label: str) -> SituatedPart | None:
+        pairs = self.pairs[part.task.name]
+        if not pairs:
+            return None
+        made = make_situated(part, pairs, self._scene(part), label, self.figures, self.folder)
+        self.tables[f"{part.task.name}-transfers"] = made.csv(part.table, self.study.folder)
+        return made
+
+    def _scene(self, part: TaskPart) -> Scene:
+        return Scene.of(part.task, self.study.profile)
+
+    def _curves(self, part: TaskPart, table: Table, label: str) -> Picture | None:
+        curves = best_so_far(self.study, part)
+        if not curves:
+            return None
+        fresh = {c.level: mean_of(c.means("fittest", c.level)) for c in table.classes}
+        marks = {level: mean.value for level, mean in fresh.items() if mean is not None}
+        task, told = part.task, words.curve_words(part, curves, bool(marks))
+        draw = partial(
+            curves_figure, curves, part.names, scale=task.fitness_scale, unit=task.fitness_unit, fresh=marks
+        )
+        return self.figures.add(f"{task.name}-curves", draw, told, label)
+
+    def _chosen_paths(self, part: TaskPart, label: str) -> Picture | None:
+        panels = []
+        for condition in part.conditions:
+            run = chosen(condition)
+            if run is not None:
+                title = f"{condition.name} noise, #{run.index}: {{score}}"
+                panels.append(self.paths.panel(part, condition, run, title))
+        if not panels:
+            return None
+        told = words.path_words(part, path_of(part.names, [panels]))
+        draw = partial(panels_figure, self._scene(part), panels)
+        return self.figures.add(f"{part.task.name}-paths", draw, told, label)
+
+    def _sheet(self, part: TaskPart) -> Picture | None:
+        rows = [
+            [
+                self.paths.panel(part, c, run, f"{c.name} #{run.index}: {{score}}")
+                for run in c.begun[:PER_CONDITION]
+            ]
+            for c in part.conditions
+            if c.begun
+        ]
+        if sum(len(row) for row in rows) < 2:
+            return None
+        told = words.sheet_words(part, path_of(part.names, rows))
+        draw = partial(sheet_figure, self._scene(part), rows)
+        return self.figures.add(f"{part.task.name}-all-paths", draw, told)
+
+    def _networks(self, part: TaskPart) -> list[tuple[Picture, bool]]:
+        cards = []
+        for condition in part.conditions:
+            shown = chosen(condition)
+            runs = list(condition.begun[:PER_CONDITION])
+            if shown is not None and shown not in runs:
+                runs.append(shown)
+            cards += [(self._network(part, condition, run), run is shown) for run in runs]
+        return cards
+
+    def _network(self, part: TaskPart, condition: NoiseClass, row: Row) -> Picture:
+        genes, task = individual(row), part.task
+        title = f"{condition.name} noise, #{row.index}"
+        told = words.network_words(genes, title, len(task.sensors), champion=row.finished)
+        draw = partial(
+            network_figure, genes, self.study.profile, title=title, feeds=task.feeds, sensors=task.sensors
+        )
+        return self.figures.add(f"{task.name}-network-{condition.name}-{row.index}", draw, told)
