@@ -11,10 +11,9 @@ import pytest
 from matplotlib.patches import Circle
 
 from realitygap.report import style
-from realitygap.report.arenas import arena_figure
-from realitygap.report.curves import curves_figure, mean_curve
+from realitygap.report.arenas import arena_figure, cast, sensor_rays
+from realitygap.report.curves import Curves, curves_figure, mean_curve
 from realitygap.report.paths import PathPanel, Scene, draw_path, panels_figure, sheet_figure, tail
-from realitygap.report.rays import cast, sensor_rays
 from realitygap.report.robots import robot_figure
 from realitygap.report.statistics import difference, mean_of, running_best, student
 from realitygap.tasks import load_task
@@ -105,7 +104,9 @@ def test_curves_have_units_and_an_entry_for_each_noise_level(runs: int) -> None:
     """Also for a single run, which has no band."""
     curves = {level: [running_best(np.linspace(0, 1, 20))] * runs for level in LEVELS}
     with style.styled():
-        axes = curves_figure(curves, LEVELS, unit="10⁻⁶ cm⁻²", scale=1e-6, fresh={1.0: 0.5}).axes[0]
+        axes = curves_figure(
+            Curves(runs=curves, names=LEVELS, unit="10⁻⁶ cm⁻²", scale=1e-6, fresh={1.0: 0.5})
+        ).axes[0]
     assert "10⁻⁶ cm⁻²" in axes.get_ylabel()
     assert [text.get_text() for text in axes.get_legend().get_texts()] == list(LEVELS.values())
     assert len(axes.collections) == (3 if runs > 1 else 0)

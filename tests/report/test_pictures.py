@@ -9,7 +9,7 @@ import pytest
 
 from realitygap.errors import UsageError
 from realitygap.report import save_animation, save_picture
-from realitygap.report.animation import frames
+from realitygap.report.pictures import frames
 from realitygap.tasks import load_task
 from realitygap.world.profile import load_profile
 from tests.report.scenes import circle

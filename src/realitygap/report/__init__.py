@@ -11,7 +11,7 @@ _HOMES = {
     "build_report": "build",
     "draw_network": "network",
     "draw_path": "paths",
-    "save_animation": "animation",
+    "save_animation": "pictures",
     "save_picture": "pictures",
 }
 

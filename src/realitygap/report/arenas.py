@@ -10,15 +10,14 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
-from realitygap.kernels.params import Arena, Robot
+from realitygap.kernels.params import RAYS, Arena, Robot
 from realitygap.report import style
-from realitygap.report.rays import light_rays, sensor_rays
-from realitygap.report.robots import draw_robot
+from realitygap.report.robots import F, draw_robot, light_rays
 from realitygap.report.style import PAGE, new_figure
 from realitygap.world import arena as world
 from realitygap.world.profile import Profile
 
-__all__ = ["arena_figure", "draw_arena", "draw_start"]
+__all__ = ["arena_figure", "cast", "draw_arena", "draw_start", "sensor_rays"]
 
 AMBIENT_RAYS_CM = 15.0
 """Rays of the ambient sensors have no end but the walls: a picture shows so much of them."""
@@ -35,30 +34,22 @@ def draw_arena(ax: Axes, arena: Arena, *, labels: bool = True, names: bool = Fal
     """
     width, depth = (float(v) for v in arena.size)
     edge = 0.02 * max(width, depth)
-    ax.add_patch(
-        Rectangle((0, 0), width, depth, facecolor=style.FLOOR, edgecolor=style.WALL, linewidth=1.6, zorder=0)
-    )
+    floor = Rectangle((0, 0), width, depth, facecolor=style.FLOOR, edgecolor=style.WALL, linewidth=1.6)
+    ax.add_patch(floor).set(zorder=0)
     for x, y, radius in arena.cylinders.reshape(-1, 3):
-        ax.add_patch(
-            Circle((x, y), radius, facecolor=style.CYLINDER, edgecolor=style.WALL, linewidth=0.8, zorder=1)
-        )
+        post = Circle((x, y), radius, facecolor=style.CYLINDER, edgecolor=style.WALL, linewidth=0.8, zorder=1)
+        ax.add_patch(post)
     segments = arena.segments.reshape(-1, 2, 2)
     if len(segments):
         ax.add_collection(LineCollection(list(segments), colors=style.WALL, linewidths=1.6, zorder=1))
     _draw_lamps(ax, arena, names=names)
-    ax.set_xlim(-edge, width + edge * (1.6 if len(arena.lamp_centre) else 1.0))
-    ax.set_ylim(-edge, depth + edge)
-    ax.set_aspect("equal")
-    for side in ax.spines.values():
-        side.set_visible(False)
+    right = width + edge * (1.6 if len(arena.lamp_centre) else 1.0)
+    ax.set(xlim=(-edge, right), ylim=(-edge, depth + edge), aspect="equal")
+    ax.spines[:].set_visible(False)
     if labels:
-        ax.set_xlabel("x (cm)")
-        ax.set_ylabel("y (cm)")
-        ax.set_xticks(_ticks(width))
-        ax.set_yticks(_ticks(depth))
+        ax.set(xlabel="x (cm)", ylabel="y (cm)", xticks=_ticks(width), yticks=_ticks(depth))
     else:
-        ax.set_xticks([])
-        ax.set_yticks([])
+        ax.set(xticks=[], yticks=[])
 
 
 def _ticks(length: float) -> list[float]:
@@ -71,82 +62,86 @@ def _draw_lamps(ax: Axes, arena: Arena, *, names: bool) -> None:
     """Each lamp's points as dots with a half glow about its centre."""
     for points, centre in zip(arena.lamp_points, arena.lamp_centre, strict=True):
         for radius, alpha in ((9.0, 0.12), (6.0, 0.18), (3.2, 0.3)):
-            glow = Circle(
-                tuple(centre), radius, facecolor=style.LAMP, edgecolor="none", alpha=alpha, zorder=0.5
-            )
-            ax.add_patch(glow)
+            glow = Circle(tuple(centre), radius, facecolor=style.LAMP, edgecolor="none", alpha=alpha)
+            ax.add_patch(glow).set(zorder=0.5)
             glow.set_clip_path(Rectangle((0, 0), *arena.size, transform=ax.transData))
         ax.plot(
-            points[:, 0],
-            points[:, 1],
-            "o",
-            color=style.LAMP,
-            markersize=3.2,
-            zorder=4,
-            markeredgecolor=style.WALL,
-            markeredgewidth=0.5,
-            clip_on=False,
-        )
+            *points.T, "o", color=style.LAMP, markersize=3.2, zorder=4, markeredgecolor=style.WALL,
+            markeredgewidth=0.5, clip_on=False,
+        )  # fmt: skip
         if names:
-            to_left = centre[0] > arena.size[0] / 2
+            aside, side = (-10, "right") if centre[0] > arena.size[0] / 2 else (10, "left")
             ax.annotate(
-                "lamp",
-                tuple(centre),
-                xytext=(-10 if to_left else 10, 0),
-                textcoords="offset points",
-                ha="right" if to_left else "left",
-                va="center",
+                "lamp", tuple(centre), xytext=(aside, 0), textcoords="offset points", ha=side, va="center",
                 fontsize=7.5,
-            )
+            )  # fmt: skip
 
 
 def draw_start(ax: Axes, start: np.ndarray) -> None:
     """The disc that starts are drawn from ([5]: x, y, radius, lowest and highest heading), and its name."""
     x, y, radius = (float(v) for v in start[:3])
     if radius > 0:
-        ax.add_patch(
-            Circle(
-                (x, y),
-                radius,
-                fill=False,
-                edgecolor=style.INK,
-                linewidth=1.0,
-                linestyle=(0, (2, 1.5)),
-                zorder=7,
-            )
-        )
+        disc = Circle((x, y), radius, fill=False, edgecolor=style.INK, linewidth=1.0, linestyle=(0, (2, 1.5)))
+        ax.add_patch(disc).set(zorder=7)
     else:
         ax.plot([x], [y], "+", color=style.INK, markersize=6, markeredgewidth=1.0, zorder=7)
+    line = {"arrowstyle": "-", "color": style.INK, "lw": 0.7, "shrinkA": 1, "shrinkB": 0}
     ax.annotate(
-        "start",
-        (x, y - radius),
-        xytext=(0, -32),
-        textcoords="offset points",
-        ha="center",
-        va="top",
-        fontsize=7.5,
-        zorder=8,
-        arrowprops={"arrowstyle": "-", "color": style.INK, "lw": 0.7, "shrinkA": 1, "shrinkB": 0},
+        "start", (x, y - radius), xytext=(0, -32), textcoords="offset points", ha="center", va="top",
+        fontsize=7.5, zorder=8, arrowprops=line,
+    )  # fmt: skip
+
+
+def cast(arena: Arena, origin: F, direction: F) -> F:
+    """Distance in cm from each origin [N, 2] along each unit vector [N, 2] to the nearest thing."""
+    width, depth = arena.size
+    walls = np.array(
+        [[0, 0, width, 0], [width, 0, width, depth], [width, depth, 0, depth], [0, depth, 0, 0]], dtype=float
     )
+    distance = np.full(len(origin), np.inf)
+    for x0, y0, x1, y1 in np.concatenate([walls, arena.segments.reshape(-1, 4)]):
+        along = np.array([x1 - x0, y1 - y0])
+        across = direction[:, 0] * along[1] - direction[:, 1] * along[0]
+        start = np.array([x0, y0]) - origin
+        with np.errstate(divide="ignore", invalid="ignore"):
+            reach = (start[:, 0] * along[1] - start[:, 1] * along[0]) / across
+            place = (start[:, 0] * direction[:, 1] - start[:, 1] * direction[:, 0]) / across
+        met = (across != 0) & (reach >= 0) & (place >= 0) & (place <= 1)
+        distance = np.where(met & (reach < distance), reach, distance)
+    for x, y, radius in arena.cylinders.reshape(-1, 3):
+        start = np.array([x, y]) - origin
+        middle = (start * direction).sum(axis=1)
+        miss = (start**2).sum(axis=1) - middle**2
+        half = np.sqrt(np.maximum(radius**2 - miss, 0.0))
+        met = (miss < radius**2) & (middle - half >= 0)
+        distance = np.where(met & (middle - half < distance), middle - half, distance)
+    return distance
+
+
+def sensor_rays(arena: Arena, place: F, ray: F, pose: tuple[float, float, float], reach: F | float) -> F:
+    """Where the rays of all sensors start and end, [S · RAYS, 2 ends, 2] in cm.
+
+    `place` [S, 2] and `ray` [S, 2, lanes] are in the robot's frame, `reach` [S] bounds each
+    sensor's rays; `pose` is x, y and heading.
+    """
+    x, y, heading = pose
+    turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
+    origin = np.repeat(place @ turn.T + (x, y), RAYS, axis=0)
+    direction = (ray[:, :, :RAYS].transpose(0, 2, 1) @ turn.T).reshape(-1, 2)
+    bound = np.repeat(np.broadcast_to(np.asarray(reach, dtype=float), len(place)), RAYS)
+    length = np.minimum(cast(arena, origin, direction), bound)
+    return np.stack([origin, origin + length[:, None] * direction], axis=1)
 
 
 def _draw_rays(ax: Axes, robot: Robot, arena: Arena, feeds: str, pose: tuple[float, float, float]) -> None:
     """The rays that a task's robot senses with, to what they meet or as far as they matter."""
     if feeds == "proximity":
-        place, ray = robot.proximity_place, robot.proximity_ray
         reach = np.where(np.isfinite(robot.proximity_reach), robot.proximity_reach, AMBIENT_RAYS_CM)
+        rays = sensor_rays(arena, robot.proximity_place, robot.proximity_ray, pose, reach)
     else:
-        place, ray, reach = (
-            robot.ambient_place,
-            light_rays(robot),
-            np.full(len(robot.ambient_place), AMBIENT_RAYS_CM),
-        )
-    rays = sensor_rays(arena, place, ray, pose, reach)
+        rays = sensor_rays(arena, robot.ambient_place, light_rays(robot), pose, AMBIENT_RAYS_CM)
     ax.add_collection(LineCollection(list(rays), colors=style.RAY, linewidths=0.45, zorder=3))
-    x, y, heading = pose
-    turn = np.array([[math.cos(heading), -math.sin(heading)], [math.sin(heading), math.cos(heading)]])
-    spots = place @ turn.T + (x, y)
-    ax.plot(spots[:, 0], spots[:, 1], "o", color=style.RAY, markersize=1.8, zorder=6)
+    ax.plot(*rays[::RAYS, 0].T, "o", color=style.RAY, markersize=1.8, zorder=6)
 
 
 def _sensing_pose(arena: world.Arena, robot: Robot, start: np.ndarray) -> tuple[float, float, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +10,12 @@ from numpy.typing import NDArray
 from realitygap.report.style import GRID, INK, MUTED, PAGE, new_figure
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import Collection
     from matplotlib.figure import Figure
 
     from realitygap.calibration.channels import ChannelFit
+    from realitygap.calibration.noise import NoiseEstimate
     from realitygap.calibration.recordings.recording import WheelRecording
     from realitygap.calibration.wheels.fit import WheelFit
 
@@ -33,17 +36,15 @@ def curves_figure(fit: ChannelFit) -> Figure:
             _curves_over_bearing(fit, k, axes)
         else:
             axes.plot([0, 1023], [0, 1023], color=MUTED, lw=0.8)
-            axes.scatter(
-                fit.counts[:, k], fit.model[:, k], s=3, color=COLOURS[0], lw=0, alpha=0.4, rasterized=True
-            )
-            ends = _ends(fit)
+            dots = axes.scatter(fit.counts[:, k], fit.model[:, k], s=3, color=COLOURS[0], lw=0, alpha=0.4)
+            dots.set_rasterized(True)
+            both = np.stack([fit.counts, fit.model])
+            ends = float(both.min()) - 10, float(both.max()) + 10
             axes.set(xlim=ends, ylim=ends)
         axes.set_title(_title(fit, k))
-    first = panels[0]
     if grid:
-        handles, labels = first.get_legend_handles_labels()
+        handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=SHOWN, markerscale=2.5)
-    if grid:
         _label(figure, "bearing of the object off the one that the sensor answers most to, degrees", "counts")
     else:
         _label(figure, "measured, counts", "model, counts")
@@ -55,28 +56,17 @@ def maps_figure(fit: ChannelFit) -> Figure:
     figure, panels = _panels(len(fit.counts[0]))
     off = fit.model - fit.counts
     scale = max(float(np.percentile(np.abs(off), 99)), 1.0)
-    drawn: Any = None
+    drawn: list[Collection] = []
     for k, axes in enumerate(panels):
         if is_grid(fit):
             distance, bearing, table = _table(fit, off[:, k])
-            drawn = axes.pcolormesh(
-                bearing,
-                distance,
-                table,
-                cmap="PuOr",
-                vmin=-scale,
-                vmax=scale,
-                shading="nearest",
-                rasterized=True,
-            )
+            drawn.append(axes.pcolormesh(bearing, distance, table, shading="nearest"))
         else:
-            drawn = axes.scatter(
-                fit.bearing_deg, fit.distance_cm, c=off[:, k], cmap="PuOr", vmin=-scale, vmax=scale,
-                s=5, lw=0, rasterized=True,
-            )  # fmt: skip
+            drawn.append(axes.scatter(fit.bearing_deg, fit.distance_cm, c=off[:, k], s=5, lw=0))
+        drawn[-1].set(cmap="PuOr", clim=(-scale, scale), rasterized=True)
         axes.set_title(_title(fit, k))
         axes.set_xticks([-180, -90, 0, 90, 180])
-    bar = figure.colorbar(drawn, ax=panels, shrink=0.8, aspect=30, pad=0.02)
+    bar = figure.colorbar(drawn[-1], ax=panels, shrink=0.8, aspect=30, pad=0.02)
     bar.set_label("model minus measured, counts")
     _label(figure, "bearing of the object, degrees", "distance, cm")
     return figure
@@ -142,7 +132,7 @@ def slip_figure(fit: WheelFit) -> Figure:
     return figure
 
 
-def _panels(count: int) -> tuple[Figure, list[Any]]:
+def _panels(count: int) -> tuple[Figure, list[Axes]]:
     """`count` panels, four a row."""
     rows = max(1, -(-count // 4))
     figure = new_figure(PAGE, 0.6 + 1.55 * rows, layout="constrained")
@@ -158,7 +148,7 @@ def _label(figure: Figure, x: str, y: str) -> None:
     figure.supylabel(y, fontsize=8)
 
 
-def _shown(fit: ChannelFit) -> tuple[Any, ...]:
+def _shown(fit: ChannelFit) -> tuple[NoiseEstimate, ...]:
     return tuple(e for e in fit.noise if e.channel != "proximity_dark")
 
 
@@ -173,7 +163,7 @@ def is_grid(fit: ChannelFit) -> bool:
     return bool(distances > 1 and places >= 0.9 * distances * bearings)
 
 
-def _curves_over_bearing(fit: ChannelFit, k: int, axes: Any) -> None:
+def _curves_over_bearing(fit: ChannelFit, k: int, axes: Axes) -> None:
     distances = np.unique(fit.distance_cm)
     lively = [d for d in distances if np.ptp(fit.counts[fit.distance_cm == d, k]) > 60] or list(distances)
     picked = [lively[i] for i in np.unique(np.linspace(0, len(lively) - 1, SHOWN).round().astype(int))]
@@ -192,12 +182,6 @@ def _curves_over_bearing(fit: ChannelFit, k: int, axes: Any) -> None:
         axes.plot(turned[order], fit.model[rows, k][order], color=colour, lw=1.0)
     axes.set(xlim=(-reach, reach), xticks=(-reach, -reach // 2, 0, reach // 2, reach))
     axes.grid(True, color=GRID, lw=0.5)
-
-
-def _ends(fit: ChannelFit) -> tuple[float, float]:
-    return float(min(fit.counts.min(), fit.model.min())) - 10, float(
-        max(fit.counts.max(), fit.model.max())
-    ) + 10
 
 
 def _table(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from realitygap.report.statistics import student
 from realitygap.report.style import COLUMN, NoiseStyle, new_figure, noise_styles
 
-__all__ = ["curves_figure", "draw_curves", "mean_curve"]
+__all__ = ["Curves", "curves_figure", "draw_curves", "mean_curve"]
 
 
 def mean_curve(runs: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -28,49 +28,46 @@ def mean_curve(runs: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     return rows.mean(axis=0), half
 
 
-def draw_curves(
-    ax: Axes,
-    conditions: Mapping[float, Sequence[np.ndarray]],
-    names: Mapping[float, str],
-    *,
-    scale: float = 1.0,
-    unit: str = "",
-    fresh: Mapping[float, float] | None = None,
-) -> None:
-    """One curve a noise level with its 95 % band.
+@dataclass(frozen=True, kw_only=True)
+class Curves:
+    """What figure 4 or 6 shows, by noise level; fitness unscaled.
 
-    Args:
-        ax: where.
-        conditions: for each noise level the running best fitness of each of its runs, from evaluation 1.
+    Attributes:
+        runs: the running best fitness of each run, from evaluation 1.
         names: what each noise level is called.
-        scale: what fitness is divided by, `unit` what remains.
-        unit: shown on the axis.
-        fresh: for each noise level a mean on fresh trials, drawn as a mark behind the curve's end.
+        fresh: a mean on fresh trials, drawn as a mark behind the curve's end.
+        scale: what fitness is divided by; unit: what remains, shown on the axis.
     """
-    styles = noise_styles(conditions)
-    drawn = {level: [run for run in runs if len(run)] for level, runs in conditions.items()}
+
+    runs: Mapping[float, Sequence[np.ndarray]]
+    names: Mapping[float, str]
+    fresh: Mapping[float, float] = field(default_factory=dict)
+    scale: float = 1.0
+    unit: str = ""
+
+
+def draw_curves(ax: Axes, curves: Curves) -> None:
+    """One curve a noise level with its 95 % band."""
+    styles, scale = noise_styles(curves.runs), curves.scale
+    drawn = {level: [run for run in runs if len(run)] for level, runs in curves.runs.items()}
     longest = max(
-        (_draw_one(ax, runs, names[level], styles[level], scale) for level, runs in drawn.items() if runs),
+        (
+            _draw_one(ax, runs, curves.names[level], styles[level], scale)
+            for level, runs in drawn.items()
+            if runs
+        ),
         default=1,
     )
-    for level, value in (fresh or {}).items():
+    for level, value in curves.fresh.items():
         look = styles[level]
         ax.plot(
-            [longest * 1.035],
-            [value / scale],
-            marker=look.marker,
-            color=look.colour,
-            markersize=5,
-            markerfacecolor="none",
-            clip_on=False,
-            linestyle="none",
-            zorder=4,
-        )
-    ax.set_xlim(0, longest * 1.06)
+            [longest * 1.035], [value / scale], marker=look.marker, color=look.colour, markersize=5,
+            markerfacecolor="none", clip_on=False, linestyle="none", zorder=4,
+        )  # fmt: skip
     lowest = min((float(run.min()) for runs in drawn.values() for run in runs), default=0.0)
+    ax.set(xlim=(0, longest * 1.06), xlabel="evaluations")
     ax.set_ylim(bottom=min(0.0, lowest / scale))
-    ax.set_xlabel("evaluations")
-    ax.set_ylabel("fitness of the fittest" + (f" ({unit})" if unit else ""))
+    ax.set_ylabel("fitness of the fittest" + (f" ({curves.unit})" if curves.unit else ""))
     ax.grid(axis="y")
     ax.set_axisbelow(True)
     ax.legend(loc="lower right")
@@ -81,32 +78,18 @@ def _draw_one(ax: Axes, runs: Sequence[np.ndarray], name: str, look: NoiseStyle,
     mean, half = mean_curve(runs)
     at = np.arange(1, len(mean) + 1)
     if len(runs) > 1:
-        ax.fill_between(
-            at,
-            (mean - half) / scale,
-            (mean + half) / scale,
-            color=look.colour,
-            alpha=0.14,
-            linewidth=0,
-            zorder=1,
-        )
+        low, high = (mean - half) / scale, (mean + half) / scale
+        ax.fill_between(at, low, high, color=look.colour, alpha=0.14, linewidth=0, zorder=1)
     marks = np.unique(np.linspace(0, len(mean) - 1, 6).astype(int)[1:])
     ax.plot(
-        at,
-        mean / scale,
-        color=look.colour,
-        linestyle=look.line,
-        marker=look.marker,
-        label=name,
-        markevery=list(marks),
-        markersize=4,
-        zorder=3,
-    )
+        at, mean / scale, color=look.colour, linestyle=look.line, marker=look.marker, label=name,
+        markevery=list(marks), markersize=4, zorder=3,
+    )  # fmt: skip
     return len(mean)
 
 
-def curves_figure(conditions: Any, names: Mapping[float, str], **options: Any) -> Figure:
+def curves_figure(curves: Curves) -> Figure:
     """Figure 4 or 6 in one column of a paper."""
     figure = new_figure(COLUMN * 1.25, COLUMN * 0.85, layout="constrained")
-    draw_curves(figure.add_subplot(), conditions, names, **options)
+    draw_curves(figure.add_subplot(), curves)
     return figure

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from realitygap.report.gather import TaskPart
+from realitygap.study.config import StudyConfig
+from realitygap.study.load import Study
 from realitygap.study.parts import Encoding, Evolution
 from realitygap.tasks import load_task
 from realitygap.world.files import shipped
@@ -26,7 +27,7 @@ NO_GAIN = 1e-3
 """Below it the wheels' integral gain, printed as 800, does nothing: a fit ends beside its bound."""
 
 
-def is_paper(study: Any, parts: Sequence[TaskPart]) -> bool:
+def is_paper(study: Study, parts: Sequence[TaskPart]) -> bool:
     """Whether this is the paper's study: its tasks, noise levels, robot, networks, genetic algorithm."""
     tasks = {part.task.name: part.task for part in parts}
     if set(tasks) != {"obstacle-avoidance", "light-seeking"}:
@@ -41,7 +42,7 @@ def is_paper(study: Any, parts: Sequence[TaskPart]) -> bool:
     )
 
 
-def lead(study: Any, parts: Sequence[TaskPart]) -> str:
+def lead(study: Study, parts: Sequence[TaskPart]) -> str:
     """What was evolved, how, in the simulation of which robot, and under what noise: by the settings."""
     config = study.config
     name = config.evolution.algorithm
@@ -73,7 +74,7 @@ def departures(profile: Profile) -> str:
     return ", and ".join(words for words in told if words)
 
 
-def _other_rates(config: Any) -> bool:
+def _other_rates(config: StudyConfig) -> bool:
     """Whether the operators' rates are not the usual ones."""
     return bool(config.variation != type(config.variation)())
 

@@ -1,10 +1,11 @@
-"""A picture of a network: neurons, links, weights and delays in their places on the robot."""
+"""A network in its places on the robot: neurons, links, weights, delays; as a picture, and for the player."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from functools import partial
+from itertools import product
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,6 +13,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Rectangle
 
+from realitygap.controller.layout import Genes
 from realitygap.report import style
 from realitygap.report.robots import draw_robot
 from realitygap.report.style import new_figure
@@ -28,9 +30,10 @@ from realitygap.report.wiring import (
     read_wiring,
     width_inches,
 )
+from realitygap.tasks.task import Task
 from realitygap.world.profile import Profile
 
-__all__ = ["draw_network", "network_figure"]
+__all__ = ["draw_network", "network_drawing", "network_figure"]
 
 EXCITATORY = style.INK
 
@@ -78,33 +81,22 @@ def _unit(ax: Axes, radius: float) -> float:
 
 def _draw_links(ax: Axes, wiring: Wiring, curves: list[np.ndarray], unit: float) -> None:
     """Curves with an arrow or a dot at their ends, widths by weight."""
-    for pale in (True, False):
-        for excitatory in (True, False):
-            chosen = [
-                (k, c)
-                for k, c in zip(wiring.links, curves, strict=True)
-                if (k.weight >= 0) == excitatory and wiring.works(k) != pale
-            ]
-            if not chosen:
-                continue
-            colour, alpha = EXCITATORY if excitatory else style.INHIBITORY, 0.18 if pale else 1.0
-            ax.add_collection(
-                LineCollection(
-                    [c for _, c in chosen],
-                    colors=colour,
-                    alpha=alpha,
-                    zorder=7,
-                    linewidths=[0.6 if pale else 0.5 + 0.5 * abs(k.weight) for k, _ in chosen],
-                    linestyles=(0, (3, 2)) if pale else "-",
-                )
-            )
-            if excitatory:
-                heads = [_arrow(c, unit * (0.14 + 0.02 * abs(k.weight))) for k, c in chosen]
-            else:
-                heads = [_dot(c[-1], unit * (0.075 + 0.012 * abs(k.weight))) for k, c in chosen]
-            ax.add_collection(
-                PolyCollection(heads, facecolors=colour, edgecolors="none", alpha=alpha, zorder=8)
-            )
+    every = list(zip(wiring.links, curves, strict=True))
+    for pale, excitatory in product((True, False), (True, False)):
+        chosen = [(k, c) for k, c in every if (k.weight >= 0) == excitatory and wiring.works(k) != pale]
+        if not chosen:
+            continue
+        colour, alpha = EXCITATORY if excitatory else style.INHIBITORY, 0.18 if pale else 1.0
+        wide = [0.6 if pale else 0.5 + 0.5 * abs(k.weight) for k, _ in chosen]
+        lines = LineCollection(
+            [c for _, c in chosen], colors=colour, linewidths=wide, linestyles=(0, (3, 2)) if pale else "-"
+        )
+        ax.add_collection(lines).set(alpha=alpha, zorder=7)
+        if excitatory:
+            heads = [_arrow(c, unit * (0.14 + 0.02 * abs(k.weight))) for k, c in chosen]
+        else:
+            heads = [_dot(c[-1], unit * (0.075 + 0.012 * abs(k.weight))) for k, c in chosen]
+        ax.add_collection(PolyCollection(heads, facecolors=colour, edgecolors="none", alpha=alpha, zorder=8))
 
 
 def _arrow(curve: np.ndarray, size: float) -> np.ndarray:
@@ -135,14 +127,8 @@ def _draw_neurons(
             name = str(sensors[n]) if n < len(sensors) and sensors[n] >= 0 else "–"
         elif n < wiring.inputs + wiring.outputs:
             half, place = OUTPUT * unit, n - wiring.inputs
-            shape = Rectangle(
-                (x - half, y - half),
-                2 * half,
-                2 * half,
-                facecolor=style.PAPER,
-                edgecolor=style.INK,
-                linewidth=1.2,
-            )
+            shape = Rectangle((x - half, y - half), 2 * half, 2 * half, facecolor=style.PAPER)
+            shape.set(edgecolor=style.INK, linewidth=1.2)
             name = "LR"[place] if place < 2 else str(n)
         else:
             shape = Circle((x, y), HIDDEN * unit, facecolor=style.PAPER, edgecolor=style.INK, linewidth=1.0)
@@ -166,17 +152,8 @@ def _label(ax: Axes, link: Link, spot: np.ndarray, unit: float) -> None:
     words = ("+" if link.weight > 0 else "") + _signed(link.weight)
     words += f" d{link.delay}" if link.delay else ""
     wide, tall = (0.086 * len(words) + 0.03) * unit, 0.105 * unit
-    ax.add_patch(
-        Rectangle(
-            (spot[0] - wide, spot[1] - tall),
-            2 * wide,
-            2 * tall,
-            facecolor=style.BODY,
-            edgecolor="none",
-            alpha=0.85,
-            zorder=10.5,
-        )
-    )
+    plate = Rectangle((spot[0] - wide, spot[1] - tall), 2 * wide, 2 * tall, facecolor=style.BODY)
+    ax.add_patch(plate).set(edgecolor="none", alpha=0.85, zorder=10.5)
     ax.text(spot[0], spot[1], words, ha="center", va="center_baseline", fontsize=6.6, zorder=11)
 
 
@@ -203,12 +180,8 @@ def network_figure(
     legend = figure.add_axes((0.5 - 1.8 / wide, 0.0, 3.6 / wide, 0.33 / tall))
     legend.set(xlim=(0, 100), ylim=(0, 10))
     legend.axis("off")
-    legend.annotate(
-        "",
-        (9, 7),
-        (1, 7),
-        arrowprops={"arrowstyle": "-|>", "color": EXCITATORY, "lw": 1.4, "mutation_scale": 7},
-    )
+    arrow = {"arrowstyle": "-|>", "color": EXCITATORY, "lw": 1.4, "mutation_scale": 7}
+    legend.annotate("", (9, 7), (1, 7), arrowprops=arrow)
     legend.plot([30, 37.4], [7, 7], color=style.INHIBITORY, linewidth=1.6)
     legend.plot([37.6], [7], "o", color=style.INHIBITORY, markersize=4)
     for x, y, words in (
@@ -220,3 +193,44 @@ def network_figure(
     ):
         legend.text(x, y, words, va="center", fontsize=6)
     return figure
+
+
+def network_drawing(genes: Genes, task: Task, profile: Profile) -> tuple[dict[str, object], list[int]]:
+    """Neurons and links in cm on the robot, which looks up; y points down, as on a screen.
+
+    Beside them the slots of the neurons, in the order in which a track's outputs stand.
+    """
+    robot = profile.to_kernel()
+    spots = robot.proximity_place if task.feeds == "proximity" else robot.ambient_place
+    wiring = read_wiring(genes, inputs=len(task.sensors), outputs=OUTPUTS)
+    unit = UNIT_INCHES * (2 * float(robot.radius) + 0.24) / width_inches(len(wiring.hidden))
+    laid = lay_out(wiring, robot, spots, task.sensors, unit)
+    slots = sorted(laid.places)
+    neurons = [
+        {
+            "x": _short(laid.places[n][0]), "y": _short(-laid.places[n][1]), "r": _short(laid.sizes[n]),
+            "kind": wiring.kind(n), "name": _name(n, wiring, task.sensors),
+            "threshold": wiring.thresholds.get(n, 0), "useful": n in wiring.useful,
+        }
+        for n in slots
+    ]  # fmt: skip
+    links = [
+        {
+            "from": slots.index(link.source), "to": slots.index(link.target), "weight": link.weight,
+            "delay": link.delay, "works": wiring.works(link),
+            "points": [[_short(x), _short(-y)] for x, y in [*curve[:-1:2], curve[-1]]],
+        }
+        for link, curve in zip(wiring.links, laid.curves, strict=True)
+    ]  # fmt: skip
+    return {"unit": round(unit, 3), "neurons": neurons, "links": links}, slots
+
+
+def _name(slot: int, wiring: Wiring, sensors: Sequence[int]) -> str:
+    """A sensor's number, the wheel, or the slot of a hidden neuron."""
+    if slot < wiring.inputs:
+        return str(sensors[slot])
+    return "LR"[slot - wiring.inputs] if slot < wiring.inputs + OUTPUTS else str(slot)
+
+
+def _short(value: float) -> float:
+    return round(float(value), 2)

@@ -9,25 +9,32 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from realitygap.controller.layout import Genes
 from realitygap.kernels.params import STEP_S
 from realitygap.report.gather import PER_CONDITION, Paths, TaskPart, chosen, individual
-from realitygap.report.player_network import network_drawing
-from realitygap.report.player_tracks import activity, poses_of, track
+from realitygap.report.network import network_drawing
+from realitygap.report.player_tracks import Inside, activity, poses_of, track
 from realitygap.report.robots import WHEEL_CM
 from realitygap.report.style import noise_styles
 from realitygap.report.tables import NoiseClass, Row, number
 from realitygap.report.transfers import Pair, robots_of
 from realitygap.robots.recording import Recording
-from realitygap.track import Trajectory, read_track
-from realitygap.transfer.replay import Replay, Replays
+from realitygap.study.load import Study
+from realitygap.tasks.task import Task
+from realitygap.track import Track, Trajectory, read_track
+from realitygap.transfer.replay import Replays
 from realitygap.transfer.trial import SIMULATED, SITUATED
+from realitygap.world.arena import Arena
+from realitygap.world.profile import Profile
 from realitygap.world.rays import RAY_ANGLES_DEG
+from realitygap.world.sensors import Ambient, Infrared
 
 __all__ = ["MOST_RUNS", "MOST_TRIALS", "player_data", "player_json"]
+
+Json = dict[str, object]
 
 MOST_RUNS = 2 * PER_CONDITION
 """Runs of a condition that the page holds: as many as its tables show."""
@@ -40,16 +47,15 @@ LARGEST = 32_000
 """A room's longer side in units of packed places, at most: they are int16."""
 
 
-def player_json(data: Mapping[str, Any]) -> str:
+def player_json(data: Json) -> str:
     """The document as it may stand inside a script element: no "<" ends it."""
-    return json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False).replace(
-        "<", "\\u003c"
-    )
+    text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c")
 
 
 def player_data(
-    study: Any, parts: Sequence[TaskPart], pairs: Mapping[str, Sequence[Pair]], paths: Paths
-) -> dict[str, Any] | None:
+    study: Study, parts: Sequence[TaskPart], pairs: Mapping[str, Sequence[Pair]], paths: Paths
+) -> Json | None:
     """All that the player knows; None where no run has been begun."""
     body = study.profile.to_kernel()
     gather = _Gather(study, paths, {c.level for part in parts for c in part.conditions})
@@ -64,56 +70,34 @@ def player_data(
 class _Cast:
     """Whose drives are shown: a run's individual, and how its numbers are packed."""
 
-    task: Any
-    genes: Any
+    task: Task
+    genes: Genes
     slots: Sequence[int]
     """Neurons of the network, in the order in which their outputs are packed."""
     unit_cm: float
 
-    def simulated(self, one: Trajectory, score: str, drove: Any) -> dict[str, Any]:
-        """A simulated drive; `drove` is the genotype that did."""
-        return track(
-            "simulated",
-            score,
-            poses_of(one.track),
-            self.unit_cm,
-            readings=one.proximity if self.task.feeds == "proximity" else one.ambient,
-            commands=one.commands,
-            outputs=self._outputs(one, drove),
-        )
-
-    def situated(self, pair: Pair, replay: Replay, score: str) -> dict[str, Any]:
-        """A drive on a robot, as far as its folder tells of it."""
-        poses, kept = poses_of(read_track(pair.folder / SITUATED)), replay.situated
+    def drive(
+        self, who: str, score: str, path: Track, kept: Trajectory | Recording | None, drove: Genes | None
+    ) -> Json:
+        """A drive on a path, with what was `kept` of it; `drove` is the genotype that did, if known."""
         if kept is None:
-            return track(pair.where, score, poses, self.unit_cm)
-        return track(
-            pair.where,
-            score,
-            poses,
-            self.unit_cm,
-            readings=kept.proximity if self.task.feeds == "proximity" else kept.ambient,
-            commands=kept.commands,
-            outputs=self._outputs(kept, replay.genes),
-        )
-
-    def _outputs(self, drive: Trajectory | Recording, drove: Any) -> Any:
-        """The network's outputs, if the network that is drawn is the one that drove."""
+            return track(who, score, poses_of(path), self.unit_cm)
+        readings, outputs = getattr(kept, self.task.feeds), None
         same = drove is not None and np.array_equal(self.genes, drove)
-        if not same or drive.inputs.shape[1] != len(self.task.sensors):
-            return None
-        return activity(self.genes, drive.inputs, drive.commands, self.slots)
+        if same and kept.inputs.shape[1] == len(self.task.sensors):  # the network that is drawn drove
+            outputs = activity(self.genes, kept.inputs, kept.commands, self.slots)
+        return track(who, score, poses_of(path), self.unit_cm, Inside(readings, kept.commands, outputs))
 
 
 class _Gather:
     """Takes runs and transfers of one study apart into what a page can show."""
 
-    def __init__(self, study: Any, paths: Paths, levels: set[float]) -> None:
+    def __init__(self, study: Study, paths: Paths, levels: set[float]) -> None:
         self.study, self.paths = study, paths
         self.styles = noise_styles(levels)
         self.replays = Replays(study)
 
-    def task(self, part: TaskPart, pairs: Sequence[Pair]) -> dict[str, Any]:
+    def task(self, part: TaskPart, pairs: Sequence[Pair]) -> Json:
         """A task: its arena, the sensors it feeds, its noise levels."""
         task = part.task
         return {
@@ -127,7 +111,7 @@ class _Gather:
             "noises": [self.noise(part, c, pairs) for c in part.conditions if c.begun],
         }
 
-    def noise(self, part: TaskPart, condition: NoiseClass, pairs: Sequence[Pair]) -> dict[str, Any]:
+    def noise(self, part: TaskPart, condition: NoiseClass, pairs: Sequence[Pair]) -> Json:
         """A noise level's runs; `shown` is the one that the figures show."""
         shown, runs = chosen(condition), list(condition.begun[:MOST_RUNS])
         if shown is not None and shown not in runs:
@@ -141,7 +125,7 @@ class _Gather:
             ],
         }
 
-    def run(self, part: TaskPart, condition: NoiseClass, row: Row, pairs: Sequence[Pair]) -> dict[str, Any]:
+    def run(self, part: TaskPart, condition: NoiseClass, row: Row, pairs: Sequence[Pair]) -> Json:
         """A run: its network and its trials, transferred ones where there are any."""
         genes, task = individual(row), part.task
         drawing, slots = network_drawing(genes, task, self.study.profile)
@@ -160,23 +144,23 @@ class _Gather:
             "trials": trials or [self.alone(part, condition, row, cast)],
         }
 
-    def alone(self, part: TaskPart, condition: NoiseClass, row: Row, cast: _Cast) -> dict[str, Any]:
+    def alone(self, part: TaskPart, condition: NoiseClass, row: Row, cast: _Cast) -> Json:
         """A run that drove no robot: its trial in the simulation, as the figures of paths show it."""
         panel = self.paths.panel(part, condition, row, "{score}")
         assert isinstance(panel.trajectory, Trajectory)
-        simulated = cast.simulated(panel.trajectory, panel.title, cast.genes)
+        one = panel.trajectory
+        simulated = cast.drive("simulated", panel.title, one.track, one, cast.genes)
         return {"name": "simulated only", "link": "simulated", "simulated": simulated, "situated": None}
 
-    def transfer(self, part: TaskPart, pair: Pair, cast: _Cast) -> dict[str, Any]:
+    def transfer(self, part: TaskPart, pair: Pair, cast: _Cast) -> Json:
         """One transfer: both drives, as far as they are known."""
         replay, table = self.replays.of(pair.folder), part.table
         scores = ["–" if v != v else number(v / table.scale, table.places) for v in pair.fitness]
-        if replay.simulated is not None:
-            simulated = cast.simulated(replay.simulated, scores[0], replay.genes)
-        else:
-            poses = poses_of(read_track(pair.folder / SIMULATED))
-            simulated = track("simulated", scores[0], poses, cast.unit_cm)
-        situated = cast.situated(pair, replay, scores[1])
+        known = replay.simulated
+        path = read_track(pair.folder / SIMULATED) if known is None else known.track
+        simulated = cast.drive("simulated", scores[0], path, known, replay.genes)
+        path = read_track(pair.folder / SITUATED)
+        situated = cast.drive(pair.where, scores[1], path, replay.situated, replay.genes)
         who = "" if pair.individual == "champion" else f"{pair.individual}/"
         return {
             "name": f"{pair.where}, start {pair.start}",
@@ -186,12 +170,12 @@ class _Gather:
         }
 
 
-def _unit_cm(task: Any) -> float:
+def _unit_cm(task: Task) -> float:
     """What places are packed in: hundredths of a cm, coarser in a room too large for int16."""
     return float(max(FINEST_CM, max(task.arena.size_cm) / LARGEST))
 
 
-def _arena(arena: Any) -> dict[str, Any]:
+def _arena(arena: Arena) -> Json:
     """As plain numbers in cm; a lamp is its middle and its points."""
     plain = arena.plain()
     plain["lamps"] = [
@@ -201,22 +185,25 @@ def _arena(arena: Any) -> dict[str, Any]:
     return dict(plain)
 
 
-def _sensors(task: Any, profile: Any) -> dict[str, Any]:
+def _sensors(task: Task, profile: Profile) -> Json:
     """The sensors that a task feeds: places in the robot's frame, rays, and the counts' range.
 
     `dull` and `bright` are the counts at which a sensor's rays are drawn not at all, and strongest.
     """
-    near = task.feeds == "proximity"
-    part = profile.infrared if near else profile.ambient
-    reach = [min(s.reach_cm(), LIT_RAYS_CM) if near else LIT_RAYS_CM for s in part.sensors]
+    part: Infrared | Ambient
+    if task.feeds == "proximity":
+        part = profile.infrared
+        reach = [min(s.reach_cm(), LIT_RAYS_CM) for s in part.sensors]
+        limits = {"petals": False, "top": part.top, "dull": 0, "bright": part.top}
+    else:
+        part = profile.ambient
+        reach = [LIT_RAYS_CM] * len(part.sensors)
+        limits = {"petals": True, "top": part.dark, "dull": part.dark, "bright": part.floor}
     return {
         "places": [[s.x_cm, s.y_cm] for s in part.sensors],
         "directions": [s.direction_deg for s in part.sensors],
         "reach": [round(cm, 2) for cm in reach],
         "rays": list(RAY_ANGLES_DEG),
-        "petals": not near,
-        "top": part.top if near else part.dark,
-        "dull": 0 if near else part.dark,
-        "bright": part.top if near else part.floor,
+        **limits,
         "fed": list(task.sensors),
     }

@@ -7,16 +7,16 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from realitygap.controller.layout import Genes, Layout
 from realitygap.controller.network import NetworkController
 from realitygap.track import Track
 
-__all__ = ["LOST", "activity", "pack", "poses_of", "track"]
+__all__ = ["LOST", "Inside", "activity", "pack", "poses_of", "track"]
 
 LOST = -32768
 """Stands for a number that there is not: the camera lost the robot."""
@@ -28,7 +28,7 @@ DIGITS = 9
 Floats = NDArray[np.float64]
 
 
-def pack(values: Any, kind: str) -> str:
+def pack(values: ArrayLike, kind: str) -> str:
     """Whole numbers as base64: `kind` is "<i2" or "i1"; a NaN is LOST; what is too large is clipped."""
     numbers = np.asarray(values, np.float64)
     limits = np.iinfo(np.dtype(kind))
@@ -43,7 +43,9 @@ def poses_of(track: Track) -> Floats:
     return np.stack([track.x, track.y, track.heading_deg.round(DIGITS)], axis=1)
 
 
-def activity(genes: Genes, inputs: Any, commands: Any, slots: Sequence[int]) -> NDArray[np.int64] | None:
+def activity(
+    genes: Genes, inputs: NDArray[np.int64], commands: NDArray[np.int64], slots: Sequence[int]
+) -> NDArray[np.int64] | None:
     """Outputs [n, slots] of a network's neurons at the end of each step of a drive, by living it again.
 
     Args:
@@ -64,40 +66,38 @@ def activity(genes: Genes, inputs: Any, commands: Any, slots: Sequence[int]) -> 
     return shown
 
 
-def track(
-    who: str,
-    score: str,
-    poses: Floats,
-    unit_cm: float,
-    *,
-    readings: Floats | None = None,
-    commands: Any = None,
-    outputs: Any = None,
-) -> dict[str, Any]:
-    """One drive for the page; rows of readings, commands and outputs belong to the poses' first n.
+class Inside(NamedTuple):
+    """What went on inside a robot, a row a step, as far as it is known.
+
+    Attributes:
+        readings: [n, S] counts of the sensors that the task feeds.
+        commands: [n, 2] Khepera units.
+        outputs: [n, N] of the network's neurons.
+    """
+
+    readings: NDArray[np.float64] | None = None
+    commands: NDArray[np.int64] | None = None
+    outputs: NDArray[np.int64] | None = None
+
+
+NOTHING = Inside()
+
+
+def track(who: str, score: str, poses: Floats, unit_cm: float, inside: Inside = NOTHING) -> dict[str, object]:
+    """One drive for the page; rows of what went on inside belong to the poses' first n.
 
     Args:
         who: drove, in words.
         score: as the tables write it.
         poses: [n + 1, 3] cm, cm, degrees.
         unit_cm: places are packed in such units.
-        readings: [n, S] counts of the sensors that the task feeds.
-        commands: [n, 2] Khepera units.
-        outputs: [n, N] of the network's neurons.
+        inside: what is known besides.
     """
     steps = len(poses) - 1
-    scaled = poses * np.array([1 / unit_cm, 1 / unit_cm, TURN])
-
-    def rows(values: Any, kind: str) -> str | None:
-        there = values is not None and len(values) == steps and steps > 0
-        return pack(values, kind) if there else None
-
-    return {
-        "who": who,
-        "score": score,
-        "steps": steps,
-        "poses": pack(scaled, "<i2"),
-        "readings": rows(readings, "<i2"),
-        "commands": rows(commands, "i1"),
-        "outputs": rows(outputs, "i1"),
-    }
+    packed = {"poses": pack(poses * np.array([1 / unit_cm, 1 / unit_cm, TURN]), "<i2")}
+    rows = {
+        name: pack(values, "<i2" if name == "readings" else "i1")
+        if values is not None and len(values) == steps > 0 else None
+        for name, values in inside._asdict().items()
+    }  # fmt: skip
+    return {"who": who, "score": score, "steps": steps, **packed, **rows}

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Polygon, Wedge
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch, Polygon, Wedge
+from numpy.typing import NDArray
 
 from realitygap.kernels.params import Robot
 from realitygap.report import style
-from realitygap.report.rays import light_rays
 from realitygap.report.style import SIMULATED, Look, new_figure
+from realitygap.world.profile import Profile
 
-__all__ = ["draw_robot", "robot_figure"]
+__all__ = ["WHEEL_CM", "draw_robot", "light_rays", "robot_figure"]
+
+F = NDArray[np.float64]
 
 WHEEL_CM = (1.9, 0.45)
 """A wheel as it is drawn: length and width."""
@@ -28,35 +32,17 @@ def draw_robot(
     look: Look = SIMULATED,
     *,
     edge: str = style.INK,
-    wheels: bool = True,
-) -> list[Any]:
+) -> list[Patch | Line2D]:
     """A robot to scale: body, wheels, and a line to its leading edge; its artists are returned."""
     x, y, heading = pose
     cos, sin = math.cos(heading), math.sin(heading)
-    artists: list[Any] = [
-        ax.add_patch(
-            Circle(
-                (x, y),
-                robot.radius,
-                facecolor=look.body,
-                edgecolor=edge,
-                linewidth=1.1,
-                linestyle=look.line,
-                zorder=5,
-            )
-        )
-    ]
-    for side in (1, -1) if wheels else ():
-        length, width = WHEEL_CM[0] / 2, WHEEL_CM[1] / 2
-        middle = side * (robot.track / 2 - width)
-        corners = np.array(
-            [
-                [length, middle - width],
-                [length, middle + width],
-                [-length, middle + width],
-                [-length, middle - width],
-            ]
-        )
+    body = Circle((x, y), robot.radius, facecolor=look.body, edgecolor=edge, linestyle=look.line)
+    body.set(linewidth=1.1, zorder=5)
+    length, width = WHEEL_CM[0] / 2, WHEEL_CM[1] / 2
+    artists: list[Patch | Line2D] = [ax.add_patch(body)]
+    for side in (1, -1):
+        inner, outer = (side * (robot.track / 2 - width) + part for part in (-width, width))
+        corners = np.array([[length, inner], [length, outer], [-length, outer], [-length, inner]])
         turned = corners @ np.array([[cos, sin], [-sin, cos]]) + (x, y)
         artists.append(ax.add_patch(Polygon(turned, closed=True, facecolor=edge, linewidth=0, zorder=5.1)))
     tip = (x + robot.radius * cos, y + robot.radius * sin)
@@ -64,7 +50,7 @@ def draw_robot(
     return artists
 
 
-def robot_figure(profile: Any) -> Figure:
+def robot_figure(profile: Profile) -> Figure:
     """The robot enlarged: its sensors with their numbers and directions, its wheels, a scale."""
     robot = profile.to_kernel()
     figure = new_figure(2.6, 2.7, layout="constrained")
@@ -75,49 +61,35 @@ def robot_figure(profile: Any) -> Figure:
         _draw_sensor(ax, place, ray, name)
     ax.plot([-robot.radius, robot.radius], [-span * 0.93] * 2, color=style.INK, linewidth=0.9, marker="|")
     ax.text(0, -span * 0.98, f"{2 * robot.radius:g} cm", ha="center", va="top", fontsize=7.5)
-    ax.set_xlim(-span, span)
-    ax.set_ylim(-span * 1.12, span)
-    ax.set_aspect("equal")
+    ax.set(xlim=(-span, span), ylim=(-span * 1.12, span), aspect="equal")
     ax.axis("off")
     return figure
 
 
-def _draw_sensor(ax: Axes, place: Any, ray: Any, name: str) -> None:
+def light_rays(robot: Robot) -> F:
+    """The rays [S, 2, lanes] about each light sensor's direction; a calibrated one may trace more fans."""
+    fans = len(robot.ambient_ray) // max(len(robot.ambient_place), 1)
+    return robot.ambient_ray[fans // 2 :: max(fans, 1)]
+
+
+def _draw_sensor(ax: Axes, place: F, ray: F, name: str) -> None:
     """A half disc that faces the sensor's way, an arrow and a number."""
     spot = np.array([-place[1], place[0]])
     facing = math.atan2(*ray[:, : ray.shape[1]].mean(axis=1)[::-1]) + math.pi / 2
-    out = np.array([math.cos(facing), math.sin(facing)])
-    ax.add_patch(
-        Wedge(
-            tuple(spot),
-            0.34,
-            math.degrees(facing) - 90,
-            math.degrees(facing) + 90,
-            facecolor=style.RAY,
-            edgecolor="none",
-            zorder=6,
-        )
-    )
-    ax.annotate(
-        "",
-        tuple(spot + 1.35 * out),
-        tuple(spot + 0.34 * out),
-        zorder=6,
-        arrowprops={"arrowstyle": "-|>", "color": style.RAY, "lw": 0.8, "mutation_scale": 6},
-    )
-    ax.text(
-        spot[0] + 1.75 * out[0], spot[1] + 1.75 * out[1], name, ha="center", va="center", fontsize=8, zorder=7
-    )
+    out, turn = np.array([math.cos(facing), math.sin(facing)]), math.degrees(facing)
+    half = Wedge(tuple(spot), 0.34, turn - 90, turn + 90, facecolor=style.RAY, edgecolor="none", zorder=6)
+    ax.add_patch(half)
+    arrow = {"arrowstyle": "-|>", "color": style.RAY, "lw": 0.8, "mutation_scale": 6}
+    ax.annotate("", tuple(spot + 1.35 * out), tuple(spot + 0.34 * out), zorder=6, arrowprops=arrow)
+    x, y = spot + 1.75 * out
+    ax.text(x, y, name, ha="center", va="center", fontsize=8, zorder=7)
 
 
-def _sensors(robot: Robot) -> list[tuple[Any, Any, str]]:
+def _sensors(robot: Robot) -> Iterator[tuple[F, F, str]]:
     """Place, rays and number of every sensor; an ambient one where a proximity one stands is it."""
-    sensors = [
-        (p, r, str(i))
-        for i, (p, r) in enumerate(zip(robot.proximity_place, robot.proximity_ray, strict=True))
-    ]
-    taken = {tuple(np.round(p, 6)) for p, _, _ in sensors}
+    taken = {tuple(np.round(place, 6)) for place in robot.proximity_place}
+    for i, (place, ray) in enumerate(zip(robot.proximity_place, robot.proximity_ray, strict=True)):
+        yield place, ray, str(i)
     for i, (place, ray) in enumerate(zip(robot.ambient_place, light_rays(robot), strict=True)):
         if tuple(np.round(place, 6)) not in taken:
-            sensors.append((place, ray, f"a{i}"))
-    return sensors
+            yield place, ray, f"a{i}"

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from itertools import zip_longest
-from typing import Any
 
 from realitygap.report.paper_tables import PAPER_AVERAGES, PAPER_ROWS, PaperRow
 from realitygap.report.statistics import Mean, mean_of
@@ -41,10 +40,10 @@ class ScoreClass:
         """Each run's score, where it has one."""
         return [value for mark in self.marks if (value := getattr(mark, of)) is not None]
 
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[dict[str, object]]:
         """For the template: ours and the paper's, row by row, then the averages."""
         shown = self.marks[:SHOWN]
-        rows = [
+        rows: list[dict[str, object]] = [
             {"head": str(k + 1 if mark is None else mark.index), "ours": _ours(mark), "paper": _theirs(paper)}
             for k, (mark, paper) in enumerate(zip_longest(shown, self.paper))
         ]
@@ -100,7 +99,7 @@ class ScoreTable:
             for why, runs in found.items()
         ]
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         """Ready for JSON."""
         return {
             "task": self.task,
@@ -180,7 +179,7 @@ def _class_rows(table: ScoreTable, one: ScoreClass) -> Iterator[dict[str, object
         yield {**facts, **whose, **means, **known}
 
 
-def _average(one: ScoreClass) -> dict[str, Any]:
+def _average(one: ScoreClass) -> dict[str, object]:
     means = {of: one.mean(of) for of in SCORES}
     return {
         "noise": one.level,

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from realitygap.report import words
 from realitygap.report.arenas import arena_figure
-from realitygap.report.curves import curves_figure
+from realitygap.report.curves import Curves, curves_figure
 from realitygap.report.few_runs import few_figure, few_sentences, few_words, shows_few
 from realitygap.report.gather import PER_CONDITION, Paths, TaskPart, best_so_far, chosen, individual, path_of
 from realitygap.report.network import network_figure
@@ -119,16 +119,16 @@ class Sections:
         return Scene.of(part.task, self.study.profile)
 
     def _curves(self, part: TaskPart, table: Table, label: str) -> Picture | None:
-        curves = best_so_far(self.study, part)
-        if not curves:
+        runs = best_so_far(self.study, part)
+        if not runs:
             return None
-        fresh = {c.level: mean_of(c.means("fittest", c.level)) for c in table.classes}
-        marks = {level: mean.value for level, mean in fresh.items() if mean is not None}
-        task, told = part.task, words.curve_words(part, curves, bool(marks))
-        draw = partial(
-            curves_figure, curves, part.names, scale=task.fitness_scale, unit=task.fitness_unit, fresh=marks
+        means = {c.level: mean_of(c.means("fittest", c.level)) for c in table.classes}
+        fresh = {level: mean.value for level, mean in means.items() if mean is not None}
+        task, told = part.task, words.curve_words(part, runs, bool(fresh))
+        curves = Curves(
+            runs=runs, names=part.names, fresh=fresh, scale=task.fitness_scale, unit=task.fitness_unit
         )
-        return self.figures.add(f"{task.name}-curves", draw, told, label)
+        return self.figures.add(f"{task.name}-curves", partial(curves_figure, curves), told, label)
 
     def _chosen_paths(self, part: TaskPart, label: str) -> Picture | None:
         panels = []

@@ -12,13 +12,16 @@ from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Literal
 
 import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from realitygap import whole
+
+if TYPE_CHECKING:
+    from matplotlib.typing import LineStyleType, RcKeyType
 
 __all__ = [
     "COLUMN",
@@ -66,7 +69,7 @@ _VARIABLES = {
 }
 """Colours that the page replaces by its own, so that figures follow light and dark."""
 
-_RC: dict[str, Any] = {
+_RC: dict[RcKeyType, object] = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
     "font.size": 8,
@@ -110,7 +113,7 @@ class NoiseStyle:
     """How a noise level looks in every figure."""
 
     colour: str
-    line: Any
+    line: LineStyleType
     marker: str
 
 
@@ -118,7 +121,7 @@ class NoiseStyle:
 class Look:
     """How a robot and its tail look: `simulated` or `situated` (on a robot, or a twin of one)."""
 
-    line: Any
+    line: LineStyleType
     tail_width: float
     tail_alpha: float
     body: str
@@ -150,14 +153,14 @@ def noise_styles(levels: Iterable[float]) -> dict[float, NoiseStyle]:
 
 def styled() -> AbstractContextManager[None]:
     """The context in which this project's figures are made and written."""
-    settings: Any = _RC
-    context: AbstractContextManager[None] = matplotlib.rc_context(settings)
-    return context
+    return matplotlib.rc_context(_RC)
 
 
-def new_figure(width: float, height: float, **kwargs: Any) -> Figure:
+def new_figure(
+    width: float, height: float, *, layout: Literal["constrained"] | None = None, dpi: float | None = None
+) -> Figure:
     """A figure of `width` × `height` inches that belongs to nobody's global state."""
-    figure = Figure(figsize=(width, height), **kwargs)
+    figure = Figure(figsize=(width, height), layout=layout, dpi=dpi)
     FigureCanvasAgg(figure)
     return figure
 

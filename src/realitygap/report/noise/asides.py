@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ __all__ = ["aside_tables"]
 
 
 def aside_tables(
-    facts: NoiseFacts, settings: Mapping[str, Any], scales: Mapping[str, tuple[float, str]]
+    facts: NoiseFacts, settings: Mapping[str, object], scales: Mapping[str, tuple[float, str]]
 ) -> dict[str, NoiseTable]:
     """Every one, by its name; those of the home unit only where scores of it were kept."""
     every = [split_table(scope, facts.data.robot) for scope in facts.scopes]
@@ -48,7 +47,7 @@ def split_table(scope: Scope, robot: float) -> NoiseTable:
     )
 
 
-def home_table(scope: Scope, settings: Mapping[str, Any]) -> NoiseTable:
+def home_table(scope: Scope, settings: Mapping[str, object]) -> NoiseTable:
     """Claim (c) against the very simulation that a controller was evolved in."""
     first, starts = scope.home[0], settings.get("starts", "a unit's")
     title = (

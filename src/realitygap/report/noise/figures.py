@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
@@ -13,8 +14,12 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from realitygap.experiments.noise.crossed import Crossed
+from realitygap.report import style
 from realitygap.report.noise.facts import PAPER, Curve, FitnessRow, NoiseFacts, Scope, Span, heat, points
 from realitygap.report.style import INK, MUTED, PAGE, new_figure, noise_styles
+
+if TYPE_CHECKING:
+    from matplotlib.typing import LineStyleType
 
 __all__ = ["SETS", "claims_figure", "fitness_figure", "map_figure", "noisiness_figure", "titled"]
 
@@ -22,6 +27,13 @@ Floats = NDArray[np.float64]
 
 SETS = ((0, (4, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)), (0, (8, 2)))
 """Line styles of seed sets; more sets go round again."""
+BARS: Mapping[str, tuple[str, LineStyleType, str]] = {
+    "all, 95 % interval": ("o", "-", INK),
+    "simulated": ("o", "-", style.PAPER),
+    "on the twin": ("s", (0, (2, 1)), INK),
+    "drop": ("D", "-", INK),
+}
+"""Marker, line and face of means, by what they are of."""
 PANELS = {
     "a": ("(a) all controllers, by comparison level", "noise of the simulation compared with"),
     "b": ("(b) by evolved level, one simulation", "noise evolved under"),
@@ -142,34 +154,32 @@ def _levels_axis(ax: Axes, levels: Floats, robot: float) -> None:
     ax.set_axisbelow(True)
 
 
-def _curve(ax: Axes, curve: Curve, *, label: str = "all, 95 % interval") -> None:
+def _curve(ax: Axes, curve: Curve) -> None:
     x = np.sqrt(curve.levels)
     if len(curve.sets) > 1:
         for number, means in curve.sets.items():
             ax.plot(x, means, color=MUTED, linewidth=1, linestyle=SETS[(number - 1) % len(SETS)], zorder=3,
                     label=f"seed set {number}")  # fmt: skip
-    _bars(ax, x, curve.spans, marker="o", label=label)
+    _bars(ax, x, curve.spans, "all, 95 % interval")
 
 
-def _bars(ax: Axes, x: Floats, spans: Sequence[Span], *, marker: str, label: str, line: Any = "-",
-          hollow: bool = False) -> None:  # fmt: skip
-    """Means joined by a line, with their intervals."""
+def _bars(ax: Axes, x: Floats, spans: Sequence[Span], label: str) -> None:
+    """Means joined by a line, with their intervals, as BARS says."""
+    marker, line, face = BARS[label]
     y = np.array([s.value for s in spans])
     bars = np.nan_to_num(np.array([[s.value - s.low for s in spans], [s.high - s.value for s in spans]]))
     ax.errorbar(
         x, y, yerr=np.maximum(bars, 0), color=INK, marker=marker, markersize=4, capsize=2, linewidth=1.4,
-        elinewidth=1, linestyle=line, label=label, zorder=5,
-        markerfacecolor="#fffffe" if hollow else INK,
+        elinewidth=1, linestyle=line, label=label, zorder=5, markerfacecolor=face,
     )  # fmt: skip
 
 
 def _legend(figure: Figure, axes: NDArray[np.object_]) -> None:
-    found: dict[str, object] = {}
+    found: dict[str, Artist] = {}
     for ax in axes.ravel():
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             found.setdefault(label, handle)
-    handles: list[Any] = list(found.values())
-    figure.legend(handles, list(found), loc="outside lower center", ncols=len(found))
+    figure.legend(list(found.values()), list(found), loc="outside lower center", ncols=len(found))
 
 
 def fitness_figure(facts: NoiseFacts, scales: Mapping[str, tuple[float, str]]) -> Figure:
@@ -187,7 +197,7 @@ def fitness_figure(facts: NoiseFacts, scales: Mapping[str, tuple[float, str]]) -
         rows = [row for row in facts.fitness if row.task == task]
         _fitness_panel(both, data, rows, scale)
         _dots(drop, data, data.evolved, (data.simulated - data.situated) / scale, data.seed_set)
-        _bars(drop, np.sqrt(data.levels), [_scaled(r.drop, scale) for r in rows], marker="D", label="drop")
+        _bars(drop, np.sqrt(data.levels), [_scaled(r.drop, scale) for r in rows], "drop")
         drop.axhline(0, color=MUTED, linewidth=0.7)
         for ax in (both, drop):
             _levels_axis(ax, data.levels, data.robot)
@@ -202,10 +212,8 @@ def fitness_figure(facts: NoiseFacts, scales: Mapping[str, tuple[float, str]]) -
 def _fitness_panel(ax: Axes, data: Crossed, rows: Sequence[FitnessRow], scale: float) -> None:
     _dots(ax, data, data.evolved, data.situated / scale, data.seed_set)
     x = np.sqrt(data.levels)
-    _bars(ax, x - 0.012, [_scaled(r.simulated, scale) for r in rows], marker="o", label="simulated",
-          hollow=True)  # fmt: skip
-    _bars(ax, x + 0.012, [_scaled(r.situated, scale) for r in rows], marker="s", label="on the twin",
-          line=(0, (2, 1)))  # fmt: skip
+    _bars(ax, x - 0.012, [_scaled(r.simulated, scale) for r in rows], "simulated")
+    _bars(ax, x + 0.012, [_scaled(r.situated, scale) for r in rows], "on the twin")
 
 
 def _scaled(span: Span, scale: float) -> Span:

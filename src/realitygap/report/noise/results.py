@@ -56,13 +56,13 @@ class NoiseResults:
     data: Crossed
     lost: int
     calibration: tuple[Misfit, ...]
-    settings: Mapping[str, Any]
+    settings: Mapping[str, object]
 
 
 class _Row:
     """One line of a table: its columns, asked for by name."""
 
-    def __init__(self, file: Path, line: int, columns: Mapping[str, Any]) -> None:
+    def __init__(self, file: Path, line: int, columns: Mapping[str, str]) -> None:
         self.where, self.columns = f"{file}, line {line}", columns
 
     def text(self, column: str) -> str:

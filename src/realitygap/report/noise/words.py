@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from realitygap.experiments.noise.claims import Contrast, Finding
 from realitygap.report.noise.aside_words import (
@@ -62,7 +61,7 @@ _WHAT = {
 
 
 def thoughts(
-    facts: NoiseFacts, settings: Mapping[str, Any], scales: Scales, calibration: Sequence[Misfit]
+    facts: NoiseFacts, settings: Mapping[str, object], scales: Scales, calibration: Sequence[Misfit]
 ) -> list[str]:
     """What came out: a few sentences each on the study, the claims, noisiness and fitness.
 
@@ -107,7 +106,7 @@ def warnings(calibration: Sequence[Misfit], tasks: Sequence[str], lost: int = 0)
     return said
 
 
-def _opening(facts: NoiseFacts, settings: Mapping[str, Any]) -> str:
+def _opening(facts: NoiseFacts, settings: Mapping[str, object]) -> str:
     data = facts.data
     levels = ", ".join(f"{level:g}" for level in data.levels)
     trials = settings.get("twin_trials")
@@ -115,7 +114,7 @@ def _opening(facts: NoiseFacts, settings: Mapping[str, Any]) -> str:
     text = (
         f"{len(data)} controllers evolved at noise {levels} drove the twin{drove}, and each was compared "
         f"with the simulation at every level, whose 1 is the noise that was measured on the twin (its dial "
-        f"stands at {float(settings['twin_noise']):g})."
+        f"stands at {settings['twin_noise']:g})."
     )
     if data.robot != 1:
         text += f" The nearest level of the study, {data.robot:g}, stands for it."
