@@ -21,7 +21,7 @@ from realitygap.twin.body import TwinBody
 from realitygap.values import Pose
 from realitygap.world.profile import load_profile
 
-TASK = load_task("light-seeking")
+TASK = load_task("light-seeking").of(load_profile("paper"))
 LAMP = TASK.arena.lamps[0]
 STEPS, LINE_MS, LAST, NEAR_CM, LITTLE_CM, TURNS = 200, 20, 60, 8.0, 0.05, 4
 

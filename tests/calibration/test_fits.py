@@ -40,7 +40,8 @@ def test_the_extended_form_finds_the_robot(robot, recorded):
 def test_a_wall_tells_whether_it_is_matt(recorded, matt):
     """A wall read well tells whether it is matt, so that a cylinder nobody fitted is predicted too."""
     made = calibrate([recorded("wall", matt=matt, noise=5.0)], PAPER)
-    assert made.profile.infrared.matt == matt and made.warnings == ()
+    assert made.profile.infrared.matt == matt
+    assert [w for w in made.warnings if not w.startswith("ambient: no recording")] == []
     other = recorded("cylinder:2.7", matt=matt, noise=5.0, seed=9)
     assert judge(other, made.profile).rmse < 1.5 * made.infrared.rmse
 
@@ -60,8 +61,8 @@ def test_tails_are_those_of_one_reading(repeats):
     model = np.full((len(bearing), 8), 400.0)
     counts = model + 21.0 * np.random.default_rng(0).standard_t(7, size=model.shape) / np.sqrt(7 / 5)
     place = np.arange(len(bearing)) // repeats
-    sample = sample_noise(counts, model, place, distance=distance, bearing=bearing)
-    estimate = lit_noise(sample, "proximity")
+    sample = sample_noise(counts, model, place, distance=distance, bearing=bearing, top=1023.0)
+    estimate = lit_noise(sample, "proximity", 1023.0)
     assert estimate.heavy and estimate.kurtosis == pytest.approx(1.8, abs=0.6)
 
 

@@ -124,7 +124,7 @@ def test_steps_come_back_equal(tmp_path_factory, pairs):
 def test_what_is_wrong_is_named_with_its_line(tmp_path, rows, says):
     """Empty, cut short, not numbers, out of range, columns missing, millimetres."""
     with pytest.raises(RecordingError) as refused:
-        load_recording(written(tmp_path / "r", *rows))
+        load_recording(written(tmp_path / "r", *rows, facts=FACTS + "sensors = 8\nfull_scale = 1023\n"))
     assert says in str(refused.value) and "readings.csv" in str(refused.value)
 
 
@@ -143,7 +143,12 @@ def test_what_is_wrong_is_named_with_its_line(tmp_path, rows, says):
         (FACTS + "body_height_cm = 1\nsensor_height_cm = 1.2", "below the body's top, got 1 and 1.2"),
         (FACTS + "body_height_cm = 3\nsensor_height_cm = true", "expected both, in cm"),
         (FACTS + "sensors = 9", "s0 to s8"),
-        (FACTS + 'sensors = "eight"', "recording.toml: sensors: expected a whole number from 1 to 16"),
+        (FACTS + 'sensors = "eight"', "recording.toml: sensors: expected a whole number from 1 on"),
+        (
+            FACTS + 'full_scale = "12 bits"',
+            "recording.toml: full_scale: expected the highest count, got '12 bits'",
+        ),
+        (FACTS + "full_scale = 79", "s7: expected counts from 0 to 79, got 80. The converter's highest"),
         (FACTS + "sensors = []", "sensors: expected a whole number"),
         (FACTS + "sensors = 0", "sensors: expected a whole number"),
         (FACTS + "sensors = -3", "sensors: expected a whole number"),
@@ -191,7 +196,7 @@ def test_dead_sensors_are_pointed_out(tmp_path):
     counts[0, 4] = 900
     save_recording(tmp_path / "r", replace(made, counts=counts))
     back = load_recording(tmp_path / "r")
-    dead = dead_sensors(back)
+    dead = dead_sensors(back, 1023.0)
     assert back.warnings == () and sorted(dead) == [2, 4, 5]  # said once, by whoever uses the recording
     assert "sensor 2 reads 7 everywhere" in dead[2] and "sensor 4 is saturated" in dead[4]
     assert "sensor 5 hardly changes" in dead[5]

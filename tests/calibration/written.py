@@ -8,7 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.calibration.recordings.files import FACTS, POLAR, POSE, READINGS, STEP_COLUMNS, STEPS, UNITS
+from realitygap.calibration.recordings.files import (
+    FACTS,
+    POLAR,
+    POSE,
+    READINGS,
+    STEP_COLUMNS,
+    STEPS,
+    UNITS,
+    WHEEL_COUNTS,
+)
 from realitygap.calibration.recordings.recording import Recording, SensorRecording, WheelRecording
 from realitygap.toml import to_toml
 
@@ -51,11 +60,13 @@ def _reading_rows(recording: SensorRecording) -> tuple[list[str], list[list[str]
 
 
 def _step_rows(recording: WheelRecording) -> tuple[list[str], list[list[str]]]:
-    numbers = np.column_stack([recording.t_s, recording.commands, recording.counters, recording.speeds])
+    pairs = [recording.commands, *([recording.counters, recording.speeds] if recording.counted else [])]
+    columns = [name for name in STEP_COLUMNS if recording.counted or name not in WHEEL_COUNTS]
+    numbers = np.column_stack([recording.t_s, *pairs])
     named = zip(numbers, recording.trial, recording.kind, strict=True)
     rows = [[*(f"{v:.10g}" for v in row), str(int(trial)), str(kind)] for row, trial, kind in named]
     if recording.pose is None:
-        return list(STEP_COLUMNS), rows
+        return columns, rows
     for row, (x, y, heading) in zip(rows, recording.pose, strict=True):
         row += ["", "", ""] if math.isnan(x) else [f"{x:.10g}", f"{y:.10g}", f"{math.degrees(heading):.10g}"]
-    return [*STEP_COLUMNS, *POSE], rows
+    return [*columns, *POSE], rows

@@ -10,6 +10,7 @@ from realitygap.errors import TaskError
 from realitygap.tasks import TASKS, Start, Task, load_task
 from realitygap.world.arena import Cylinder, load_arena
 from realitygap.world.profile import load_profile
+from realitygap.world.sensors import UNLIT
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +24,8 @@ def test_the_papers_tasks():
     tasks = [load_task(name) for name in TASKS]
     assert [task.feeds for task in tasks] == ["proximity", "ambient"]
     assert {(task.seconds, task.steps, task.trials) for task in tasks} == {(20.0, 200, 2)}
-    assert all(task.sensors == tuple(range(8)) and task.source is None for task in tasks)
+    assert all(task.of(load_profile("paper")).sensors == tuple(range(8)) for task in tasks)
+    assert all(task.source is None for task in tasks)
 
 
 def test_kernel_values(avoidance):
@@ -62,7 +64,7 @@ def test_unknown_task():
         ({"trials": 0}, "trials: expected a whole number, 1 or more, got 0"),
         ({"trials": 1.5}, "trials: expected a whole number"),
         ({"feeds": "sound"}, "feeds: expected 'proximity' or 'ambient', got 'sound'"),
-        ({"sensors": ()}, "sensors: expected 1 to 16 sensors"),
+        ({"sensors": range(17)}, "sensors: expected at most 16 sensors"),
         ({"sensors": (0, -1)}, "sensors: expected whole numbers"),
         ({"sensors": 8}, "sensors: expected a tuple of numbers, got 8"),
         ({"fitness_scale": 0}, "fitness_scale: expected more than 0"),
@@ -95,8 +97,11 @@ def test_a_robot_must_suit_the_task(avoidance):
     paper = load_profile("paper")
     few = replace(paper, infrared=replace(paper.infrared, sensors=paper.infrared.sensors[:6]))
     with pytest.raises(TaskError, match=r"sensors: expected proximity sensors .* which has 6, got number 6"):
-        avoidance.to_kernel(few)
-    assert replace(avoidance, sensors=range(6)).to_kernel(few).channels.tolist() == list(range(6))
+        replace(avoidance, sensors=range(8)).to_kernel(few)
+    assert avoidance.to_kernel(few).channels.tolist() == list(range(6))
+    none = replace(paper, ambient=UNLIT)
+    with pytest.raises(TaskError, match=r"feeds: profile 'paper' has no ambient sensors"):
+        load_task("light-seeking").to_kernel(none)
     large = replace(paper, body=replace(paper.body, radius_cm=8))
     with pytest.raises(TaskError, match=r"start: a robot of radius 8 cm .* may overlap the cylinder"):
         avoidance.to_kernel(large)

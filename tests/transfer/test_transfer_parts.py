@@ -47,7 +47,7 @@ def test_a_simulated_robot_was_fed_the_same(name):
     networks = decode(braitenberg(task.feeds, Layout()), Layout())
     trajectory, _ = simulation.trajectory(networks, stream=3)
     readings = trajectory.proximity if task.feeds == "proximity" else trajectory.ambient
-    made = [PAPER.inputs(row, task.feeds, task.sensors) for row in readings]
+    made = [PAPER.inputs(row, task.feeds, task.of(PAPER).sensors) for row in readings]
     assert made == trajectory.inputs.tolist()
 
 

@@ -14,7 +14,12 @@ import numpy as np
 from realitygap.calibration.channels import ChannelFit, fit_infrared, fit_light, ticks, unmeasured
 from realitygap.calibration.checks import refuse_mixed
 from realitygap.calibration.forms import Tick
-from realitygap.calibration.recordings.recording import HEIGHTS_CM, SensorRecording, WheelRecording
+from realitygap.calibration.recordings.recording import (
+    HEIGHTS_CM,
+    SensorRecording,
+    WheelRecording,
+    count_unit,
+)
 from realitygap.calibration.wheels.fit import PULSES_PER_CM, WheelFit, fit_wheels
 from realitygap.errors import CalibrationError
 from realitygap.text import must_be
@@ -33,6 +38,9 @@ FORMS = {
     "extended": ("extended", "extended", "refitted"),
 }
 """What --form means for infrared, ambient light and wheels."""
+
+
+CHANNELS = ("infrared", "ambient")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,36 +87,30 @@ def calibrate(
         CalibrationError: recordings that no sensible profile can be made from.
     """
     base = load_profile(base)
-    must_be(recordings, Sequence, "recordings", "Give a list of what load_recording(path) reads.")
-    for one in recordings:
-        must_be(one, SensorRecording | WheelRecording, "recordings", "load_recording(path) reads one.")
-    if form not in FORMS:
-        raise CalibrationError(f"form: expected {' or '.join(FORMS)}, got {form!r}.")
-    if not recordings:
-        raise CalibrationError("no recordings: give folders made by `realitygap record`, or .sam tables.")
-    refuse_mixed(recordings)
-    infrared_form, light_form, wheel_form = FORMS[form]
-    whose = f"profile {base.name!r}"
-    recordings = [
-        r.of_body(base.body.radius_cm, whose) if isinstance(r, SensorRecording) else r for r in recordings
-    ]
+    _refuse(recordings, form)
+    recordings = [r.of_robot(base) if isinstance(r, SensorRecording) else r for r in recordings]
     base = _of_its_height(recordings, _of_its_size(recordings, base))
-    seen = [r for r in recordings if isinstance(r, SensorRecording)]
-    near, lit = ([r for r in seen if r.kind == kind] for kind in ("infrared", "ambient"))
+    near, lit = (
+        [r for r in recordings if isinstance(r, SensorRecording) and r.kind == kind] for kind in CHANNELS
+    )
     driven = [r for r in recordings if isinstance(r, WheelRecording)]
-    if len(driven) > 1:
-        raise CalibrationError(f"expected one recording of wheels, got {len(driven)}. Give the best one.")
-    total = ticks("infrared") * bool(near) + ticks("ambient", beside=beside) * bool(lit) + len(driven)
+    turned = [r for r in driven if r.counted]
+    infrared_form, light_form, wheel_form = FORMS[form]
+    total = ticks("infrared") * bool(near) + ticks("ambient", beside=beside) * bool(lit) + len(turned)
     tick = _counter(on_progress, total)
     infrared = fit_infrared(near, base, infrared_form, tick=tick) if near else None
     ambient = fit_light(lit, base, light or light_form, beside=beside, tick=tick) if lit else None
     wheels = None
-    if driven:
+    if turned:
         tick()
-        wheels = fit_wheels(driven[0], base, wheel_form)
+        wheels = fit_wheels(turned[0], base, wheel_form)
     tick()
     warnings = [w for r in recordings for w in r.warnings]
     warnings += [w for fit in (infrared, ambient) if fit for w in fit.warnings]
+    if near and not lit:
+        warnings.append(f"ambient: no recording: its constants stay as profile {base.name!r} has them")
+    if driven and not turned:
+        warnings.append(f"wheels: no counters recorded: they stay as profile {base.name!r} has them")
     warnings += _wheel_warnings(wheels)
     profile = _joined(base, infrared, ambient, wheels)
     where = _provenance(base, recordings, infrared, ambient, wheels, date)
@@ -117,6 +119,21 @@ def calibrate(
         profile=made, infrared=infrared, ambient=ambient, wheels=wheels,
         recordings=tuple(recordings), warnings=tuple(dict.fromkeys(warnings)),
     )  # fmt: skip
+
+
+def _refuse(recordings: Sequence[Recording], form: str) -> None:
+    """Refuse what no calibration can begin with."""
+    must_be(recordings, Sequence, "recordings", "Give a list of what load_recording(path) reads.")
+    for one in recordings:
+        must_be(one, SensorRecording | WheelRecording, "recordings", "load_recording(path) reads one.")
+    if form not in FORMS:
+        raise CalibrationError(f"form: expected {' or '.join(FORMS)}, got {form!r}.")
+    if not recordings:
+        raise CalibrationError("no recordings: give folders made by `realitygap record`, or .sam tables.")
+    refuse_mixed(recordings)
+    driven = sum(isinstance(r, WheelRecording) for r in recordings)
+    if driven > 1:
+        raise CalibrationError(f"expected one recording of wheels, got {driven}. Give the best one.")
 
 
 def _counter(report: Callable[[int, int], None] | None, total: int) -> Tick:
@@ -178,7 +195,8 @@ def _joined(
     noise = replace(profile.noise, **deviations)
     if infrared is not None:
         low, high = np.median(infrared.span, axis=0).round().tolist()
-        bands = (low, high) if high - low > 100 else base.infrared.bands
+        told = high - low > 100 * count_unit(base.infrared.top)
+        bands = (low, high) if told else base.infrared.bands
         profile = replace(profile, infrared=replace(infrared.profile.infrared, bands=bands))
     if ambient is not None:
         law = ambient.profile.ambient

@@ -95,7 +95,7 @@ def fit_infrared(
     """
     rows = Rows(recordings, base)
     problems, doubt = infrared_problems(rows, base)
-    fits, held_out = fit_forms(rows, problems, form, PROXIMITY_COUNTS, tick)
+    fits, held_out = fit_forms(rows, problems, form, PROXIMITY_COUNTS * rows.unit, tick)
     values = _mend_dead(fits[form].values, problems[form].frees, rows.dead)
     fits[form] = _mended(fits[form], values, rows.dead)
     made = with_infrared(problems[form].base, values)
@@ -126,7 +126,7 @@ def fit_light(
     room = rooms.pop()
     try:
         problems = light_problems(rows, base, form, room=room, beside=beside)
-        fits, held_out = fit_forms(rows, problems, form, AMBIENT_COUNTS, tick)
+        fits, held_out = fit_forms(rows, problems, form, AMBIENT_COUNTS * rows.unit, tick)
     except ConfigError as error:  # on its way the fit came to a robot that cannot be
         named = ", ".join(r.source for r in recordings)
         raise CalibrationError(
@@ -176,13 +176,13 @@ def _channel(
     noise = measure_noise(
         [replace(r, counts=part) for r, part in zip(rows.recordings, np.split(live, ends), strict=True)],
         np.split(fit.model, ends),
+        rows.top,
     )
     main = next((e.deviation for e in noise if e.channel in ("proximity", "ambient")), 0.0)
     deviation = main or (profile.noise.proximity if kind == "infrared" else profile.noise.ambient)
-    deviation = deviation or (PROXIMITY_COUNTS if kind == "infrared" else AMBIENT_COUNTS)
-    sensors = tuple(
-        m for m in misfits(rows.counts, fit.model, rows.place, kind, deviation) if m.sensor not in rows.dead
-    )
+    deviation = deviation or rows.unit * (PROXIMITY_COUNTS if kind == "infrared" else AMBIENT_COUNTS)
+    found = misfits(rows.counts, fit.model, rows.place, kind=kind, top=rows.top, deviation=deviation)
+    sensors = tuple(m for m in found if m.sensor not in rows.dead)
     by_form = {name: rows.rmse(one.model) for name, one in fits.items()}
     span = np.stack([np.percentile(rows.counts, q, axis=0) for q in (0.5, 99.5)], 1)
     made = ChannelFit(

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.calibration.recordings.recording import count_unit
 from realitygap.errors import CalibrationError
 
 if TYPE_CHECKING:
@@ -28,11 +29,10 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-FULL = 1023.0
 DARKEST = 10.0
-"""Ambient light reads more, counts, however bright: a Khepera's sensors end at about 50."""
+"""Ambient light reads more, counts of the paper's robot, however bright: its sensors end at about 50."""
 STILL = 30.0
-"""A sensor whose readings span less than this, counts, shows nothing."""
+"""A sensor whose readings span less than this, counts of the paper's robot, shows nothing."""
 SATURATED_SHARE = 0.8
 ASIDE_DEG = 60.0
 MOST_ODD = 3
@@ -40,26 +40,27 @@ NEIGHBOURS_DEG, LIKELY_DEG, LIKELY_SHARE, SURE_DEG, SURE_SHARE = 100.0, 5.0, 0.4
 """How far apart two sensors look at most that may be exchanged; and how far apart, and by which share of
 that, they answer the wrong way round where it is likely, and where it is sure."""
 BLIND_CM, DAZZLED_CM, BRIGHT = 15.0, 1.0, 300.0
-"""Beyond, and nearer than, which a Khepera's infrared sees nothing, and any object as bright."""
+"""Beyond, and nearer than, which a Khepera's infrared sees nothing, and any object as bright (counts of
+the paper's robot)."""
 FEWEST_LIT = 40
 EXPLAINED = 0.5
 
 
-def dead_sensors(recording: SensorRecording) -> dict[int, str]:
-    """Sensors that tell nothing, and why, in words."""
+def dead_sensors(recording: SensorRecording, top: float) -> dict[int, str]:
+    """Sensors that tell nothing, of a converter that counts to `top`, and why, in words."""
     dead = {}
     for k, values in enumerate(recording.counts.T):
         low, high = np.percentile(values, [0.2, 99.8])
         if np.ptp(values) == 0:
             dead[k] = f"sensor {k} reads {values[0]:.4g} everywhere: it looks dead"
-        elif recording.kind == "infrared" and (values >= FULL).mean() > SATURATED_SHARE:
-            dead[k] = f"sensor {k} is saturated in {(values >= FULL).mean():.0%} of its readings"
-        elif high - low < STILL:
+        elif recording.kind == "infrared" and (values >= top).mean() > SATURATED_SHARE:
+            dead[k] = f"sensor {k} is saturated in {(values >= top).mean():.0%} of its readings"
+        elif high - low < STILL * count_unit(top):
             dead[k] = f"sensor {k} hardly changes ({values.min():.4g} to {values.max():.4g}): it looks dead"
     if len(dead) > recording.sensors // 2:
         reasons = "; ".join(dead.values())
         raise CalibrationError(f"{recording.source}: most sensors tell nothing: {reasons}. Record again.")
-    lit = _signal(recording)[:, [k for k in range(recording.sensors) if k not in dead]]
+    lit = _signal(recording, top)[:, [k for k in range(recording.sensors) if k not in dead]]
     middle = int(((lit > 0.06) & (lit < 0.94)).sum())
     if middle < FEWEST_LIT:
         raise CalibrationError(
@@ -76,14 +77,14 @@ def refuse_swapped(recording: SensorRecording, profile: Profile, dead: dict[int,
     Raises:
         CalibrationError: several do: columns are swapped, or bearings run the other way round.
     """
-    part = profile.infrared if recording.kind == "infrared" else profile.ambient
+    part = profile.channel(recording.kind)
     looks = np.array([sensor.direction_deg for sensor in part.sensors])
     if len(looks) != recording.sensors:
         raise CalibrationError(
             f"{recording.source}: expected {len(looks)} sensors, as profile {profile.name!r} has, "
             f"got {recording.sensors}."
         )
-    answers, sure = _answers(recording)
+    answers, sure = _answers(recording, part.top)
     live = np.array([k not in dead for k in range(len(looks))]) & sure
     known = recording.pose is not None and recording.arena is not None  # walls throw light back
     odd = live & (not known) & (_apart(answers, looks) > ASIDE_DEG)
@@ -140,7 +141,7 @@ def _refuse_exchanged(
     return tuple(told)
 
 
-def refuse_units(recording: SensorRecording) -> None:
+def refuse_units(recording: SensorRecording, top: float) -> None:
     """Refuse distances that no infrared of a Khepera can have been recorded at.
 
     Raises:
@@ -149,14 +150,14 @@ def refuse_units(recording: SensorRecording) -> None:
     if recording.kind != "infrared" or recording.pose is not None:
         return
     distance, brightest = recording.distance_cm, recording.counts.max(axis=1)
-    last = float(distance.max())
-    if (distance > BLIND_CM).any() and np.percentile(brightest[distance > BLIND_CM], 90) > BRIGHT:
+    last, bright = float(distance.max()), BRIGHT * count_unit(top)
+    if (distance > BLIND_CM).any() and np.percentile(brightest[distance > BLIND_CM], 90) > bright:
         seen = float(np.percentile(brightest[distance > BLIND_CM], 90))
         raise CalibrationError(
             f"{recording.source}: {seen:.0f} counts beyond {BLIND_CM:g} cm, where infrared sees nothing: the "
             f"distances, up to {last:g} cm, are too large. Are units mixed up?"
         )
-    if last < DAZZLED_CM and np.percentile(brightest[distance == last], 90) < BRIGHT:
+    if last < DAZZLED_CM and np.percentile(brightest[distance == last], 90) < bright:
         raise CalibrationError(
             f"{recording.source}: hardly anything is seen at {last:g} cm, where an object "
             f"dazzles: the distances "
@@ -164,16 +165,16 @@ def refuse_units(recording: SensorRecording) -> None:
         )
 
 
-def refuse_other_kind(recording: SensorRecording) -> None:
+def refuse_other_kind(recording: SensorRecording, top: float) -> None:
     """Refuse ambient light whose readings lie where proximity's do: at the converter's ends.
 
     Raises:
         CalibrationError: says how many do.
     """
-    ends = ((recording.counts >= FULL) | (recording.counts < DARKEST)).mean()
+    ends = ((recording.counts >= top) | (recording.counts < DARKEST * count_unit(top))).mean()
     if recording.kind == "ambient" and ends > 0.5:
         raise CalibrationError(
-            f"{recording.source}: {ends:.0%} of the readings lie at the ends 0 and {FULL:g}, as proximity's "
+            f"{recording.source}: {ends:.0%} of the readings lie at the ends 0 and {top:g}, as proximity's "
             'do, and no ambient light\'s. Is its kind "infrared"?'
         )
 
@@ -218,17 +219,17 @@ def refuse_mixed(recordings: Sequence[Recording]) -> None:
             )
 
 
-def _signal(recording: SensorRecording) -> Array:
+def _signal(recording: SensorRecording, top: float) -> Array:
     """[n, S] 0 in the dark, 1 saturated."""
     if recording.kind == "infrared":
-        return recording.counts / FULL
+        return recording.counts / top
     low, high = np.percentile(recording.counts, [0.5, 99.5])
     return np.asarray((high - recording.counts) / max(high - low, 1.0))
 
 
-def _answers(recording: SensorRecording) -> tuple[Array, NDArray[np.bool_]]:
+def _answers(recording: SensorRecording, top: float) -> tuple[Array, NDArray[np.bool_]]:
     """[S] the bearing that each sensor answers to, degrees, and whether that is sure."""
-    bearing, signal = np.radians(recording.bearing_deg), np.clip(_signal(recording), 0.0, 1.0)
+    bearing, signal = np.radians(recording.bearing_deg), np.clip(_signal(recording, top), 0.0, 1.0)
     signal = np.where(signal > 0.1, signal, 0.0)
     turned = np.unique(np.round(recording.bearing_deg % 360.0, 3))
     if len(turned) < 4 or np.diff(np.append(turned, turned[0] + 360.0)).max() > 100.0:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from realitygap.calibration.forms import Problem, solve_form
 from realitygap.calibration.forward import Scene, proximity
 from realitygap.calibration.neutral import neutral_infrared
+from realitygap.calibration.recordings.recording import count_unit
 from realitygap.calibration.rows import Rows
 from realitygap.calibration.solve import ROBUST_AT, Fit, Free, Values
 
@@ -28,7 +29,7 @@ INFRARED_FORMS = ("paper", "individual", "extended")
 Lambertian surfaces."""
 
 PROXIMITY_COUNTS = 21.0
-"""Noise that residuals are weighed by before it is measured."""
+"""Noise that residuals are weighed by before it is measured: counts of the paper's robot."""
 
 NEAREST_CM = 1e-3
 """To what a sensor has of its own, at the least, where the body touches."""
@@ -51,7 +52,8 @@ def infrared_problems(rows: Rows, base: Profile) -> tuple[dict[str, Problem], st
         _problem("extended", rows, replace(base, infrared=replace(base.infrared, matt=matt)))
         for matt in (0.0, 1.0)
     ]
-    glossy, matt = (solve_form(rows, problem, PROXIMITY_COUNTS, intervals=False) for problem in tried)
+    noise = PROXIMITY_COUNTS * rows.unit
+    glossy, matt = (solve_form(rows, problem, noise, intervals=False) for problem in tried)
     for_matt = preference(rows, matt, over=glossy)
     if for_matt <= AGAINST:
         problems["extended"] = replace(tried[0], begin=glossy.values)
@@ -70,7 +72,8 @@ def preference(rows: Rows, one: Fit, *, over: Fit) -> float:
 
     Vuong's statistic (1989), its standard error robust against errors that neighbouring places share.
     """
-    z = [np.where(rows.use, fit.model - rows.counts, 0.0) / PROXIMITY_COUNTS for fit in (one, over)]
+    noise = PROXIMITY_COUNTS * rows.unit
+    z = [np.where(rows.use, fit.model - rows.counts, 0.0) / noise for fit in (one, over)]
     left = [np.sqrt(1.0 + (off / ROBUST_AT) ** 2).sum(axis=1) for off in z]
     gain = np.bincount(np.unique(rows.block, return_inverse=True)[1], left[1] - left[0])
     return float(gain.sum() / max(np.sqrt((gain**2).sum()), 1e-12))
@@ -88,12 +91,12 @@ def _problem(form: str, rows: Rows, base: Profile) -> Problem:
 def infrared_frees(form: str, profile: Profile, rigs: Sequence[str]) -> list[Free]:
     """The constants that a form leaves free, starting from a profile; each rig has its own turn."""
     sensors = profile.infrared.sensors
-    each = 1 if form == "paper" else len(sensors)
-    a = np.full(each, 1200.0 if form != "extended" else 900.0)
-    b = np.full(each, -50.0)
+    each, unit = 1 if form == "paper" else len(sensors), count_unit(profile.infrared.top)
+    a = np.full(each, 1200.0 if form != "extended" else 900.0) * unit
+    b = np.full(each, -50.0) * unit
     frees = [
-        Free(key="a", start=a, low=1.0, high=1e5, step=0.5),
-        Free(key="b", start=b, low=-5e3, high=-0.01, step=0.02),
+        Free(key="a", start=a, low=1.0 * unit, high=1e5 * unit, step=0.5 * unit),
+        Free(key="b", start=b, low=-5e3 * unit, high=-0.01 * unit, step=0.02 * unit),
     ]
     if form == "extended":
         direction = np.array([s.direction_deg for s in sensors])

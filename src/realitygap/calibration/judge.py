@@ -95,8 +95,8 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     """
     if isinstance(recording, WheelRecording):
         return _judge_wheels(recording, profile)
-    recording = recording.of_body(profile.body.radius_cm, f"profile {profile.name!r}")
-    part = profile.infrared if recording.kind == "infrared" else profile.ambient
+    recording = recording.of_robot(profile)
+    part = profile.channel(recording.kind)
     if len(part.sensors) != recording.sensors:
         raise CalibrationError(
             f"{recording.source}: expected {len(part.sensors)} sensors, as profile {profile.name!r} has, "
@@ -106,7 +106,7 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     live = [k for k in range(recording.sensors) if k not in dead]
     turn, brightness, model = _fitted_out(recording, profile, scene_of(recording), live)
     known = np.where(np.isin(np.arange(recording.sensors), live), recording.counts, np.nan)
-    estimates = measure_noise([replace(recording, counts=known)], [model])
+    estimates = measure_noise([replace(recording, counts=known)], [model], part.top)
     stated = {
         "proximity": profile.noise.proximity,
         "proximity_dark": profile.noise.proximity_dark,
@@ -116,7 +116,9 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     main = "proximity" if recording.kind == "infrared" else "ambient"
     deviation = noise.get(main, (stated[main], 0.0))[0]
     off = (model - recording.counts)[:, live]
-    found = misfits(recording.counts, model, recording.place(), recording.kind, deviation)
+    found = misfits(
+        recording.counts, model, recording.place(), kind=recording.kind, top=part.top, deviation=deviation
+    )
     return Judgement(
         kind=recording.kind,
         source=recording.source,
@@ -135,11 +137,12 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
 def _doubts(recording: SensorRecording, profile: Profile) -> tuple[dict[int, str], tuple[str, ...]]:
     """Sensors that tell nothing, and in words what a calibration would warn of or refuse."""
     dead: dict[int, str] = {}
+    top = profile.channel(recording.kind).top
     said = list(recording.warnings)
     try:
-        refuse_other_kind(recording)
-        refuse_units(recording)
-        dead = dead_sensors(recording)
+        refuse_other_kind(recording, top)
+        refuse_units(recording, top)
+        dead = dead_sensors(recording, top)
         said += [f"{recording.source}: {reason}" for reason in dead.values()]
         said += refuse_swapped(recording, profile, dead)
     except CalibrationError as error:
@@ -185,6 +188,10 @@ def _fitted_out(
 
 
 def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
+    if not recording.counted:
+        raise CalibrationError(
+            f"{recording.source}: no counters: nothing tells how far the wheels turned. Leave it out."
+        )
     odometry = measure_odometry(recording, PULSES_PER_CM, profile.wheels.track_cm)
     stated = profile.provenance.pulses_per_mm
     per_pulse = (0.1 / stated[0], 0.1 / stated[1]) if len(stated) == 2 else (1 / PULSES_PER_CM,) * 2

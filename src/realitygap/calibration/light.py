@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.forward import Scene, illumination, light_readings
+from realitygap.calibration.recordings.recording import count_unit
 from realitygap.calibration.solve import Free, Values
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ COMMON = (
 NARROWEST, INSIDE_CM = 1.0, 0.01
 """Counts between floor and dark, and how far within the body's edge a sensor sits, at the least."""
 SHIFT_PRIOR = 10.0
-"""Counts by which sensors of one robot differ in the dark and when saturated."""
+"""Counts of the paper's robot by which sensors of one robot differ in the dark and when saturated."""
 DIRECTION_PRIOR_DEG = 5.0
 PLACE_CM, PLACE_PRIOR_CM = 0.15, 0.05
 """How far a sensor may sit from where the profile has it, and how far it is likely to."""
@@ -63,22 +64,22 @@ def light_frees(form: str, profile: Profile, scenes: Scenes, counts: Array, *, r
         room: whether the walls are known, so that reflected light can tell something.
     """
     sensors = profile.ambient.sensors
-    linear = form in ("linear", "extended")
+    linear, unit = form in ("linear", "extended"), count_unit(profile.ambient.top)
     dark, floor = (np.array([np.median(end)]) for end in (counts.max(axis=0), counts.min(axis=0)))
     frees = [
-        Free(key="floor", start=floor, low=0.0, high=400.0, step=0.05),
-        Free(key="dark", start=dark, low=100.0, high=1000.0, step=0.05),
+        Free(key="floor", start=floor, low=0.0, high=400.0 * unit, step=0.05 * unit),
+        Free(key="dark", start=dark, low=100.0 * unit, high=1000.0 * unit, step=0.05 * unit),
     ]
     if linear:
         frees += [
             Free(
                 key=key,
                 start=np.zeros(len(sensors)),
-                low=-60,
-                high=60,
-                prior=SHIFT_PRIOR,
-                tie=0.02,
-                step=0.05,
+                low=-60 * unit,
+                high=60 * unit,
+                prior=SHIFT_PRIOR * unit,
+                tie=0.02 * unit,
+                step=0.05 * unit,
             )
             for key in ("floor_shift", "dark_shift")
         ]

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["AMBIENT_COUNTS", "light_problems"]
 
 AMBIENT_COUNTS = 4.5
-"""Noise that residuals are weighed by before it is measured."""
+"""Noise that residuals are weighed by before it is measured: counts of the paper's robot."""
 FIRST_RAYS = 30.0
 """By so many rays reflected light comes in while its kind is looked for: ten see a shadow in steps of 18°."""
 FEWEST_RAYS, PROMISING = 20, 3
@@ -63,7 +63,7 @@ def _problem(
 
 def _best(rows: Rows, problems: Sequence[Problem]) -> Problem:
     """Whichever leaves least over; it begins where it ended here."""
-    fits = [solve_form(rows, problem, AMBIENT_COUNTS, intervals=False) for problem in problems]
+    fits = [solve_form(rows, problem, AMBIENT_COUNTS * rows.unit, intervals=False) for problem in problems]
     left = [rows.rmse(fit.model) for fit in fits]
     k = left.index(min(left))
     return replace(problems[k], begin=fits[k].values)

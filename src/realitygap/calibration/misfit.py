@@ -38,8 +38,10 @@ class Misfit:
     lit_ratio: float
 
 
-def measure_noise(recordings: Sequence[SensorRecording], models: Sequence[Array]) -> list[NoiseEstimate]:
-    """Noise of recordings of one kind, pooled: lit and dark proximity, or ambient."""
+def measure_noise(
+    recordings: Sequence[SensorRecording], models: Sequence[Array], top: float
+) -> list[NoiseEstimate]:
+    """Noise of recordings of one kind and full scale `top`, pooled: lit and dark proximity, or ambient."""
     samples, first = [], 0
     for recording, model in zip(recordings, models, strict=True):
         sample = sample_noise(
@@ -48,6 +50,7 @@ def measure_noise(recordings: Sequence[SensorRecording], models: Sequence[Array]
             recording.place(),
             distance=recording.distance_cm,
             bearing=recording.bearing_deg,
+            top=top,
         )
         samples.append((sample, first))
         first += len(recording.counts)
@@ -59,23 +62,34 @@ def measure_noise(recordings: Sequence[SensorRecording], models: Sequence[Array]
         tails=float(np.average([s.tails for s, _ in samples], weights=[len(s.z) + 1 for s, _ in samples])),
     )
     if recordings[0].kind == "ambient":
-        found = [lit_noise(joined, "ambient")]
+        found = [lit_noise(joined, "ambient", top)]
     else:
         counts = np.concatenate([r.counts for r in recordings])
         place = np.concatenate([r.place() + shift for r, (_, shift) in zip(recordings, samples, strict=True)])
-        found = [lit_noise(joined, "proximity"), dark_noise(counts, np.concatenate(models), place)]
+        found = [
+            lit_noise(joined, "proximity", top),
+            dark_noise(counts, np.concatenate(models), place, top),
+        ]
     return [estimate for estimate in found if estimate is not None]
 
 
 def misfits(
-    counts: Array, model: Array, place: NDArray[np.int64], kind: str, deviation: float
+    counts: Array, model: Array, place: NDArray[np.int64], *, kind: str, top: float, deviation: float
 ) -> tuple[Misfit, ...]:
-    """Each sensor's misfit; the noise of a place's mean is taken out of the model's error."""
+    """Each sensor's misfit; the noise of a place's mean is taken out of the model's error.
+
+    Args:
+        counts, model: [n, S] readings, and what they are without noise.
+        place: [n] the number of each row's place.
+        kind: "infrared" or "ambient".
+        top: the converter's highest count.
+        deviation: of the noise, counts.
+    """
     many = np.bincount(place)
     mean = np.stack([np.bincount(place, column) for column in counts.T], 1) / many[:, None]
     said = np.stack([np.bincount(place, column) for column in model.T], 1) / many[:, None]
     off = said - mean
-    low, high = (3 * deviation, 1023 - 3 * deviation) if kind == "infrared" else (-np.inf, np.inf)
+    low, high = (3 * deviation, top - 3 * deviation) if kind == "infrared" else (-np.inf, np.inf)
     lit = (mean > low) & (mean < high)
     noisy = deviation**2 / many[:, None] * np.where(lit, 1.0, 0.0)
     out = []

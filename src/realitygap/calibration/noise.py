@@ -12,18 +12,19 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.calibration.recordings.recording import count_unit
+
 __all__ = ["NoiseEstimate", "Sample", "dark_noise", "lit_noise", "sample_noise"]
 
 Array = NDArray[np.float64]
 
-FULL = 1023.0
 CLEAR = 3.0
 """Noise is taken where readings stay this many deviations away from the converter's ends."""
-FIRST_GUESS = 21.0
-DARK_COUNTS = 15.0
+FIRST_GUESS, DARK_COUNTS = 21.0, 15.0
+"""Noise before it is measured, and what is dark: counts of the paper's robot."""
 FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 STEEP = 40.0
-"""Counts from one bearing to the next, beyond which a bearing's own error shows as noise."""
+"""Counts of the paper's robot from one bearing to the next, beyond which a bearing's error shows as noise."""
 FEWEST = 30
 RESAMPLES = 200
 BINS = 4
@@ -88,9 +89,17 @@ class NoiseEstimate:
 
 
 def sample_noise(
-    counts: Array, model: Array, place: NDArray[np.int64], *, distance: Array, bearing: Array
+    counts: Array, model: Array, place: NDArray[np.int64], *, distance: Array, bearing: Array, top: float
 ) -> Sample:
-    """Noise [m, S] of readings [n, S] at places [n]: from repeats, or from neighbouring bearings."""
+    """Noise [m, S] of readings [n, S] at places [n]: from repeats, or from neighbouring bearings.
+
+    Args:
+        counts: readings.
+        model: what they are without noise.
+        place: the number of each row's place.
+        distance, bearing: [n] cm, degrees.
+        top: the converter's highest count.
+    """
     order = np.argsort(place, kind="stable")
     _, first, many = np.unique(place[order], return_index=True, return_counts=True)
     if np.median(many) >= 2:
@@ -99,10 +108,10 @@ def sample_noise(
         spread = np.sqrt(many / np.maximum(many - 1, 1))[np.repeat(np.arange(len(many)), many)]
         z = np.where(np.repeat(many, many)[:, None] > 1, (counts[order] - mean) * spread[:, None], np.nan)
         return Sample(z=z, level=mean, model=model[order], group=place[order])
-    return _from_neighbours(counts, model, distance, bearing)
+    return _from_neighbours(counts, model, distance, bearing, top)
 
 
-def _from_neighbours(counts: Array, model: Array, distance: Array, bearing: Array) -> Sample:
+def _from_neighbours(counts: Array, model: Array, distance: Array, bearing: Array, top: float) -> Sample:
     """Fourth differences over bearings, of what the model leaves over, where readings are not steep."""
     z, level, modelled = [], [], []
     reach = len(FOURTH) // 2
@@ -113,10 +122,10 @@ def _from_neighbours(counts: Array, model: Array, distance: Array, bearing: Arra
             continue
         near = np.stack([np.roll(counts[rows], -k, 0) for k in range(-reach, reach + 1)])
         off = near - np.stack([np.roll(model[rows], -k, 0) for k in range(-reach, reach + 1)])
-        steep = np.abs(near[-1] - near[0]) / (2 * reach) > STEEP
+        steep = np.abs(near[-1] - near[0]) / (2 * reach) > STEEP * count_unit(top)
         z.append(np.where(steep, np.nan, np.tensordot(FOURTH, off, 1) / np.linalg.norm(FOURTH)))
         # Any of them may be clipped: let the one nearest to an end speak for all.
-        level.append(np.where(near.mean(0) < FULL / 2, near.min(0), near.max(0)))
+        level.append(np.where(near.mean(0) < top / 2, near.min(0), near.max(0)))
         modelled.append(model[rows])
     if not z:
         nothing = np.zeros((0, counts.shape[1]))
@@ -128,9 +137,9 @@ def _from_neighbours(counts: Array, model: Array, distance: Array, bearing: Arra
     )  # fmt: skip
 
 
-def lit_noise(sample: Sample, channel: str, *, top: float = FULL) -> NoiseEstimate | None:
+def lit_noise(sample: Sample, channel: str, top: float) -> NoiseEstimate | None:
     """Noise where readings are neither dark nor saturated; for light, everywhere. None: too few."""
-    deviation = FIRST_GUESS
+    deviation = FIRST_GUESS * count_unit(top)
     use = np.isfinite(sample.z)
     if channel == "proximity":
         for _ in range(4):
@@ -142,9 +151,9 @@ def lit_noise(sample: Sample, channel: str, *, top: float = FULL) -> NoiseEstima
     return _estimate(sample, use, channel)
 
 
-def dark_noise(counts: Array, model: Array, place: NDArray[np.int64]) -> NoiseEstimate | None:
+def dark_noise(counts: Array, model: Array, place: NDArray[np.int64], top: float) -> NoiseEstimate | None:
     """Noise of proximity sensors where nothing is in reach: how their readings [n, S] spread there."""
-    use = (model <= 0) & (counts < 2 * DARK_COUNTS)
+    use = (model <= 0) & (counts < 2 * DARK_COUNTS * count_unit(top))
     many = np.maximum(use.sum(axis=0), 1)
     mean = np.where(use, counts, 0.0).sum(axis=0) / many
     sample = Sample(z=counts - mean, level=counts, model=model, group=place)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.checks import dead_sensors, refuse_other_kind, refuse_swapped, refuse_units
 from realitygap.calibration.forward import scene_of
+from realitygap.calibration.recordings.recording import count_unit
 
 if TYPE_CHECKING:
     from realitygap.calibration.recordings.recording import SensorRecording
@@ -23,16 +24,21 @@ FOLDS = 4
 
 
 class Rows:
-    """The rows of several recordings of one kind, one after another."""
+    """The rows of several recordings of one kind, one after another.
+
+    `top` is the converter's highest count, `unit` so many of its counts that are one of the paper's robot's.
+    """
 
     def __init__(self, recordings: Sequence[SensorRecording], base: Profile) -> None:
         self.recordings = recordings
         self.dead: dict[int, str] = {}
         warned: list[str] = []
+        self.top = base.channel(recordings[0].kind).top
+        self.unit = count_unit(self.top)
         for recording in recordings:
-            refuse_other_kind(recording)
-            refuse_units(recording)
-            dead = dead_sensors(recording)
+            refuse_other_kind(recording, self.top)
+            refuse_units(recording, self.top)
+            dead = dead_sensors(recording, self.top)
             warned += [f"{recording.source}: {reason}" for reason in dead.values()]
             warned += refuse_swapped(recording, base, dead)
             self.dead |= dead

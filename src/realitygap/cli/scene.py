@@ -49,7 +49,7 @@ class Scene:
         place = checked_pose(pose, room, robot)
         note_dark(loaded, room)
         start = Start(x_cm=place.x, y_cm=place.y)  # the task's own starts need not be free here
-        begun = replace(loaded, arena=room, start=start)
+        begun = replace(loaded.of(robot), arena=room, start=start)
         return cls(task=begun, profile=robot, noise=noise, pose=place)
 
     @property

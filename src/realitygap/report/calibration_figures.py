@@ -35,7 +35,8 @@ def curves_figure(fit: ChannelFit) -> Figure:
         if grid:
             _curves_over_bearing(fit, k, axes)
         else:
-            axes.plot([0, 1023], [0, 1023], color=MUTED, lw=0.8)
+            top = fit.profile.channel(fit.kind).top
+            axes.plot([0, top], [0, top], color=MUTED, lw=0.8)
             dots = axes.scatter(fit.counts[:, k], fit.model[:, k], s=3, color=COLOURS[0], lw=0, alpha=0.4)
             dots.set_rasterized(True)
             both = np.stack([fit.counts, fit.model])

@@ -164,7 +164,7 @@ class SimulatedBody:
 def network_inputs(simulation: Simulation) -> Callable[[Readings], list[int]]:
     """What makes a network's inputs −10 … 10 of a body's readings, as the simulation makes them."""
     task, profile = simulation.task, simulation.profile
-    sensors = len((profile.infrared if task.feeds == "proximity" else profile.ambient).sensors)
+    sensors = len(profile.channel(task.feeds).sensors)
 
     def make(readings: Readings) -> list[int]:
         fed = readings.proximity if task.feeds == "proximity" else readings.ambient

@@ -62,8 +62,9 @@ class Simulation:
         arena: Arena | str | PathLike[str] | None = None,
     ) -> None:
         task = load_task(task)
-        self.task = task if arena is None else replace(task, arena=load_arena(arena))
         self.profile = load_profile(profile)
+        task = task.of(self.profile)
+        self.task = task if arena is None else replace(task, arena=load_arena(arena))
         self.noise = noise_level(noise)
         self._robot = self.profile.to_kernel()
         self._arena = self.task.arena.to_kernel()

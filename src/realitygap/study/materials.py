@@ -107,7 +107,7 @@ def gather(config: StudyConfig) -> Materials:
     for key, task in loaded.items():
         if task.name in config.arenas:
             task = replace(task, arena=load_arena(config.arenas[task.name]))
-        task = replace(task, **config.task.changes())
+        task = replace(task, **config.task.changes()).of(profile)
         task.to_kernel(profile)  # the robot fits its start and has the sensors
         config.evolution.make(config.encoding_for(task))  # the genotype has room for the inputs
         loaded[key] = task

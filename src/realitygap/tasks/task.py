@@ -12,7 +12,7 @@ from __future__ import annotations
 import inspect
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +59,7 @@ class Task:
         arena: an Arena, the name of one that comes with the package, or the path of a TOML file
             (relative to the file that defines `score`).
         feeds: "proximity" or "ambient": which of the robot's sensors the network reads.
-        sensors: which of them feeds each input of the network.
+        sensors: which of them feeds each input of the network; none named: all that the robot has.
         start: where a trial begins.
         seconds: length of a trial, a multiple of 0.1.
         trials: trials in one evaluation; fitness is the mean of their scores.
@@ -76,7 +76,7 @@ class Task:
     title: str = ""
     arena: Arena
     feeds: str
-    sensors: tuple[int, ...] = tuple(range(8))
+    sensors: tuple[int, ...] = ()
     start: Start
     seconds: float = 20.0
     trials: int = 2
@@ -100,15 +100,24 @@ class Task:
         """Steps of 0.1 s in one trial."""
         return round(self.seconds / STEP_S)
 
+    def of(self, profile: Profile) -> Task:
+        """The task for a robot: fed by all its sensors of the kind, if it names none."""
+        there = len(profile.channel(self.feeds).sensors)
+        return self if self.sensors or not there else replace(self, sensors=tuple(range(there)))
+
     def to_kernel(self, profile: Profile) -> params.Trial:
         """The trial as the kernels' arrays.
 
         Raises:
             TaskError: the robot lacks a sensor that the task feeds, or cannot stand at its start.
         """
-        part = profile.infrared if self.feeds == "proximity" else profile.ambient
-        count = len(part.sensors)
-        for sensor in self.sensors:
+        count, sensors = len(profile.channel(self.feeds).sensors), self.of(profile).sensors
+        if not sensors:
+            raise TaskError(
+                f"task {self.name!r}: feeds: profile {profile.name!r} has no {self.feeds} sensors. "
+                "Choose another task, or add sensors to the profile."
+            )
+        for sensor in sensors:
             if sensor >= count:
                 raise TaskError(
                     f"task {self.name!r}: sensors: expected {self.feeds} sensors of profile "
@@ -128,7 +137,7 @@ class Task:
         return params.Trial(
             steps=self.steps,
             feed=FEEDS.index(self.feeds),
-            channels=np.array(self.sensors, dtype=np.int64),
+            channels=np.array(sensors, dtype=np.int64),
             start=np.array([start.x_cm, start.y_cm, start.radius_cm, low, high]),
         )
 
@@ -194,7 +203,7 @@ class Task:
         require(isinstance(self.start, Start), "start", "a Start(x_cm=…, y_cm=…)", self.start)
         require(self.feeds in FEEDS, "feeds", " or ".join(map(repr, FEEDS)), self.feeds)
         size = len(self.sensors)
-        require(1 <= size <= MAX_INPUTS, "sensors", f"1 to {MAX_INPUTS} sensors", self.sensors)
+        require(size <= MAX_INPUTS, "sensors", f"at most {MAX_INPUTS} sensors", self.sensors)
         for sensor in self.sensors:
             whole = isinstance(sensor, int) and not isinstance(sensor, bool) and sensor >= 0
             require(whole, "sensors", "whole numbers, 0 or more", self.sensors)

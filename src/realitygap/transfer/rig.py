@@ -66,7 +66,7 @@ def driven(
 
     def inputs(readings: Readings) -> list[int]:
         fed = readings.proximity if task.feeds == "proximity" else readings.ambient
-        return profile.inputs(fed.tolist(), task.feeds, task.sensors)
+        return profile.inputs(fed.tolist(), task.feeds, task.of(profile).sensors)
 
     recording = drive(
         body,

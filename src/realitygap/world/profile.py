@@ -16,7 +16,7 @@ from realitygap.toml import to_toml
 from realitygap.world.files import Value, load, require, shipped
 from realitygap.world.provenance import Provenance
 from realitygap.world.rays import RAY_ANGLES_DEG
-from realitygap.world.sensors import Ambient, Infrared
+from realitygap.world.sensors import UNLIT, Ambient, Infrared
 
 __all__ = [
     "Body",
@@ -101,7 +101,7 @@ class Noise(Value):
 
     proximity: float
     proximity_dark: float
-    ambient: float
+    ambient: float = 0.0
     wheel: float
     friction: float
 
@@ -114,14 +114,18 @@ class Noise(Value):
 
 @dataclass(frozen=True, kw_only=True)
 class Profile(Value):
-    """All constants of one robot. Lengths cm, angles degrees, readings counts."""
+    """All constants of one robot. Lengths cm, angles degrees, readings counts.
+
+    Each channel states its full scale (`top`) and its sensors, as many as there are; without `ambient` the
+    robot sees no light.
+    """
 
     name: str
     source: str = ""
     body: Body
     wheels: Wheels
     infrared: Infrared
-    ambient: Ambient
+    ambient: Ambient = UNLIT
     noise: Noise
     provenance: Provenance = Provenance()  # noqa: RUF009 (a frozen value)
 
@@ -148,11 +152,11 @@ class Profile(Value):
             "Lower it, or lower wheels.top_command.",
         )
         for part, keys in (("infrared", ("proximity", "proximity_dark")), ("ambient", ("ambient",))):
-            top = getattr(self, part).top
-            for key in keys:
+            top, there = getattr(self, part).top, getattr(self, part).sensors
+            for key in keys if there else ():
                 value = getattr(self.noise, key)
                 require(value <= top, f"noise.{key}", f"at most the converter's range, {top:g} counts", value)
-            for i, sensor in enumerate(getattr(self, part).sensors):
+            for i, sensor in enumerate(there):
                 key, depth = f"{part}.sensors[{i}]", radius - math.hypot(sensor.x_cm, sensor.y_cm)
                 place = (sensor.x_cm, sensor.y_cm)
                 require(depth > 0, key, f"a place inside the body (radius {radius:g} cm)", place)
@@ -181,6 +185,10 @@ class Profile(Value):
             **sensors,
         )
 
+    def channel(self, kind: str) -> Infrared | Ambient:
+        """The sensors of a kind: "infrared" (or "proximity", as a task feeds them) or "ambient"."""
+        return self.ambient if kind == "ambient" else self.infrared
+
     def inputs(self, readings: Sequence[float], feeds: str, sensors: Sequence[int]) -> list[int]:
         """A network's inputs −10 … 10, as the kernels make them of readings ("bands", §7.2).
 
@@ -194,11 +202,11 @@ class Profile(Value):
         """
         hint = "The infrared sensors feed as 'proximity'." if feeds == "infrared" else ""
         require(feeds in FEEDS, "feeds", " or ".join(map(repr, FEEDS)), feeds, hint)
-        there = len((self.infrared if feeds == "proximity" else self.ambient).sensors)
+        there = len(self.channel(feeds).sensors)
         require(len(readings) == there, "readings", f"one of each {feeds} sensor ({there})", len(readings))
         inside = all(0 <= sensor < there for sensor in sensors)
         require(inside, "sensors", f"numbers from 0 to {there - 1}", sensors)
-        low, high = (self.infrared if feeds == "proximity" else self.ambient).bands
+        low, high = self.channel(feeds).bands
         shares = ((float(readings[sensor]) - low) / (high - low) for sensor in sensors)
         scaled = (math.floor(share * (2.0 * TOP_INPUT) - TOP_INPUT + 0.5) for share in shares)
         return [max(-TOP_INPUT, min(TOP_INPUT, value)) for value in scaled]
@@ -218,10 +226,11 @@ class Profile(Value):
         return to_toml(self._table())
 
     def _table(self) -> dict[str, Any]:
-        """Its keys; provenance only where there is any."""
+        """Its keys; provenance and light sensors only where there are any."""
         table = super().to_dict()
-        if self.provenance == Provenance():
-            del table["provenance"]
+        for key, unsaid in (("provenance", Provenance()), ("ambient", UNLIT)):
+            if getattr(self, key) == unsaid:
+                del table[key]
         return table
 
 

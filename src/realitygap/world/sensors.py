@@ -16,7 +16,7 @@ from realitygap.kernels.params import LANES, RAYS
 from realitygap.world.files import Value, require
 from realitygap.world.rays import ray_weights, rays, unit
 
-__all__ = ["RAY_NUMBERS", "RESPONSES", "Ambient", "AmbientSensor", "Infrared", "ProximitySensor"]
+__all__ = ["RAY_NUMBERS", "RESPONSES", "UNLIT", "Ambient", "AmbientSensor", "Infrared", "ProximitySensor"]
 
 FEWEST_TURNED, OUTWARDS_DEG = 2, 35.0
 """So many sensors that look aside tell radians from degrees; and how nearly a sensor looks outwards."""
@@ -239,3 +239,7 @@ def _check_bands(bands: tuple[float, float]) -> None:
         raise ConfigError(
             f"bands: expected two different readings (they become inputs -10 and +10), got {list(bands)}."
         )
+
+
+UNLIT = Ambient(floor=0, dark=1, top=1, reflectance=0, exponent=0, bands=(1, 0), sensors=())
+"""Of a robot that sees no light."""

@@ -84,7 +84,7 @@ def move(task: Task, profile: Profile, pose, left: float, right: float):
 
 def run(task: Task, profile: Profile, genes, *, level: float, stream: int, pose=None) -> Record:
     """One trial of a genotype on a stream."""
-    record = Record()
+    record, task = Record(), task.of(profile)
     pose = start(task, stream) if pose is None else pose
     network = ReferenceNetwork(genes, len(task.sensors))
     wheels = Wheel(profile), Wheel(profile)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.calibration.recordings.recording import count_unit
+from realitygap.calibration.recordings.table import Table
 from realitygap.errors import RecordingError
 
 __all__ = ["check_readings", "check_steps"]
@@ -17,35 +16,37 @@ Array = NDArray[np.float64]
 REACH_CM = 20.0
 """Twice the way that a Khepera's infrared goes: beyond it nothing reads as on a near object."""
 BRIGHT = 300.0
+"""Counts of the paper's robot."""
 ENOUGH = 12
 """Bearings from which on their unit is doubted."""
 
 
 def check_readings(
-    path: str | Path,
-    lines: Sequence[int],
+    table: Table,
     *,
     kind: str,
     distance_cm: Array,
     bearing_deg: Array,
     counts: Array,
+    full_scale: float | None,
 ) -> tuple[str, ...]:
-    """Warnings about sensor readings [n, S] at [n] distances and bearings in a file's lines.
+    """Warnings about sensor readings [n, S] at [n] distances and bearings in a table's rows.
 
     Raises:
         RecordingError: readings that no robot in centimetres and degrees can have had.
     """
-    far = (distance_cm > REACH_CM) & (counts.max(axis=1) > BRIGHT)
+    bright = BRIGHT if full_scale is None else BRIGHT * count_unit(full_scale)
+    far = (distance_cm > REACH_CM) & (counts.max(axis=1) > bright)
     if kind == "infrared" and far.any():
         k = int(np.flatnonzero(far)[0])
         raise RecordingError(
-            f"{path}, line {lines[k]}: distance_cm: {int(counts[k].max())} counts at {distance_cm[k]:g} cm, "
+            f"{table.at(k)}: distance_cm: {int(counts[k].max())} counts at {distance_cm[k]:g} cm, "
             "where infrared sees nothing. Are these millimetres? Divide them by 10."
         )
     warned = []
     turned = np.unique(np.abs(bearing_deg[np.isfinite(bearing_deg)]))
     if len(turned) >= ENOUGH and turned[-1] < 6.4 and (turned != np.rint(turned)).any():
-        warned.append(f"{path}: bearing_deg never passes {turned[-1]:.2f}: are these radians?")
+        warned.append(f"{table.path}: bearing_deg never passes {turned[-1]:.2f}: are these radians?")
     return tuple(warned)
 
 

@@ -23,7 +23,7 @@ from realitygap.calibration.recordings.recording import (
     check_object,
 )
 from realitygap.calibration.recordings.sam import read_sam
-from realitygap.calibration.recordings.table import Table, need, read_table
+from realitygap.calibration.recordings.table import LARGEST, Table, need, read_table
 from realitygap.errors import RecordingError
 from realitygap.text import as_path, refuse_unknown
 from realitygap.toml import read_toml
@@ -34,6 +34,7 @@ __all__ = [
     "READINGS",
     "STEPS",
     "STEP_COLUMNS",
+    "WHEEL_COUNTS",
     "find_recordings",
     "load_recording",
     "read_facts",
@@ -50,12 +51,13 @@ STEP_COLUMNS = (
     "speed_left", "speed_right", "trial", "kind",
 )  # fmt: skip
 UNITS = "cm, degrees, s, counts, Khepera units, pulses"
-FULL, MOST_SENSORS = 1023, 16
+WHEEL_COUNTS = ("counter_left", "counter_right", "speed_left", "speed_right")
+"""Columns that only wheels with counters have."""
 KNOWN = (
-    "kind", "object", "sensors", "body_radius_cm", *HEIGHTS_CM, "arena", "units", "notes", "robot", "unit",
-    "twin_noise", "port", "bios", "protocol", "plan", "seed", "repeats", "places", "date",
+    "kind", "object", "sensors", "full_scale", "body_radius_cm", *HEIGHTS_CM, "arena", "units", "notes",
+    "robot", "unit", "twin_noise", "port", "bios", "protocol", "plan", "seed", "repeats", "places", "date",
 )  # fmt: skip
-"""Keys of recording.toml: the first eight a calibration reads, the others are its history."""
+"""Keys of recording.toml: the first nine a calibration reads, the others are its history."""
 DRIVE = "end"
 """A key of a drive's recording.toml, which is another file of the same name."""
 
@@ -159,11 +161,10 @@ def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> S
         table.refuse(distance < 0, "distance_cm", "0 or more", distance, "It counts from the body's edge.")
         table.refuse(np.abs(bearing) > 360, "bearing_deg", "degrees from −360 to 360", bearing)
     counts = np.stack([table.numbers(sensor) for sensor in sensors], 1)
-    for k, sensor in enumerate(sensors):
-        values = counts[:, k]
-        table.refuse((values < 0) | (values > FULL), sensor, f"counts from 0 to {FULL}", values)
+    full_scale = _full_scale(folder, facts)
+    _check_counts(table, sensors, counts, full_scale)
     warned = check_readings(
-        table.path, table.lines, kind=kind, distance_cm=distance, bearing_deg=bearing, counts=counts
+        table, kind=kind, distance_cm=distance, bearing_deg=bearing, counts=counts, full_scale=full_scale
     )
     return SensorRecording(
         kind=kind,
@@ -176,6 +177,7 @@ def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> S
         arena=arena,
         body_radius_cm=_body_radius(folder, facts),
         body_said="body_radius_cm" in facts,
+        full_scale=full_scale,
         warnings=(*warned, *_unfinished(table, facts)),
         **_common(folder, table, facts),
     )
@@ -183,7 +185,8 @@ def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> S
 
 def _wheels(folder: Path, facts: Mapping[str, Any]) -> WheelRecording:
     table = read_table(folder / STEPS, ends="places" in facts)
-    need(table, STEP_COLUMNS)
+    counting = any(name in table.columns for name in WHEEL_COUNTS)
+    need(table, [name for name in STEP_COLUMNS if counting or name not in WHEEL_COUNTS])
     kind = table.texts("kind")
     table.refuse(~np.isin(kind, STEP_KINDS), "kind", f"one of {', '.join(STEP_KINDS)}", kind)
     t, trial = table.numbers("t_s"), table.whole("trial")
@@ -193,15 +196,19 @@ def _wheels(folder: Path, facts: Mapping[str, Any]) -> WheelRecording:
     def pair(name: str) -> Array:
         return np.stack([table.numbers(f"{name}_{side}") for side in ("left", "right")], 1)
 
+    unknown = np.full((len(t), 2), math.nan)
     return WheelRecording(
         t_s=t,
         commands=pair("command"),
-        counters=pair("counter"),
-        speeds=pair("speed"),
+        counters=pair("counter") if counting else unknown,
+        speeds=pair("speed") if counting else unknown,
         trial=trial,
         kind=kind,
         pose=_pose(table, empty=True) if set(POSE) <= set(table.columns) else None,
-        warnings=(*check_steps(pair("command"), pair("counter")), *_unfinished(table, facts)),
+        warnings=(
+            *(check_steps(pair("command"), pair("counter")) if counting else ()),
+            *_unfinished(table, facts),
+        ),
         **_common(folder, table, facts),
     )
 
@@ -215,20 +222,37 @@ def _common(folder: Path, table: Table, facts: Mapping[str, Any]) -> dict[str, A
 
 
 def _sensor_columns(table: Table, facts: Mapping[str, Any]) -> list[str]:
-    """s0, s1, … without a gap, as many as the facts say (a Khepera has eight)."""
+    """s0, s1, … without a gap, as many as the facts say, if they do."""
     found = [name for name in table.columns if name[:1] == "s" and name[1:].isdecimal()]
-    expected = facts.get("sensors", 8)
-    if isinstance(expected, bool) or not isinstance(expected, int) or not 0 < expected <= MOST_SENSORS:
+    expected = facts.get("sensors", max(len(found), 1))
+    if isinstance(expected, bool) or not isinstance(expected, int) or expected < 1:
         where = table.path.with_name(FACTS)
-        raise RecordingError(
-            f"{where}: sensors: expected a whole number from 1 to {MOST_SENSORS}, got {expected!r}."
-        )
+        raise RecordingError(f"{where}: sensors: expected a whole number from 1 on, got {expected!r}.")
     if sorted(found) != sorted(f"s{i}" for i in range(expected)):
         raise RecordingError(
             f"{table.path}, line 1: expected the sensors' columns s0 to s{expected - 1}, got "
             f"{', '.join(found) or 'none'}. Another number of sensors is said with `sensors` in {FACTS}."
         )
     return [f"s{i}" for i in range(expected)]
+
+
+def _full_scale(folder: Path, facts: Mapping[str, Any]) -> float | None:
+    value = facts.get("full_scale")
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < LARGEST:
+        raise RecordingError(f"{folder / FACTS}: full_scale: expected the highest count, got {value!r}.")
+    return float(value)
+
+
+def _check_counts(table: Table, sensors: Sequence[str], counts: Array, full_scale: float | None) -> None:
+    top = math.inf if full_scale is None else full_scale
+    expected = "counts from 0 on" if full_scale is None else f"counts from 0 to {top:g}"
+    cure = "" if full_scale is None else f"The converter's highest count is said with full_scale in {FACTS}."
+    for k, sensor in enumerate(sensors):
+        values = counts[:, k]
+        table.refuse(values < 0, sensor, expected, values)
+        table.refuse(values > top, sensor, expected, values, cure)
 
 
 def _pose(table: Table, *, empty: bool) -> Array:

@@ -3,12 +3,13 @@
 A folder with `recording.toml` (kind, object, robot, unit, date, plan, units, notes) and one table:
 
     kind       object                      table         columns
-    infrared   wall | cylinder:RADIUS_CM   readings.csv  distance_cm, bearing_deg, repeat, s0 … s7
+    infrared   wall | cylinder:RADIUS_CM   readings.csv  distance_cm, bearing_deg, repeat, s0, s1, …
     ambient    lamp                        readings.csv  the same, or x_cm, y_cm, heading_deg in the place
                                                          of the first two, with `arena = "arena.toml"`
-    wheels                                 steps.csv     t_s, command_left, command_right, counter_left,
-                                                         counter_right, speed_left, speed_right, trial,
-                                                         kind, and with a camera x_cm, y_cm, heading_deg
+    wheels                                 steps.csv     t_s, command_left, command_right, trial, kind; of
+                                                         wheels that count counter_left, counter_right,
+                                                         speed_left, speed_right; and with a camera x_cm,
+                                                         y_cm, heading_deg
 
 distance_cm: from the body's edge to a wall along its normal, to a round object's edge, to a lamp's
 centre. bearing_deg: where the object stands, counter-clockwise from the robot's front.
@@ -21,6 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -28,6 +30,7 @@ from numpy.typing import NDArray
 
 from realitygap.errors import RecordingError
 from realitygap.world.arena import Arena
+from realitygap.world.profile import Profile, load_profile
 
 __all__ = [
     "BODY_RADIUS_CM",
@@ -38,6 +41,7 @@ __all__ = [
     "SensorRecording",
     "WheelRecording",
     "check_object",
+    "count_unit",
     "cylinder_radius",
 ]
 
@@ -85,6 +89,7 @@ class SensorRecording(Recorded):
         arena: the room, if poses are given.
         body_radius_cm: of the body whose edge distances count from.
         body_said: whether the recording says so itself; else a calibration takes its base's body.
+        full_scale: the converter's highest count; None: not said, it is its robot's.
     """
 
     kind: str
@@ -97,6 +102,7 @@ class SensorRecording(Recorded):
     arena: Arena | None = None
     body_radius_cm: float = BODY_RADIUS_CM
     body_said: bool = True
+    full_scale: float | None = None
 
     def __post_init__(self) -> None:
         n = len(self.repeat)
@@ -105,10 +111,28 @@ class SensorRecording(Recorded):
             raise RecordingError(f"{self.source or 'a recording'}: its columns differ in length: {lengths}.")
         check_object(self.kind, self.object, self.source or "a recording")
 
-    def of_body(self, radius_cm: float, whose: str) -> SensorRecording:
-        """The same with a body of this radius, if it says nothing of its body, and a word about that."""
+    def of_robot(self, robot: Profile) -> SensorRecording:
+        """The same as a robot's; with its body, and a word about that, if it says nothing of one.
+
+        Raises:
+            RecordingError: the robot's readings have another full scale.
+        """
+        top, whose = robot.channel(self.kind).top, f"profile {robot.name!r}"
+        if self.full_scale not in (None, top):
+            raise RecordingError(
+                f"{self.source}: full_scale: expected {top:g}, as {whose} has, got {self.full_scale:g}. Give "
+                "the profile of the robot that was recorded."
+            )
+        if (self.counts > top).any():
+            row, sensor = np.argwhere(self.counts > top)[0].tolist()
+            raise RecordingError(
+                f"{self.source}: s{sensor}: expected counts from 0 to {top:g}, the full scale of {whose}, "
+                f"got {self.counts[row, sensor]:g} in reading {row + 1}. Give the profile of the robot that "
+                "was recorded."
+            )
         if self.body_said:
             return self
+        radius_cm = robot.body.radius_cm
         # Distances that were read stay as they are; those from a lamp's centre follow from the poses.
         nearer = radius_cm - self.body_radius_cm if self.pose is not None else 0.0
         told = f"{self.source}: body_radius_cm: not said; {radius_cm:g} cm are taken, as {whose} has"
@@ -143,8 +167,8 @@ class WheelRecording(Recorded):
     Attributes:
         t_s: [n] time since the trial's start.
         commands: [n, 2] left and right, Khepera units, given at t_s after the rest was read.
-        counters: [n, 2] pulses.
-        speeds: [n, 2] as the robot measures them, Khepera units.
+        counters: [n, 2] pulses; NaN where wheels do not count.
+        speeds: [n, 2] as the robot measures them, Khepera units; NaN where it does not.
         trial: [n] its number.
         kind: [n] one of `STEP_KINDS`.
         pose: [n, 3] x, y (cm) and heading (rad) from the camera; NaN where it took no picture.
@@ -165,6 +189,11 @@ class WheelRecording(Recorded):
         if not whole or (self.pose is not None and self.pose.shape != (n, 3)):
             raise RecordingError(f"{self.source or 'a recording'}: its columns differ in length.")
 
+    @property
+    def counted(self) -> bool:
+        """Whether the wheels count how far they turn."""
+        return bool(np.isfinite(self.counters).any())
+
     def trials(self, *kinds: str) -> list[NDArray[np.int64]]:
         """The rows of each trial of these kinds (default: of all), in their order."""
         wanted = np.isin(self.kind, kinds) if kinds else np.ones(len(self.kind), bool)
@@ -172,6 +201,12 @@ class WheelRecording(Recorded):
 
 
 Recording = SensorRecording | WheelRecording
+
+
+@cache
+def count_unit(full_scale: float) -> float:
+    """Counts of a converter that are one of the paper's robot's: limits and first guesses are in those."""
+    return full_scale / load_profile("paper").infrared.top
 
 
 def cylinder_radius(name: str) -> float | None:

@@ -22,6 +22,7 @@ __all__ = ["LIGHT_STEP", "read_sam"]
 Array = NDArray[np.float64]
 
 SENSORS, FULL = 8, 1023
+"""The tables are a Khepera's, of its eight sensors and its converter of 10 bits: other robots have none."""
 LIGHT_SCALE, LIGHT_STEP = 500.0, 10.24
 """A light table is inverted and scaled: V = 500·(1 − x/1024), x in steps of 10.24. The 500 is an
 assumption of the tables' keepers."""
@@ -71,6 +72,7 @@ def read_sam(path: str | Path, *, object: str | None = None, kind: str | None = 
         repeat=np.zeros(len(table), np.int64),
         counts=LIGHT_SCALE * (1.0 - table / 1024.0) if kind == "ambient" else table,
         body_radius_cm=BODY_RADIUS_CM,
+        full_scale=FULL,
         source=str(path),
         hash=hashlib.sha256(path.read_bytes()).hexdigest(),
         notes=f"a .sam table, {header.distances} distances and {header.bearings} bearings, one reading each",

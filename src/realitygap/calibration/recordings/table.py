@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from realitygap.errors import RecordingError
 from realitygap.text import read_text, refuse_separator
 
-__all__ = ["Table", "need", "read_table"]
+__all__ = ["LARGEST", "Table", "need", "read_table"]
 
 Array = NDArray[np.float64]
 
