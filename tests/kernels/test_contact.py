@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from realitygap.kernels.contact import ground_speeds, settle
-from realitygap.kernels.wheels import drive_arc
+from realitygap.kernels.wheels import Arc, drive_arc
 from realitygap.world.arena import Arena, Cylinder
 from tests.kernels.reference.motion import settle as slow_settle
 from tests.kernels.reference.rays import overlap
@@ -122,7 +122,7 @@ def test_flat_wall_head_on():
     x, y, touched = go(EMPTY, 100 - RADIUS - 0.3, 50, 0.8, 0.0)
     assert (x, y, touched) == (pytest.approx(100 - RADIUS, abs=1e-12), 50, True)
     x, y, touched = go(EMPTY, 100 - RADIUS, 50, 0.8, 0.0)
-    left, right = ground_speeds(x - (100 - RADIUS), 0.0, 0.0, 1.0, 1.0, 0.0, 5.3, 0.1)
+    left, right = ground_speeds(x - (100 - RADIUS), 0.0, Arc(0.8, 0.0, 0.0, 1.0, 1.0, 0.0), 5.3)
     assert touched and abs(left) < 1e-9 and abs(right) < 1e-9
 
 
@@ -160,8 +160,8 @@ def test_ground_speeds_of_free_motion_are_the_wheels():
     for _ in range(500):
         left, right = random.uniform(-10, 10, 2)
         heading = random.uniform(-7, 7)
-        dx, dy, *rest = drive_arc(5.3, left, right, math.cos(heading), math.sin(heading))
-        got = ground_speeds(dx, dy, *rest, 5.3, 0.1)
+        driven = drive_arc(5.3, left, right, math.cos(heading), math.sin(heading))
+        got = ground_speeds(driven.dx, driven.dy, driven, 5.3)
         assert got == pytest.approx((left, right), rel=1e-9, abs=1e-9)
 
 
@@ -176,9 +176,9 @@ def test_ground_speeds_agree_with_the_reference():
         left, right = random.uniform(-8, 10, 2)
         pose = (100 - RADIUS - random.uniform(0, 0.5), 50.0, random.uniform(-1.5, 1.5))
         x, y, heading = pose
-        dx, dy, *rest = drive_arc(5.3, left, right, math.cos(heading), math.sin(heading))
-        to_x, to_y, touched = go(EMPTY, x, y, dx, dy)
+        driven = drive_arc(5.3, left, right, math.cos(heading), math.sin(heading))
+        to_x, to_y, touched = go(EMPTY, x, y, driven.dx, driven.dy)
         _, expected, slow_touched = slow_move(AtWall, PAPER, pose, left, right)
-        got = ground_speeds(to_x - x, to_y - y, *rest, 5.3, 0.1) if touched else (left, right)
+        got = ground_speeds(to_x - x, to_y - y, driven, 5.3) if touched else (left, right)
         assert touched == slow_touched
         assert got == pytest.approx(expected, rel=1e-9, abs=1e-9)

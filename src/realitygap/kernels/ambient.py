@@ -29,8 +29,8 @@ def illuminate(robot, arena, enough, work, out):
     for lamp in range(arena.lamp_points.shape[0]):
         light_on_surfaces(robot, arena, lamp, work)
         for k in range(out.shape[0]):
-            px, py, fx, fy = look(robot, k, work)
-            out[k] += light_on_sensor(arena, lamp, px, py, fx, fy) + reflected_light(k * RAYS, work)
+            view = look(robot, k, work)
+            out[k] += light_on_sensor(arena, lamp, view) + reflected_light(k * RAYS, work)
 
 
 @step

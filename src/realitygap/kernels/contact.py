@@ -1,26 +1,37 @@
 """Contact: the disc is moved out of what it overlaps; friction holds back its sliding."""
 
 import math
+from typing import NamedTuple
 
 from realitygap.kernels.geometry import from_segment, stands_clear, unit
 from realitygap.kernels.jit import step
+from realitygap.kernels.params import STEP_S
 
 ROUNDS = 12
 """Times that all surfaces are gone through: corners need two or three."""
 
 
+class Move(NamedTuple):
+    """A place and the movement that led there, cm."""
+
+    x: float
+    y: float
+    dx: float
+    dy: float
+
+
 @step
-def push(x, y, dx, dy, nx, ny, depth, sliding):
-    """The place and movement after one surface (normal n) has pushed the disc out by `depth`.
+def push(to, nx, ny, depth, sliding):
+    """A move after one surface (normal n) has pushed the disc out by `depth`.
 
     Coulomb: the surface holds back up to `sliding` · depth of the movement along itself.
     """
-    along = dy * nx - dx * ny
+    along = to.dy * nx - to.dx * ny
     held = min(abs(along), sliding * depth)
     held = held if along >= 0.0 else -held
     px = nx * depth + ny * held
     py = ny * depth - nx * held
-    return x + px, y + py, dx + px, dy + py
+    return Move(to.x + px, to.y + py, to.dx + px, to.dy + py)
 
 
 @step
@@ -30,37 +41,35 @@ def settle_once(arena, radius, x, y, dx, dy):
     Where no place near is clear (a wedge) it stays: a robot never enters a wall or cylinder.
     The movement must be shorter than the radius, or it could end behind an inner wall.
     """
-    to_x = x + dx
-    to_y = y + dy
-    if stands_clear(arena, to_x, to_y, radius):
-        return to_x, to_y, False
+    to = Move(x + dx, y + dy, dx, dy)
+    if stands_clear(arena, to.x, to.y, radius):
+        return to.x, to.y, False
     slip = arena.sliding
     for _ in range(ROUNDS):
-        if to_x < radius:
-            to_x, to_y, dx, dy = push(to_x, to_y, dx, dy, 1.0, 0.0, radius - to_x, slip)
-        if to_y < radius:
-            to_x, to_y, dx, dy = push(to_x, to_y, dx, dy, 0.0, 1.0, radius - to_y, slip)
-        over = to_x - (arena.size[0] - radius)
+        if to.x < radius:
+            to = push(to, 1.0, 0.0, radius - to.x, slip)
+        if to.y < radius:
+            to = push(to, 0.0, 1.0, radius - to.y, slip)
+        over = to.x - (arena.size[0] - radius)
         if over > 0.0:
-            to_x, to_y, dx, dy = push(to_x, to_y, dx, dy, -1.0, 0.0, over, slip)
-        over = to_y - (arena.size[1] - radius)
+            to = push(to, -1.0, 0.0, over, slip)
+        over = to.y - (arena.size[1] - radius)
         if over > 0.0:
-            to_x, to_y, dx, dy = push(to_x, to_y, dx, dy, 0.0, -1.0, over, slip)
+            to = push(to, 0.0, -1.0, over, slip)
         for j in range(arena.cylinders.shape[0]):
-            vx = to_x - arena.cylinders[j, 0]
-            vy = to_y - arena.cylinders[j, 1]
+            vx = to.x - arena.cylinders[j, 0]
+            vy = to.y - arena.cylinders[j, 1]
             apart = radius + arena.cylinders[j, 2]
             if vx * vx + vy * vy < apart * apart:
                 nx, ny, gap = unit(vx, vy)
-                depth = apart - gap
-                to_x, to_y, dx, dy = push(to_x, to_y, dx, dy, nx, ny, depth, slip)
+                to = push(to, nx, ny, apart - gap, slip)
         for j in range(arena.segments.shape[0]):
-            vx, vy = from_segment(arena, j, to_x, to_y)
+            vx, vy = from_segment(arena, j, to.x, to.y)
             nx, ny, gap = unit(vx, vy)
             if gap < radius:
-                to_x, to_y, dx, dy = push(to_x, to_y, dx, dy, nx, ny, radius - gap, slip)
-        if stands_clear(arena, to_x, to_y, radius):
-            return to_x, to_y, True
+                to = push(to, nx, ny, radius - gap, slip)
+        if stands_clear(arena, to.x, to.y, radius):
+            return to.x, to.y, True
     return x, y, True
 
 
@@ -80,8 +89,8 @@ def settle(arena, radius, x, y, dx, dy):
 
 
 @step
-def ground_speeds(dx, dy, turn, share, cos_mean, sin_mean, track, dt):
+def ground_speeds(dx, dy, arc, track):
     """Speeds of the two wheels over the ground (cm/s), from the body's movement after contact."""
-    forward = (dx * cos_mean + dy * sin_mean) / (share * dt)
-    apart = 0.5 * turn * track / dt
+    forward = (dx * arc.cos_mean + dy * arc.sin_mean) / (arc.share * STEP_S)
+    apart = 0.5 * arc.turn * track / STEP_S
     return forward - apart, forward + apart

@@ -5,8 +5,7 @@ exactly. Most sensors are in that state most of the time, so it is asked first, 
 side by side, by conditions that are never wrong in saying no.
 """
 
-from realitygap.kernels.geometry import CONE, see
-from realitygap.kernels.incidence import lean
+from realitygap.kernels.geometry import CONE, Rays, Spot, see
 from realitygap.kernels.jit import step
 from realitygap.kernels.params import LANES
 
@@ -77,19 +76,20 @@ def notice(robot, arena, work):
 
 
 @step
-def reflected(robot, k, inverse, slant, t):
+def reflected(robot, k, rays, t):
     """Σ over the rays of cos^m β (a/(d + offset)² + b), outermost pairs first.
 
-    Off matt surfaces a is times the cosine under which a ray meets them (`slant`).
+    Off Lambertian surfaces a is times the cosine under which a ray meets them.
     The order makes mirror-image sensors add mirror-image rays in the same order.
     """
     a, b, offset = robot.proximity_a[k], robot.proximity_b[k], robot.proximity_offset[k]
+    inverse = rays.inverse
     if offset != 0.0:
         for i in range(inverse.shape[0]):
             inverse[i] = inverse[i] / (1.0 + offset * inverse[i])
     if robot.proximity_lambertian > 0.0:
         for i in range(inverse.shape[0]):
-            t[i] = robot.proximity_weight[k, i] * (a * (inverse[i] * inverse[i]) * slant[i] + b)
+            t[i] = robot.proximity_weight[k, i] * (a * (inverse[i] * inverse[i]) * rays.incidence[i] + b)
     else:
         for i in range(inverse.shape[0]):
             t[i] = robot.proximity_weight[k, i] * (a * (inverse[i] * inverse[i]) + b)
@@ -113,8 +113,7 @@ def list_noticed(work):
 def infrared(robot, arena, work, out):
     """Noise-free readings of all proximity sensors into `out` ([P], counts, unrounded)."""
     x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
-    ray_x, ray_y, inverse = work.ray_x[:LANES], work.ray_y[:LANES], work.inverse[:LANES]
-    slant = work.slant[:LANES]
+    rays = Rays(work.ray_x[:LANES], work.ray_y[:LANES], work.inverse[:LANES], work.incidence[:LANES])
     notice(robot, arena, work)
     for k in range(out.shape[0]):
         out[k] = 0.0
@@ -123,8 +122,8 @@ def infrared(robot, arena, work, out):
         px = x + c * robot.proximity_place[k, 0] - s * robot.proximity_place[k, 1]
         py = y + s * robot.proximity_place[k, 0] + c * robot.proximity_place[k, 1]
         if robot.proximity_lambertian > 0.0:
-            lean(arena, robot.proximity_ray, k, px, py, c, s, ray_x, ray_y, inverse, slant)
+            see(arena, robot.proximity_ray, k, Spot(px, py, c, s), rays, True)
         else:
-            see(arena, robot.proximity_ray, k, px, py, c, s, ray_x, ray_y, inverse)
-        total = reflected(robot, k, inverse, slant, work.terms)
+            see(arena, robot.proximity_ray, k, Spot(px, py, c, s), rays, None)
+        total = reflected(robot, k, rays, work.terms)
         out[k] = min(max(total, 0.0), robot.proximity_top)

@@ -1,21 +1,31 @@
 """How light travels in the room (§3.3): from lamps to surfaces and sensors, and off the surfaces."""
 
 import math
+from typing import NamedTuple
 
-from realitygap.kernels.geometry import GRAZE, circle_blocks, covers, see, segment_blocks
+from realitygap.kernels.geometry import GRAZE, Rays, Spot, circle_blocks, covers, see, segment_blocks
 from realitygap.kernels.jit import step
 from realitygap.kernels.params import LAMP_POINTS, LANES, RAYS
 
 
+class View(NamedTuple):
+    """Place and direction of an ambient sensor in the room."""
+
+    x: float
+    y: float
+    ahead_x: float
+    ahead_y: float
+
+
 @step
 def look(robot, k, work):
-    """Place and direction of ambient sensor `k` in the room: (px, py, fx, fy)."""
+    """The view of ambient sensor `k`."""
     x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
     px = x + c * robot.ambient_place[k, 0] - s * robot.ambient_place[k, 1]
     py = y + s * robot.ambient_place[k, 0] + c * robot.ambient_place[k, 1]
     fx = c * robot.ambient_facing[k, 0] - s * robot.ambient_facing[k, 1]
     fy = s * robot.ambient_facing[k, 0] + c * robot.ambient_facing[k, 1]
-    return px, py, fx, fy
+    return View(px, py, fx, fy)
 
 
 @step
@@ -87,8 +97,8 @@ def obstacles_hide(arena, px, py, lx, ly):
 
 
 @step
-def light_on_sensor(arena, lamp, px, py, fx, fy):
-    """Direct illumination D_i of a sensor at (px, py) facing (fx, fy), by one lamp.
+def light_on_sensor(arena, lamp, view):
+    """Direct illumination D_i of a sensor, by one lamp.
 
     A point of the lamp more than 90° off the sensor's direction is behind the robot's own body.
     """
@@ -97,11 +107,11 @@ def light_on_sensor(arena, lamp, px, py, fx, fy):
     for p in range(LAMP_POINTS):
         lx = arena.lamp_points[lamp, p, 0]
         ly = arena.lamp_points[lamp, p, 1]
-        ex = lx - px
-        ey = ly - py
+        ex = lx - view.x
+        ey = ly - view.y
         far += math.sqrt(ex * ex + ey * ey)
-        hidden = 0.0 if ex * fx + ey * fy >= 0.0 else 1.0
-        hidden = max(hidden, obstacles_hide(arena, px, py, lx, ly))
+        hidden = 0.0 if ex * view.ahead_x + ey * view.ahead_y >= 0.0 else 1.0
+        hidden = max(hidden, obstacles_hide(arena, view.x, view.y, lx, ly))
         total += arena.lamp_weights[lamp, p] * (1.0 - hidden)
     d = max(far * (1.0 / LAMP_POINTS), 1e-3)
     return max(total, 0.0) / (d * d)
@@ -117,8 +127,8 @@ def follow_fan(robot, arena, k, fan, work):
     px = x + c * robot.ambient_place[k, 0] - s * robot.ambient_place[k, 1]
     py = y + s * robot.ambient_place[k, 0] + c * robot.ambient_place[k, 1]
     a, b = fan * RAYS, fan * RAYS + LANES
-    ray_x, ray_y, inverse = work.ray_x[a:b], work.ray_y[a:b], work.inverse[a:b]
-    see(arena, robot.ambient_ray, fan, px, py, c, s, ray_x, ray_y, inverse)
+    rays = Rays(work.ray_x[a:b], work.ray_y[a:b], work.inverse[a:b], work.incidence[a:b])
+    see(arena, robot.ambient_ray, fan, Spot(px, py, c, s), rays, None)
     for i in range(RAYS):
         work.end_x[a + i] = px
         work.end_y[a + i] = py

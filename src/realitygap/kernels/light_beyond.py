@@ -65,7 +65,7 @@ def lamp_point(robot, arena, lamp, p):
 
 
 @step
-def light_under_an_angle(robot, arena, lamp, px, py, fx, fy):
+def light_under_an_angle(robot, arena, lamp, view):
     """As light_on_sensor, from a lamp at a height, times the mean cosine of its visible points^p."""
     height2 = robot.ambient_form.height2
     total = arena.lamp_offset[lamp]
@@ -75,13 +75,13 @@ def light_under_an_angle(robot, arena, lamp, px, py, fx, fy):
     points = lamp_points(robot)
     for p in range(points):
         lx, ly, weight = lamp_point(robot, arena, lamp, p)
-        ex = lx - px
-        ey = ly - py
+        ex = lx - view.x
+        ey = ly - view.y
         d = max(math.sqrt(ex * ex + ey * ey + height2), 1e-3)
         far += d
-        cosine = (ex * fx + ey * fy) / d
+        cosine = (ex * view.ahead_x + ey * view.ahead_y) / d
         hidden = 0.0 if cosine >= 0.0 else 1.0
-        hidden = max(hidden, obstacles_hide(arena, px, py, lx, ly))
+        hidden = max(hidden, obstacles_hide(arena, view.x, view.y, lx, ly))
         total += weight * (1.0 - hidden)
         ahead += (1.0 - hidden) * cosine
         seen += 1.0 - hidden
@@ -117,11 +117,11 @@ def find_normals(arena, a, b, work):
                 near[i] = gap
                 normal_x[i] = dx / max(d, 1e-12)
                 normal_y[i] = dy / max(d, 1e-12)
-    lean_on_segments(arena, a, b, work)
+    face_segments(arena, a, b, work)
 
 
 @step
-def lean_on_segments(arena, a, b, work):
+def face_segments(arena, a, b, work):
     """Of the rays from lane `a` to `b` those that end on an inner wall: its normal."""
     end_x, end_y, near = work.end_x[a:b], work.end_y[a:b], work.hidden[a:b]
     ray_x, ray_y = work.ray_x[a:b], work.ray_y[a:b]
@@ -162,18 +162,18 @@ def look_round(robot, arena, k, fans, work):
 
 @step
 def light_walls(robot, arena, lamp, a, b, work):
-    """As light_on_surfaces for lanes `a` to `b`, from a lamp at a height; a matt surface takes the mean
+    """As light_on_surfaces for lanes `a` to `b`, from a lamp at a height; a Lambertian surface takes the mean
     cosine of the angles under which the lamp's points light it."""
     end_x, end_y, normal_x = work.end_x[a:b], work.end_y[a:b], work.normal_x[a:b]
     normal_y, light, far = work.normal_y[a:b], work.light[a:b], work.far[a:b]
-    slant, hidden = work.slant[a:b], work.hidden[a:b]
+    incidence, hidden = work.incidence[a:b], work.hidden[a:b]
     x, y = work.pose[0], work.pose[1]
     form, points = robot.ambient_form, lamp_points(robot)
     low = 1.0 - form.clear
     for i in range(b - a):
         light[i] = arena.lamp_offset[lamp]
         far[i] = 0.0
-        slant[i] = 0.0
+        incidence[i] = 0.0
     for p in range(points):
         lx, ly, weight = lamp_point(robot, arena, lamp, p)
         for i in range(b - a):
@@ -181,7 +181,7 @@ def light_walls(robot, arena, lamp, a, b, work):
             ey = ly - end_y[i]
             d = max(math.sqrt(ex * ex + ey * ey + form.height2), 1e-3)
             far[i] += d
-            slant[i] += max(ex * normal_x[i] + ey * normal_y[i], 0.0) / d
+            incidence[i] += max(ex * normal_x[i] + ey * normal_y[i], 0.0) / d
             # From where light is above the body's top on, the body hides nothing: the line ends there.
             wx, wy, ex, ey = x - end_x[i], y - end_y[i], low * ex, low * ey
             under = 1.0 if covers(wx - ex, wy - ey, robot.radius) else 0.0
@@ -189,21 +189,21 @@ def light_walls(robot, arena, lamp, a, b, work):
         hide_behind_obstacles(arena, lx, ly, a, b, work)
         for i in range(b - a):
             light[i] += weight * (1.0 - hidden[i])
-    matt = form.lambertian > 0.0
+    lambertian = form.lambertian > 0.0
     for i in range(b - a):
         d = far[i] / points
-        leaning = slant[i] / points if matt else 1.0
-        light[i] = max(light[i], 0.0) / (d * d) * leaning
+        cosine = incidence[i] / points if lambertian else 1.0
+        light[i] = max(light[i], 0.0) / (d * d) * cosine
 
 
 @step
 def direct_light(robot, arena, lamp, k, work):
     """Direct illumination D_k of ambient sensor `k` by one lamp, whatever the law."""
-    px, py, fx, fy = look(robot, k, work)
+    view = look(robot, k, work)
     form = robot.ambient_form
     if form.facing + form.height2 + form.narrow + form.wall_offset > 0.0:
-        return light_under_an_angle(robot, arena, lamp, px, py, fx, fy)
-    return light_on_sensor(arena, lamp, px, py, fx, fy)
+        return light_under_an_angle(robot, arena, lamp, view)
+    return light_on_sensor(arena, lamp, view)
 
 
 @step

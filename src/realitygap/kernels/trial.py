@@ -10,7 +10,6 @@ from realitygap.kernels.contact import ground_speeds, settle
 from realitygap.kernels.infrared import infrared
 from realitygap.kernels.jit import step
 from realitygap.kernels.network import LIMIT, output, think, wake
-from realitygap.kernels.params import STEP_S
 from realitygap.kernels.rng import normals, sin_cos, uniform
 from realitygap.kernels.wheels import FASTEST, bound_wheel, drive_arc, turn_wheel
 from realitygap.kernels.work import DRAWS, MOTOR_NOISE, noise_blocks
@@ -122,18 +121,16 @@ def move(robot, arena, work):
     """The wheels' arcs carry the body, as far as walls and cylinders let it."""
     left = work.wheel[0, 0]
     right = work.wheel[1, 0]
-    dx, dy, turn, share, cos_mean, sin_mean = drive_arc(robot.track, left, right, work.pose[3], work.pose[4])
-    x, y, touched = settle(arena, robot.radius, work.pose[0], work.pose[1], dx, dy)
+    arc = drive_arc(robot.track, left, right, work.pose[3], work.pose[4])
+    x, y, touched = settle(arena, robot.radius, work.pose[0], work.pose[1], arc.dx, arc.dy)
     work.ground[2] = 1.0 if touched else 0.0
     if touched:
-        left, right = ground_speeds(
-            x - work.pose[0], y - work.pose[1], turn, share, cos_mean, sin_mean, robot.track, STEP_S
-        )
+        left, right = ground_speeds(x - work.pose[0], y - work.pose[1], arc, robot.track)
     work.ground[0] = left
     work.ground[1] = right
     work.pose[0] = x
     work.pose[1] = y
-    work.pose[2] += turn
+    work.pose[2] += arc.turn
     face(work)
 
 

@@ -1,5 +1,7 @@
 """The wheels under PID control (§3.2.2), and the arc that they drive the body along."""
 
+from typing import NamedTuple
+
 from realitygap.kernels.jit import step
 from realitygap.kernels.params import STEP_S
 from realitygap.kernels.rng import sin_cos
@@ -74,9 +76,20 @@ def take_up_play(robot, wheel, target):
     return side * lost
 
 
+class Arc(NamedTuple):
+    """How far one step takes the body: movement (cm), turn (rad), chord over arc, the mean heading."""
+
+    dx: float
+    dy: float
+    turn: float
+    share: float
+    cos_mean: float
+    sin_mean: float
+
+
 @step
 def drive_arc(track, left, right, c, s):
-    """How far one step takes the body: (dx, dy, turn, chord share, mean heading's cos and sin).
+    """How far one step takes the body.
 
     Exact differential drive: a chord of length v·dt·sin(h)/h, h half the turn, at mean heading.
     (c, s) = (cos, sin) of the heading before the step.
@@ -87,4 +100,4 @@ def drive_arc(track, left, right, c, s):
     cos_mean = c * cos_half - s * sin_half
     sin_mean = s * cos_half + c * sin_half
     chord = 0.5 * (left + right) * STEP_S * share
-    return chord * cos_mean, chord * sin_mean, 2.0 * half, share, cos_mean, sin_mean
+    return Arc(chord * cos_mean, chord * sin_mean, 2.0 * half, share, cos_mean, sin_mean)

@@ -29,9 +29,9 @@ class Work(NamedTuple):
     end_y: F
     normal_x: F
     normal_y: F
-    slant: F
+    incidence: F
     """Rays, RAYS a fan in one row: [A · f · RAYS], and LANES − RAYS more where whole vectors are
-    written (ray_x, ray_y, inverse). The infrared sensors use the first LANES, one sensor at a time."""
+    written (ray_x, ray_y, inverse, incidence). The infrared sensors use the first LANES, one at a time."""
     noise: F
     """[16·m] normal numbers of this step."""
     readings: F
@@ -122,7 +122,7 @@ def new_work(robot: Robot, task: Trial, nets: Networks) -> Work:
         ray_x=np.zeros(wide), ray_y=np.zeros(wide), inverse=np.ones(wide),
         terms=np.zeros(rays), light=np.zeros(rays), far=np.zeros(rays), hidden=np.zeros(rays),
         end_x=np.zeros(rays), end_y=np.zeros(rays), normal_x=np.zeros(rays), normal_y=np.zeros(rays),
-        slant=np.zeros(rays),
+        incidence=np.zeros(wide),
         noise=np.zeros(16 * noise_blocks(sensors)), readings=np.zeros(sensors),
         pose=np.zeros(5), start=np.zeros(3), wheel=np.zeros((2, 9)), ground=np.zeros(3),
         base=np.zeros(neurons, np.int32), outputs=np.zeros(ROWS * neurons, np.int32),
