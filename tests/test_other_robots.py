@@ -112,7 +112,7 @@ def test_it_is_calibrated(five, tmp_path):
     found = [load_recording(tmp_path / str(k)) for k in range(2)]
     rough = tuple(replace(s, a=10000.0, b=-300.0) for s in five.infrared.sensors)
     base = replace(five, infrared=replace(five.infrared, sensors=rough, exponent=1.0))
-    made = calibrate(found, base, date="")
+    made = calibrate(found, base)
     assert made.infrared is not None and made.ambient is None and made.profile.ambient == UNLIT
     assert made.infrared.rmse < 84 and max(m.ratio for m in made.infrared.sensors) < 0.5
     for sensor, true in zip(made.profile.infrared.sensors, five.infrared.sensors, strict=True):

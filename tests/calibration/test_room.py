@@ -96,8 +96,8 @@ def test_an_arenas_walls_are_found(lit, monkeypatch):
     monkeypatch.setattr(light_forms, "RAY_NUMBERS", (10, 20, 30))  # the quicker
     searches = []
 
-    def spy(frees, model, counts, values, *, use, **more):
-        searches.append((values, use, search(frees, model, counts, values, use=use, **more)))
+    def spy(frees, model, measured, values, **more):
+        searches.append((values, measured.use, search(frees, model, measured, values, **more)))
         return searches[-1][2]
 
     monkeypatch.setattr(forms, "search", spy)

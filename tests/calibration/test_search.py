@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from realitygap.calibration.search import search
-from realitygap.calibration.solve import Free, solve
+from realitygap.calibration.solve import Free, Measured, solve
 
 SENSORS, TRUE = 8, np.linspace(-0.1, 0.1, 8)
 X = np.linspace(-0.5, 0.5, 400)
@@ -31,14 +31,17 @@ def counts():
 
 def found(counts, start, use=None):
     everything = np.ones(counts.shape, bool) if use is None else use
-    return search(FREES, model, counts, start, noise=4.5, use=everything)
+    return search(FREES, model, measured(counts, everything), start)
+
+
+def measured(counts, use):
+    return Measured(counts=counts, noise=4.5, use=use, clusters=np.arange(len(X)))
 
 
 def test_it_finds_edges_that_least_squares_do_not_see(counts):
     """Least squares stay beside the truth; the search comes within a place's distance of it."""
-    clusters = np.arange(len(X))
     use = np.ones(counts.shape, bool)
-    stuck = solve(FREES, model, counts, noise=4.5, use=use, clusters=clusters, intervals=False).values
+    stuck = solve(FREES, model, measured(counts, use), intervals=False).values
     best = found(counts, stuck)
 
     def misfit(values):

@@ -13,6 +13,7 @@ import numpy as np
 
 from realitygap.calibration.channels import ChannelFit, fit_infrared, fit_light, ticks, unmeasured
 from realitygap.calibration.checks import refuse_mixed
+from realitygap.calibration.constants import Constant
 from realitygap.calibration.forms import Tick
 from realitygap.calibration.recordings.recording import (
     HEIGHTS_CM,
@@ -40,7 +41,10 @@ FORMS = {
 """What --form means for infrared, ambient light and wheels."""
 
 
-CHANNELS = ("infrared", "ambient")
+UNKNOWN_LAMP = (
+    "ambient: the lamp's brightness is unknown; gains are scaled as if the light which the paper's law "
+    "reads half-way between floor and dark were read half-way here"
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,6 +63,12 @@ class Calibration:
         """The sensors' fits."""
         return tuple(fit for fit in (self.infrared, self.ambient) if fit is not None)
 
+    def named(self, name: str, *, date: str | None = None) -> Calibration:
+        """The same with a name for its profile, and of another day than today ("": of none)."""
+        where = self.profile.provenance
+        dated = where if date is None else replace(where, date=date)
+        return replace(self, profile=replace(self.profile, name=name, provenance=dated))
+
 
 def calibrate(
     recordings: Sequence[Recording],
@@ -67,8 +77,6 @@ def calibrate(
     form: str = "extended",
     light: str | None = None,
     beside: bool = True,
-    name: str = "calibrated",
-    date: str | None = None,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> Calibration:
     """Fit a profile to recordings; what none of them tells stays as the base has it.
@@ -79,8 +87,6 @@ def calibrate(
         form: one of FORMS.
         light: another form for ambient light.
         beside: fit ambient light in all other forms too, for comparison.
-        name: of the new profile.
-        date: to be written into it (default: today's); "" for none.
         on_progress: is told how many of all fits are done.
 
     Raises:
@@ -90,35 +96,31 @@ def calibrate(
     _refuse(recordings, form)
     recordings = [r.of_robot(base) if isinstance(r, SensorRecording) else r for r in recordings]
     base = _of_its_height(recordings, _of_its_size(recordings, base))
-    near, lit = (
-        [r for r in recordings if isinstance(r, SensorRecording) and r.kind == kind] for kind in CHANNELS
-    )
-    driven = [r for r in recordings if isinstance(r, WheelRecording)]
-    turned = [r for r in driven if r.counted]
+    near, lit = (_of_kind(recordings, kind) for kind in ("infrared", "ambient"))
+    driven = [r for r in recordings if isinstance(r, WheelRecording) and r.counted]
     infrared_form, light_form, wheel_form = FORMS[form]
-    total = ticks("infrared") * bool(near) + ticks("ambient", beside=beside) * bool(lit) + len(turned)
+    total = ticks("infrared") * bool(near) + ticks("ambient", beside=beside) * bool(lit) + len(driven)
     tick = _counter(on_progress, total)
     infrared = fit_infrared(near, base, infrared_form, tick=tick) if near else None
     ambient = fit_light(lit, base, light or light_form, beside=beside, tick=tick) if lit else None
     wheels = None
-    if turned:
+    if driven:
         tick()
-        wheels = fit_wheels(turned[0], base, wheel_form)
+        wheels = fit_wheels(driven[0], base, wheel_form)
     tick()
-    warnings = [w for r in recordings for w in r.warnings]
-    warnings += [w for fit in (infrared, ambient) if fit for w in fit.warnings]
-    if near and not lit:
-        warnings.append(f"ambient: no recording: its constants stay as profile {base.name!r} has them")
-    if driven and not turned:
-        warnings.append(f"wheels: no counters recorded: they stay as profile {base.name!r} has them")
-    warnings += _wheel_warnings(wheels)
-    profile = _joined(base, infrared, ambient, wheels)
-    where = _provenance(base, recordings, infrared, ambient, wheels, date)
-    made = replace(profile, name=name, source="calibrated; see provenance", provenance=where)
-    return Calibration(
-        profile=made, infrared=infrared, ambient=ambient, wheels=wheels,
-        recordings=tuple(recordings), warnings=tuple(dict.fromkeys(warnings)),
+    made = Calibration(
+        profile=_joined(base, infrared, ambient, wheels), infrared=infrared, ambient=ambient, wheels=wheels,
+        recordings=tuple(recordings), warnings=(),
     )  # fmt: skip
+    profile = replace(
+        made.profile, name="calibrated", source="calibrated; see provenance",
+        provenance=_provenance(base, made),
+    )  # fmt: skip
+    return replace(made, profile=profile, warnings=tuple(dict.fromkeys(_warnings(made, base))))
+
+
+def _of_kind(recordings: Sequence[Recording], kind: str) -> list[SensorRecording]:
+    return [r for r in recordings if isinstance(r, SensorRecording) and r.kind == kind]
 
 
 def _refuse(recordings: Sequence[Recording], form: str) -> None:
@@ -209,50 +211,27 @@ def _joined(
     return replace(profile, noise=noise)
 
 
-def _provenance(
-    base: Profile,
-    recordings: Sequence[Recording],
-    infrared: ChannelFit | None,
-    ambient: ChannelFit | None,
-    wheels: WheelFit | None,
-    date: str | None,
-) -> Provenance:
+def _provenance(base: Profile, made: Calibration) -> Provenance:
+    """Where the constants of a calibration come from."""
     from importlib.metadata import version
 
-    fits = [_fitted(fit) for fit in (infrared, ambient) if fit is not None]
-    constants = [
-        FittedConstant(key=f"{fit.kind}.{c.key}", value=c.value, low=c.low, high=c.high, told=c.told)
-        for fit in (infrared, ambient)
-        if fit is not None
-        for c in fit.fit.constants
-    ]
-    notes = [
-        f"{fit.kind}: {unmeasured(fit)}"
-        for fit in (infrared, ambient)
-        if fit is not None and not fit.measured
-    ]
-    if ambient is not None and not any(
-        isinstance(r, SensorRecording) and r.kind == "ambient" and r.arena is not None for r in recordings
-    ):
-        notes.append(
-            "ambient: the lamp's brightness is unknown; gains are scaled as if the light which "
-            "the paper's law "
-            "reads half-way between floor and dark were read half-way here"
-        )
+    wheels, recordings = made.wheels, made.recordings
+    fits = [_fitted(fit) for fit in made.channels]
+    constants = [_constant(fit.kind, c) for fit in made.channels for c in fit.fit.constants]
+    notes = [f"{fit.kind}: {unmeasured(fit)}" for fit in made.channels if not fit.measured]
+    if made.ambient is not None and not any(r.arena is not None for r in _of_kind(recordings, "ambient")):
+        notes.append(UNKNOWN_LAMP)
     if any(map(_tells_heights, recordings)):
         notes.append("body.height_cm, ambient.sensor_height_cm: as the recordings state them, not fitted")
     pulses: tuple[float, ...] = ()
     if wheels is not None:
         fits.append(FittedChannel(channel="wheels", form=wheels.form, rmse=wheels.rmse[wheels.form]))
-        constants += [
-            FittedConstant(key=f"wheels.{c.key}", value=c.value, low=c.low, high=c.high, told=c.told)
-            for c in wheels.constants
-        ]
+        constants += [_constant("wheels", c) for c in wheels.constants]
         per_pulse = wheels.odometry.cm_per_pulse if wheels.odometry else (1 / PULSES_PER_CM,) * 2
         pulses = tuple(0.1 / length for length in per_pulse)
     return Provenance(
         base=base.name,
-        date=datetime.now(UTC).date().isoformat() if date is None else date,
+        date=datetime.now(UTC).date().isoformat(),
         version=version("realitygap"),
         notes=tuple(notes),
         pulses_per_mm=pulses,
@@ -260,6 +239,10 @@ def _provenance(
         fits=tuple(fits),
         constants=tuple(constants),
     )
+
+
+def _constant(kind: str, c: Constant) -> FittedConstant:
+    return FittedConstant(key=f"{kind}.{c.key}", value=c.value, low=c.low, high=c.high, told=c.told)
 
 
 def _fitted(fit: ChannelFit) -> FittedChannel:
@@ -285,10 +268,16 @@ def _file(recording: Recording) -> SourceFile:
     )
 
 
-def _wheel_warnings(wheels: WheelFit | None) -> list[str]:
+def _warnings(made: Calibration, base: Profile) -> list[str]:
+    """All that a person should know."""
+    kept = f"as profile {base.name!r} has them"
+    out = [w for part in (*made.recordings, *made.channels) for w in part.warnings]
+    if made.infrared is not None and made.ambient is None:
+        out.append(f"ambient: no recording: its constants stay {kept}")
+    wheels = made.wheels
     if wheels is None:
-        return []
-    out = []
+        driven = any(isinstance(r, WheelRecording) for r in made.recordings)
+        return [*out, *([f"wheels: no counters recorded: their constants stay {kept}"] if driven else [])]
     if wheels.odometry is None:
         seen = "a camera saw too little" if wheels.camera else "no camera saw the robot"
         out.append(

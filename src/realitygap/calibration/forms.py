@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.rows import FOLDS, Rows
 from realitygap.calibration.search import DRAWS, search
-from realitygap.calibration.solve import Fit, Free, Model, Values, solve
+from realitygap.calibration.solve import Fit, Free, Measured, Model, Values, solve
 
 if TYPE_CHECKING:
     from realitygap.world.profile import Profile
@@ -62,7 +62,7 @@ def fit_forms(
                 fits[name] = again
     problem, begin = problems[form], fits[form].values
     if problem.steep:
-        fits[form] = _searched(rows, problem, noise, begin, rows.use, draws=DRAWS, last=True)
+        fits[form] = _searched(problem, rows.measured(noise), begin, draws=DRAWS, last=True)
     folds, off = rows.folds(), np.zeros(rows.counts.shape)
     for fold in range(FOLDS):
         tick()
@@ -71,8 +71,8 @@ def fit_forms(
             continue
         some = solve_form(rows, problem, noise, start=begin, without=out, intervals=False)
         if problem.steep:  # not from where the search ended that saw these places
-            use = rows.use & ~out[:, None]
-            some = _searched(rows, problem, noise, some.values, use, draws=DRAWS_HELD_OUT, last=False)
+            measured = rows.measured(noise, without=out)
+            some = _searched(problem, measured, some.values, draws=DRAWS_HELD_OUT, last=False)
         off[out] = some.model[out] - rows.counts[out]
     return fits, {form: float(np.sqrt((off[rows.use] ** 2).mean()))}
 
@@ -93,52 +93,37 @@ def solve_form(
     without: NDArray[np.bool_] | None = None,
     intervals: bool,
 ) -> Fit:
-    use = rows.use if without is None else rows.use & ~without[:, None]
+    """A form's least squares, from `start` or as the problem has it; `without` [n] rows held out."""
+    measured = rows.measured(noise, without=without)
 
     def once(begin: Values | None, intervals: bool) -> Fit:
-        return solve(
-            problem.frees, problem.model, rows.counts, noise=noise, use=use, clusters=rows.block,
-            start=begin, intervals=intervals,
-        )  # fmt: skip
+        return solve(problem.frees, problem.model, measured, start=begin, intervals=intervals)
 
     if not problem.steep or without is not None:
         return once(start or problem.begin, intervals)
     begin = start or problem.begin
     values: Values = begin or {f.key: f.start for f in problem.frees}
     for reach in FINE_DEG if begin else SCANS_DEG:
-        values = once(_scan(problem, values, rows.counts, use, noise, reach), False).values
+        values = once(_scan(problem, values, measured, reach), False).values
     return once(values, intervals)
 
 
-def _searched(
-    rows: Rows,
-    problem: Problem,
-    noise: float,
-    start: Values,
-    use: NDArray[np.bool_],
-    *,
-    draws: int,
-    last: bool,
-) -> Fit:
+def _searched(problem: Problem, measured: Measured, start: Values, *, draws: int, last: bool) -> Fit:
     """A steep form's fit from where least squares ended: random search, and least squares again."""
-    values = search(problem.frees, problem.model, rows.counts, start, noise=noise, use=use, draws=draws)
-    return solve(
-        problem.frees, problem.model, rows.counts, noise=noise, use=use, clusters=rows.block,
-        start=values, intervals=last,
-    )  # fmt: skip
+    values = search(problem.frees, problem.model, measured, start, draws=draws)
+    return solve(problem.frees, problem.model, measured, start=values, intervals=last)
 
 
-def _scan(
-    problem: Problem, values: Values, counts: Array, use: NDArray[np.bool_], noise: float, reach: float
-) -> dict[str, Array]:
+def _scan(problem: Problem, values: Values, measured: Measured, reach: float) -> dict[str, Array]:
     """The values, with each sensor's direction where it leaves least over within `reach` degrees.
 
     Where direct light is bright a sensor's reading drops within a degree, and no derivative sees it come.
     """
-    best, chosen = np.full(counts.shape[1], np.inf), values["direction_deg"].copy()
+    best, chosen = np.full(measured.counts.shape[1], np.inf), values["direction_deg"].copy()
     for off in np.linspace(-reach, reach, SCAN):
         turned = {**values, "direction_deg": values["direction_deg"] + off}
-        z = np.where(use, (problem.model(turned) - counts) / noise, 0.0)
+        off = (problem.model(turned) - measured.counts) / measured.noise
+        z = np.where(measured.use, off, 0.0)
         cost = np.sqrt(1.0 + (z / 5.0) ** 2).sum(axis=0)
         chosen = np.where(cost < best, turned["direction_deg"], chosen)
         best = np.minimum(cost, best)

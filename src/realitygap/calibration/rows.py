@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from realitygap.calibration.checks import dead_sensors, refuse_other_kind, refuse_swapped, refuse_units
 from realitygap.calibration.forward import scene_of
 from realitygap.calibration.recordings.recording import count_unit
+from realitygap.calibration.solve import Measured
 
 if TYPE_CHECKING:
     from realitygap.calibration.recordings.recording import SensorRecording
@@ -55,6 +56,11 @@ class Rows:
         self.use = np.ones(self.counts.shape, bool)
         self.use[:, list(self.dead)] = False
         self.block = self._blocks()
+
+    def measured(self, noise: float, *, without: NDArray[np.bool_] | None = None) -> Measured:
+        """All readings of live sensors but those of rows [n] `without`, weighed by `noise` (counts)."""
+        use = self.use if without is None else self.use & ~without[:, None]
+        return Measured(counts=self.counts, noise=noise, use=use, clusters=self.block)
 
     def _blocks(self) -> NDArray[np.int64]:
         """[n] patches of neighbouring distances and bearings: what errs, and is held out, together."""

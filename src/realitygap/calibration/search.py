@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.solve import ROBUST_AT, Free, Model, Values
+from realitygap.calibration.solve import ROBUST_AT, Free, Measured, Model, Values
 
 __all__ = ["DRAWS", "search"]
 
@@ -39,31 +39,22 @@ class _Best:
 
 
 def search(
-    frees: Sequence[Free],
-    model: Model,
-    counts: Array,
-    values: Values,
-    *,
-    noise: float,
-    use: NDArray[np.bool_],
-    draws: int = DRAWS,
+    frees: Sequence[Free], model: Model, measured: Measured, values: Values, *, draws: int = DRAWS
 ) -> dict[str, Array]:
     """Better values of the constants that have a `jump`, and of the gains; never worse ones.
 
     Args:
         frees: all constants.
-        model: their noise-free readings [n, S].
-        counts: [n, S] readings.
+        model: their noise-free readings.
+        measured: readings, and which of them count.
         values: where to begin.
-        noise: deviation that residuals are weighed by, counts.
-        use: [n, S] readings that count.
         draws: how many.
     """
     draw = np.random.default_rng(0)
-    sensors = counts.shape[1]
+    sensors = measured.counts.shape[1]
     own = [f for f in frees if f.jump and len(f.start) == sensors]
     common = [f for f in frees if f.jump and len(f.start) == 1]
-    cost = _Cost(own, model, counts, noise, use)
+    cost = _Cost(own, model, measured)
     best = cost.of({key: np.array(value) for key, value in values.items()})
     step, common_step = np.ones(sensors), np.ones(1)
     for k in range(draws):
@@ -89,10 +80,9 @@ def search(
 class _Cost:
     """What values cost, with the gains that suit them."""
 
-    def __init__(
-        self, own: Sequence[Free], model: Model, counts: Array, noise: float, use: NDArray[np.bool_]
-    ) -> None:
-        self._own, self._model, self._counts, self._noise, self._use = own, model, counts, noise, use
+    def __init__(self, own: Sequence[Free], model: Model, measured: Measured) -> None:
+        self._own, self._model = own, model
+        self._counts, self._noise, self._use = measured.counts, measured.noise, measured.use
 
     def of(self, values: dict[str, Array]) -> _Best:
         """Cost [S] as least squares count it (soft L1, priors), after one step towards the best gains."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.constants import SIGMAS, Constant, blind_pairs, filling
 
-__all__ = ["ROBUST_AT", "Fit", "Free", "Values", "solve"]
+__all__ = ["ROBUST_AT", "Fit", "Free", "Measured", "Values", "solve"]
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Array]
@@ -63,41 +63,72 @@ class Fit:
     theta: Array = field(repr=False)
 
 
-def solve(
-    frees: Sequence[Free],
-    model: Model,
-    counts: Array,
-    *,
-    noise: float,
-    use: NDArray[np.bool_],
-    clusters: NDArray[np.int64],
-    start: Values | None = None,
-    intervals: bool = True,
-) -> Fit:
-    """Fit `frees` so that model(values) [n, S] is near counts [n, S].
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Measured:
+    """What a model is held against.
 
-    Args:
+    Attributes:
+        counts: [n, S] readings.
         noise: deviation that residuals are weighed by, counts.
         use: [n, S] readings that count.
         clusters: [n] places whose errors hang together carry the same number.
+    """
+
+    counts: Array
+    noise: float
+    use: NDArray[np.bool_]
+    clusters: NDArray[np.int64]
+
+
+def solve(
+    frees: Sequence[Free],
+    model: Model,
+    measured: Measured,
+    *,
+    start: Values | None = None,
+    intervals: bool = True,
+) -> Fit:
+    """Fit `frees` so that model(values) [n, S] is near what was measured.
+
+    Args:
+        frees: the constants.
+        model: their noise-free readings.
+        measured: readings, and which of them count.
         start: values to begin at instead of each constant's own.
         intervals: whether intervals are asked for.
     """
-    from scipy.optimize import least_squares
-
-    packed = _Packed(frees, model, counts, noise=noise, use=use)
+    packed = _Packed(frees, model, measured)
     theta = packed.pack({**{f.key: f.start for f in frees}, **(start or {})})
     low, high = packed.bounds()
     inside = np.clip(theta, low + 1e-9 * (1 + np.abs(low)), high - 1e-9 * (1 + np.abs(high)))
-    # Most rows move with few constants or with none (0, saturated): what does not move is left out
-    # until it does. Soft L1 keeps single wild readings from deciding.
+    theta, evaluations = _descend(packed, inside, measured.use, careful=intervals)
+    values = packed.unpack(theta)
+    constants: tuple[Constant, ...] = ()
+    alike: tuple[tuple[str, str, float], ...] = ()
+    if intervals:
+        constants = packed.constants(theta, packed.covariance(theta, measured.clusters))
+        alike = blind_pairs(packed.names(), packed.curvature(theta))
+    return Fit(
+        values=values, constants=constants, alike=alike, model=model(values), evaluations=evaluations,
+        theta=theta,
+    )  # fmt: skip
+
+
+def _descend(packed: _Packed, inside: Array, use: NDArray[np.bool_], *, careful: bool) -> tuple[Array, int]:
+    """The vector that least squares end at, and how often the last of them looked.
+
+    Most rows move with few constants or with none (0, saturated): what does not move is left out
+    until it does. Soft L1 keeps single wild readings from deciding.
+    """
+    from scipy.optimize import least_squares
+
     packed.use = packed.moving(inside)
     for _ in range(ROUNDS):
         found = least_squares(
-            packed.residuals, inside, jac=packed.sparse_jacobian, bounds=(low, high), x_scale="jac",
-            loss="soft_l1", f_scale=ROBUST_AT, xtol=1e-5 if intervals else 1e-4, ftol=1e-6, gtol=1e-8,
-            max_nfev=60 if intervals else 25, tr_solver="lsmr",
-            tr_options={"maxiter": 4 * len(theta), "atol": 1e-7, "btol": 1e-7},
+            packed.residuals, inside, jac=packed.sparse_jacobian, bounds=packed.bounds(), x_scale="jac",
+            loss="soft_l1", f_scale=ROBUST_AT, xtol=1e-5 if careful else 1e-4, ftol=1e-6, gtol=1e-8,
+            max_nfev=60 if careful else 25, tr_solver="lsmr",
+            tr_options={"maxiter": 4 * len(inside), "atol": 1e-7, "btol": 1e-7},
         )  # fmt: skip
         inside, before = found.x, int(packed.use.sum())
         active, packed.use = packed.use, use
@@ -105,29 +136,15 @@ def solve(
         if packed.use.sum() <= 1.005 * before:
             break
     packed.use = use
-    values = packed.unpack(found.x)
-    if not intervals:
-        return Fit(
-            values=values, constants=(), alike=(), model=model(values), evaluations=found.nfev, theta=found.x
-        )
-    covariance = packed.covariance(found.x, clusters)
-    return Fit(
-        values=values,
-        constants=packed.constants(found.x, covariance),
-        alike=blind_pairs(packed.names(), packed.curvature(found.x)),
-        model=model(values),
-        evaluations=found.nfev,
-        theta=found.x,
-    )
+    return inside, int(found.nfev)
 
 
 class _Packed:
     """The constants as one vector, and the residuals' function of it."""
 
-    def __init__(
-        self, frees: Sequence[Free], model: Model, counts: Array, *, noise: float, use: NDArray[np.bool_]
-    ) -> None:
-        self.frees, self.model, self.counts, self.noise, self.use = frees, model, counts, noise, use
+    def __init__(self, frees: Sequence[Free], model: Model, measured: Measured) -> None:
+        self.frees, self.model = frees, model
+        self.counts, self.noise, self.use = measured.counts, measured.noise, measured.use
         self.ends = np.cumsum([len(f.start) for f in frees])
         self._last: tuple[Array, Array] | None = None
 

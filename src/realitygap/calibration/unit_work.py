@@ -51,7 +51,7 @@ def fit_unit(folder: Path) -> None:
     recordings = [load_recording(folder / RECORDINGS / name) for name in sorted(PARTS)]
     unit = _settings(folder)["unit"]
     # The day stands in the recordings: the same settings make the same file on any day.
-    made = calibrate(recordings, load_profile(BASE), beside=False, name=f"twin-{unit}", date="")
+    made = calibrate(recordings, load_profile(BASE), beside=False).named(f"twin-{unit}", date="")
     whole.write(folder / PROFILE, made.profile.to_toml())
     _tell(FIT, 1, 1)
 

@@ -102,7 +102,7 @@ def calibrate(
     read = _load(recordings, objects)
     with ProgressLine() as line:
         report = partial(line.calibrating, "fit")
-        made = fit(read, start, form=form, light=light, name=out.stem, on_progress=report)
+        made = fit(read, start, form=form, light=light, on_progress=report).named(out.stem)
     whole.write(out, _header(made) + made.profile.to_toml())
     where = None
     if page is not None and not no_report:
