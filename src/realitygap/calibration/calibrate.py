@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from realitygap.calibration.constants import Constant
 from realitygap.calibration.forms import Tick
 from realitygap.calibration.recordings.recording import (
     HEIGHTS_CM,
+    Recording,
     SensorRecording,
     WheelRecording,
     count_unit,
@@ -24,12 +24,8 @@ from realitygap.calibration.recordings.recording import (
 from realitygap.calibration.wheels.fit import PULSES_PER_CM, WheelFit, fit_wheels
 from realitygap.errors import CalibrationError
 from realitygap.text import must_be
-from realitygap.world.profile import load_profile
+from realitygap.world.profile import Profile, load_profile
 from realitygap.world.provenance import FittedChannel, FittedConstant, Provenance, SourceFile
-
-if TYPE_CHECKING:
-    from realitygap.calibration.recordings.recording import Recording
-    from realitygap.world.profile import Profile
 
 __all__ = ["FORMS", "Calibration", "calibrate"]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +15,11 @@ from realitygap.calibration.light import LIGHT_FORMS, as_bright_as_the_paper, wi
 from realitygap.calibration.light_forms import AMBIENT_COUNTS, light_problems
 from realitygap.calibration.misfit import LIMITS, Misfit, measure_noise, misfits
 from realitygap.calibration.noise import NoiseEstimate
+from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import FOLDS, Rows
 from realitygap.calibration.solve import Fit, Free
 from realitygap.errors import CalibrationError, ConfigError
-
-if TYPE_CHECKING:
-    from realitygap.calibration.recordings.recording import SensorRecording
-    from realitygap.world.profile import Profile
+from realitygap.world.profile import Profile
 
 __all__ = ["ChannelFit", "fit_infrared", "fit_light", "ticks", "unmeasured"]
 

@@ -9,18 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.recordings.recording import count_unit
+from realitygap.calibration.recordings.recording import Recording, SensorRecording, count_unit
 from realitygap.errors import CalibrationError
-
-if TYPE_CHECKING:
-    from realitygap.calibration.recordings.recording import Recording, SensorRecording
-    from realitygap.world.profile import Profile
-    from realitygap.world.sensors import AmbientSensor, ProximitySensor
+from realitygap.world.profile import Profile
+from realitygap.world.sensors import AmbientSensor, ProximitySensor
 
 __all__ = [
     "dead_sensors", "refuse_mixed", "refuse_nonsense", "refuse_other_kind",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +11,7 @@ from numpy.typing import NDArray
 from realitygap.calibration.rows import FOLDS, Rows
 from realitygap.calibration.search import DRAWS, search
 from realitygap.calibration.solve import Fit, Free, Measured, Model, Values, solve
-
-if TYPE_CHECKING:
-    from realitygap.world.profile import Profile
+from realitygap.world.profile import Profile
 
 __all__ = ["Problem", "Tick", "fit_forms", "solve_form"]
 

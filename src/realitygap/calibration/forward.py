@@ -9,19 +9,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.calibration.recordings.recording import SensorRecording, WheelRecording
 from realitygap.kernels.params import Arena as KernelArena
 from realitygap.kernels.params import Networks, Robot, Trial
 from realitygap.kernels.work import Work, new_work
 from realitygap.world.arena import Arena, Cylinder, Lamp
-
-if TYPE_CHECKING:
-    from realitygap.calibration.recordings.recording import SensorRecording, WheelRecording
-    from realitygap.world.profile import Profile
+from realitygap.world.profile import Profile
 
 __all__ = ["Scene", "illumination", "light_readings", "proximity", "scene_of", "wheel_speeds"]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +15,7 @@ from realitygap.calibration.neutral import neutral_infrared
 from realitygap.calibration.recordings.recording import count_unit
 from realitygap.calibration.rows import Rows
 from realitygap.calibration.solve import ROBUST_AT, Fit, Free, Values
-
-if TYPE_CHECKING:
-    from realitygap.world.profile import Profile
+from realitygap.world.profile import Profile
 
 __all__ = ["INFRARED_FORMS", "PROXIMITY_COUNTS", "infrared_problems", "with_infrared"]
 

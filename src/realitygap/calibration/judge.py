@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from realitygap.calibration.forward import (
     wheel_speeds,
 )
 from realitygap.calibration.misfit import LIMITS, Misfit, measure_noise, misfits
-from realitygap.calibration.recordings.recording import SensorRecording, WheelRecording
+from realitygap.calibration.recordings.recording import Recording, SensorRecording, WheelRecording
 from realitygap.calibration.wheels.checks import (
     refuse_camera,
     refuse_counters,
@@ -28,13 +28,9 @@ from realitygap.calibration.wheels.checks import (
     refuse_still,
 )
 from realitygap.calibration.wheels.fit import PULSES_PER_CM, measured_speeds
-from realitygap.calibration.wheels.odometry import enough_pictures, measure_odometry
+from realitygap.calibration.wheels.odometry import Odometry, enough_pictures, measure_odometry
 from realitygap.errors import CalibrationError
-
-if TYPE_CHECKING:
-    from realitygap.calibration.recordings.recording import Recording
-    from realitygap.calibration.wheels.odometry import Odometry
-    from realitygap.world.profile import Profile
+from realitygap.world.profile import Profile
 
 __all__ = ["LIMITS", "Judgement", "judge"]
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +15,7 @@ from numpy.typing import NDArray
 from realitygap.calibration.forward import Scene, illumination, light_readings
 from realitygap.calibration.recordings.recording import count_unit
 from realitygap.calibration.solve import Free, Values
-
-if TYPE_CHECKING:
-    from realitygap.world.profile import Profile
+from realitygap.world.profile import Profile
 
 __all__ = [
     "LIGHT_FORMS",

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from realitygap.calibration.forms import Problem, solve_form
 from realitygap.calibration.light import LIGHT_FORMS, LightMemory, light_frees, light_model
 from realitygap.calibration.neutral import neutral_light
 from realitygap.calibration.rows import Rows
+from realitygap.world.profile import Profile
 from realitygap.world.sensors import RAY_NUMBERS
-
-if TYPE_CHECKING:
-    from realitygap.world.profile import Profile
 
 __all__ = ["AMBIENT_COUNTS", "light_problems"]
 

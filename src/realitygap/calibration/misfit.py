@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.noise import NoiseEstimate, dark_noise, lit_noise, sample_noise
-
-if TYPE_CHECKING:
-    from realitygap.calibration.recordings.recording import SensorRecording
+from realitygap.calibration.recordings.recording import SensorRecording
 
 __all__ = ["LIMITS", "Misfit", "measure_noise", "misfits"]
 

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from realitygap.world.profile import load_profile
+from realitygap.world.profile import Profile, load_profile
 from realitygap.world.sensors import Ambient, AmbientSensor, ProximitySensor
-
-if TYPE_CHECKING:
-    from realitygap.world.profile import Profile
 
 __all__ = ["neutral_infrared", "neutral_light"]
 

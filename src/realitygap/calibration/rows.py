@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.checks import dead_sensors, refuse_other_kind, refuse_swapped, refuse_units
 from realitygap.calibration.forward import scene_of
-from realitygap.calibration.recordings.recording import count_unit
+from realitygap.calibration.recordings.recording import SensorRecording, count_unit
 from realitygap.calibration.solve import Measured
-
-if TYPE_CHECKING:
-    from realitygap.calibration.recordings.recording import SensorRecording
-    from realitygap.world.profile import Profile
+from realitygap.world.profile import Profile
 
 __all__ = ["FOLDS", "Rows"]
 

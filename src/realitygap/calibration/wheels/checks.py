@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.calibration.recordings.recording import WheelRecording
+from realitygap.calibration.wheels.odometry import Odometry
 from realitygap.errors import CalibrationError
-
-if TYPE_CHECKING:
-    from realitygap.calibration.recordings.recording import WheelRecording
-    from realitygap.calibration.wheels.odometry import Odometry
-    from realitygap.world.profile import Profile
+from realitygap.world.profile import Profile
 
 __all__ = [
     "refuse_camera", "refuse_counters", "refuse_fast", "refuse_few_steps", "refuse_lengths", "refuse_still",

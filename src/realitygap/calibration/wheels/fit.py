@@ -7,13 +7,14 @@ pulses; only what is seen from outside tells pulses per millimetre, the track, a
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.constants import Constant
 from realitygap.calibration.forward import wheel_speeds
+from realitygap.calibration.recordings.recording import WheelRecording
 from realitygap.calibration.wheels.checks import (
     refuse_camera,
     refuse_counters,
@@ -27,11 +28,7 @@ from realitygap.calibration.wheels.friction import Friction, measure_friction
 from realitygap.calibration.wheels.intervals import at_bound, intervals, with_lengths
 from realitygap.calibration.wheels.odometry import Odometry, enough_pictures, measure_odometry
 from realitygap.kernels.params import STEP_S
-from realitygap.world.profile import largest_pole
-
-if TYPE_CHECKING:
-    from realitygap.calibration.recordings.recording import WheelRecording
-    from realitygap.world.profile import Profile
+from realitygap.world.profile import Profile, largest_pole
 
 __all__ = ["PULSES_PER_CM", "WHEEL_FORMS", "WheelFit", "fit_wheels", "measured_speeds"]
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.calibration.recordings.recording import WheelRecording
 from realitygap.kernels.params import STEP_S
-
-if TYPE_CHECKING:
-    from realitygap.calibration.recordings.recording import WheelRecording
 
 __all__ = ["Friction", "measure_friction"]
 

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.constants import SIGMAS, Constant, blind_pairs, filling
-
-if TYPE_CHECKING:
-    from realitygap.calibration.wheels.odometry import Odometry
+from realitygap.calibration.wheels.odometry import Odometry
 
 __all__ = ["ASSUMED", "at_bound", "intervals", "with_lengths"]
 

@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.constants import SIGMAS, Constant
-
-if TYPE_CHECKING:
-    from realitygap.calibration.recordings.recording import WheelRecording
+from realitygap.calibration.recordings.recording import WheelRecording
 
 __all__ = ["Odometry", "enough_pictures", "measure_odometry"]
 
