@@ -69,14 +69,14 @@ def parts(task: str, pose: Pose, folder: Path) -> None:
     """Processor time of a watched trial's parts."""
     layout = Layout()
     with Stand(load_task(task), load_profile("paper"), unit=1, folder_for_camera=folder) as stand:
-        genes = braitenberg(stand.task.feeds, layout)
-        stand.drive(genes, layout, 1, pose, 2.0)
+        driver = NetworkController(braitenberg(stand.task.feeds, layout), layout)
+        stand.drive(driver, 1, pose, 2.0)
         assert stand.twin is not None
         least = [float("inf")] * 3
         for stream in range(2, 7):
             sealed = folder / "sealed.csv"
             before, twin = spent(), spent(stand.twin.pid)
-            stand.on_line(genes, layout, stream, pose, 20.0, sealed=sealed)
+            stand.on_line(driver, stream, pose, 20.0, sealed=sealed)
             driven = spent()
             stand.watcher.track(stand.states(sealed, 20.0), stream)
             costs = (driven - before, spent(stand.twin.pid) - twin, spent() - driven)

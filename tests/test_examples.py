@@ -2,15 +2,25 @@
 
 import json
 import re
+import shutil
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+import pytest
 from click.testing import CliRunner
 
 from realitygap import load_study
 from realitygap.calibration.recordings.files import STEP_COLUMNS, load_recording
 from realitygap.cli import realitygap
+from realitygap.controller.encoding import Encoding, controller_of, make_encoding
+from realitygap.controller.operators import Variation
+from realitygap.errors import StudyInterruptedError
+from realitygap.evolution import make_algorithm
 from realitygap.study.config import StudyConfig
+from realitygap.study.progress import Progress
 from realitygap.study.runner import run_study
+from realitygap.testing import AlgorithmContract, EncodingContract
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 
@@ -29,6 +39,81 @@ def test_a_task_of_ones_own_evolves(tmp_path):
     study = load_study(tmp_path / "wall")
     assert study.runs[0].finished and study.runs[0].best_fitness > 0
     assert (tmp_path / "wall" / "report" / "index.html").is_file()
+
+
+OWN = {
+    "a (1+1)-ES on slots": ("evolution.algorithm=one_plus_one.py:OnePlusOne", "evolution.mutations=2"),
+    "an ES on real weights": (
+        "encoding.kind=real_weights.py:Weights",
+        "encoding.hidden=1",
+        "evolution.algorithm=real_weights.py:Strategy",
+        "evolution.children=8",
+    ),
+}
+
+
+@pytest.mark.parametrize("settings", OWN.values(), ids=OWN)
+def test_an_algorithm_of_ones_own_evolves_and_resumes(tmp_path, monkeypatch, settings):
+    """By --set alone; stopped and resumed, elsewhere and without its files, it ends in the same bits."""
+    for file in ("one_plus_one.py", "real_weights.py"):
+        shutil.copyfile(EXAMPLES / file, tmp_path / file)
+    monkeypatch.chdir(tmp_path)
+    few = ["task.seconds=2.0", "retest_trials=2", "fresh_trials=2", "checkpoint_every=10"]
+    config = StudyConfig.single("avoidance", evaluations=37).with_settings([*few, *settings])
+    whole = run_study(tmp_path / "whole", config.beside(tmp_path), workers=1)
+    with pytest.raises(StudyInterruptedError):
+        run_study(tmp_path / "half", config, workers=1, on_progress=stop_at(20))
+    (tmp_path / "half").rename(tmp_path / "moved")
+    for file in ("one_plus_one.py", "real_weights.py"):
+        (tmp_path / file).unlink()
+    half = run_study(tmp_path / "moved", resume=True, workers=1)
+    assert (half.genotypes(1) == whole.genotypes(1)).all() and half.runs[0].evaluations == 37
+    assert (half.runs[0].champion == whole.runs[0].champion).all()
+    assert half.state(1).to_bytes() == whole.state(1).to_bytes()
+    if "encoding" in settings[0]:
+        assert half.genotypes(1).dtype == np.float64 and half.genotypes(1).shape == (37, 3, 12)
+    shown = run("show", tmp_path / "moved", "1")
+    assert "realitygap genotype 1" in shown
+    lived = json.loads(run("replay", tmp_path / "moved", "1", "--json", "--pose", "25", "25", "90"))
+    again = controller_of(half.encoding("obstacle-avoidance"), half.runs[0].champion)
+    decided = [again.decide(fed) for fed in lived["inputs"]]
+    assert [[one.left, one.right] for one in decided] == lived["commands"]
+
+
+class TestOnePlusOne(AlgorithmContract):
+    def made(self):
+        return make_algorithm(f"{EXAMPLES / 'one_plus_one.py'}:OnePlusOne", Variation())
+
+
+class TestStrategy(AlgorithmContract):
+    def made(self):
+        return make_algorithm(f"{EXAMPLES / 'real_weights.py'}:Strategy", weights(8))
+
+
+class TestWeights(EncodingContract):
+    def made(self, inputs):
+        return weights(inputs)
+
+
+def weights(inputs: int) -> Encoding:
+    """The example's encoding."""
+    return make_encoding(f"{EXAMPLES / 'real_weights.py'}:Weights", Variation(), {}, inputs=inputs)
+
+
+def stop_at(done: int) -> Callable[[Progress], None]:
+    """Ctrl-C once so many evaluations are done."""
+
+    def told(progress: Progress) -> None:
+        if progress.done >= done:
+            raise KeyboardInterrupt
+
+    return told
+
+
+@pytest.mark.parametrize("file", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.name)
+def test_examples_are_short(file):
+    """An example is read at a glance."""
+    assert len(file.read_text("utf-8").splitlines()) <= 80
 
 
 def test_a_robot_and_an_arena_of_ones_own():

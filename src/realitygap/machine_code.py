@@ -51,12 +51,18 @@ class Shelf:
         self._why = ""  # the usual folder does not do
         self._digest = hashlib.sha256(repr(versions).encode() + text).hexdigest()[:16]
 
-    def compiled(self, function: Callable[..., Any], **options: Any) -> Any:
-        """`function` compiled with Numba's options; not kept where it has no file, as in a console."""
+    def compiled(self, function: Callable[..., Any], *, like: Any = None, **options: Any) -> Any:
+        """`function` compiled with Numba's options; not kept where it has no file, as in a console.
+
+        Args:
+            function: what to compile.
+            like: the compiled function that it encloses, if it does, for that has no digest of its own.
+            options: Numba's.
+        """
         made = numba.njit(**options)(function)
         if not numba.config.DISABLE_JIT:
-            with suppress(OSError, TypeError):
-                made._cache = _Entries(function, self)
+            with suppress(OSError, TypeError, AttributeError):
+                made._cache = _Entries(function, self, None if like is None else like._cache.of)
         return made
 
     def read(self, name: str) -> bytes | None:
@@ -137,14 +143,15 @@ class Shelf:
 class _Entries:
     """What Numba asks for a function's compiled code, one entry for each signature and processor."""
 
-    def __init__(self, function: Callable[..., Any], shelf: Shelf) -> None:
+    def __init__(self, function: Callable[..., Any], shelf: Shelf, enclosed: bytes | None) -> None:
         source = Path(inspect.getfile(function))
         code = function.__code__
-        closure = [cell.cell_contents for cell in function.__closure__ or ()]
+        cells = function.__closure__ or ()
+        closure = dumps([cell.cell_contents for cell in cells]) if enclosed is None else enclosed
         facts = (str(source), function.__qualname__, code.co_firstlineno, code.co_code)
         self._shelf = shelf
         self._name = function.__name__.strip("<>")
-        self._of = hashlib.sha256(source.read_bytes() + repr(facts).encode() + dumps(closure)).digest()
+        self.of = hashlib.sha256(source.read_bytes() + repr(facts).encode() + closure).digest()
 
     @property
     def cache_path(self) -> str:
@@ -180,7 +187,7 @@ class _Entries:
             self._shelf.write(self._entry(sig, data.codegen), dumps((sig, data._reduce())))
 
     def _entry(self, sig: Any, codegen: Any) -> str:
-        digest = hashlib.sha256(self._of + repr((sig, codegen.magic_tuple())).encode())
+        digest = hashlib.sha256(self.of + repr((sig, codegen.magic_tuple())).encode())
         return f"{self._name}-{digest.hexdigest()[:24]}.code"
 
 

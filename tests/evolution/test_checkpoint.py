@@ -74,7 +74,7 @@ def test_content_of_another_size_is_found():
 def test_other_kinds_come_back():
     """Real-valued individuals, and whatever else an algorithm remembers, come back bit for bit."""
     empty = Population.empty(np.uint64(7), np.zeros((2, 3)), 1, step=0.3, mean=np.arange(4, dtype=np.float32))
-    state = empty.told(empty.batch(np.full((1, 2, 3), 1 / 3)), [-0.1], step=np.pi)
+    state = empty.told(empty.batch(np.full((1, 2, 3), 1 / 3)), [-0.1]).remember(step=np.pi)
     back = Population.from_bytes(state.to_bytes())
     assert back.genes.dtype == np.float64 and (back.genes == 1 / 3).all() and back.best_fitness == -0.1
     assert back.memory["step"] == np.pi and (back.memory["mean"] == np.arange(4)).all()

@@ -45,10 +45,11 @@ class SimulatedRig:
         self.simulation = Simulation(task, wearing(unit_profile(unit), profile), twin_noise)
         self.open = True
 
-    def drive(self, genes: Any, layout: Any, stream: int, pose: Any, seconds: float | None = None) -> Path3:
+    def drive(self, driver: Any, stream: int, pose: Any, seconds: float | None = None) -> Path3:
         """A trial; who drives a unit that was let go is told."""
         assert self.open
-        one, _ = self.simulation.trajectory(decode(genes, layout), stream=stream, pose=pose, seconds=seconds)
+        networks = decode(driver.genes, driver.layout)
+        one, _ = self.simulation.trajectory(networks, stream=stream, pose=pose, seconds=seconds)
         columns = (np.append(one.x, one.end.x), np.append(one.y, one.end.y))
         pose_rows = np.column_stack([*columns, np.append(one.heading, one.end.heading)])
         return Path3(np.arange(len(pose_rows)) * 0.1, pose_rows)

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.controller.network import decode
 from realitygap.experiments.noise.plan import controllers, situated_file
 from realitygap.experiments.noise.run import noise_study
 from realitygap.experiments.noise.simulated import compare_all, read_compared
@@ -34,7 +33,7 @@ def stage(tmp_path_factory) -> Stage:
 def drive_as_simulated(stage: Stage, one, drawn_as: int | None = None) -> None:
     """Put paths of a twin on file that is each unit's simulation without noise, or one unit's throughout."""
     kept = read_situated(stage, one)
-    networks = decode(stage.genes(one), stage.layout(one))
+    networks = stage.networks(one)
     poses = np.empty_like(kept.poses)
     for u in range(1, HOMES + 1):
         robot = wearing(unit_profile(drawn_as or u), unit_profile(one.home))

@@ -12,6 +12,7 @@ import pytest
 
 from realitygap.controller.handmade import braitenberg
 from realitygap.controller.layout import Layout
+from realitygap.controller.network import NetworkController
 from realitygap.errors import RobotError, UsageError
 from realitygap.film.disk import load_disk
 from realitygap.film.tracker import Tracker
@@ -26,7 +27,7 @@ from realitygap.values import Pose
 from realitygap.world.profile import load_profile
 
 TASK, PAPER, LAYOUT = load_task("avoidance"), load_profile("paper"), Layout()
-GENES = braitenberg(TASK.feeds, LAYOUT)
+DRIVER = NetworkController(braitenberg(TASK.feeds, LAYOUT), LAYOUT)
 POSE = Pose(x=25.0, y=25.0, heading=0.5)
 
 
@@ -44,7 +45,7 @@ def rig(folder: Path, **settings: object) -> Rig:
 def used(folder: Path) -> Iterator[SimpleNamespace]:
     """A rig that has made a trial, and that trial."""
     with rig(folder) as one:
-        yield SimpleNamespace(rig=one, first=one.drive(GENES, LAYOUT, 7, POSE, 2.0))
+        yield SimpleNamespace(rig=one, first=one.drive(DRIVER, 7, POSE, 2.0))
 
 
 def same(one: tuple[Track, Recording], two: tuple[Track, Recording]) -> bool:
@@ -70,17 +71,17 @@ def test_a_path_has_a_row_a_step(used: SimpleNamespace) -> None:
 def test_a_trial_does_not_know_what_was_before_it(used: SimpleNamespace, folder: Path) -> None:
     """On a used rig and on a fresh one: the same bits; another stream: others. One process does all."""
     pid = used.rig.twin.pid
-    second = used.rig.drive(GENES, LAYOUT, 8, POSE, 2.0)
+    second = used.rig.drive(DRIVER, 8, POSE, 2.0)
     with rig(folder) as fresh:
-        assert same(fresh.drive(GENES, LAYOUT, 8, POSE, 2.0), second)
-        assert same(fresh.drive(GENES, LAYOUT, 7, POSE, 2.0), used.first)
+        assert same(fresh.drive(DRIVER, 8, POSE, 2.0), second)
+        assert same(fresh.drive(DRIVER, 7, POSE, 2.0), used.first)
     assert not same(used.first, second)
     assert used.rig.twin.pid == pid
 
 
 def test_the_track_is_that_of_whole_frames(used: SimpleNamespace, tmp_path: Path) -> None:
     """To the last bit, pixel noise included."""
-    used.rig.on_line(GENES, LAYOUT, 9, POSE, 1.0, sealed=tmp_path / "sealed.csv")
+    used.rig.on_line(DRIVER, 9, POSE, 1.0, sealed=tmp_path / "sealed.csv")
     states = used.rig.states(tmp_path / "sealed.csv", 1.0)
     track = used.rig.watcher.track(states, 9)
     with OverheadCamera(TASK.arena.plain(), unit=1, view="drawn") as eye:
@@ -97,13 +98,13 @@ def test_the_track_is_that_of_whole_frames(used: SimpleNamespace, tmp_path: Path
 def test_a_rig_goes_on_after_a_trial_that_failed(used: SimpleNamespace) -> None:
     """A pose in a wall, a length of no whole steps, a twin that was killed: one clear error, then as ever."""
     with pytest.raises(RobotError, match="finds no room"):
-        used.rig.drive(GENES, LAYOUT, 7, Pose(x=0.0, y=0.0, heading=0.0), 2.0)
+        used.rig.drive(DRIVER, 7, Pose(x=0.0, y=0.0, heading=0.0), 2.0)
     with pytest.raises(UsageError, match="whole steps"):
-        used.rig.drive(GENES, LAYOUT, 7, POSE, 0.25)
+        used.rig.drive(DRIVER, 7, POSE, 0.25)
     used.rig._fresh(1).close()
     with pytest.raises(RobotError):
-        used.rig.drive(GENES, LAYOUT, 7, POSE, 2.0)
-    assert same(used.rig.drive(GENES, LAYOUT, 7, POSE, 2.0), used.first)
+        used.rig.drive(DRIVER, 7, POSE, 2.0)
+    assert same(used.rig.drive(DRIVER, 7, POSE, 2.0), used.first)
 
 
 def test_each_stand_has_a_camera_of_its_own(folder: Path) -> None:

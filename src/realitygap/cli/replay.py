@@ -72,7 +72,6 @@ def replay(
     Example:
         realitygap replay out/reproduce 1 --noise double --animation champion.gif
     """
-    from realitygap.controller.network import decode
     from realitygap.study.load import load_study
 
     ask_trust(study, trust)
@@ -81,7 +80,7 @@ def replay(
     who, genes = _individual(loaded, one, individual)
     scene = _scene(loaded, one, profile, noise, pose)
     trajectory, score = scene.simulation().trajectory(
-        decode(genes, loaded.layout(one.task)), stream=seed, pose=scene.pose, seconds=seconds
+        loaded.networks(one.task, genes), stream=seed, pose=scene.pose, seconds=seconds
     )
     if picture is not None:
         scene.save_picture(picture, trajectory)

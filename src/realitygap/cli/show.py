@@ -120,7 +120,7 @@ def _draw(study: Study, run: Run, picture: Path) -> None:
     sensors = facts["sensors"]
     with styled():
         figure = network_figure(
-            genes,
+            study.slots(run.task, genes)[0],
             study.profile,
             title=run.name,
             feeds=facts["feeds"],
@@ -134,7 +134,7 @@ def _text(study: Study, run: Run, genes: Genes | None) -> str | None:
     """A genotype's text form; None where there is none yet."""
     from realitygap.controller.genotype import to_text
 
-    return None if genes is None else to_text(genes, study.layout(run.task))
+    return None if genes is None else to_text(*study.slots(run.task, genes))
 
 
 def _figure(value: float | None) -> str:

@@ -135,6 +135,7 @@ class NetworkController:
     def __init__(self, genes: Genes, layout: Layout | None = None) -> None:
         self.layout = layout or Layout.of(genes)
         check_genes(genes, self.layout)
+        self.genes = genes
         self.neurons = neurons(genes, self.layout)
         self.reset()
 

@@ -74,15 +74,13 @@ class Population:
         batch: Batch,
         fitness: ArrayLike,
         takes: Callable[[float, float], bool] = _always,
-        **memory: ArrayLike,
     ) -> Self:
-        """The population after some evaluations; `memory` replaces what was remembered.
+        """The population after some evaluations.
 
         Args:
             batch: who was evaluated.
             fitness: theirs, [n].
             takes: of a fitness and that of the resident: whether one takes the cell; always, if left out.
-            memory: arrays by name, of which those that are left out stay.
 
         Raises:
             UsageError: a fitness that is no finite number, an answer out of turn, or another's individuals.
@@ -104,8 +102,12 @@ class Population:
             best_genes=best[0],
             best_fitness=best[1],
             best_number=best[2],
-            memory={**self.memory, **{name: np.asarray(value) for name, value in memory.items()}},
         )
+
+    def remember(self, **memory: ArrayLike) -> Self:
+        """The same with other arrays in its memory; those that are not named stay."""
+        new = {name: np.asarray(value) for name, value in memory.items()}
+        return replace(self, memory={**self.memory, **new})
 
     def _checked(self, batch: Batch, fitness: ArrayLike) -> list[float]:
         """The fitness of each, if the batch is one that could be asked of this population."""

@@ -86,12 +86,12 @@ def _row(run: Run) -> Row:
 
 
 def individual(row: Row) -> Genes:
-    """The genotype that stands for a run in pictures: its champion's, or its fittest's so far."""
+    """The genotype of slots that stands for a run in pictures: its champion's, or its fittest's so far."""
     run = row.source
     assert run is not None
     genes = run.fittest if run.champion is None else run.champion
     assert genes is not None  # the row is of a run that has begun
-    return genes
+    return run.study.slots(run.task, genes)[0]
 
 
 def best_so_far(study: Study, part: TaskPart) -> dict[float, list[np.ndarray]]:

@@ -61,7 +61,8 @@ class SimulatedBody:
         self.simulation = simulation
         self.stream = stream
         self.kinds = tuple(kind for kind in KINDS if kind in kinds)
-        self._robot, self._arena, self._trial = simulation._robot, simulation._arena, simulation._trial
+        cores = simulation._cores
+        self._robot, self._arena, self._trial = cores.robot, cores.arena, cores.trial
         near, light = simulation.profile.infrared, simulation.profile.ambient
         there = {"proximity": (len(near.sensors), near.top), "ambient": (len(light.sensors), light.top)}
         self.channels = tuple(

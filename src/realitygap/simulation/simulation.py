@@ -3,40 +3,34 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property
 from os import PathLike
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.controller.layout import shown
 from realitygap.controller.network import check_networks
-from realitygap.errors import TaskError, UsageError
+from realitygap.errors import UsageError
 from realitygap.kernels import batch, halves
-from realitygap.kernels.params import STEP_S, Networks, Path, Room, Trial
+from realitygap.kernels.params import STEP_S, Networks, Path, Trial
 from realitygap.kernels.work import MOTOR_NOISE, Record, Work, new_work
+from realitygap.simulation.engine import Cores, Engine, Streams
 from realitygap.tasks.load import load_task
+from realitygap.tasks.task import Task
 from realitygap.track import Trajectory
 from realitygap.values import Pose, as_stream
 from realitygap.world.arena import Arena, load_arena
 from realitygap.world.noise import noise_level
 from realitygap.world.profile import Profile, load_profile
 
-if TYPE_CHECKING:
-    from realitygap.tasks.scoring import Score
-    from realitygap.tasks.task import Task
-
 __all__ = ["Simulation"]
 
-CHUNK = 64
-"""Trials carried out before their scores are taken: bounds the memory of a batch."""
 LONGEST_S = 100_000
 MOST_READINGS = 10**6
 """Limits on a trajectory's length and on one probe's repetitions."""
 Floats = NDArray[np.float64]
-Streams = NDArray[np.uint64]
 
 
 class Simulation:
@@ -47,6 +41,7 @@ class Simulation:
         profile: the robot.
         noise: zero, observed, double, or any level (1 = observed).
         arena: another arena than the task's.
+        engine: makes what carries out batches, of task, profile and noise; by default `Cores`.
 
     Task, profile and arena may be given by name or file too.
 
@@ -60,35 +55,15 @@ class Simulation:
         profile: Profile | str | PathLike[str],
         noise: str | float = 1.0,
         arena: Arena | str | PathLike[str] | None = None,
+        engine: Callable[[Task, Profile, float], Engine] | None = None,
     ) -> None:
         task = load_task(task)
         self.profile = load_profile(profile)
         task = task.of(self.profile)
         self.task = task if arena is None else replace(task, arena=load_arena(arena))
         self.noise = noise_level(noise)
-        self._robot = self.profile.to_kernel()
-        self._arena = self.task.arena.to_kernel()
-        self._work: dict[tuple[int, int], Work] = {}
-
-    @cached_property
-    def _trial(self) -> Trial:
-        return self.task.to_kernel(self.profile)
-
-    @cached_property
-    def _room(self) -> Room:
-        return self.task.room(self.profile)
-
-    @cached_property
-    def _score(self) -> Score:
-        return self.task.compiled_score()
-
-    @cached_property
-    def _paths(self) -> Floats:
-        return np.zeros((CHUNK, len(Path._fields), self._trial.steps))
-
-    @cached_property
-    def _rows(self) -> list[Path]:
-        return [Path(*rows) for rows in self._paths]
+        self._cores = Cores(self.task, self.profile, self.noise)
+        self.engine: Engine = self._cores if engine is None else engine(self.task, self.profile, self.noise)
 
     def scores(self, networks: Networks, streams: Streams) -> Floats:
         """Scores of trials of N networks: streams [N, trials] → scores [N, trials].
@@ -99,27 +74,7 @@ class Simulation:
             UsageError: networks of another task's layout, or streams that are not a row for each.
             TaskError: a score was not a finite number.
         """
-        networks_n = check_networks(networks, self._trial.channels.shape[0])
-        fits = isinstance(streams, np.ndarray) and streams.dtype == np.uint64 and streams.ndim == 2
-        if not fits or len(streams) != networks_n:
-            expected = f"an array uint64[{networks_n}, trials], a row for each network"
-            raise UsageError(f"streams: expected {expected}, got {shown(streams)}.")
-        trials = streams.shape[1]
-        which = np.repeat(np.arange(networks_n), trials)
-        flat = streams.reshape(-1)
-        scores = np.empty(flat.shape[0])
-        work = self._scratch(networks)
-        for first in range(0, flat.shape[0], CHUNK):
-            some = flat[first : first + CHUNK]
-            batch.run_trials(
-                self._robot, self._arena, self._trial, networks, which[first : first + CHUNK],
-                self.noise, some, self._paths, work,
-            )  # fmt: skip
-            self._require_finite_path(self._paths[: some.shape[0]])
-            for i in range(some.shape[0]):
-                scores[first + i] = self._score(self._rows[i], self._room)
-        self._require_finite(scores)
-        return scores.reshape(streams.shape)
+        return self.engine.scores(networks, streams)
 
     def trajectory(
         self, networks: Networks, *, stream: int, pose: Pose | None = None, seconds: float | None = None
@@ -135,34 +90,34 @@ class Simulation:
         Raises:
             UsageError: more than one network, another task's, a pose that is not free, a wrong length.
         """
-        if check_networks(networks, self._trial.channels.shape[0]) != 1:
+        if check_networks(networks, self._cores.trial.channels.shape[0]) != 1:
             raise UsageError(f"networks: expected one, got {len(networks.neurons)}. Decode one genotype.")
         named = as_stream(stream)
-        steps = self._trial.steps if seconds is None else self._steps(seconds)
-        robot, profile, inputs = self._robot, self.profile, self._trial.channels.shape[0]
+        steps = self._cores.trial.steps if seconds is None else self._steps(seconds)
+        robot, profile, inputs = self._cores.robot, self.profile, self._cores.trial.channels.shape[0]
         proximity_n, ambient_n = len(profile.infrared.sensors), len(profile.ambient.sensors)
-        aside = np.zeros(ambient_n if self._trial.feed == 0 else proximity_n)
+        aside = np.zeros(ambient_n if self._cores.trial.feed == 0 else proximity_n)
         record = Record(
             pose=np.zeros((steps, 3)), proximity=np.zeros((steps, proximity_n)),
             ambient=np.zeros((steps, ambient_n)), inputs=np.zeros((steps, inputs), np.int64),
             commands=np.zeros((steps, 2), np.int64), wheels=np.zeros((steps, 2)),
         )  # fmt: skip
         path = Path(*np.zeros((len(Path._fields), steps)))
-        work = self._scratch(networks)
+        work = self._cores.scratch(networks)
         self._place(work, self.start(stream) if pose is None else pose)
         batch.record_trial(
-            robot, self._arena, self._trial._replace(steps=steps), networks, self.noise,
+            robot, self._cores.arena, self._cores.trial._replace(steps=steps), networks, self.noise,
             named, path, work, aside, _noise_for(aside.shape[0]), record,
         )  # fmt: skip
-        self._require_finite_path(*path, record.proximity, record.ambient)
-        score = np.array([self._score(path, self._room)])
-        self._require_finite(score)
+        self._cores.require_finite_path(*path, record.proximity, record.ambient)
+        score = np.array([self._cores.score(path, self._cores.room)])
+        self._cores.require_finite(score)
         return _trajectory(record, path), float(score[0])
 
     def start(self, stream: int) -> Pose:
         """Where a trial on this stream starts."""
         starts = np.zeros((1, 3))
-        batch.draw_starts(self._trial, np.array([as_stream(stream)]), starts)
+        batch.draw_starts(self._cores.trial, np.array([as_stream(stream)]), starts)
         return Pose(x=float(starts[0, 0]), y=float(starts[0, 1]), heading=float(starts[0, 2]))
 
     def probe(self, pose: Pose, *, stream: int = 0, repeat: int = 1) -> tuple[Floats, Floats]:
@@ -177,30 +132,19 @@ class Simulation:
             raise UsageError(f"repeat: expected a whole number from 1 to {MOST_READINGS}, got {repeat!r}.")
         proximity_n, ambient_n = len(self.profile.infrared.sensors), len(self.profile.ambient.sensors)
         nothing_fed = Trial(steps=0, feed=0, channels=np.zeros(0, np.int64), start=np.zeros(5))
-        work = new_work(self._robot, nothing_fed, halves.quiet())
+        work = new_work(self._cores.robot, nothing_fed, halves.quiet())
         self._place(work, pose)
         proximity, ambient = np.zeros((repeat, proximity_n)), np.zeros((repeat, ambient_n))
         streams = batch_streams(stream, repeat)
         noise = _noise_for(max(proximity_n, ambient_n))
-        batch.probe(self._robot, self._arena, self.noise, streams, work, noise, proximity, ambient)
-        self._require_finite_path(proximity, ambient)
+        cores = self._cores
+        batch.probe(cores.robot, cores.arena, self.noise, streams, work, noise, proximity, ambient)
+        cores.require_finite_path(proximity, ambient)
         return proximity, ambient
 
     def compile(self) -> None:
         """Compile what evolution needs, or load it from the cache; the first time takes seconds."""
-        nobody = np.zeros(0, np.uint64)
-        networks = halves.quiet()
-        batch.run_trials(
-            self._robot, self._arena, self._trial, networks, np.zeros(0, np.int64), self.noise,
-            nobody, self._paths, self._scratch(networks),
-        )  # fmt: skip
-        self._score(self._rows[0], self._room)
-
-    def _scratch(self, networks: Networks) -> Work:
-        size = (networks.thresholds.shape[1], networks.links.shape[1])
-        if size not in self._work:
-            self._work[size] = new_work(self._robot, self._trial, networks)
-        return self._work[size]
+        self.engine.compile()
 
     def _steps(self, seconds: float) -> int:
         number = isinstance(seconds, int | float) and 0 < seconds <= LONGEST_S
@@ -217,7 +161,7 @@ class Simulation:
             raise UsageError(f"pose: expected a Pose, got {shown(pose)}. {cure}")
         if not all(math.isfinite(value) for value in (pose.x, pose.y, pose.heading)):
             raise UsageError(f"pose: expected finite numbers, got {pose.x} {pose.y} {pose.heading_deg}.")
-        if not batch.is_clear(self._robot, self._arena, pose.x, pose.y):
+        if not batch.is_clear(self._cores.robot, self._cores.arena, pose.x, pose.y):
             radius = self.profile.body.radius_cm
             arena = self.task.arena
             where = arena.obstacle_at(pose.x, pose.y, radius) or "an obstacle"
@@ -227,22 +171,6 @@ class Simulation:
                 f"The arena reaches from (0, 0) to ({arena.size_cm[0]:g}, {arena.size_cm[1]:g}) cm."
             )
         work.start[:] = pose.x, pose.y, pose.heading
-
-    def _require_finite_path(self, *arrays: Floats) -> None:
-        """No path or reading that is not finite is ever a result."""
-        if not all(math.isfinite(array.sum()) for array in arrays):
-            raise UsageError(
-                f"profile {self.profile.name!r} at noise {self.noise:g}: expected a finite path and finite "
-                "readings, got some that are not. Look for a constant beyond all measure, or lower the noise."
-            )
-
-    def _require_finite(self, scores: Floats) -> None:
-        if not np.isfinite(scores).all():
-            bad = scores[~np.isfinite(scores)][0]
-            raise TaskError(
-                f"task {self.task.name!r}: expected its score to be a finite number, got {bad}. "
-                "Look for a division by zero or a root of a negative number in the task's score."
-            )
 
 
 def batch_streams(stream: int, count: int) -> Streams:

@@ -16,13 +16,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.controller.encoding import Encoding, as_slots
+from realitygap.controller.encoding import Encoding, as_slots, controller_of
 from realitygap.controller.layout import Layout
+from realitygap.controller.network import NetworkController
 from realitygap.controller.operators import Variation
 from realitygap.errors import StudyError
 from realitygap.evolution.algorithm import Genes, State
 from realitygap.evolution.checkpoint import MAGIC
 from realitygap.evolution.population import Population
+from realitygap.kernels.params import Networks
 from realitygap.study.config import StudyConfig
 from realitygap.study.folder import agree, read_config, read_materials, read_profile
 from realitygap.study.materials import Materials
@@ -128,6 +130,18 @@ class Study:
             self._encodings[name] = config.encoding.make(len(sensors), config.variation)
         return self._encodings[name]
 
+    def networks(self, task: str | Task, genes: Genes) -> Networks:
+        """The network of one genotype, for the kernels."""
+        return self.encoding(task).decode(genes[np.newaxis])
+
+    def controller(self, task: str | Task, genes: Genes) -> NetworkController:
+        """What drives a body as a genotype's network does."""
+        return controller_of(self.encoding(task), genes)
+
+    def slots(self, task: str | Task, genes: Genes) -> tuple[Genes, Layout]:
+        """A genotype as one of slots with the same network, and its layout: itself, if it is of slots."""
+        return as_slots(self.encoding(task), genes)
+
     def layout(self, task: str | Task) -> Layout:
         """The size of the slots' genotypes that evolve in a task.
 
@@ -140,10 +154,6 @@ class Study:
                 f"{self.folder}: genotypes of slots have a layout, not {self.config.encoding.kind}."
             )
         return encoding.layout
-
-    def as_slots(self, task: str | Task, genes: Genes) -> Genes:
-        """A genotype as one of slots with the same network: itself, unless it is of another encoding."""
-        return as_slots(self.encoding(task), genes)[0]
 
     def run(self, id_or_name: int | str) -> Run:
         """One run.

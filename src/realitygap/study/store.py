@@ -42,12 +42,9 @@ def create(path: Path, materials: Materials, sources: Mapping[str, bytes]) -> No
         StudyError: it cannot be written there.
     """
     tasks, config = materials.tasks, materials.config
-    encodings = [
-        json.dumps(
-            facts_of(config.encoding_for(task), {**config.encoding.to_dict(), "inputs": len(task.sensors)})
-        )
-        for task in tasks
-    ]
+    own = materials.copies()[0].encoding.to_dict()  # a user's file by its name in the folder
+    forms = [facts_of(config.encoding_for(task), {**own, "inputs": len(task.sensors)}) for task in tasks]
+    encodings = [json.dumps(form) for form in forms]
     rows = [(p.id, p.name, p.task, p.noise, p.index, encodings[p.condition]) for p in plans(materials)]
     facts = {task.name: json.dumps(task.to_dict()) for task in tasks}
     trials = max(task.trials for task in tasks)

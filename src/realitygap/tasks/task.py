@@ -21,7 +21,7 @@ import numpy as np
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import params
 from realitygap.kernels.params import STEP_S
-from realitygap.tasks.scoring import Score
+from realitygap.tasks.scoring import CompiledScore, Score
 from realitygap.world.arena import Arena, arena_names, load_arena
 from realitygap.world.files import Value, require
 from realitygap.world.profile import Profile
@@ -153,7 +153,7 @@ class Task:
             radius=profile.body.radius_cm,
         )
 
-    def compiled_score(self) -> Score:
+    def compiled_score(self) -> CompiledScore:
         """The score, compiled (or as it is where the compiler is off) and tried on examples.
 
         Raises:

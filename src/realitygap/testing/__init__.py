@@ -21,5 +21,6 @@ from __future__ import annotations
 from realitygap.testing.algorithm import AlgorithmContract
 from realitygap.testing.body import BodyContract
 from realitygap.testing.encoding import EncodingContract
+from realitygap.testing.engine import EngineContract
 
-__all__ = ["AlgorithmContract", "BodyContract", "EncodingContract"]
+__all__ = ["AlgorithmContract", "BodyContract", "EncodingContract", "EngineContract"]

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from realitygap.controller.layout import Genes
-from realitygap.controller.network import decode
 from realitygap.errors import UsageError
 from realitygap.robots.recording import Recording
 from realitygap.simulation.simulation import Simulation
@@ -53,7 +52,8 @@ class Replays:
             genes = self._study.genotype(table["run"], table["evaluation"])
         except UsageError:  # the study was made anew since
             return Replay(None, None, situated)
-        return Replay(genes, self._simulated(folder, genes, int(table["seed"])), situated)
+        simulated = self._simulated(folder, genes, int(table["seed"]))
+        return Replay(self._study.slots(self._study.run(table["run"]).task, genes)[0], simulated, situated)
 
     def _simulated(self, folder: Path, genes: Genes, seed: int) -> Trajectory | None:
         one, study = load_transfer(folder), self._study
@@ -65,7 +65,7 @@ class Replays:
         apart = np.hypot(drawn.x - one.pose.x, drawn.y - one.pose.y)
         # A file's degrees are not the last bit of the radians: where it stood as drawn, that is taken.
         pose = drawn if apart < SAME_CM and abs(drawn.heading_deg - one.pose.heading_deg) < 1e-6 else one.pose
-        networks = decode(genes, study.layout(one.task))
+        networks = study.networks(one.task, genes)
         try:
             trajectory, _ = simulation.trajectory(networks, stream=stream, pose=pose, seconds=one.seconds)
         except UsageError:  # the arena's file was changed since: nothing stands there any more

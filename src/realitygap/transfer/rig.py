@@ -1,7 +1,7 @@
 """A unit of the twin in a task's arena, with the camera above it: one rig for many trials.
 
     with Rig(load_task("avoidance"), profile, unit=1, folder_for_camera="cameras") as rig:
-        track, recording = rig.drive(genes, Layout(), stream=5, pose=Pose(x=25, y=25, heading=0.5))
+        track, recording = rig.drive(controller, stream=5, pose=Pose(x=25, y=25, heading=0.5))
 
 A trial is a function of unit, noise, stream, pose and controller alone: before each the unit is
 switched off and a new one on, in one process that serves them all.
@@ -18,14 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap import temporary
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import NetworkController
 from realitygap.kernels.params import STEP_S
 from realitygap.kernels.rng import substream
 from realitygap.robots.clock import VirtualClock
 from realitygap.robots.khepera.body import KheperaBody
 from realitygap.robots.khepera.driver import Khepera
-from realitygap.robots.loop import drive
+from realitygap.robots.loop import Controller, drive
 from realitygap.robots.recording import Recorder, Recording
 from realitygap.streams import TWIN_NOISE
 from realitygap.tasks.task import Task
@@ -54,8 +52,7 @@ class Driven(NamedTuple):
 
 def driven(
     body: KheperaBody,
-    genes: Any,
-    layout: Layout,
+    controller: Controller,
     *,
     task: Task,
     profile: Profile,
@@ -70,7 +67,7 @@ def driven(
 
     recording = drive(
         body,
-        NetworkController(genes, layout),
+        controller,
         seconds=seconds,
         clock=body.khepera.clock,
         inputs=inputs,
@@ -112,14 +109,13 @@ class Rig:
         self._watcher: Watcher | None = None
 
     def drive(
-        self, genes: Any, layout: Layout, stream: int, pose: Pose, seconds: float | None = None
+        self, controller: Controller, stream: int, pose: Pose, seconds: float | None = None
     ) -> tuple[Track, Recording]:
         """A trial from a pose, driven through the serial line and seen by the camera: a row a step, the
         first one the start, and what was read and done.
 
         Args:
-            genes: the genotype.
-            layout: its layout.
+            controller: who drives.
             stream: names all of the trial's noise, the camera's too.
             pose: where it begins.
             seconds: its length, the task's own if None.
@@ -131,14 +127,13 @@ class Rig:
         length = self.task.seconds if seconds is None else seconds
         with temporary.Folder("sealed") as folder:
             sealed = Path(folder) / "sealed.csv"
-            recording = self.on_line(genes, layout, stream, pose, length, sealed=sealed).recording
+            recording = self.on_line(controller, stream, pose, length, sealed=sealed).recording
             track = self.watcher.track(self.states(sealed, length), stream)
         return of_track(track, round(length / STEP_S)), recording
 
     def on_line(
         self,
-        genes: Any,
-        layout: Layout,
+        controller: Controller,
         stream: int,
         pose: Pose,
         seconds: float,
@@ -158,7 +153,7 @@ class Rig:
                     clock.settle()
                     if sealed is not None:
                         twin.film(sealed)
-                    made = driven(body, genes, layout, recorder=recorder, **settings)
+                    made = driven(body, controller, recorder=recorder, **settings)
                     clock.settle()
                     if sealed is not None:
                         twin.film(None)

@@ -173,7 +173,6 @@ class Job:
 
     def _fresh(self) -> list[Trial]:
         """Trials in simulation at its own noise, on streams of their own."""
-        from realitygap.controller.network import decode
         from realitygap.correspondence.trials import SHORTEST_S, trial_of
         from realitygap.simulation.simulation import Simulation
 
@@ -182,7 +181,7 @@ class Job:
             raise TrackError(f"trials of {bench.task.seconds:g} s show too little; {SHORTEST_S:g} s do.")
         genes = run.fittest if self.individual == "fittest" else run.champion
         assert genes is not None
-        networks = decode(genes, bench.study.layout(run.task))
+        networks = bench.study.networks(run.task, genes)
         simulation = Simulation(bench.task, bench.study.profile, run.noise)
         stream = substream(run_stream(run.seed, run.task, run.noise, run.index), np.uint64(NAMED))
         streams = [int(substream(np.uint64(stream), np.uint64(k))) for k in range(TRIALS)]

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from realitygap import whole
-from realitygap.controller.network import decode
+from realitygap.controller.network import NetworkController
 from realitygap.kernels.params import STEP_S
 from realitygap.robots.khepera.body import KheperaBody
 from realitygap.robots.khepera.driver import Khepera
@@ -120,21 +120,20 @@ class Stage:
 
     def _simulate(self, one: Situation, pose: Pose, folder: Path) -> dict[str, Any]:
         """The paired trial in simulation; what is known of the trial before the other."""
-        networks = decode(self._genes(one), self.study.layout(one.task))
+        networks = self.study.networks(one.task, self.study.genotype(one.run, one.evaluation))
         trajectory, fitness = self.simulation(one).trajectory(
             networks, stream=one.stream, pose=pose, seconds=one.seconds
         )
         trajectory.track.write_csv(folder / SIMULATED)
         return {**one.facts(), "pose": pose.to_dict(), "fitness": {"simulated": fitness}}
 
-    def _genes(self, one: Situation) -> Any:
-        return self.study.genotype(one.run, one.evaluation)
+    def _controller(self, one: Situation) -> NetworkController:
+        return self.study.controller(one.task, self.study.genotype(one.run, one.evaluation))
 
     def _drive_twin(self, one: Situation, pose: Pose, folder: Path) -> Driven:
         """Drive a unit of the twin."""
         return self.rig(one).on_line(
-            self._genes(one),
-            self.study.layout(one.task),
+            self._controller(one),
             one.stream,
             pose,
             one.seconds,
@@ -145,8 +144,7 @@ class Stage:
     def _drive(self, one: Situation, body: KheperaBody, folder: Path, facts: dict[str, Any]) -> Driven:
         return driven(
             body,
-            self._genes(one),
-            self.study.layout(one.task),
+            self._controller(one),
             task=self.study.task(one.task),
             profile=self.study.profile,
             seconds=one.seconds,

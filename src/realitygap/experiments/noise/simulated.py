@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from realitygap import whole
-from realitygap.controller.network import decode
 from realitygap.correspondence.names import common_name, namer
 from realitygap.correspondence.scale import Scale, exemplar_scale
 from realitygap.correspondence.score import compare
@@ -136,7 +135,7 @@ def _simulated(
     stage: Stage, one: Controller, level: float, pairs: Sequence[Pair]
 ) -> tuple[dict[Pair, Trial], list[float]]:
     """A controller in the simulations of all units at a level: trials and their scores."""
-    networks = decode(stage.genes(one), stage.layout(one))
+    networks = stage.networks(one)
     starts, config = stage.starts(one.task, one.seed_set), stage.config
     simulations = {u: stage.simulation(one.task, u, one.home, level) for u in {pair.unit for pair in pairs}}
     trials, scores = {}, []

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap import whole
-from realitygap.controller.layout import Genes, Layout
+from realitygap.controller.network import NetworkController
 from realitygap.errors import LineError, StudyError
 from realitygap.experiments.noise.plan import Controller, situated_file, stream
 from realitygap.experiments.noise.stage import Stage
@@ -89,7 +89,7 @@ def situate(
     `tell` hears the share of the work that was done since the last time.
     """
     config, starts = stage.config, stage.starts(one.task, one.seed_set)
-    genes, layout = stage.genes(one), stage.layout(one)
+    driver = stage.driver(one)
     rows = stage.task(one.task).steps + 1
     poses = np.full((config.units, config.starts, rows, 3), np.nan)
     streams = np.zeros((config.units, config.starts), np.uint64)
@@ -98,13 +98,13 @@ def situate(
         for k, pose in enumerate(starts):
             names = (one.task, one.seed_set, one.level, one.run, u + 1, k + 1)
             streams[u, k] = stream(config, "situated", *names)
-            track = _driven(rig, genes, layout, int(streams[u, k]), pose)
+            track = _driven(rig, driver, int(streams[u, k]), pose)
             poses[u, k] = np.stack([track.x, track.y, track.heading], axis=1)
             tell(1.0 / streams.size)
     _keep(situated_file(stage.folder, one), poses, streams)
 
 
-def _driven(rig: Rig, genes: Genes, layout: Layout, name: int, pose: Pose) -> Track:
+def _driven(rig: Rig, driver: NetworkController, name: int, pose: Pose) -> Track:
     """A trial; begun again where the line to the unit is lost.
 
     Raises:
@@ -112,10 +112,10 @@ def _driven(rig: Rig, genes: Genes, layout: Layout, name: int, pose: Pose) -> Tr
     """
     for _ in range(TRIES - 1):
         try:
-            return rig.drive(genes, layout, name, pose)[0]
+            return rig.drive(driver, name, pose)[0]
         except LineError:
             continue  # the rig has let its unit go, and takes it anew
-    return rig.drive(genes, layout, name, pose)[0]
+    return rig.drive(driver, name, pose)[0]
 
 
 def read_situated(stage: Stage, one: Controller) -> Situated:

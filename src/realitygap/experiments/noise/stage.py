@@ -7,9 +7,11 @@ from functools import cache
 from pathlib import Path
 
 from realitygap.calibration.unit import PROFILE
-from realitygap.controller.layout import Genes, Layout
+from realitygap.controller.network import NetworkController
+from realitygap.evolution.algorithm import Genes
 from realitygap.experiments.noise.config import NoiseConfig
 from realitygap.experiments.noise.plan import Controller, calibration_folder, evolved_folder, stream
+from realitygap.kernels.params import Networks
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study, load_study
 from realitygap.tasks.load import load_task
@@ -30,15 +32,21 @@ class Stage:
         self.starts = cache(self._starts)
         self._study = cache(self._load)
 
-    def genes(self, one: Controller) -> Genes:
-        """The champion of its run."""
-        genes = self._study(one.seed_set, one.home).run(one.run_name).champion
-        assert genes is not None
-        return genes
+    def networks(self, one: Controller) -> Networks:
+        """The network of its run's champion."""
+        study, genes = self._champion(one)
+        return study.networks(one.task, genes)
 
-    def layout(self, one: Controller) -> Layout:
-        """The size of its genotype."""
-        return self._study(one.seed_set, one.home).layout(one.task)
+    def driver(self, one: Controller) -> NetworkController:
+        """The same, to drive a robot."""
+        study, genes = self._champion(one)
+        return study.controller(one.task, genes)
+
+    def _champion(self, one: Controller) -> tuple[Study, Genes]:
+        study = self._study(one.seed_set, one.home)
+        genes = study.run(one.run_name).champion
+        assert genes is not None
+        return study, genes
 
     def simulation(self, task: str, unit: int, home: int, level: float) -> Simulation:
         """The simulation calibrated to a unit, for controllers whose home is another or the same.

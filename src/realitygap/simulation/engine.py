@@ -1,0 +1,150 @@
+"""What carries out batches of trials, and the engine of the processor's cores.
+
+An engine is made of a task, a robot and a noise level; `Simulation(…, engine=Mine)` and
+`realitygap.testing.EngineContract` take one of a user's own.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.controller.layout import shown
+from realitygap.controller.network import check_networks
+from realitygap.errors import TaskError, UsageError
+from realitygap.kernels import batch, halves
+from realitygap.kernels.params import Networks, Path, Room, Trial
+from realitygap.kernels.work import Work, new_work
+from realitygap.tasks.scoring import CompiledScore
+from realitygap.tasks.task import Task
+from realitygap.world.profile import Profile
+
+__all__ = ["Cores", "Engine", "Streams"]
+
+CHUNK = 64
+"""Trials carried out before their scores are taken: bounds the memory of a batch."""
+Floats = NDArray[np.float64]
+Streams = NDArray[np.uint64]
+
+
+class Engine(Protocol):
+    """Batches of trials; each trial is a function of its network and its stream alone."""
+
+    def scores(self, networks: Networks, streams: Streams) -> Floats:
+        """Scores of trials of N networks: streams [N, trials] → scores [N, trials]."""
+
+    def tracks(self, networks: Networks, streams: Streams) -> Path:
+        """What the scores are taken from: arrays [N, trials, steps] of where the robots were."""
+
+    def compile(self) -> None:
+        """Compile what evolution needs, or load it from the cache; the first time takes seconds."""
+
+
+class Cores:
+    """The compiled kernels, one trial after the other; use one in each thread.
+
+    Attributes:
+        robot, arena, trial, room: what the kernels and the score are told. The last two need a robot that
+            has the sensors which the task feeds and can stand at its start: else a TaskError.
+    """
+
+    def __init__(self, task: Task, profile: Profile, noise: float) -> None:
+        self.task, self.profile, self.noise = task, profile, noise
+        self.robot, self.arena = profile.to_kernel(), task.arena.to_kernel()
+        self._work: dict[tuple[int, int], Work] = {}
+
+    @cached_property
+    def trial(self) -> Trial:
+        """The task's."""
+        return self.task.to_kernel(self.profile)
+
+    @cached_property
+    def room(self) -> Room:
+        """What the score sees besides the path."""
+        return self.task.room(self.profile)
+
+    @cached_property
+    def score(self) -> CompiledScore:
+        """The task's, compiled."""
+        return self.task.compiled_score()
+
+    @cached_property
+    def _paths(self) -> Floats:
+        return np.zeros((CHUNK, len(Path._fields), self.trial.steps))
+
+    def scores(self, networks: Networks, streams: Streams) -> Floats:
+        """Scores of trials of N networks: streams [N, trials] → scores [N, trials].
+
+        Raises:
+            UsageError: networks of another task's layout, or streams that are not a row for each.
+            TaskError: a score was not a finite number.
+        """
+        which, flat = self._named(networks, streams)
+        scores = np.empty(flat.shape[0])
+        for first in range(0, flat.shape[0], CHUNK):
+            some = slice(first, first + CHUNK)
+            paths = self._paths[: len(flat[some])]
+            self._run(networks, which[some], flat[some], paths)
+            scores[some] = self.score.over(paths, self.room)
+        self.require_finite(scores)
+        return scores.reshape(streams.shape)
+
+    def tracks(self, networks: Networks, streams: Streams) -> Path:
+        """What the scores are taken from: arrays [N, trials, steps] of where the robots were.
+
+        Raises:
+            UsageError: networks of another task's layout, or streams that are not a row for each.
+        """
+        which, flat = self._named(networks, streams)
+        paths = np.zeros((flat.shape[0], len(Path._fields), self.trial.steps))
+        self._run(networks, which, flat, paths)
+        return Path(*(paths[:, i].reshape(*streams.shape, -1) for i in range(paths.shape[1])))
+
+    def compile(self) -> None:
+        """Compile what evolution needs, or load it from the cache; the first time takes seconds."""
+        self._run(halves.quiet(), np.zeros(0, np.int64), np.zeros(0, np.uint64), self._paths)
+        self.score.over(self._paths[:1], self.room)
+
+    def scratch(self, networks: Networks) -> Work:
+        """Scratch for networks of this size, kept for the next batch."""
+        size = (networks.thresholds.shape[1], networks.links.shape[1])
+        if size not in self._work:
+            self._work[size] = new_work(self.robot, self.trial, networks)
+        return self._work[size]
+
+    def require_finite_path(self, *arrays: Floats) -> None:
+        """No path or reading that is not finite is ever a result."""
+        if not all(math.isfinite(array.sum()) for array in arrays):
+            raise UsageError(
+                f"profile {self.profile.name!r} at noise {self.noise:g}: expected a finite path and finite "
+                "readings, got some that are not. Look for a constant beyond all measure, or lower the noise."
+            )
+
+    def require_finite(self, scores: Floats) -> None:
+        """Nor is a score."""
+        if not np.isfinite(scores).all():
+            bad = scores[~np.isfinite(scores)][0]
+            raise TaskError(
+                f"task {self.task.name!r}: expected its score to be a finite number, got {bad}. "
+                "Look for a division by zero or a root of a negative number in the task's score."
+            )
+
+    def _named(self, networks: Networks, streams: Streams) -> tuple[NDArray[np.int64], Streams]:
+        """Which network each trial is of, and its stream; refuses what does not fit."""
+        count = check_networks(networks, self.trial.channels.shape[0])
+        fits = isinstance(streams, np.ndarray) and streams.dtype == np.uint64 and streams.ndim == 2
+        if not fits or len(streams) != count:
+            expected = f"an array uint64[{count}, trials], a row for each network"
+            raise UsageError(f"streams: expected {expected}, got {shown(streams)}.")
+        return np.repeat(np.arange(count), streams.shape[1]), streams.reshape(-1)
+
+    def _run(self, networks: Networks, which: NDArray[np.int64], streams: Streams, paths: Floats) -> None:
+        batch.run_trials(
+            self.robot, self.arena, self.trial, networks, which, self.noise, streams, paths,
+            self.scratch(networks),
+        )  # fmt: skip
+        self.require_finite_path(paths[: len(streams)])
