@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,13 +32,6 @@ def tables(results: Path) -> dict[str, str]:
     return {name: (results / name).read_text() for name in TABLES}
 
 
-class Path3(NamedTuple):
-    """A path as a rig gives it."""
-
-    t_s: Any
-    pose: Any
-
-
 class SimulatedRig:
     """A unit of the twin as its own simulation has it, at the twin's noise scale; `profile` has ranges."""
 
@@ -45,14 +39,13 @@ class SimulatedRig:
         self.simulation = Simulation(task, wearing(unit_profile(unit), profile), twin_noise)
         self.open = True
 
-    def drive(self, driver: Any, stream: int, pose: Any, seconds: float | None = None) -> Path3:
-        """A trial; who drives a unit that was let go is told."""
+    def drive(self, driver: Any, stream: int, pose: Any, seconds: float | None = None) -> tuple[Any, None]:
+        """A trial's track and no recording; who drives a unit that was let go is told."""
         assert self.open
         networks = decode(driver.genes, driver.layout)
         one, _ = self.simulation.trajectory(networks, stream=stream, pose=pose, seconds=seconds)
-        columns = (np.append(one.x, one.end.x), np.append(one.y, one.end.y))
-        pose_rows = np.column_stack([*columns, np.append(one.heading, one.end.heading)])
-        return Path3(np.arange(len(pose_rows)) * 0.1, pose_rows)
+        ends = {name: np.append(getattr(one, name), getattr(one.end, name)) for name in ("x", "y", "heading")}
+        return SimpleNamespace(**ends), None
 
     def close(self) -> None:
         """Let it go."""
