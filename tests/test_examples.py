@@ -124,11 +124,11 @@ def test_a_robot_and_an_arena_of_ones_own():
     assert len(read["proximity"][0]) == 6 and len(read["ambient"][0]) == 2
 
 
-def test_the_guides_network_drives_any_robot(tmp_path, monkeypatch):
-    """What the guide shows runs as it stands, and is told speeds in cm/s."""
+def test_the_how_tos_network_drives_any_robot(tmp_path, monkeypatch):
+    """What the how-to shows runs as it stands, and is given speeds in cm/s."""
     config = StudyConfig.single("avoidance", runs=1, evaluations=64, fresh_trials=2, retest_trials=2)
     study = run_study(tmp_path / "out" / "reproduce", config.with_settings(["task.seconds=2"]), workers=1)
-    text = (EXAMPLES.parent / "docs" / "guide.md").read_text("utf-8")
+    text = (EXAMPLES.parent / "docs" / "how-to.md").read_text("utf-8")
     shown = next(
         block for block in re.findall(r"```python\n(.*?)```", text, re.S) if "NetworkController" in block
     )
@@ -138,15 +138,15 @@ def test_the_guides_network_drives_any_robot(tmp_path, monkeypatch):
         "set_speeds": lambda left, right: speeds.append((left, right)),
     }
     monkeypatch.chdir(tmp_path)
-    exec(compile(shown, "guide.md", "exec"), yours)
+    exec(compile(shown, "how-to.md", "exec"), yours)
     assert len(speeds) == 20 + 1 and speeds[-1] == (0.0, 0.0)
     units = {speed / 0.8 for pair in speeds for speed in pair}
     assert len(units) > 1 and all(-10 <= unit <= 10 and unit == round(unit) for unit in units)
 
 
-def test_the_guides_recording_can_be_calibrated(tmp_path):
-    """A folder with the columns of the guide's table is a recording, of any number of sensors."""
-    text = (EXAMPLES.parent / "docs" / "guide.md").read_text("utf-8")
+def test_a_recording_as_the_formats_say_can_be_calibrated(tmp_path):
+    """A folder with the columns of the formats' table is a recording, of any number of sensors."""
+    text = (EXAMPLES.parent / "docs" / "formats.md").read_text("utf-8")
     columns = re.search(r'`kind = "wheels"` \| `steps.csv` \| (.*?);', text)
     assert columns and re.findall(r"`(\w+)`", columns[1]) == list(STEP_COLUMNS)
     facts = 'kind = "infrared"\nobject = "wall"\nsensors = 2\nbody_radius_cm = 3.5\n'

@@ -91,7 +91,7 @@ def test_beside_the_twins_model_error_stands_a_real_robots_wherever_it_is_told()
         assert {f"{float(row['ratio']):.1f}" for row in rows if row["channel"] == channel} == {twin}
         assert f"{fits[channel]:.2f}" == real
         assert real in beside_real(channel)
-    told = {"twin.md": "0.2 (proximity) and 0.3 (light)", "guide.md": "0.2 deviations of the noise"}
+    told = {"twin.md": "0.2 (proximity) and 0.3 (light)", "how-to.md": "0.2 deviations of the noise"}
     for file, words in told.items():
         text = (DOCS / file).read_text("utf-8")
         assert words in text and "1.08 and 3.52" in text

@@ -1,0 +1,114 @@
+"""The docs say what is there, in the words of the glossary, and their links lead somewhere."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import pytest
+
+from realitygap.cli import realitygap
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), ROOT / "examples" / "README.md"])
+READ = [page for page in PAGES if page.name != "CHANGELOG.md"]
+WORDS = (
+    "genotype", "slot", "link", "express", "decode", "network", "individual", "cell", "grid", "neighbourhood",
+    "mate", "breeding event", "step", "update", "trial", "score", "evaluation", "fitness", "run", "study",
+    "arena", "cylinder", "lamp", "pose", "heading", "proximity", "ambient", "reading", "command",
+    "noise level", "profile", "unit", "recording", "calibration", "transfer", "track", "tail", "film",
+    "frame",     "behaviour score", "correspondence score", "simulated", "situated", "pseudo-reality", "twin",
+    "noise scale", "rig", "identifiable", "requested", "input range", "live camera", "Lambertian",
+    "wall offset", "incidence", "score row", "evidence", "marker", "calibration unit",
+)  # fmt: skip
+"""Those of the project that mean one thing each."""
+INSTEAD = {
+    r"dials?": "noise scale", r"proud": "wall offset", r"matt": "Lambertian", r"wished": "requested",
+    r"slants?": "incidence", r"home units?": "calibration unit", r"(?<!by )eyes?": "live camera",
+    r"episodes?": "trial", r"rollouts?": "trial", r"rewards?": "score", r"chromosomes?": "genotype",
+    r"everything random follows": "random seed", r"live again": "replay",
+    r"not told": "not identifiable", r"study noise": "experiment noise",
+}  # fmt: skip
+"""Words of our own, or of other fields, and what is said here."""
+
+
+def prose(text: str) -> str:
+    """A page without code, addresses and HTML."""
+    text = re.sub(r"^```.*?^```", "", text, flags=re.S | re.M)
+    return re.sub(r"`[^`\n]*`|\]\([^)]*\)|<[^>]*>", " ", text)
+
+
+def helps(command: click.Command, *names: str) -> Iterator[tuple[str, str]]:
+    """The help of a command and of all below it, each with its name."""
+    context = click.Context(command, info_name=" ".join(names))
+    yield " ".join(names), command.get_help(context)
+    for name in command.commands if isinstance(command, click.Group) else ():
+        yield from helps(command.commands[name], *names, name)
+
+
+def refuse(text: str, where: str) -> None:
+    """No word that has a better one."""
+    for word, better in INSTEAD.items():
+        found = re.search(rf"(?<![-\w])(?:{word})(?![-\w])", " ".join(text.split()), re.I)
+        assert found is None, f"{where}: {found[0]!r}: say {better!r}" if found else ""
+
+
+@pytest.mark.parametrize("page", [p for p in READ if p.name != "glossary.md"], ids=lambda page: page.name)
+def test_pages_keep_to_the_words(page: Path) -> None:
+    """What the glossary has a word for is said with it."""
+    refuse(prose(page.read_text("utf-8")), page.name)
+
+
+@pytest.mark.parametrize(("name", "text"), helps(realitygap, "realitygap"))
+def test_help_keeps_to_the_words(name: str, text: str) -> None:
+    """Option names apart, which keep what old scripts say."""
+    refuse(re.sub(r"--[\w-]+", "", text), name)
+
+
+def test_the_glossary_has_every_word() -> None:
+    """Each with one sentence, and no word twice."""
+    rows = re.findall(r"^\| ([^|]+) \| ([^|]+) \|$", (ROOT / "docs" / "glossary.md").read_text("utf-8"), re.M)
+    said = [word for word, _ in rows if word not in ("word", "---")]
+    assert set(WORDS) <= set(said) and len(said) == len(set(said))
+    assert all(text.endswith(".") for word, text in rows if word not in ("word", "---"))
+
+
+def anchors(page: Path) -> set[str]:
+    """Of the page's headings, as GitHub makes them."""
+    heads = re.findall(r"^#+ (.+)$", page.read_text("utf-8"), re.M)
+    return {
+        re.sub(r"[^\w\- ]", "", re.sub(r"[`*]", "", head)).strip().lower().replace(" ", "-") for head in heads
+    }
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    """Every link within the project names a file, and a heading that is in it."""
+    for target in re.findall(r"\]\(([^)\s]+)\)", re.sub(r"`[^`\n]*`", "", page.read_text("utf-8"))):
+        if re.match(r"\w+:", target):
+            continue
+        name, _, heading = target.partition("#")
+        file = (page.parent / name).resolve() if name else page
+        assert file.exists(), f"{page.name}: {target}"
+        assert not heading or heading in anchors(file), f"{page.name}: {target}"
+
+
+def lines() -> Iterator[str]:
+    """Every command line that a page shows."""
+    for page in READ:
+        for block in re.findall(r"^```sh\n(.*?)^```", page.read_text("utf-8"), re.S | re.M):
+            yield from (line for line in block.splitlines() if line.startswith("realitygap "))
+
+
+@pytest.mark.parametrize("line", sorted(set(lines())))
+def test_commands_that_are_shown_exist(line: str) -> None:
+    """Each with its options."""
+    words, command = shlex.split(line, comments=True)[1:], realitygap
+    while isinstance(command, click.Group):
+        command = command.commands[words.pop(0)]
+    known = {name for param in command.params for name in (*param.opts, *param.secondary_opts)}
+    used = {word.partition("=")[0] for word in words if word.startswith("--")}
+    assert used <= known
