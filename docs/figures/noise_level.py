@@ -91,7 +91,9 @@ def page(told: dict[str, Told]) -> str:
 
 def study(one: Told) -> str:
     """One study's part of the page."""
-    parts = [f"```sh\n{one.settings.get('command', 'realitygap study noise')}\n```", one.report.paragraph]
+    command = one.settings.get("command", "realitygap experiment noise")
+    command = command.replace("study noise", "experiment noise")  # what it was called when these were made
+    parts = [f"```sh\n{command}\n```", one.report.paragraph]
     for which, word in FIGURES.items():
         file = f"noise-level-{one.name}-{word}"
         parts += [

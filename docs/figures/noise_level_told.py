@@ -220,7 +220,7 @@ class Makings:
 
 def overview(studies: Sequence[Told]) -> str:
     """All studies in one table: verdicts and peaks. Does the peak stay at the noise that was measured?"""
-    head = ["study", "twin's dial", "evaluations", "(a)", "(b)", "(c)", "peak (a)", "peak (c)",
+    head = ["study", "twin's noise scale", "evaluations", "(a)", "(b)", "(c)", "peak (a)", "peak (c)",
             "noisiness passes zero"]  # fmt: skip
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     for told in studies:

@@ -106,14 +106,14 @@ def test_the_wrong_way_round_is_said(tmp_path: Path) -> None:
 
 
 def test_the_claims_are_about_the_noise_that_was_measured(tmp_path: Path) -> None:
-    """On a twin whose dial stands at 2 the simulation's level 1 is as noisy: a peak there is the claim's."""
+    """On a twin whose noise scale is 2 the simulation's level 1 is as noisy: a peak there is the claim's."""
     out = write(study(comparison(1.0, by=3.0), runs=8), tmp_path)
     turned = lambda rows: [row.replace("twin_noise = 1.0", "twin_noise = 2.0") for row in rows]  # noqa: E731
     lines("study.toml", turned)(out / "results")
     summary = noise_summary(out)
     assert summary["robot_level"] == 1.0 and summary["settings"]["twin_noise"] == 2.0
     assert summary["claims"][0]["verdict"] == "supported"
-    assert "its dial stands at 2" in summary["paragraph"]
+    assert "its noise scale is 2" in summary["paragraph"]
 
 
 def test_one_run_a_cell_has_no_intervals_but_a_report(tmp_path: Path) -> None:
@@ -128,9 +128,10 @@ def test_one_run_a_cell_has_no_intervals_but_a_report(tmp_path: Path) -> None:
 
 
 def test_scores_of_the_home_unit_may_come_in_a_file_of_their_own(built: Path, tmp_path: Path) -> None:
-    """home.csv, with some levels only, makes claim (c) for the home unit alone; broken, it is refused."""
+    """home.csv, with some levels only, makes claim (c) for the calibration unit alone; broken, it is
+    refused."""
     folder = shutil.copytree(built / "results", tmp_path / "results")
-    assert "On the home unit alone" not in said(built)
+    assert "On the calibration unit alone" not in said(built)
     cells = (folder / "cells.csv").read_text().splitlines()
     head = cells[0].split(",")[:6]
     some = [row for row in (line.split(",")[:6] for line in cells[1:]) if row[3] == row[4] != "2.0"]
@@ -140,8 +141,8 @@ def test_scores_of_the_home_unit_may_come_in_a_file_of_their_own(built: Path, tm
     same = report.facts.headline.findings[2].contrasts[0]
     assert report.facts.headline.home[0].effect[:3] == same.effect[:3]
     assert report.facts.headline.home[0].means == same.means
-    assert "On the home unit alone" in report.paragraph
-    assert "home unit alone" in report.tables["both-tasks-home"].title
+    assert "On the calibration unit alone" in report.paragraph
+    assert "calibration unit alone" in report.tables["both-tasks-home"].title
     (folder / "home.csv").write_text("\n".join(map(",".join, [head, *some, some[0]])) + "\n")
     with pytest.raises(UsageError, match=r"home\.csv, line \d+: expected each controller once a level"):
         read_results(folder)

@@ -116,7 +116,7 @@ def test_the_page_holds_tables_1_and_2_beside_the_papers(evolved: Path, tmp_path
             write_transfer(study, run, start=start)
     text = _page(folder)
     for label, name in (("Table 1.", "obstacle-avoidance"), ("Table 2.", "light-seeking")):
-        assert f"<b>{label}</b> Marks from 0 to 10" in text
+        assert f"<b>{label}</b> Scores from 0 to 10" in text
         assert (folder / "report" / "tables" / f"{name}-scores.csv").is_file()
         assert f'href="tables/{name}-scores.csv"' in text
     assert text.count('<tr class="average"><th scope="row">average') >= 12

@@ -66,7 +66,7 @@ def calibrated_part(study: Study, figures: Figures) -> CalibratedPart | None:
     if found:
         caption = (
             "The calibrated model’s own error over the noise’s deviation, sensor by sensor; above the broken "
-            "line the level of noise can explain nothing. Right: how much faster the model’s wheels turn "
+            "line model error exceeds noise. Right: how much faster the model’s wheels turn "
             "than the robot’s, in twelve parts of their range."
         )
         words = Words("Model error over noise, by channel.", caption)

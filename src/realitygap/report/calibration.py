@@ -87,8 +87,8 @@ def _sensors(fit: ChannelFit, figures: Figures) -> _Part:
     ]  # fmt: skip
     head = ["sensor", "RMSE", "bias", "model error", "over noise", "where lit", "spans"]
     title = (
-        f"Model minus measured, counts. ▲: model error over noise deviation above {limit:g}, so "
-        f"that the level of noise can explain nothing. {beside_real(fit.kind)}Where lit: the same where "
+        f"Model minus measured, counts. ▲: model error over noise deviation above {limit:g}, where "
+        f"model error exceeds noise. {beside_real(fit.kind)}Where lit: the same where "
         "readings are neither dark nor saturated"
     )
     part.tables.append(_Table(title=title, head=head, rows=rows))

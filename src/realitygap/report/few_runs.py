@@ -55,7 +55,8 @@ def few_figure(table: ScoreTable) -> Figure:
 
 
 def draw_few(ax: Axes, classes: Sequence[ScoreClass], kept: Kept) -> None:
-    """A star for the paper's average, a mark with dots for these runs, dots with a bar for the kept ones."""
+    """A star for the paper's average, a marker with dots for these runs, dots with a bar for the kept
+    ones."""
     styles = noise_styles(one.level for one in classes)
     for place, one in enumerate(classes):
         look = styles[one.level]
@@ -106,10 +107,10 @@ def few_words(table: ScoreTable, evaluations: int) -> Words:
         said.append(f"{one.name} noise: {printed}here {here.value:.1f}, kept study {there.value:.1f}")
     many = max(map(len, kept.values()))
     caption = (
-        "Average correspondence scores. Star: the paper’s judges, five runs. Mark: these runs, with the 95 % "
-        f"interval of their mean, each run a hollow one beside it. Dots: the {many} runs a level of a study "
-        "that was made once and kept (docs/noise-level.md), with a cross for their mean and interval: each "
-        "evolved in a simulation calibrated to one of three units, and drove all three."
+        "Average correspondence scores. Star: the paper’s judges, five runs. Marker: these runs, with the "
+        f"95 % interval of their mean; each run a hollow one beside it. Dots: the {many} runs a level of a "
+        "study that was made once and kept (docs/noise-level.md), with a cross for their mean and "
+        "interval: each evolved in a simulation calibrated to one of three units, and drove all three."
     )
     if evaluations != KEPT_EVALUATIONS:
         caption += f" Those runs had {KEPT_EVALUATIONS} evaluations each, these {evaluations}."

@@ -1,4 +1,4 @@
-"""What nobody had planned to ask, in plain words: the diagonal's parts, the home unit, ends, falls."""
+"""What nobody had planned to ask, in plain words: the diagonal's parts, the calibration unit, ends, falls."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ def home_words(scope: Scope) -> str:
     robot = scope.home[0]
     means = ", ".join(f"{c.means[1]:.1f} at {c.other:g} ({effect_words(c)})" for c in scope.home)
     return (
-        "On the home unit alone, against the very simulation that a controller was evolved in (not planned; "
-        f"the scale is wider): {robot.means[0]:.1f} at {robot.level:g}, {means}."
+        "On the calibration unit alone, against the very simulation that a controller was evolved in (not "
+        f"planned; the scale is wider): {robot.means[0]:.1f} at {robot.level:g}, {means}."
     )
 
 
@@ -70,7 +70,7 @@ def ends_words(facts: NoiseFacts) -> str:
 
 
 def falls_words(falls: Sequence[Fall]) -> str:
-    """How fitness falls from home to foreign units; nobody had planned to ask."""
+    """How fitness falls from the calibration unit to the others; nobody had planned to ask."""
     said = []
     for fall in falls:
         rho, task = f"rho {shown(fall.rho, signed=True)}", titled(fall.task).lower()
@@ -81,7 +81,9 @@ def falls_words(falls: Sequence[Fall]) -> str:
         )  # fmt: skip
     if not said:
         return ""
-    return f"Not planned: from the home unit to the others fitness on the twin falls; {'; '.join(said)}."
+    return (
+        f"Not planned: fitness on the twin falls from the calibration unit to the others; {'; '.join(said)}."
+    )
 
 
 def nearness_words(calibration: Sequence[Misfit]) -> str:

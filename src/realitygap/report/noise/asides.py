@@ -1,4 +1,5 @@
-"""Tables of what nobody had planned to ask: what the diagonal is made of, its home unit, ends, falls."""
+"""Tables of what nobody had planned to ask: what the diagonal is made of, its calibration unit, ends,
+falls."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ __all__ = ["aside_tables"]
 def aside_tables(
     facts: NoiseFacts, settings: Mapping[str, object], scales: Mapping[str, tuple[float, str]]
 ) -> dict[str, NoiseTable]:
-    """Every one, by its name; those of the home unit only where scores of it were kept."""
+    """Every one, by its name; those of the calibration unit only where scores of it were kept."""
     every = [split_table(scope, facts.data.robot) for scope in facts.scopes]
     every += [home_table(scope, settings) for scope in facts.scopes if scope.home]
     every += [ends_table(facts), falls_table(facts, scales)]
@@ -51,7 +52,8 @@ def home_table(scope: Scope, settings: Mapping[str, object]) -> NoiseTable:
     """Claim (c) against the very simulation that a controller was evolved in."""
     first, starts = scope.home[0], settings.get("starts", "a unit's")
     title = (
-        f"(c), home unit alone, {scope.name}: each controller on the unit that it was evolved for, against "
+        f"(c), calibration unit alone, {scope.name}: each controller on the unit that it was evolved for, "
+        f"against "
         f"the simulation that it was evolved in. {first.first} controllers evolved at {first.level:g}, "
         f"{', '.join(f'{c.second} at {c.other:g}' for c in scope.home)}. Not planned: Holm's correction is "
         f"over these comparisons alone. The scale is that for {starts} pairs of trials: its floor is wider."
@@ -82,7 +84,7 @@ def ends_table(facts: NoiseFacts) -> NoiseTable:
 
 
 def falls_table(facts: NoiseFacts, scales: Mapping[str, tuple[float, str]]) -> NoiseTable:
-    """How fitness on the twin falls from the home unit to the others, by evolved level."""
+    """How fitness on the twin falls from the calibration unit to the others, by evolved level."""
     rows: list[Row] = []
     for fall in facts.falls:
         scale, unit = scales[fall.task]
@@ -94,9 +96,9 @@ def falls_table(facts: NoiseFacts, scales: Mapping[str, tuple[float, str]]) -> N
             rows.append((name, f"{row.level:g}", row.runs, *shown, rho))
     return NoiseTable(
         name="falls",
-        title="Not planned: fitness on the twin, on the home unit and on the others, by evolved level. Rho: "
-        "Spearman's, of evolved level and fall over the task's controllers, each fall less the mean of those "
-        "with the same home unit; below 0 the fall shrinks with noise.",
-        head=("task", "level", "runs", "home unit", "other units", "fall", "rho over all levels"),
+        title="Not planned: fitness on the twin, on the calibration unit and on the others, by evolved "
+        "level. Rho: Spearman's, of evolved level and fall over the task's controllers, each fall less "
+        "the mean of those with the same calibration unit; below 0 the fall shrinks with noise.",
+        head=("task", "level", "runs", "calibration unit", "other units", "fall", "rho over all levels"),
         rows=tuple(rows),
     )

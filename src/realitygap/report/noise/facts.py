@@ -88,7 +88,8 @@ class FitnessRow:
 
 
 class FallRow(NamedTuple):
-    """Fitness on the twin of one task's controllers evolved at one level: at home, abroad, the fall."""
+    """Fitness on the twin of one task's controllers evolved at one level: on the calibration unit, on the
+    others, the fall."""
 
     level: float
     runs: int
@@ -99,10 +100,10 @@ class FallRow(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Fall:
-    """How fitness on the twin falls from the home unit to the others; nobody had planned to ask.
+    """How fitness on the twin falls from the calibration unit to the others; nobody had planned to ask.
 
     `rho`: Spearman's, of evolved level and fall over controllers; from each fall the mean of those with
-    the same home unit is taken, for units are not equally easy. Its interval is Fieller's.
+    the same calibration unit is taken, for units are not equally easy. Its interval is Fieller's.
     """
 
     task: str
@@ -120,7 +121,8 @@ class Scope:
     """One task, or both together: the three claims' findings, and the curves behind them.
 
     `curves`: a: by comparison level; b: by evolved level, against the robot's level; c: the diagonal.
-    `split`: what the diagonal is made of. `home`: (c) on the home unit alone, where scores of it were kept.
+    `split`: what the diagonal is made of. `home`: (c) on the calibration unit alone, where scores of it
+    were kept.
     """
 
     name: str
@@ -260,7 +262,7 @@ def _mean(values: Floats, rows: NDArray[np.int64], weights: Floats | None) -> Sp
 
 
 def _delta(data: Crossed, at: NDArray[np.int64], own: NDArray[np.int64], weights: Floats | None) -> Span:
-    """Cliff's delta of situated fitness: this level against the robot's, within home units."""
+    """Cliff's delta of situated fitness: this level against the robot's, within calibration units."""
     effect = unpaired(
         data.situated[at],
         data.situated[own],

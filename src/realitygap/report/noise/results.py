@@ -40,7 +40,7 @@ class Misfit(NamedTuple):
 
     @property
     def too_far(self) -> bool:
-        """Whether the level of noise can explain nothing here."""
+        """Whether model error exceeds noise here."""
         return self.ratio > self.limit
 
 
@@ -114,7 +114,7 @@ def read_results(folder: str | Path) -> NoiseResults:
 
     Args:
         folder: with controllers.csv, cells.csv, calibration.csv and study.toml. A study whose cells.csv
-            has no columns for single units may have a home.csv: the score on the home unit alone.
+            has no columns for single units may have a home.csv: the score on the calibration unit alone.
 
     Raises:
         StudyError: a file is missing, unfinished or broken: names the file, the line and the column.
@@ -207,7 +207,8 @@ def _placed(file: Path, levels: list[float], known: Mapping[Key, int]) -> Iterat
 
 
 def _home(file: Path, levels: list[float], known: Mapping[Key, int], into: np.ndarray) -> None:
-    """Fill in scores on the home unit [controllers, levels] that were made after the study's own tables."""
+    """Fill in scores on the calibration unit [controllers, levels] that were made after the study's own
+    tables."""
     for row, one, at in _placed(file, levels, known):
         into[one, at] = row.number("score", may_lack=True)
 
@@ -215,7 +216,8 @@ def _home(file: Path, levels: list[float], known: Mapping[Key, int], into: np.nd
 def _cells(
     file: Path, levels: list[float], known: Mapping[Key, int], homes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Scores [controllers, levels, parts], of which none may be missing; and those of the home unit."""
+    """Scores [controllers, levels, parts], of which none may be missing; and those of the calibration
+    unit."""
     found = np.full((len(known), len(levels), len(PARTS)), np.nan)
     seen, at_home = np.zeros(found.shape[:2], bool), np.full(found.shape[:2], np.nan)
     for row, one, at in _placed(file, levels, known):

@@ -242,7 +242,7 @@ def calibration_table(calibration: Sequence[Misfit]) -> NoiseTable:
     return NoiseTable(
         name="calibration",
         title="The calibrated simulations: model error over noise deviation, in counts. ▲: above the limit, "
-        "so that the level of noise can explain nothing. Last, how near such a fit comes to a real robot: to "
+        "where model error exceeds noise. Last, how near such a fit comes to a real robot: to "
         "the tables behind the profile khepera.",
         head=("unit", "channel", "model error", "noise", "ratio", "limit", ""),
         rows=rows,

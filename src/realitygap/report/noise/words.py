@@ -100,8 +100,8 @@ def warnings(calibration: Sequence[Misfit], tasks: Sequence[str], lost: int = 0)
             worst = max(m.ratio for m in far)
             said.append(
                 f"In {CHANNELS[channel]} the calibrated model's error is up to {worst:.1f} deviations of the "
-                f"noise (unit{'s' * (len(far) > 1)} {units}; limit {far[0].limit:g}): the level of noise can "
-                f"explain nothing there, and {titled(task).lower()} is to be read with that in mind."
+                f"noise (unit{'s' * (len(far) > 1)} {units}; limit {far[0].limit:g}): model error "
+                f"exceeds noise there, and {titled(task).lower()} is to be read with that in mind."
             )
     return said
 
@@ -113,8 +113,8 @@ def _opening(facts: NoiseFacts, settings: Mapping[str, object]) -> str:
     drove = f" in {trials} trials" if isinstance(trials, int) else ""
     text = (
         f"{len(data)} controllers evolved at noise {levels} drove the twin{drove}, and each was compared "
-        f"with the simulation at every level, whose 1 is the noise that was measured on the twin (its dial "
-        f"stands at {settings['twin_noise']:g})."
+        f"with the simulation at every level, whose 1 is the noise that was measured on the twin (its noise "
+        f"scale is {settings['twin_noise']:g})."
     )
     if data.robot != 1:
         text += f" The nearest level of the study, {data.robot:g}, stands for it."
