@@ -1,10 +1,16 @@
 """The descriptors of motion, on tracks made of stretches whose amounts are plain."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from realitygap.correspondence.descriptors import describe_all
+from realitygap.correspondence.reading import read_transfer
+from realitygap.correspondence.surroundings import fits
 from realitygap.correspondence.trials import STEP_S, Trial
+from realitygap.tasks.load import load_task
+from realitygap.world.profile import load_profile
 from tests.correspondence.tracks import mirrored
 
 
@@ -45,3 +51,34 @@ def test_turns_have_a_side():
     assert even["side of turns"] == pytest.approx(0.0, abs=1e-9) and even["one-sidedness"] < 1e-9
     more = told(drive((1, 3, 0), (1, 0, 60), (1, 3, 0), (2, 0, -60), (1, 3, 0)))
     assert more["side of turns"] == pytest.approx((60**2 - 120**2) / (60**2 + 120**2), abs=0.03)
+
+
+def test_a_wider_body_is_nearer_to_what_stands_around_it():
+    """Clearance counts from the body's own edge; a Khepera measured at 2.75 cm is told as 2.9 cm."""
+    arena, paper = load_task("avoidance").arena, drive((5, 3, 40), (5, 3, -20))
+    bodies = [replace(paper, radius_cm=radius) for radius in (2.9, 2.75, 4.5, 1.5)]
+    made = describe_all(bodies, arena)
+    clearance = made["clearance"]
+    assert clearance - clearance[0] == pytest.approx([0.0, 0.0, -1.6, 1.4])
+    assert all(values[0] == values[1] for values in made.values())
+    assert made["near"][2] >= made["near"][0] >= made["near"][3]
+    assert fits(arena, np.array([2.0]), np.array([25.0]), 2.9)
+    assert not fits(arena, np.array([2.0]), np.array([25.0]), 4.5)
+
+
+@pytest.mark.parametrize("folder", [None, "a/b"])
+def test_a_transfers_body_is_its_studys(tmp_path, folder):
+    """A transfer's trials are of the body that its study's profile has; elsewhere of a Khepera's."""
+    paper = load_profile("paper")
+    wide = replace(paper, body=replace(paper.body, radius_cm=4.0))
+    (tmp_path / "profile.toml").write_text(wide.to_toml())
+    place = tmp_path / (folder or "transfer/twin-1") / "run-1" / "start-1"
+    place.mkdir(parents=True)
+    (place / "transfer.toml").write_text("")
+    rows = [f"{k / 10:.1f},{10 + k / 10:.6f},20.000000,0.000000" for k in range(31)]
+    for name in ("simulated.csv", "situated.csv"):
+        (place / name).write_text("\n".join(["t_s,x_cm,y_cm,heading_deg", *rows]) + "\n")
+    if folder:
+        (tmp_path / "profile.toml").unlink()
+    for (trial,) in read_transfer(tmp_path):
+        assert trial.radius_cm == (2.9 if folder else 4.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -64,14 +65,23 @@ def test_counters_tell_straight_ways_and_circles():
     """Equal counts go straight ahead; unequal ones go round a circle and come back."""
     pulses = np.linspace(0, 1200, 11)
     table = of_counters(np.stack([pulses, pulses], 1), Pose(x=5, y=5, heading=math.pi / 2),
-                        cm_per_pulse=1 / 120, axle_cm=5.3)  # fmt: skip
+                        cm_per_pulse=(1 / 120, 1 / 120), axle_cm=5.3)  # fmt: skip
     assert (table.x[-1], table.y[-1]) == pytest.approx((5, 15))
     round_it = 2 * math.pi * 10 * np.linspace(0, 1, 41)
     wheels = np.stack([round_it * (1 - 0.265), round_it * (1 + 0.265)], 1) * 120
     wheels[7] = np.nan  # nothing was read in that step
-    table = of_counters(wheels, Pose(x=0, y=0, heading=0), cm_per_pulse=1 / 120, axle_cm=5.3)
+    table = of_counters(wheels, Pose(x=0, y=0, heading=0), cm_per_pulse=(1 / 120, 1 / 120), axle_cm=5.3)
     assert (table.x[20], table.y[20]) == pytest.approx((0, 20), abs=0.1)
     assert (table.x[-1], table.y[-1]) == pytest.approx((0, 0), abs=0.1)
+
+
+def test_a_calibrated_robots_counters_are_as_long_as_measured():
+    """Pulses per mm come from the profile's calibration, left and right apart; a Khepera's 12 without one."""
+    pulses = np.stack([np.linspace(0, 1188, 11), np.linspace(0, 1200, 11)], 1)
+    measured = replace(PAPER.provenance, pulses_per_mm=(11.88, 12.0)).cm_per_pulse(12.0)
+    table = of_counters(pulses, Pose(x=5, y=5, heading=0.0), cm_per_pulse=measured, axle_cm=5.3)
+    assert (table.end.x, table.end.y) == pytest.approx((15, 5))
+    assert PAPER.provenance.cm_per_pulse(12.0) == (0.1 / 12.0, 0.1 / 12.0)
 
 
 def track_of(t, quality, heading=0.0) -> Track:
@@ -122,7 +132,7 @@ def test_gaps_are_written_as_gaps_and_scored_if_short(tmp_path):
 def test_a_path_reads_back(tmp_path):
     """A written path is read as it was, to a hundred nanometres."""
     counters = np.cumsum(np.random.default_rng(1).integers(0, 99, (20, 2)), 0).astype(float)
-    table = of_counters(counters, Pose(x=1, y=2, heading=3), cm_per_pulse=1 / 120, axle_cm=5.3)
+    table = of_counters(counters, Pose(x=1, y=2, heading=3), cm_per_pulse=(1 / 120, 1 / 120), axle_cm=5.3)
     table.write_csv(tmp_path / "path.csv")
     back = read_track(tmp_path / "path.csv")
     for name, column in table.to_dict().items():

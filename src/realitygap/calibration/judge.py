@@ -189,8 +189,7 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
             f"{recording.source}: no counters: nothing tells how far the wheels turned. Leave it out."
         )
     odometry = measure_odometry(recording, PULSES_PER_CM, profile.wheels.track_cm)
-    stated = profile.provenance.pulses_per_mm
-    per_pulse = (0.1 / stated[0], 0.1 / stated[1]) if len(stated) == 2 else (1 / PULSES_PER_CM,) * 2
+    per_pulse = profile.provenance.cm_per_pulse(PULSES_PER_CM / 10)
     measured = measured_speeds(recording, odometry.cm_per_pulse if odometry else per_pulse)
     refuse_few_steps(recording, measured)
     model = wheel_speeds(profile, recording)

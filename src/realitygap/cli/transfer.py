@@ -182,7 +182,7 @@ def print_transfers(made: list[Transferred]) -> None:
 
 def _carry(one: Situation, pose: Pose, *, seen: bool) -> None:
     """Ask a person to put the robot at its start."""
-    side = SIDES[round(math.degrees(pose.heading) / 45.0) % len(SIDES)]
+    side = SIDES[round(pose.heading_deg / 45.0) % len(SIDES)]
     click.echo(
         f"\n{one.name}, {one.individual}, start {one.start}, {one.seconds:g} s on {one.robot}\n"
         f"Put the robot at x = {pose.x:.1f} cm, y = {pose.y:.1f} cm from the arena's lower left corner, "
@@ -200,8 +200,10 @@ def _found(one: Situation, requested: Pose, seen: Pose | None) -> bool:
         return _answered(
             "Type w to start it as if it were exactly at the requested pose; press Enter to look again"
         )
+    from realitygap.values import Pose
+
     off = math.hypot(seen.x - requested.x, seen.y - requested.y)
-    turned = math.degrees(math.remainder(seen.heading - requested.heading, math.tau))
+    turned = Pose(x=0.0, y=0.0, heading=seen.heading - requested.heading).heading_deg
     click.echo(
         f"Seen at x = {seen.x:.1f} cm, y = {seen.y:.1f} cm, {seen.heading_deg:.0f}°: {off:.1f} cm and "
         f"{abs(turned):.0f}° from the requested pose. The simulated robot starts where this one is seen.",

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.correspondence.surroundings import around
+from realitygap.correspondence.surroundings import Around, around
 from realitygap.correspondence.trials import STEP_S, Trial
 from realitygap.world.arena import Arena
 
@@ -98,20 +98,25 @@ def describe_all(trials: Sequence[Trial], arena: Arena | None) -> dict[str, Floa
     for size in np.unique(sizes):
         rows = [int(i) for i in np.flatnonzero(sizes == size)]
         x, y, heading = np.stack([(trials[i].x, trials[i].y, trials[i].heading) for i in rows], axis=1)
-        for name, values in _of_one_length(x, y, heading, arena).items():
+        radius = np.array([[trials[i].radius_cm] for i in rows])
+        for name, values in _of_one_length(x, y, heading, radius, arena).items():
             made[name][rows] = values
     return made
 
 
-def _of_one_length(x: Floats, y: Floats, heading: Floats, arena: Arena | None) -> dict[str, Floats]:
-    """Of tracks [n, t]."""
+def _of_one_length(
+    x: Floats, y: Floats, heading: Floats, radius: Floats, arena: Arena | None
+) -> dict[str, Floats]:
+    """Of tracks [n, t] of bodies [n, 1]."""
     turn = np.degrees(np.diff(heading)) / STEP_S
     middle = (heading[:, :-1] + heading[:, 1:]) / 2
     dx, dy = np.diff(x) / STEP_S, np.diff(y) / STEP_S
     forward = dx * np.cos(middle) + dy * np.sin(middle)
     told = {**_movement(forward, turn), **_turning(forward, turn), **_ground(x, y)}
     if arena is not None:
-        told |= _surroundings(x, y, heading, turn, forward, arena)
+        every = np.broadcast_to(radius, turn.shape).ravel()
+        flat = around(arena, x[:, :-1].ravel(), y[:, :-1].ravel(), heading[:, :-1].ravel(), every)
+        told |= _surroundings(flat, turn, forward)
     return told
 
 
@@ -196,10 +201,8 @@ def _ground(x: Floats, y: Floats) -> dict[str, Floats]:
     return {"spread": spread, "ground": places / ((x.shape[1] - 1) * STEP_S) * 20.0}
 
 
-def _surroundings(
-    x: Floats, y: Floats, heading: Floats, turn: Floats, forward: Floats, arena: Arena
-) -> dict[str, Floats]:
-    flat = around(arena, x[:, :-1].ravel(), y[:, :-1].ravel(), heading[:, :-1].ravel())
+def _surroundings(flat: Around, turn: Floats, forward: Floats) -> dict[str, Floats]:
+    """Of what stands around, whose rows [n · t] are those of turn and forward [n, t]."""
     clearance, surface = flat.clearance.reshape(turn.shape), flat.surface.reshape(turn.shape)
     near = clearance < NEAR_CM
     going = np.where(forward < 0, np.pi, 0.0)

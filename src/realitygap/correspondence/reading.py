@@ -7,15 +7,19 @@ import json
 import math
 import re
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from realitygap.correspondence.heading import with_doubts
+from realitygap.correspondence.surroundings import RADIUS_CM
 from realitygap.correspondence.trials import Trial, resampled
-from realitygap.errors import TrackError
+from realitygap.errors import ConfigError, TrackError
 from realitygap.text import as_path
 from realitygap.track import COLUMNS, Track, read_tracks
+from realitygap.world.profile import load_profile
 
 __all__ = ["doubts_of", "read_transfer", "read_trials"]
 
@@ -83,7 +87,22 @@ def _read_in(place: Path, file: Path) -> list[Trial]:
     own = (file.parent / TRANSFER).exists()
     start, above = (file.parent.name, file.parent.parent) if own else (file.stem, file.parent)
     inside = above != place and above.is_relative_to(place)
-    return _read_file(file, start=start, unit=str(above.relative_to(place)) if inside else "")
+    unit = str(above.relative_to(place)) if inside else ""
+    trials = _read_file(file, start=start, unit=unit)
+    return [replace(t, radius_cm=_radius_cm(file.parent)) for t in trials] if own else trials
+
+
+def _radius_cm(folder: Path) -> float:
+    """Of the body that a trial of `realitygap transfer` was made with, as its study's profile has it."""
+    profile = folder.joinpath(*[".."] * 4, "profile.toml")
+    return _body_of(profile, profile.stat().st_mtime_ns) if profile.is_file() else RADIUS_CM
+
+
+@lru_cache(maxsize=1)
+def _body_of(profile: Path, changed_ns: int) -> float:
+    with suppress(ConfigError):
+        return load_profile(profile).body.radius_cm
+    return RADIUS_CM
 
 
 def _is_track(path: Path) -> bool:

@@ -44,7 +44,7 @@ def setting_of(trials: Sequence[Trial], task: Task | str | PathLike[str] | None 
         return _setting(task, task.name)
     for name in TASKS:
         guess = load_task(name)
-        if all(fits(guess.arena, t.x, t.y) for t in trials):
+        if all(fits(guess.arena, t.x, t.y, t.radius_cm) for t in trials):
             return _setting(guess, f"{name} (guessed from where the tracks are)")
     return Setting(name="unknown arena: compared by motion alone", arena=None, exemplars=None)
 
@@ -57,7 +57,7 @@ def _setting(task: Task, name: str) -> Setting:
 
 def _require_inside(trials: Sequence[Trial], task: Task) -> None:
     for t in trials:
-        if not fits(task.arena, t.x, t.y):
+        if not fits(task.arena, t.x, t.y, t.radius_cm):
             width, depth = task.arena.size_cm
             raise TrackError(
                 f"{t.source}, start {t.start}: expected a track in the arena of task {task.name!r} "

@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from realitygap.world.arena import Arena
 
-__all__ = ["Around", "around", "fits"]
+__all__ = ["RADIUS_CM", "Around", "around", "fits"]
 
 Floats = NDArray[np.float64]
 
-RADIUS_CM = 2.9
-"""A Khepera's (§3.1)."""
+RADIUS_CM, NEARLY_CM = 2.9, 0.25
+"""A Khepera's (§3.1), as the scale's exemplars have. A body that is nearly so wide is described with theirs:
+four times the difference can just be noticed, and scores stay comparable with all that were kept."""
 OUTSIDE_CM = 1.0
 """How far a track's centre may seem to be inside something: a camera's error."""
 
@@ -32,24 +33,35 @@ class Around(NamedTuple):
     """Where the lamp is."""
 
 
-def around(arena: Arena, x: Floats, y: Floats, heading: Floats) -> Around:
-    """What stands around a robot at places x, y [n] (cm) that looks along `heading` (rad)."""
+def around(arena: Arena, x: Floats, y: Floats, heading: Floats, radius_cm: Floats | float) -> Around:
+    """What stands around a robot at places x, y [n] (cm) that looks along `heading` (rad).
+
+    Args:
+        arena: where it is.
+        x, y, heading: its poses.
+        radius_cm: its body's, one or [n].
+    """
     dx, dy, gap = _nearest_surface(arena, x, y)
+    clearance = gap - _told(radius_cm)
     lamps = [(lamp.x_cm, lamp.y_cm) for lamp in arena.lamps]
     surface = _turned(np.arctan2(dy, dx) - heading)
     if not lamps:
-        return Around(gap - RADIUS_CM, surface, None, None)
+        return Around(clearance, surface, None, None)
     to = np.array([[lx - x, ly - y] for lx, ly in lamps])
     far = np.hypot(to[:, 0], to[:, 1])
     near = far.argmin(axis=0)
     n = np.arange(len(x))
     bearing = np.arctan2(to[near, 1, n], to[near, 0, n]) - heading
-    return Around(gap - RADIUS_CM, surface, far[near, n], _turned(bearing))
+    return Around(clearance, surface, far[near, n], _turned(bearing))
 
 
-def fits(arena: Arena, x: Floats, y: Floats) -> bool:
-    """Whether a robot could have been at all these places."""
-    return bool((_nearest_surface(arena, x, y)[2] > RADIUS_CM - OUTSIDE_CM).all())
+def fits(arena: Arena, x: Floats, y: Floats, radius_cm: float) -> bool:
+    """Whether a robot whose body is so wide could have been at all these places."""
+    return bool((_nearest_surface(arena, x, y)[2] > _told(radius_cm) - OUTSIDE_CM).all())
+
+
+def _told(radius_cm: Floats | float) -> Floats:
+    return np.where(np.abs(np.asarray(radius_cm) - RADIUS_CM) <= NEARLY_CM, RADIUS_CM, radius_cm)
 
 
 def _nearest_surface(arena: Arena, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:

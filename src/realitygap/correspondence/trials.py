@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.correspondence.surroundings import RADIUS_CM
 from realitygap.errors import TrackError
 from realitygap.text import must_be
 from realitygap.track import Track, Trajectory
@@ -39,6 +40,7 @@ class Trial:
     Attributes:
         start: which start it is; trials of two sets with the same name and pose are a pair.
         unit: which robot unit it was, "" where nobody said.
+        radius_cm: of its body, a Khepera's where nobody said.
         source: the file, for messages.
         bridged_s: how much of it was lost and bridged.
         rate_hz: rows a second that it was made of, 10 where there were more.
@@ -50,6 +52,7 @@ class Trial:
     heading: Floats
     start: str = "1"
     unit: str = ""
+    radius_cm: float = RADIUS_CM
     source: str = "track"
     bridged_s: float = 0.0
     rate_hz: float = RATE_HZ
@@ -78,18 +81,29 @@ class Trial:
         ]  # fmt: skip
 
 
-def trial_of(trajectory: Trajectory, *, start: str = "1", unit: str = "") -> Trial:
+def trial_of(
+    trajectory: Trajectory, *, start: str = "1", unit: str = "", radius_cm: float = RADIUS_CM
+) -> Trial:
     """A simulated trajectory as a trial, its last pose included."""
     track = trajectory.track
     return Trial(
-        x=track.x, y=track.y, heading=np.unwrap(track.heading), start=start, unit=unit, source=track.seen_by
-    )
+        x=track.x, y=track.y, heading=np.unwrap(track.heading), start=start, unit=unit,
+        radius_cm=radius_cm, source=track.seen_by,
+    )  # fmt: skip
 
 
-def resampled(track: Track, *, start: str = "1", unit: str = "", source: str = "") -> Trial:
-    """A track of any rate as a trial, by default named in messages after whoever saw it.
+def resampled(
+    track: Track, *, start: str = "1", unit: str = "", source: str = "", radius_cm: float = RADIUS_CM
+) -> Trial:
+    """A track of any rate as a trial.
 
     Short losses inside are bridged; rows before it was first and after it was last seen are dropped.
+
+    Args:
+        track: NaN where the robot was lost.
+        start, unit: its names.
+        source: for messages, by default whoever saw it.
+        radius_cm: the body's.
 
     Raises:
         TrackError: too short, too slow, lost for too long, time that stands or runs back.
@@ -115,7 +129,7 @@ def resampled(track: Track, *, start: str = "1", unit: str = "", source: str = "
     gaps = np.diff(t)[np.diff(t) > 1.5 * usual]
     x, y, heading = (np.interp(grid, t, values) for values in (rows[1], rows[2], np.unwrap(rows[3])))
     return Trial(
-        x=x, y=y, heading=heading, start=start, unit=unit, source=source,
+        x=x, y=y, heading=heading, start=start, unit=unit, radius_cm=radius_cm, source=source,
         bridged_s=float((gaps - usual).sum()), rate_hz=min(RATE_HZ, 1 / usual),
     )  # fmt: skip
 

@@ -54,7 +54,7 @@ def of_track(track: Track, steps: int, begin_s: float = 0.0) -> Track:
     return Track(t=_times(steps + 1), x=x, y=y, heading=settled(heading), seen_by=track.seen_by)
 
 
-def of_counters(counters: Floats, start: Pose, *, cm_per_pulse: float, axle_cm: float) -> Track:
+def of_counters(counters: Floats, start: Pose, *, cm_per_pulse: tuple[float, float], axle_cm: float) -> Track:
     """The track that the wheels' counters [steps + 1, 2] tell, from a known start (odometry).
 
     A step's arc is driven at its mean heading; a row of NaN (nothing read) keeps the counters before.
@@ -63,7 +63,7 @@ def of_counters(counters: Floats, start: Pose, *, cm_per_pulse: float, axle_cm: 
     for k in range(len(pulses)):
         if np.isnan(pulses[k]).any():
             pulses[k] = pulses[k - 1] if k else 0.0
-    left, right = np.diff(pulses, axis=0).T * cm_per_pulse
+    left, right = np.diff(pulses, axis=0).T * np.array(cm_per_pulse)[:, None]
     turn = (right - left) / axle_cm
     heading = start.heading + np.concatenate([[0.0], np.cumsum(turn)])
     mean = heading[:-1] + turn / 2.0

@@ -186,7 +186,8 @@ class Job:
         stream = substream(run_stream(run.seed, run.task, run.noise, run.index), np.uint64(NAMED))
         streams = [int(substream(np.uint64(stream), np.uint64(k))) for k in range(TRIALS)]
         made = [simulation.trajectory(networks, stream=one)[0] for one in streams]
-        return [trial_of(trajectory, start=str(k)) for k, trajectory in enumerate(made)]
+        radius = bench.study.profile.body.radius_cm
+        return [trial_of(trajectory, start=str(k), radius_cm=radius) for k, trajectory in enumerate(made)]
 
     def _type(self, trials: Sequence[Trial]) -> tuple[str, float]:
         """The common name of some trials, and the share of them that bear it."""
@@ -217,7 +218,8 @@ class Job:
         from realitygap.correspondence.setting import setting_of
         from realitygap.correspondence.trials import resampled
 
-        made = resampled(track, start=str(one.start), unit=unit)
+        radius = self.bench.study.profile.body.radius_cm
+        made = resampled(track, start=str(one.start), unit=unit, radius_cm=radius)
         setting_of([made], self.bench.task)  # a path by counters may leave the arena
         return made
 

@@ -153,8 +153,9 @@ class Stage:
 
     def _counted(self, driven: Driven, pose: Pose) -> Track:
         """The path by the wheels' counters."""
-        axle = self.study.profile.wheels.track_cm
-        return of_counters(driven.counters, pose, cm_per_pulse=0.1 / PULSES_PER_MM, axle_cm=axle)
+        robot = self.study.profile
+        lengths = robot.provenance.cm_per_pulse(PULSES_PER_MM)
+        return of_counters(driven.counters, pose, cm_per_pulse=lengths, axle_cm=robot.wheels.track_cm)
 
     def _seen(self, one: Situation, folder: Path, facts: dict[str, Any], tell: Tell) -> Track:
         """The track of a trial on the twin by the camera above it, which films it or only watches."""

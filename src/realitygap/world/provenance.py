@@ -56,3 +56,8 @@ class Provenance(Value):
     files: tuple[SourceFile, ...] = ()
     fits: tuple[FittedChannel, ...] = ()
     constants: tuple[FittedConstant, ...] = ()
+
+    def cm_per_pulse(self, pulses_per_mm: float) -> tuple[float, float]:
+        """Of the left and the right counter, as measured; by `pulses_per_mm` where nothing was."""
+        left, right = self.pulses_per_mm if len(self.pulses_per_mm) == 2 else (pulses_per_mm,) * 2
+        return 0.1 / left, 0.1 / right

@@ -122,7 +122,8 @@ def _seen(stage: Stage, one: Controller) -> tuple[dict[Pair, Trial], list[float]
             track = kept.track(u, k)
             scores.append(score(track, task, robot))
             try:
-                trial = resampled(track, start=str(k), unit=str(u), source=one.name)
+                radius = robot.body.radius_cm
+                trial = resampled(track, start=str(k), unit=str(u), source=one.name, radius_cm=radius)
             except TrackError:
                 continue  # lost for too long: nobody knows what it did
             if len(trial) == len(track):
@@ -144,7 +145,8 @@ def _simulated(
         trajectory, fitness = simulations[pair.unit].trajectory(
             networks, stream=stream(config, "simulated", *names), pose=starts[pair.start - 1]
         )
-        trials[pair] = trial_of(trajectory, start=str(pair.start), unit=str(pair.unit))
+        radius = simulations[pair.unit].profile.body.radius_cm
+        trials[pair] = trial_of(trajectory, start=str(pair.start), unit=str(pair.unit), radius_cm=radius)
         scores.append(fitness)
     return trials, scores
 
