@@ -196,7 +196,8 @@ class Networks(NamedTuple):
 
 
 class Path(NamedTuple):
-    """What a task's score sees of one trial: a row a step, after that step's movement."""
+    """What a task's score sees of one trial: a row a step, after that step's movement; arrays of the compiled
+    code, which knows no Track."""
 
     x: F
     """[steps] cm."""

@@ -73,7 +73,7 @@ class Work(NamedTuple):
 
 
 class Record(NamedTuple):
-    """A trial in full, a row a step: see realitygap.values.Trajectory."""
+    """A trial in full, a row a step: see realitygap.track.Trajectory."""
 
     pose: F
     """[steps, 3] x, y, heading at the step's beginning."""

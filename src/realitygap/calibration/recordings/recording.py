@@ -78,6 +78,8 @@ class Recorded:
 class SensorRecording(Recorded):
     """What the sensors of one kind read, a row a reading, [n].
 
+    No Track: its poses are where the robot stood for each reading, not a way.
+
     Attributes:
         kind: "infrared" or "ambient".
         object: "wall", "cylinder:RADIUS_CM" or "lamp".
@@ -163,6 +165,8 @@ class SensorRecording(Recorded):
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WheelRecording(Recorded):
     """What the wheels were told and what they did, a row each 100 ms, [n].
+
+    No Track: its poses are of many trials, and of those rows only of which a picture was taken.
 
     Attributes:
         t_s: [n] time since the trial's start.
