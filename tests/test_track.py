@@ -12,11 +12,36 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from realitygap import track as track_file
+from realitygap.controller import Layout, braitenberg, decode
 from realitygap.errors import StudyError, TrackError, UsageError
 from realitygap.kernels.params import STEP_S
+from realitygap.simulation import Simulation
+from realitygap.tasks import load_task
+from realitygap.testing import TrackContract
 from realitygap.track import Track, read_track, read_tracks, settled
+from realitygap.world import load_profile
 
 LOST = math.nan
+
+
+class TestSimulatedTrack(TrackContract):
+    """Where the simulation says that a robot was."""
+
+    def track(self) -> Track:
+        simulation = Simulation(load_task("avoidance"), load_profile("paper"), "observed")
+        networks = decode(braitenberg("proximity", Layout()), Layout())
+        return simulation.trajectory(networks, stream=3, seconds=3)[0].track
+
+
+class TestTrackOfFrames(TrackContract):
+    """With frames in which the robot was lost."""
+
+    def track(self) -> Track:
+        rows = [
+            f"{k * 0.04},{20 + k * 0.1},25,{170 + k},0.9" if k % 7 else f"{k * 0.04},,,,0" for k in range(30)
+        ]
+        return read_text("\n".join(["t_s,x_cm,y_cm,heading_deg,quality", *rows]))
+
 
 Rows = list[tuple[int, int, int, int]]
 

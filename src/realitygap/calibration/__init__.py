@@ -1,1 +1,16 @@
-"""§3.2.1 of the paper: recordings of a robot, curves through them, a profile, and its judge."""
+"""§3.2.1 of the paper: recordings of a robot, curves through them, a profile, and its judge.
+
+Its main verb is `realitygap.calibrate`.
+"""
+
+from __future__ import annotations
+
+from realitygap.lazy import names_of
+
+__all__, __getattr__ = names_of(__name__, {
+    "calibrate": "Calibration",
+    "judge": "Judgement",
+    "recordings.files": "load_recording",
+    "recordings.recording": "Recording SensorRecording WheelRecording",
+    "unit": "calibrated_unit",
+})  # fmt: skip

@@ -1,1 +1,15 @@
 """How alike simulated and situated behaviour are, and what it is called (tables 1 and 2)."""
+
+from __future__ import annotations
+
+from realitygap.lazy import names_of
+
+__all__, __getattr__ = names_of(__name__, {
+    "behaviour": "behaviour_score",
+    "judging": "agreement blind_pairs read_marks",
+    "names": "Name Namer namer",
+    "reading": "read_transfer read_trials",
+    "score": "Comparison compare",
+    "setting": "Setting setting_of",
+    "trials": "Trial trial_of",
+})  # fmt: skip

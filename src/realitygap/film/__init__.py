@@ -9,3 +9,17 @@
 
 Rooms beside this one never meet it: whoever made a film, a person or the twin, it is a file.
 """
+
+from __future__ import annotations
+
+from realitygap.lazy import names_of
+
+__all__, __getattr__ = names_of(__name__, {
+    "calibrate": "calibrate_camera",
+    "camera": "CameraModel load_camera",
+    "disk": "Disk load_disk",
+    "live": "LiveCamera",
+    "tails": "draw_tails save_tails",
+    "tracker": "Tracked Tracker track_film",
+    "video": "FilmReader FilmWriter",
+})  # fmt: skip

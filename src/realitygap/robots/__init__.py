@@ -1,1 +1,13 @@
-"""A Khepera on a serial line: protocol, driver, clock, control loop, recordings, safe stop."""
+"""Robots: what a body is, its address, control loop, clocks, recordings, safe stop; a folder for each."""
+
+from __future__ import annotations
+
+from realitygap.lazy import names_of
+
+__all__, __getattr__ = names_of(__name__, {
+    "address": "Address",
+    "body": "Body Channel Odometry",
+    "clock": "Clock RealClock SteppedClock VirtualClock",
+    "loop": "Controller drive",
+    "recording": "Recorder Recording",
+})  # fmt: skip

@@ -1,1 +1,11 @@
 """Studies: configuration, one run, many runs, the store, resuming. A study is a folder."""
+
+from __future__ import annotations
+
+from realitygap.lazy import names_of
+
+__all__, __getattr__ = names_of(__name__, {
+    "config": "StudyConfig",
+    "load": "Run Study load_study",
+    "runner": "run_study",
+})  # fmt: skip

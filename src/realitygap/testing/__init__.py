@@ -4,12 +4,14 @@ Each seam of the project is a small protocol with one class of tests here. Every
 the package passes the same tests as yours:
 
     # test_my_robot.py
-    from realitygap.robots.clock import RealClock
+    from contextlib import nullcontext
+
+    from realitygap.robots import RealClock
     from realitygap.testing import BodyContract
 
     class TestMyRobot(BodyContract):
         def opened(self):
-            return closing(MyRobot("/dev/ttyACM0")), RealClock()
+            return nullcontext((MyRobot("/dev/ttyACM0"), RealClock()))
 
 A contract asks for what it tests by one method, which you override; nothing here imports pytest.
 `pytest.register_assert_rewrite("realitygap.testing")` in your `conftest.py` shows the values of a
@@ -22,5 +24,6 @@ from realitygap.testing.algorithm import AlgorithmContract
 from realitygap.testing.body import BodyContract
 from realitygap.testing.encoding import EncodingContract
 from realitygap.testing.engine import EngineContract
+from realitygap.testing.track import TrackContract
 
-__all__ = ["AlgorithmContract", "BodyContract", "EncodingContract", "EngineContract"]
+__all__ = ["AlgorithmContract", "BodyContract", "EncodingContract", "EngineContract", "TrackContract"]

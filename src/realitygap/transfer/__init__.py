@@ -1,1 +1,13 @@
-"""Transfer (§6): evolved individuals on robots, each trial paired with its simulation; begins in `run`."""
+"""Transfer (§6): evolved individuals on robots, each trial paired with its simulation."""
+
+from __future__ import annotations
+
+from realitygap.lazy import names_of
+
+__all__, __getattr__ = names_of(__name__, {
+    "load": "Transferred load_transfers",
+    "options": "Transfer",
+    "rig": "Rig",
+    "run": "Attendant run_transfer",
+    "score_rows": "marks_of",
+})  # fmt: skip

@@ -5,3 +5,12 @@ The literature calls it pseudo-reality (Ligot and Birattari, Swarm Intelligence 
 """
 
 from __future__ import annotations
+
+from realitygap.lazy import names_of
+
+__all__, __getattr__ = names_of(__name__, {
+    "body": "TwinBody",
+    "camera": "OverheadCamera",
+    "process": "TwinProcess start_twin",
+    "unit": "Unit draw_unit",
+})  # fmt: skip
