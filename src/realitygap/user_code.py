@@ -46,6 +46,10 @@ def made(text: str, what: str, ways: Iterable[str], settings: Mapping[str, Any],
     file, _, name = text.rpartition(":")
     with blamed_on(Path(file).expanduser().resolve(), UsageError):
         known = signature(kind).parameters
+        if not set(given) <= set(known):
+            raise UsageError(
+                f"{what}: expected {name} to take {', '.join(given)}; it takes {', '.join(known)}"
+            )
         for key in settings:
             if key not in known or key in given:
                 has = ", ".join(other for other in known if other not in given) or "no settings"

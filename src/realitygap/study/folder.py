@@ -44,19 +44,8 @@ __all__ = [
 
 CONFIG = "study.toml"
 LOCK = "study.lock"
-OURS = {
-    CONFIG,
-    LOCK,
-    "profile.toml",
-    "arenas",
-    "tasks",
-    "evolution",
-    "encoding",
-    "report",
-    "reproduce.toml",
-    "calibration",
-}
-OURS |= {"reproduce.tmp"}  # of earlier versions
+OURS = {CONFIG, LOCK, "profile.toml", "arenas", "tasks", "evolution", "encoding", "report"}
+OURS |= {"reproduce.toml", "calibration", "reproduce.tmp"}  # the last one of earlier versions
 """What a study that was killed while it was being made may have left."""
 
 _HEADER = """\

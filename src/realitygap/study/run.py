@@ -94,13 +94,21 @@ class Bench:
         while state.evaluations < self.algorithm.cells + 2:
             batch = self.ask(state, self.algorithm.cells)
             self.encoding.decode(batch.genes)
-            state = self.algorithm.tell(state, batch, np.zeros(len(batch.genes)))
+            state = self.tell(state, batch, np.zeros(len(batch.genes)))
 
     def ask(self, state: State, n: int) -> Batch:
         """The algorithm's next individuals, checked."""
         batch: Batch = self.algorithm.ask(state, n)
         check_batch(batch, state, n, self.individual)
         return batch
+
+    def tell(self, state: State, batch: Batch, fitness: NDArray[np.float64]) -> State:
+        """The algorithm's next state, checked."""
+        told: State = self.algorithm.tell(state, batch, fitness)
+        expected = state.evaluations + len(fitness)
+        if told.evaluations != expected:
+            raise UsageError(f"tell: expected a state after {expected} evaluations, got {told.evaluations}.")
+        return told
 
 
 def bench_for(materials: Materials, condition: int) -> Bench:
@@ -141,12 +149,9 @@ def advance(bench: Bench, plan: Plan, state: State, n: int) -> tuple[State, Reco
         some = slice(done, done + len(batch.genes))
         scores.append(bench.simulation.scores(bench.encoding.decode(batch.genes), streams[some]))
         fitness.append(np.array([math.fsum(row) / trials for row in scores[-1].tolist()]))
-        state = bench.algorithm.tell(state, batch, fitness[-1])
+        state = bench.tell(state, batch, fitness[-1])
         batches.append(batch)
         done = some.stop
-        if state.evaluations != start + done:
-            expected = f"{start + done} evaluations, got {state.evaluations}"
-            raise UsageError(f"tell: expected a state after {expected}.")
     records = Records(
         number=np.arange(start, start + n),
         fitness=np.concatenate(fitness),
