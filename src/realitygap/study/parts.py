@@ -89,12 +89,12 @@ class Encoding(Value):
 
     def make(self, inputs: int, variation: Variation) -> Made:
         """The encoding of networks of so many inputs; `variation` has the rates of the slots' operators."""
-        settings = self.to_dict()
-        return make_encoding(settings.pop("kind"), variation, settings, inputs=inputs)
+        settings = {key: value for key, value in self.to_dict().items() if key != "kind"}
+        return make_encoding(self.kind, variation, settings, inputs=inputs)
 
     def to_dict(self) -> dict[str, Any]:
-        """Its name and its own settings."""
-        return _set(self)
+        """Its own settings, and its name if it is not the paper's: as files of any version have it."""
+        return {key: value for key, value in _set(self).items() if (key, value) != ("kind", SLOTS)}
 
 
 @dataclass(frozen=True, kw_only=True)

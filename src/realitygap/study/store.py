@@ -42,7 +42,8 @@ def create(path: Path, materials: Materials, sources: Mapping[str, bytes]) -> No
         StudyError: it cannot be written there.
     """
     tasks, config = materials.tasks, materials.config
-    own = materials.copies()[0].encoding.to_dict()  # a user's file by its name in the folder
+    local = materials.copies()[0].encoding  # a user's file by its name in the folder
+    own = {"kind": local.kind, **local.to_dict()}
     forms = [facts_of(config.encoding_for(task), {**own, "inputs": len(task.sensors)}) for task in tasks]
     encodings = [json.dumps(form) for form in forms]
     rows = [(p.id, p.name, p.task, p.noise, p.index, encodings[p.condition]) for p in plans(materials)]
