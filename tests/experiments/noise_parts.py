@@ -35,8 +35,10 @@ def tables(results: Path) -> dict[str, str]:
 class SimulatedRig:
     """A unit of the twin as its own simulation has it, at the twin's noise scale; `profile` has ranges."""
 
-    def __init__(self, task: Any, profile: Any, *, unit: int, twin_noise: float, **_: Any) -> None:
-        self.simulation = Simulation(task, wearing(unit_profile(unit), profile), twin_noise)
+    def __init__(self, task: Any, profile: Any, *, robot: str, twin_noise: float, **_: Any) -> None:
+        self.simulation = Simulation(
+            task, wearing(unit_profile(int(robot.partition(":")[2])), profile), twin_noise
+        )
         self.open = True
 
     def drive(self, driver: Any, stream: int, pose: Any, seconds: float | None = None) -> tuple[Any, None]:

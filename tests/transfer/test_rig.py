@@ -38,7 +38,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def rig(folder: Path, **settings: object) -> Rig:
-    return Rig(TASK, PAPER, **{"unit": 1, "folder_for_camera": folder, **settings})  # type: ignore[arg-type]
+    return Rig(TASK, PAPER, **{"robot": "twin:1", "folder_for_camera": folder, **settings})  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
@@ -70,18 +70,18 @@ def test_a_path_has_a_row_a_step(used: SimpleNamespace) -> None:
 
 def test_a_trial_does_not_know_what_was_before_it(used: SimpleNamespace, folder: Path) -> None:
     """On a used rig and on a fresh one: the same bits; another stream: others. One process does all."""
-    pid = used.rig.twin.pid
+    pid = used.rig.body.twin.pid
     second = used.rig.drive(DRIVER, 8, POSE, 2.0)
     with rig(folder) as fresh:
         assert same(fresh.drive(DRIVER, 8, POSE, 2.0), second)
         assert same(fresh.drive(DRIVER, 7, POSE, 2.0), used.first)
     assert not same(used.first, second)
-    assert used.rig.twin.pid == pid
+    assert used.rig.body.twin.pid == pid
 
 
 def test_the_track_is_that_of_whole_frames(used: SimpleNamespace, tmp_path: Path) -> None:
     """To the last bit, pixel noise included."""
-    used.rig.on_line(DRIVER, 9, POSE, 1.0, sealed=tmp_path / "sealed.csv")
+    used.rig.trial(DRIVER, 9, POSE, 1.0, sealed=tmp_path / "sealed.csv")
     states = used.rig.states(tmp_path / "sealed.csv", 1.0)
     track = used.rig.watcher.track(states, 9)
     with OverheadCamera(TASK.arena.plain(), unit=1, view="drawn") as eye:
@@ -101,7 +101,7 @@ def test_a_rig_goes_on_after_a_trial_that_failed(used: SimpleNamespace) -> None:
         used.rig.drive(DRIVER, 7, Pose(x=0.0, y=0.0, heading=0.0), 2.0)
     with pytest.raises(UsageError, match="whole steps"):
         used.rig.drive(DRIVER, 7, POSE, 0.25)
-    used.rig._fresh(1).close()
+    used.rig._fresh(1).twin.close()
     with pytest.raises(RobotError):
         used.rig.drive(DRIVER, 7, POSE, 2.0)
     assert same(used.rig.drive(DRIVER, 7, POSE, 2.0), used.first)
@@ -109,7 +109,7 @@ def test_a_rig_goes_on_after_a_trial_that_failed(used: SimpleNamespace) -> None:
 
 def test_each_stand_has_a_camera_of_its_own(folder: Path) -> None:
     """Its calibration's name tells task, unit and noise scale."""
-    files = [rig(folder, **how).camera_file.name for how in ({}, {"unit": 2}, {"twin_noise": 2.0})]
+    files = [rig(folder, **how).camera_file.name for how in ({}, {"robot": "twin:2"}, {"twin_noise": 2.0})]
     assert files == [
         f"camera-{TASK.name}-twin-1.json",
         f"camera-{TASK.name}-twin-2.json",

@@ -15,12 +15,12 @@ import pytest
 import realitygap.twin.render as render
 from realitygap.errors import LineError, RobotStoppedError, StudyError, StudyInterruptedError, UsageError
 from realitygap.film.video import FilmReader
+from realitygap.robots.address import Address
 from realitygap.robots.recording import Recording
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study, load_study
 from realitygap.track import read_track
 from realitygap.transfer.folder import half_folder
-from realitygap.transfer.options import Robot
 from realitygap.transfer.replay import Replays
 from realitygap.transfer.run import Transferred, load_transfers
 from realitygap.twin.process import start_twin
@@ -237,7 +237,7 @@ def test_a_robot_on_a_port_is_carried_to_its_starts(study):
 def test_a_robot_that_is_none_is_refused(text):
     """A robot is twin, twin:UNIT or serial:PORT."""
     with pytest.raises(UsageError, match="robot: "):
-        Robot.parse(text)
+        Address.parse(text)
 
 
 def test_what_cannot_be_done_is_refused(study):

@@ -20,6 +20,7 @@ SOURCES = {
     "film": "tracked in a film from above",
     "camera": "tracked by the camera above, ten times a second",
     "counters": "reckoned from the wheels’ counters, which do not see a wheel slip",
+    "robot": "as the robot itself knows it",
 }
 """Where a situated path comes from."""
 

@@ -22,6 +22,7 @@ What a body has besides is found by its name:
                 down anew: of a simulated body; else a person builds the room and carries the robot
     pose        where it truly is (`Seen`): the path of a transfer, if no camera sees it; else the
                 path is reckoned from its counters
+    pulses_per_mm   of its counters, roughly: where the profile has none that were measured
     attend      attend(kinds, turns) says which channels are read from now on (`Attentive`): of a
                 body that cannot read all of them in one period
 """
@@ -29,11 +30,12 @@ What a body has besides is found by its name:
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-from realitygap.errors import UsageError
+from realitygap.errors import RealityGapError, UsageError
 from realitygap.robots.clock import Clock, RealClock
 from realitygap.values import Command, Pose, Readings
 
@@ -48,6 +50,7 @@ __all__ = [
     "Placing",
     "Seen",
     "Timed",
+    "abandon",
     "attend",
     "channel",
     "clock_of",
@@ -196,6 +199,12 @@ def facts_of(body: Body) -> Mapping[str, Any]:
 def odometry_of(body: Body) -> Odometry:
     """As read with the last `sense`; nothing of a body that does not count."""
     return Odometry(*body.odometry) if body.counts_turns else Odometry()  # type: ignore[attr-defined]
+
+
+def abandon(body: Body) -> None:
+    """Let go of a body that stands, or can be told so no more."""
+    with suppress(RealityGapError):
+        getattr(body, "abandon", body.close)()
 
 
 def attend(body: Body, *kinds: str, turns: bool = True) -> None:

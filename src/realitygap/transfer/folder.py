@@ -9,13 +9,13 @@ from pathlib import Path
 
 from realitygap import whole
 from realitygap.errors import FilmError, FrozenError, LineError, RobotError, RobotStoppedError
-from realitygap.transfer.options import Robot
+from realitygap.robots.address import Address
 
 __all__ = ["half_folder", "made"]
 
 
 @contextmanager
-def made(final: Path, robot: Robot) -> Iterator[Path]:
+def made(final: Path, robot: Address) -> Iterator[Path]:
     """The folder that a trial is made in; the final folder at the end.
 
     Raises:
@@ -43,11 +43,11 @@ def half_folder(final: Path) -> Path:
     return final.with_name(f"{final.name}.half")
 
 
-def _put_aside(folder: Path, robot: Robot, word: str) -> None:
+def _put_aside(folder: Path, robot: Address, word: str) -> None:
     """Make room for another try; what a real robot recorded is never thrown away."""
     if not folder.exists():
         return
-    if robot.port is None:
+    if robot.unit is not None:
         shutil.rmtree(folder)
         return
     k, name = 1, folder.name.removesuffix(".half")

@@ -2,60 +2,21 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 from realitygap.errors import UsageError
 from realitygap.film.disk import Disk, load_disk
+from realitygap.robots.address import Address
 from realitygap.study.settings import whole
 
 if TYPE_CHECKING:
     from realitygap.film.camera import CameraModel
 
-__all__ = ["Robot", "Transfer"]
-
-LARGEST_UNIT = 2**63 - 1
-
-
-@dataclass(frozen=True, kw_only=True)
-class Robot:
-    """A unit of the twin, or a robot on a serial port."""
-
-    unit: int | None = None
-    port: str | None = None
-
-    @classmethod
-    def parse(cls, text: str) -> Self:
-        """From "twin", "twin:UNIT" or "serial:PORT".
-
-        Raises:
-            UsageError: anything else.
-        """
-        kind, colon, rest = text.partition(":")
-        if kind == "serial" and rest:
-            return cls(port=rest)
-        if kind == "twin" and not colon:
-            return cls(unit=1)
-        if kind == "twin" and rest.isascii() and rest.isdecimal() and int(rest) <= LARGEST_UNIT:
-            return cls(unit=int(rest))
-        if kind == "twin":
-            raise UsageError(f"robot: a twin's unit is a whole number from 0 on, got {rest!r} in {text!r}.")
-        raise UsageError(f"robot: expected twin, twin:UNIT or serial:PORT, got {text!r}.")
-
-    def __str__(self) -> str:
-        return f"twin:{self.unit}" if self.port is None else f"serial:{self.port}"
-
-    def folder(self, twin_noise: float) -> str:
-        """Name of its folder: twin-1, twin-1-noise-2 (the noise scale, where it is not 1), serial-ttyUSB0."""
-        if self.port is not None:
-            return "serial-" + re.sub(r"[^A-Za-z0-9._-]", "-", Path(self.port).name)
-        short = f"{twin_noise:g}"
-        scale = short if float(short) == twin_noise else repr(twin_noise)
-        return f"twin-{self.unit}" if twin_noise == 1 else f"twin-{self.unit}-noise-{scale}"
+__all__ = ["Transfer"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,12 +25,13 @@ class Transfer:
 
     Attributes:
         runs: ids or names; all finished ones if empty.
-        robots: "twin", "twin:UNIT" or "serial:PORT".
+        robots: addresses, as `robots/address.py` has them: "twin:UNIT", "khepera:PORT", "file.py:Class".
         starts: trials of each individual on each robot.
         individual: "champion" or "fittest".
         film: film all trials, none, or those of the runs with these ids.
         watch: take the paths of the others from the camera above too, without keeping a film; else,
-            and where no camera sees a real robot, they are reckoned from the wheels' counters.
+            and where no camera sees a robot, they are what it knows of its place, or reckoned from its
+            wheels' counters.
         twin_noise: the twin's noise scale, 1 if None.
         seed: starts and noise follow from it; the study's own if None.
         seconds: length of a trial; the task's own if None.
@@ -83,7 +45,7 @@ class Transfer:
     """
 
     runs: Sequence[int | str] = ()
-    robots: Sequence[str | Robot] = ("twin",)
+    robots: Sequence[str | Address] = ("twin",)
     starts: int = 1
     individual: str = "champion"
     film: bool | Collection[int] = False
@@ -98,8 +60,8 @@ class Transfer:
 
     def __post_init__(self) -> None:
         whole("starts", self.starts, 1, 10**6)
-        real = any(robot.port is not None for robot in self.bodies)
-        twins = any(robot.port is None for robot in self.bodies)
+        real = any(robot.unit is None for robot in self.bodies)
+        twins = any(robot.unit is not None for robot in self.bodies)
         if self.twin_noise is not None and not twins:
             raise UsageError(
                 "--twin-noise scales the noise of a twin; a robot has its own noise. Leave it out."
@@ -107,14 +69,14 @@ class Transfer:
         self._check_eye(real)
         if real and self.film and self.eye is None:
             raise UsageError(
-                "film: expected the live camera that films a robot on a serial port, and its calibration "
+                "film: expected the live camera that films a robot, and its calibration "
                 "(--eye DEVICE, --camera FILE). A film of your own: `realitygap track FILM`."
             )
 
     @cached_property
-    def bodies(self) -> tuple[Robot, ...]:
+    def bodies(self) -> tuple[Address, ...]:
         """The robots, each once."""
-        parsed = (Robot.parse(one) if isinstance(one, str) else one for one in self.robots)
+        parsed = (Address.parse(one) if isinstance(one, str) else one for one in self.robots)
         return tuple(dict.fromkeys(parsed))
 
     @cached_property
@@ -134,9 +96,7 @@ class Transfer:
     def _check_eye(self, real: bool) -> None:
         """Refuse a live camera without its calibration, a calibration or a disk without it."""
         if self.disk is not None and not real:
-            raise UsageError(
-                "disk: expected a robot on a serial port that wears it; a twin has a disk of its own."
-            )
+            raise UsageError("disk: expected a robot that wears it; a twin has a disk of its own.")
         if self.camera is None and self.eye is not None:
             cure = "its camera.json, as `realitygap camera calibrate` makes it (--camera FILE)"
             raise UsageError(f"eye: expected camera beside it: {cure}.")
@@ -146,6 +106,4 @@ class Transfer:
             cure = "what looks down on the robot, and its camera (--eye DEVICE, --camera FILE)"
             raise UsageError(f"disk: expected eye beside it: {cure}.")
         if self.eye is not None and not real:
-            raise UsageError(
-                "eye: expected a robot on a serial port under it; a twin has a camera of its own."
-            )
+            raise UsageError("eye: expected a robot under it; a twin has a camera of its own.")

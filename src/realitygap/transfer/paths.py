@@ -6,6 +6,7 @@ The first row is the start. Where the robot was not seen there is no pose.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from realitygap.tasks.task import Task
     from realitygap.world.profile import Profile
 
-__all__ = ["of_counters", "of_track", "score"]
+__all__ = ["of_counters", "of_poses", "of_track", "score"]
 
 Floats = NDArray[np.float64]
 
@@ -71,6 +72,12 @@ def of_counters(counters: Floats, start: Pose, *, cm_per_pulse: tuple[float, flo
     x = start.x + np.concatenate([[0.0], np.cumsum(chord * np.cos(mean))])
     y = start.y + np.concatenate([[0.0], np.cumsum(chord * np.sin(mean))])
     return Track(t=_times(len(x)), x=x, y=y, heading=settled(heading), seen_by="counters")
+
+
+def of_poses(poses: Sequence[Pose]) -> Track:
+    """The track that a robot itself knows, a pose a step."""
+    x, y, heading = np.array([(one.x, one.y, one.heading) for one in poses], np.float64).T
+    return Track(t=_times(len(x)), x=x, y=y, heading=settled(heading), seen_by="robot")
 
 
 def score(path: Track, task: Task, profile: Profile) -> float:

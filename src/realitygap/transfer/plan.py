@@ -2,36 +2,71 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import closing
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
 from realitygap.errors import StudyError, UsageError
+from realitygap.kernels.params import STEP_S
 from realitygap.kernels.rng import substream
+from realitygap.robots.address import BAUD, Address
+from realitygap.robots.body import Body, Placing, Seen, channel
 from realitygap.streams import TRANSFER
 from realitygap.study.load import Run, Study
 from realitygap.study.plan import run_stream
 from realitygap.study.run import WHO
-from realitygap.transfer.options import Robot, Transfer
+from realitygap.transfer.options import Transfer
 
 if TYPE_CHECKING:
     from realitygap.film.disk import Disk
 
-__all__ = ["FOLDER", "SOURCES", "Situation", "chosen_runs", "situations", "transfer_stream"]
+__all__ = [
+    "FOLDER",
+    "SOURCES",
+    "Known",
+    "Situation",
+    "check_body",
+    "chosen_runs",
+    "situations",
+    "transfer_stream",
+]
 
 FOLDER = "transfer"
 """In a study's folder."""
 
-SENSORS, TOP_COMMAND = 8, 10
-"""What a Khepera has: sensors of each kind; the largest command that networks give."""
+SOURCES = ("counters", "robot", "camera", "film")
+"""What a situated path may come from, the surest last: "robot" is what it knows of its place itself."""
 
-BAUD = 38400
-"""What a twin's jumper is set to, if nothing else is requested."""
 
-SOURCES = ("counters", "camera", "film")
-"""What a situated path may come from, the surest last."""
+class Known(NamedTuple):
+    """What is known of a robot before it drives: of one on a port only when it is connected.
+
+    Attributes:
+        placed: whether it puts itself down, and needs no person.
+        seen: whether it knows where it is.
+        counts: whether its wheels count.
+    """
+
+    placed: bool
+    seen: bool
+    counts: bool
+
+    @classmethod
+    def of(cls, robot: Address, study: Study, tasks: Iterable[str]) -> Self:
+        """Look at a robot; those that were evolved for another are refused.
+
+        Raises:
+            UsageError: as of `check_body`, or it cannot be opened.
+        """
+        if robot.port is not None:
+            return cls(placed=False, seen=False, counts=True)
+        with closing(robot.open()) as body:
+            for task in tasks:
+                check_body(study, task, body)
+            return cls(isinstance(body, Placing), isinstance(body, Seen), body.counts_turns)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +78,8 @@ class Situation:
         baud: rate of the line; None for the first of all that a robot on a port answers at.
         stream: the start and the simulated twin's noise follow from it, and so does the noise of a
             twin unit.
-        film: the camera above films it; watch: it is seen by that camera, and no film is kept.
+        source: what the situated path comes from, one of SOURCES.
+        placed: whether the robot puts itself down.
         disk: what a live camera over a real robot looks for; None where there is none, and on a twin.
         folder: from the study's folder.
     """
@@ -54,26 +90,26 @@ class Situation:
     noise: float
     individual: str
     evaluation: int
-    robot: Robot
+    robot: Address
     twin_noise: float
     seed: int
     start: int
     seconds: float
     baud: int | None
     stream: int
-    film: bool
-    watch: bool
+    source: str
+    placed: bool
     folder: str
     disk: Disk | None = None
 
     @property
-    def source(self) -> str:
-        """What the situated path comes from: "film", "camera" or "counters"."""
-        return "film" if self.film else "camera" if self.watch else "counters"
+    def film(self) -> bool:
+        """Whether a film of it is kept."""
+        return self.source == "film"
 
     def facts(self) -> dict[str, Any]:
         """What the trial's result depends on, for its file."""
-        twin = self.robot.port is None
+        twin = self.robot.unit is not None
         return {
             "run": self.run,
             "name": self.name,
@@ -120,21 +156,22 @@ def situations(study: Study, options: Transfer) -> Iterator[Situation]:
     """All trials that are requested, robot by robot.
 
     Raises:
-        UsageError: a study whose robot is no Khepera, or runs and individuals that there are not.
+        UsageError: a study whose robot is another, or runs and individuals that there are not.
     """
     runs = chosen_runs(study, options)
     for robot in options.bodies:
+        known = Known.of(robot, study, {run.task: None for run in runs})
         for run in runs:
-            _check_body(study, run.task)
             for start in range(1, options.starts + 1):
-                yield _situation(study, options, robot, run, start)
+                yield _situation(study, options, robot, known, run, start)
 
 
-def _situation(study: Study, options: Transfer, robot: Robot, run: Run, start: int) -> Situation:
-    number, twin = _number(run, options.individual), robot.port is None
+def _situation(
+    study: Study, options: Transfer, robot: Address, known: Known, run: Run, start: int
+) -> Situation:
+    number, twin = _number(run, options.individual), robot.unit is not None
     assert number is not None
     seed = study.config.seed if options.seed is None else options.seed
-    seen = twin or options.eye is not None
     name = run.name.replace("/", "-")
     name += "" if options.individual == WHO[1] else f"-{options.individual}"
     return Situation(
@@ -149,12 +186,33 @@ def _situation(study: Study, options: Transfer, robot: Robot, run: Run, start: i
         seed=seed,
         start=start,
         seconds=study.task(run.task).seconds if options.seconds is None else options.seconds,
-        baud=BAUD if options.baud is None and twin else options.baud,
+        baud=None if robot.kind == "own" else BAUD if options.baud is None and twin else options.baud,
         stream=transfer_stream(seed, run, start),
-        film=options.films(run.id),
-        watch=options.watch and seen,
-        disk=options.worn if seen and not twin else None,
+        source=_source(options, robot, known, run),
+        placed=known.placed,
+        disk=options.worn if options.eye is not None and not twin else None,
         folder=f"{FOLDER}/{robot.folder(options.noise)}/{name}/start-{start}",
+    )
+
+
+def _source(options: Transfer, robot: Address, known: Known, run: Run) -> str:
+    """What a trial's situated path will come from.
+
+    Raises:
+        UsageError: nothing tells where the robot is.
+    """
+    if robot.unit is not None or options.eye is not None:
+        if options.films(run.id):
+            return "film"
+        if options.watch:
+            return "camera"
+    if known.counts and not (options.watch and known.seen):
+        return "counters"
+    if known.seen:
+        return "robot"
+    raise UsageError(
+        f"robot {robot}: expected something that tells where it is: a camera above it (--eye, --camera), "
+        "`pose` of its own, or counters."
     )
 
 
@@ -168,18 +226,24 @@ def _number(run: Run, individual: str) -> int | None:
     return run.champion_number if individual == "champion" else run.fittest_number
 
 
-def _check_body(study: Study, task: str) -> None:
-    """Refuse controllers that were evolved for another kind of robot."""
-    profile = study.profile
-    counts = {"proximity": len(profile.infrared.sensors), "ambient": len(profile.ambient.sensors)}
-    feeds = study.task(task).feeds
-    if counts[feeds] != SENSORS:
+def check_body(study: Study, task: str, body: Body) -> None:
+    """Refuse controllers that were evolved for another kind of robot.
+
+    Raises:
+        UsageError: other sensors, another full scale, or another period than a simulation's step.
+    """
+    profile, feeds = study.profile, study.task(task).feeds
+    law = profile.infrared if feeds == "proximity" else profile.ambient
+    one, evolved = channel(body, feeds), f"task {task!r} was evolved for a robot with"
+    if len(law.sensors) != one.sensors:
         raise UsageError(
-            f"task {task!r} was evolved for a robot with {counts[feeds]} {feeds} sensors (profile "
-            f"{profile.name!r}); a Khepera has {SENSORS}: its controllers cannot drive one."
+            f"{evolved} {len(law.sensors)} {feeds} sensors (profile {profile.name!r}); this robot has "
+            f"{one.sensors}: its controllers cannot drive it."
         )
-    if profile.wheels.top_command != TOP_COMMAND:
+    if law.top != one.high:
         raise UsageError(
-            f"profile {profile.name!r} has wheels.top_command = {profile.wheels.top_command:g}; a robot "
-            f"takes a network's outputs as they are: only {TOP_COMMAND} can be transferred."
+            f"{evolved} {feeds} counts up to {law.top:g} (profile {profile.name!r}); this robot's go up to "
+            f"{one.high}: calibrate it, and evolve with its own profile."
         )
+    if body.period_s != STEP_S:
+        raise UsageError(f"{evolved} a period of {STEP_S:g} s; this robot's is {body.period_s:g} s.")

@@ -1,15 +1,14 @@
-"""A unit of the twin in a task's arena, with the camera above it: one rig for many trials.
+"""A robot that places itself, in a task's arena, and the camera above a twin: one rig for many trials.
 
-    with Rig(load_task("avoidance"), profile, unit=1, folder_for_camera="cameras") as rig:
+    with Rig(load_task("avoidance"), profile, robot="twin:1", folder_for_camera="cameras") as rig:
         track, recording = rig.drive(controller, stream=5, pose=Pose(x=25, y=25, heading=0.5))
 
-A trial is a function of unit, noise, stream, pose and controller alone: before each the unit is
-switched off and a new one on, in one process that serves them all.
+A trial on the twin is a function of unit, noise, stream, pose and controller alone: before each the unit
+is switched off and a new one on, in one process that serves them all.
 """
 
 from __future__ import annotations
 
-from contextlib import closing
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
@@ -18,40 +17,79 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap import temporary
+from realitygap.errors import UsageError
 from realitygap.kernels.params import STEP_S
 from realitygap.kernels.rng import substream
-from realitygap.robots.clock import VirtualClock
-from realitygap.robots.khepera.body import KheperaBody
-from realitygap.robots.khepera.driver import Khepera
+from realitygap.robots.address import BAUD, Address
+from realitygap.robots.body import Body, Filmed, Placing, Seen, abandon, attend, odometry_of
 from realitygap.robots.loop import Controller, drive
 from realitygap.robots.recording import Recorder, Recording
 from realitygap.streams import TWIN_NOISE
 from realitygap.tasks.task import Task
 from realitygap.track import Track
-from realitygap.transfer.options import Robot
-from realitygap.transfer.paths import of_track
-from realitygap.values import Pose, Readings
+from realitygap.transfer.paths import of_counters, of_poses, of_track
+from realitygap.values import Command, Pose, Readings
 from realitygap.world.profile import Profile
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from realitygap.transfer.film import Watcher
-    from realitygap.twin.process import TwinProcess
     from realitygap.twin.states import States
 
 __all__ = ["Driven", "Rig", "driven"]
 
 Floats = NDArray[np.float64]
+LIMIT = 10
+"""The largest output of a network."""
 
 
 class Driven(NamedTuple):
-    """A drive on a robot: its recording and the wheels' counters at the steps, the end included."""
+    """A drive on a robot: its recording, the wheels' counters at the steps, and its poses if it knows them,
+    the end included.
+
+    Attributes:
+        counters: [steps + 1, 2] pulses, NaN where nothing was counted.
+        cm_per_pulse: of the left wheel and the right one, if anybody knows.
+        poses: where it was; none of a robot that does not know.
+    """
 
     recording: Recording
     counters: Floats
+    cm_per_pulse: tuple[float, float] | None
+    poses: tuple[Pose, ...]
+
+    def counted(self, start: Pose, axle_cm: float) -> Track:
+        """The path by the wheels' counters.
+
+        Raises:
+            UsageError: nobody knows how long a pulse is.
+        """
+        if self.cm_per_pulse is None:
+            raise UsageError(
+                "robot: expected the length of its pulses: calibrate its wheels, or give it `pulses_per_mm`."
+            )
+        return of_counters(self.counters, start, cm_per_pulse=self.cm_per_pulse, axle_cm=axle_cm)
+
+
+class Scaled:
+    """A controller whose outputs −10 … 10 become a robot's commands, up to its profile's top command."""
+
+    def __init__(self, network: Controller, profile: Profile) -> None:
+        self._network, self._scale = network, profile.wheels.top_command / LIMIT
+
+    def reset(self) -> None:
+        """Before a trial."""
+        self._network.reset()
+
+    def decide(self, inputs: Sequence[int]) -> Command:
+        """One step; a command is the nearest whole unit."""
+        given = self._network.decide(inputs)
+        return Command(left=round(self._scale * given.left), right=round(self._scale * given.right))
 
 
 def driven(
-    body: KheperaBody,
+    body: Body,
     controller: Controller,
     *,
     task: Task,
@@ -59,30 +97,47 @@ def driven(
     seconds: float,
     recorder: Recorder | None = None,
 ) -> Driven:
-    """Let an evolved controller drive a robot, fed as its simulation fed it: with `profile`'s bands."""
+    """Let an evolved controller drive a robot as it drove the simulation's: fed by `profile`'s input range,
+    commanding in its units.
+
+    Args:
+        body: the robot, at its start.
+        controller: who drives.
+        task: which sensors it is fed.
+        profile: the one it was evolved with.
+        seconds: length of the trial.
+        recorder: keeps the steps.
+    """
+    poses: list[Pose] = []
+
+    def look() -> None:
+        if isinstance(body, Seen):
+            poses.append(body.pose)
 
     def inputs(readings: Readings) -> list[int]:
+        look()
         fed = readings.proximity if task.feeds == "proximity" else readings.ambient
         return profile.inputs(fed.tolist(), task.feeds, task.of(profile).sensors)
 
-    recording = drive(
-        body,
-        controller,
-        seconds=seconds,
-        clock=body.khepera.clock,
-        inputs=inputs,
-        recorder=recorder,
-    )
-    return Driven(recording, np.vstack([recording.counters, body.khepera.counters()]))
+    attend(body, task.feeds)
+    made = drive(body, Scaled(controller, profile), seconds=seconds, inputs=inputs, recorder=recorder)
+    look()
+    attend(body)
+    body.sense()
+    last = odometry_of(body).counters or (np.nan, np.nan)
+    told, nominal = profile.provenance, getattr(body, "pulses_per_mm", None)
+    known = told.pulses_per_mm or nominal is not None
+    lengths = told.cm_per_pulse(nominal or 1.0) if known else None
+    return Driven(made, np.vstack([made.counters, last]), lengths, tuple(poses))
 
 
 class Rig:
-    """One unit in one task's arena. As a context it is closed; its process starts with the first drive.
+    """One robot in one task's arena. As a context it is closed; the robot is opened with the first drive.
 
     Args:
         task: whose arena, sensors and length.
         profile: the one that the controllers were evolved with: makes their inputs of counts.
-        unit: which robot of the population.
+        robot: its address, of one that places itself.
         twin_noise: the twin's noise scale.
         folder_for_camera: keeps the camera's calibration, under a name of its own for each rig.
         baud: of the line.
@@ -94,25 +149,26 @@ class Rig:
         task: Task,
         profile: Profile,
         *,
-        unit: int,
+        robot: str | Address,
         twin_noise: float = 1.0,
         folder_for_camera: str | Path = ".",
-        baud: int = 38400,
+        baud: int | None = BAUD,
         camera_file: Path | None = None,
     ) -> None:
         self.task, self.profile, self.baud = task, profile, baud
-        self.unit, self.twin_noise = unit, twin_noise
-        name = f"camera-{task.name}-{Robot(unit=unit).folder(twin_noise)}.json"
+        self.robot = Address.parse(robot) if isinstance(robot, str) else robot
+        self.twin_noise = twin_noise
+        name = f"camera-{task.name}-{self.robot.folder(twin_noise)}.json"
         self.camera_file = Path(folder_for_camera) / name if camera_file is None else camera_file
         self._arena = task.arena.plain()
-        self._twin: TwinProcess | None = None
+        self._body: Body | None = None
         self._watcher: Watcher | None = None
 
     def drive(
         self, controller: Controller, stream: int, pose: Pose, seconds: float | None = None
     ) -> tuple[Track, Recording]:
-        """A trial from a pose, driven through the serial line and seen by the camera: a row a step, the
-        first one the start, and what was read and done.
+        """A trial from a pose, seen by the camera, or as the robot knows it: a row a step, the first one
+        the start, and what was read and done.
 
         Args:
             controller: who drives.
@@ -125,13 +181,17 @@ class Rig:
             FilmError: the camera cannot be calibrated.
         """
         length = self.task.seconds if seconds is None else seconds
+        if self.robot.unit is None:
+            made = self.trial(controller, stream, pose, length)
+            track = of_poses(made.poses) if made.poses else made.counted(pose, self.profile.wheels.track_cm)
+            return track, made.recording
         with temporary.Folder("sealed") as folder:
             sealed = Path(folder) / "sealed.csv"
-            recording = self.on_line(controller, stream, pose, length, sealed=sealed).recording
+            recording = self.trial(controller, stream, pose, length, sealed=sealed).recording
             track = self.watcher.track(self.states(sealed, length), stream)
         return of_track(track, round(length / STEP_S)), recording
 
-    def on_line(
+    def trial(
         self,
         controller: Controller,
         stream: int,
@@ -141,24 +201,17 @@ class Rig:
         recorder: Recorder | None = None,
         sealed: Path | None = None,
     ) -> Driven:
-        """The drive alone; where the robot was goes into the file `sealed`, for the camera."""
+        """The drive alone; where a twin was goes into the file `sealed`, for the camera."""
         settings: dict[str, Any] = {"task": self.task, "profile": self.profile, "seconds": seconds}
         try:
-            twin = self._fresh(int(substream(np.uint64(stream), np.uint64(TWIN_NOISE))))
-            with closing(VirtualClock(twin.channel)) as clock:
-                khepera = Khepera.connect(twin.device, baud=self.baud, clock=clock)
-                try:
-                    body = KheperaBody(khepera, kinds=(self.task.feeds,), carry=twin.place)
-                    body.reset(pose)
-                    clock.settle()
-                    if sealed is not None:
-                        twin.film(sealed)
-                    made = driven(body, controller, recorder=recorder, **settings)
-                    clock.settle()
-                    if sealed is not None:
-                        twin.film(None)
-                finally:
-                    khepera.abandon()
+            body = self._fresh(int(substream(np.uint64(stream), np.uint64(TWIN_NOISE))))
+            body.stop()
+            body.reset(pose)
+            if sealed is not None and isinstance(body, Filmed):
+                body.film(sealed)
+            made = driven(body, controller, recorder=recorder, **settings)
+            if sealed is not None and isinstance(body, Filmed):
+                body.film(None)
         except BaseException:
             self._leave()  # nobody knows how it stands
             raise
@@ -174,44 +227,43 @@ class Rig:
 
     @property
     def watcher(self) -> Watcher:
-        """The camera above, which is calibrated when it is first needed."""
+        """The camera above a twin, which is calibrated when it is first needed."""
         from realitygap.transfer.film import Watcher
 
         if self._watcher is None:
+            assert self.robot.unit is not None
             self._watcher = Watcher(
                 self.camera_file,
                 self.task.arena,
-                unit=self.unit,
+                unit=self.robot.unit,
                 noise=self.twin_noise,
                 radius_cm=self.profile.body.radius_cm,
             )
         return self._watcher
 
     @property
-    def twin(self) -> TwinProcess | None:
-        """Its process, if there is one yet."""
-        return self._twin
+    def body(self) -> Body:
+        """The robot, opened when it is first needed."""
+        if self._body is None:
+            self._body = self.robot.open(baud=self.baud, noise=self.twin_noise, kinds=(self.task.feeds,))
+        return self._body
 
-    def _fresh(self, seed: int) -> TwinProcess:
-        """The unit as a process of its own would make it: no trial leaves it a trace."""
-        from realitygap.twin.process import start_twin
-
-        if self._twin is None:
-            settings: dict[str, Any] = {"unit": self.unit, "noise": self.twin_noise, "seed": seed}
-            self._twin = start_twin(self._arena, baud=self.baud, **settings)
-        else:
-            self._twin.renew(seed)
-        return self._twin
+    def _fresh(self, seed: int) -> Body:
+        """The robot in the arena, its noise of a seed: no trial leaves it a trace."""
+        if not isinstance(self.body, Placing):
+            raise UsageError(f"robot {self.robot}: expected one that places itself, by `enter`.")
+        self.body.enter(self._arena, seed, None)
+        return self.body
 
     def close(self) -> None:
-        """End the process and the camera."""
+        """Let go of the robot and the camera."""
         self._leave()
         self._watcher = None
 
     def _leave(self) -> None:
-        if self._twin is not None:
-            self._twin.close()
-            self._twin = None
+        body, self._body = self._body, None
+        if body is not None:
+            abandon(body)
 
     def __enter__(self) -> Self:
         return self

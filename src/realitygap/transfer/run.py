@@ -73,13 +73,13 @@ def run_transfer(
     """
     study, options = as_study(study), options or Transfer()
     must_be(options, Transfer, "options", "Transfer(robots=…, starts=…) makes one.")
-    if attendant is None and any(robot.port is not None for robot in options.bodies):
-        raise UsageError("carry: a real robot has to be carried to its starts: expected who does it.")
     size = cores() if workers is None else workers
     whole("workers", size, 1, 1024)
     refuse_unguarded_script()
     with lock(study.folder):
         requested = list(situations(study, options))
+        if attendant is None and not all(one.placed for one in requested):
+            raise UsageError("carry: a real robot has to be carried to its starts: expected who does it.")
         with told(study.folder / FOLDER):
             (study.folder / FOLDER).mkdir(exist_ok=True)
         real, twins = _left(study, requested)
@@ -90,10 +90,10 @@ def run_transfer(
 
 
 def _left(study: Study, requested: Sequence[Situation]) -> tuple[list[Situation], list[Situation]]:
-    """What is to be done on real robots, and on twins."""
+    """What is to be done on robots that a person places, and on those that place themselves."""
     todo = [one for one in requested if not is_done(study.folder, one)]
-    real = [one for one in todo if one.robot.port is not None]
-    return real, [one for one in todo if one.robot.port is None]
+    real = [one for one in todo if not one.placed]
+    return real, [one for one in todo if one.placed]
 
 
 def _on_ports(

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 from realitygap import whole
 from realitygap.controller.network import NetworkController
 from realitygap.kernels.params import STEP_S
-from realitygap.robots.khepera.body import KheperaBody
-from realitygap.robots.khepera.driver import Khepera
-from realitygap.robots.khepera.protocol import PULSES_PER_MM
+from realitygap.robots.address import Address
+from realitygap.robots.body import Body, attend
 from realitygap.robots.recording import Recorder
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.folder import versions
@@ -22,7 +21,7 @@ from realitygap.study.load import Study
 from realitygap.toml import to_toml
 from realitygap.track import Track
 from realitygap.transfer.folder import made
-from realitygap.transfer.paths import of_counters, of_track, score
+from realitygap.transfer.paths import of_poses, of_track, score
 from realitygap.transfer.plan import FOLDER, Situation
 from realitygap.transfer.rig import Driven, Rig, driven
 from realitygap.values import Pose
@@ -47,7 +46,7 @@ class Stage:
     def __init__(self, study: Study) -> None:
         self.study = study
         self._simulations: dict[tuple[str, float], Simulation] = {}
-        self._rigs: dict[tuple[str, int, float, int], Rig] = {}
+        self._rigs: dict[tuple[str, Address, float, int | None], Rig] = {}
 
     def simulation(self, one: Situation) -> Simulation:
         """The run's own: its task, its robot, its noise."""
@@ -61,14 +60,13 @@ class Stage:
         return self.study.folder / FOLDER / one.robot.folder(one.twin_noise) / f"camera-{one.task}.json"
 
     def rig(self, one: Situation) -> Rig:
-        """The unit and the arena of a trial on the twin; one for all trials of both."""
-        assert one.robot.unit is not None and one.baud is not None
-        key = (one.task, one.robot.unit, one.twin_noise, one.baud)
+        """The arena of a trial and a robot that places itself there; one for all trials of both."""
+        key = (one.task, one.robot, one.twin_noise, one.baud)
         if key not in self._rigs:
             self._rigs[key] = Rig(
                 self.study.task(one.task),
                 self.study.profile,
-                unit=one.robot.unit,
+                robot=one.robot,
                 twin_noise=one.twin_noise,
                 baud=one.baud,
                 camera_file=self.camera_file(one),
@@ -85,33 +83,34 @@ class Stage:
             rig.close()
         self._rigs.clear()
 
-    def on_twin(self, one: Situation, tell: Tell) -> None:
-        """A whole trial on a unit of the twin; `tell` hears the share of the film that is done."""
+    def by_itself(self, one: Situation, tell: Tell) -> None:
+        """A whole trial on a robot that places itself; `tell` hears the share of the film that is done."""
         with made(self.study.folder / one.folder, one.robot) as folder:
             pose = self.simulation(one).start(one.stream)
             facts = self._simulate(one, pose, folder)
-            driven = self._drive_twin(one, pose, folder)
-            if one.source == "counters":
-                path = self._counted(driven, pose)
-            else:
+            driven = self._drive_rig(one, pose, folder)
+            if one.source in ("camera", "film"):
                 path = of_track(self._seen(one, folder, facts, tell), round(one.seconds / STEP_S))
+            else:
+                path = self._own_path(one, driven, pose)
             self._write(one, folder, facts, path, driven)
 
-    def on_serial(self, one: Situation, khepera: Khepera, carry: Carry, overhead: Overhead | None) -> None:
-        """A whole trial on a real robot, which a person carries to its start."""
+    def by_hand(self, one: Situation, body: Body, carry: Carry, overhead: Overhead | None) -> None:
+        """A whole trial on a robot that a person carries to its start."""
         with made(self.study.folder / one.folder, one.robot) as folder:
             pose = requested = self.simulation(one).start(one.stream)
-            feeds = self.study.task(one.task).feeds
-            body = KheperaBody(khepera, kinds=(feeds,), carry=lambda start: carry(one, start))
-            body.reset(requested)
+            attend(body, self.study.task(one.task).feeds)  # a line that is too slow is refused now
+            body.stop()
+            carry(one, requested)
+            body.reset()
             if overhead is not None:
                 pose = overhead.start(one, requested)
                 body.reset()  # whoever moved it once more has turned its wheels
             facts = self._simulate(one, pose, folder)
             facts["wished"] = None if overhead is None else requested.to_dict()
-            if overhead is None or one.source == "counters":
+            if overhead is None or one.source not in ("camera", "film"):
                 driven = self._drive(one, body, folder, facts)
-                path = self._counted(driven, pose)
+                path = self._own_path(one, driven, pose)
             else:
                 with overhead.filming(one, folder) as film:
                     driven = self._drive(one, body, folder, facts)
@@ -130,18 +129,18 @@ class Stage:
     def _controller(self, one: Situation) -> NetworkController:
         return self.study.controller(one.task, self.study.genotype(one.run, one.evaluation))
 
-    def _drive_twin(self, one: Situation, pose: Pose, folder: Path) -> Driven:
-        """Drive a unit of the twin."""
-        return self.rig(one).on_line(
+    def _drive_rig(self, one: Situation, pose: Pose, folder: Path) -> Driven:
+        """Drive a robot that places itself."""
+        return self.rig(one).trial(
             self._controller(one),
             one.stream,
             pose,
             one.seconds,
             recorder=Recorder(folder, facts=one.facts()),
-            sealed=None if one.source == "counters" else folder / SEALED,
+            sealed=folder / SEALED if one.source in ("camera", "film") else None,
         )
 
-    def _drive(self, one: Situation, body: KheperaBody, folder: Path, facts: dict[str, Any]) -> Driven:
+    def _drive(self, one: Situation, body: Body, folder: Path, facts: dict[str, Any]) -> Driven:
         return driven(
             body,
             self._controller(one),
@@ -151,11 +150,11 @@ class Stage:
             recorder=Recorder(folder, facts=facts),
         )
 
-    def _counted(self, driven: Driven, pose: Pose) -> Track:
-        """The path by the wheels' counters."""
-        robot = self.study.profile
-        lengths = robot.provenance.cm_per_pulse(PULSES_PER_MM)
-        return of_counters(driven.counters, pose, cm_per_pulse=lengths, axle_cm=robot.wheels.track_cm)
+    def _own_path(self, one: Situation, driven: Driven, pose: Pose) -> Track:
+        """The path as the robot knows it, or by its wheels' counters."""
+        if one.source == "robot":
+            return of_poses(driven.poses)
+        return driven.counted(pose, self.study.profile.wheels.track_cm)
 
     def _seen(self, one: Situation, folder: Path, facts: dict[str, Any], tell: Tell) -> Track:
         """The track of a trial on the twin by the camera above it, which films it or only watches."""
@@ -165,7 +164,11 @@ class Stage:
         rig = self.rig(one)
         states = rig.states(folder / SEALED, one.seconds)
         if one.film:
-            settings: dict[str, Any] = {"unit": rig.unit, "noise": one.twin_noise, "seed": one.stream >> 1}
+            settings: dict[str, Any] = {
+                "unit": one.robot.unit,
+                "noise": one.twin_noise,
+                "seed": one.stream >> 1,
+            }
             with OverheadCamera(self.study.task(one.task).arena.plain(), **settings) as camera:
                 facts["view"] = camera.metadata["view"]
                 about = {"run": one.name, "start": one.start}

@@ -10,10 +10,11 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from realitygap.robots.body import abandon
 from realitygap.study.load import Study, load_study
 from realitygap.study.schema import told
 from realitygap.study.workers import Pool, at_work
-from realitygap.transfer.plan import Situation
+from realitygap.transfer.plan import Situation, check_body
 from realitygap.transfer.trial import Carry, Stage
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ def on_twins(
     workers: int,
     on_progress: OnProgress | None,
 ) -> None:
-    """Make trials on units of the twin; their results do not depend on the number of workers.
+    """Make trials on robots that place themselves; a twin's results do not depend on the number of workers.
 
     Raises:
         RealityGapError: the first that fails; the finished ones are kept.
@@ -97,33 +98,31 @@ def on_twins(
 
 
 def by_hand(study: Study, todo: Sequence[Situation], carry: Carry, overhead: Overhead | None = None) -> None:
-    """Make trials on the real robot that they name, one after the other; `overhead` sees it.
+    """Make trials on a robot that a person places, one after the other; `overhead` sees it.
 
     Raises:
         UsageError: the port cannot be opened, or its rate is too slow.
         RobotError: the line was lost; the recording is kept.
         RobotStoppedError: Ctrl-C; the robot stands, the recording is kept.
     """
-    from realitygap.robots.khepera.driver import Khepera
-
     stage, first = Stage(study), todo[0]
-    assert first.robot.port is not None
-    khepera = Khepera.connect(first.robot.port, baud=first.baud)
+    body = first.robot.open(baud=first.baud)
     try:
-        khepera.stop()
+        for one in todo:
+            check_body(study, one.task, body)
         for one in todo:
             with told(study.folder / one.folder):
-                stage.on_serial(replace(one, baud=khepera.baud), khepera, carry, overhead)
+                stage.by_hand(replace(one, baud=getattr(body, "baud", None)), body, carry, overhead)
     except BaseException:
-        khepera.abandon()  # it was told to stand first, wherever this came from
+        abandon(body)  # it was told to stand first, wherever this came from
         raise
-    khepera.close()
+    body.close()
 
 
 def _in_order(study: Study, todo: Sequence[Situation]) -> list[Job]:
     """Cameras first, then what takes longest, so that no worker is left alone with a film."""
     stage = Stage(study)
-    cameras = {stage.camera_file(one): one for one in todo if one.source != "counters"}
+    cameras = {stage.camera_file(one): one for one in todo if one.source in ("camera", "film")}
     jobs = [Job(one, calibration=True) for file, one in cameras.items() if not file.is_file()]
     return jobs + sorted((Job(one) for one in todo), key=lambda job: -job.cost)
 
@@ -155,7 +154,7 @@ def _carry_out(stage: Stage, job: Job, tell: Callable[[float], None]) -> Done:
         if job.calibration:
             stage.calibrate(one)
         else:
-            stage.on_twin(one, share)
+            stage.by_itself(one, share)
     return Done(job.cost - told_cost, not job.calibration)
 
 

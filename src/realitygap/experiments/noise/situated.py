@@ -68,7 +68,7 @@ class Rigs:
             self._ready[unit] = Rig(
                 self._stage.task(one.task),
                 self._stage.profile(one.home),
-                unit=unit,
+                robot=f"twin:{unit}",
                 twin_noise=self._stage.config.twin_noise,
                 folder_for_camera=self._stage.folder / "situated" / "cameras",
             )

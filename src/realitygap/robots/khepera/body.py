@@ -11,7 +11,7 @@ from realitygap.robots.body import KINDS, Channel, Odometry
 from realitygap.robots.clock import LineClock, RealClock, VirtualClock
 from realitygap.robots.khepera.budget import STEP_MS, step_budget
 from realitygap.robots.khepera.driver import Khepera
-from realitygap.robots.khepera.protocol import FULL, SENSORS, request
+from realitygap.robots.khepera.protocol import FULL, PULSES_PER_MM, SENSORS, request
 from realitygap.values import Command, Pose, Readings
 
 __all__ = ["KheperaBody", "opened"]
@@ -37,6 +37,7 @@ class KheperaBody:
 
     period_s = STEP_MS / 1000.0
     counts_turns = True
+    pulses_per_mm = PULSES_PER_MM
 
     def __init__(
         self,

@@ -93,6 +93,8 @@ class TwinBody(KheperaBody):
         self._line.close()
         self.leave()
 
+    abandon = close
+
     def leave(self) -> None:
         """End the process: the next room is another's."""
         if self._twin is not None:
