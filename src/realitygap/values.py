@@ -8,13 +8,27 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import UsageError
 
-__all__ = ["Command", "Pose", "Readings", "as_stream"]
+__all__ = ["Closing", "Command", "Pose", "Readings", "as_stream"]
+
+
+class Closing:
+    """What is closed when its `with` ends."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of what is held."""
 
 
 def as_stream(value: object, name: str = "stream") -> np.uint64:

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import multiprocessing
 from pathlib import Path
-from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import FilmError
 from realitygap.film.live_process import OPEN_S, serve
+from realitygap.values import Closing
 
 __all__ = ["Filmed", "LiveCamera"]
 
@@ -32,7 +32,7 @@ class Filmed(NamedTuple):
     trouble: str | None
 
 
-class LiveCamera:
+class LiveCamera(Closing):
     """An open camera, stream or video file. Use it in a `with`, or `close` it.
 
     A video file moves on only with each picture that is looked at; while it is filmed it plays at its
@@ -59,14 +59,6 @@ class LiveCamera:
         except BaseException:
             self.close()
             raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def look(self) -> NDArray[np.uint8]:
         """What the camera sees now, grey [height, width]."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from realitygap.twin.noise import check_dial, draws, normal_draws
 from realitygap.twin.render import open_renderer
 from realitygap.twin.states import States, heading_of
 from realitygap.twin.unit import draw_unit
+from realitygap.values import Closing
 
 __all__ = ["OverheadCamera"]
 
@@ -35,7 +35,7 @@ FPS = 25.0
 VIEWS = ("auto", "mujoco", "drawn")
 
 
-class OverheadCamera:
+class OverheadCamera(Closing):
     """The camera above one unit's arena. Use it in a `with`, or `close` it.
 
     Args:
@@ -69,14 +69,6 @@ class OverheadCamera:
         self._light = np.repeat(light.astype(np.float32)[..., None], 3, axis=2)
         self._bank = normal_draws(draws(unit, seed, 53), 2 * WIDTH * HEIGHT * 3).astype(np.float32)
         self._bank *= np.float32(PIXEL_NOISE * self._noise)
-
-    def __enter__(self) -> OverheadCamera:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """End the renderer's process, if there is one."""

@@ -10,13 +10,12 @@ import sys
 import weakref
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from realitygap.errors import RobotError, UsageError
 from realitygap.robots.khepera.protocol import BAUD_RATES
 from realitygap.twin.server import BODY
-from realitygap.values import Pose
+from realitygap.values import Closing, Pose
 
 __all__ = ["TwinProcess", "start_twin"]
 
@@ -24,7 +23,7 @@ CHANNEL_S = 60.0
 LEAVE_S = 5.0
 
 
-class TwinProcess:
+class TwinProcess(Closing):
     """A running twin: its serial device, and the experimenter's hand. As a context it is closed.
 
     Attributes:
@@ -65,14 +64,6 @@ class TwinProcess:
             self._hand.close()
             self._hand = None
         self._finalizer()
-
-    def __enter__(self) -> TwinProcess:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _tell(self, line: str) -> None:
         try:
