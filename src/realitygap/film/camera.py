@@ -150,7 +150,8 @@ class CameraModel:
 
     def to_floor(self, pixels: ArrayLike, height_cm: float | None = None) -> Array:
         """The places [..., 2] (cm) at a height (default: the plane's) that pixels [..., 2] show."""
-        ideal = self._straightened(np.asarray(pixels, float))
+        v = straightened((np.asarray(pixels, float) - self.middle) / self.half_diagonal, *self.radial)
+        ideal = self.middle + self.half_diagonal * v
         inverse = np.linalg.inv(self.homography)
         flat = ideal @ inverse[:2, :2].T + inverse[:2, 2]
         flat /= (ideal @ inverse[2, :2] + inverse[2, 2])[..., None]
@@ -237,11 +238,6 @@ class CameraModel:
         if folded.any():
             x, y = np.where(folded, OUTSIDE, x), np.where(folded, OUTSIDE, y)
         return x, y
-
-    def _straightened(self, pixels: Array) -> Array:
-        """The ideal pixels that the lens bent to these."""
-        v = straightened((pixels - self.middle) / self.half_diagonal, *self.radial)
-        return np.asarray(self.middle + self.half_diagonal * v)
 
 
 def _can_be_inverted(matrix: Array) -> bool:

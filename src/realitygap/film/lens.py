@@ -10,16 +10,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["bent", "straightened"]
+__all__ = ["bend", "straightened"]
 
 Array = NDArray[np.float64]
 
 _ROUNDS = 20
-
-
-def bent(v: Array, k1: float, k2: float) -> Array:
-    """Where the lens puts ideal points [..., 2]; NaN beyond where it would fold the picture back."""
-    return np.asarray(v * bend(np.einsum("...i,...i->...", v, v), k1, k2)[..., None])
 
 
 def bend(square: Array, k1: float, k2: float) -> Array:

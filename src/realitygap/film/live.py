@@ -7,17 +7,31 @@ beside it is never made late. Every frame carries the time at which it arrived.
 from __future__ import annotations
 
 import multiprocessing
+import signal
+import time
+from collections.abc import Callable
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import FilmError
-from realitygap.film.live_process import OPEN_S, serve
+from realitygap.film.video import FilmWriter, Image
 from realitygap.values import Closing
 
 __all__ = ["Filmed", "LiveCamera"]
+
+OPEN_S = 30.0
+"""How long a camera may take to open."""
+
+FALLBACK_FPS = 25.0
+"""The rate of a source that does not state its own."""
+
+MISSED_S = 1.0
+"""A live camera may fail to give a picture for so long."""
 
 ANSWER_S = 10.0
 """How long a live camera may take to give a picture."""
@@ -51,7 +65,7 @@ class LiveCamera(Closing):
         context = multiprocessing.get_context("spawn")
         self._pipe, there = context.Pipe()
         arguments = (there, self.source, size)
-        self._process: Any = context.Process(target=serve, args=arguments, daemon=True)
+        self._process: Any = context.Process(target=_serve, args=arguments, daemon=True)
         self._process.start()
         there.close()
         try:
@@ -110,3 +124,130 @@ class LiveCamera(Closing):
 
     def _gone(self) -> FilmError:
         return FilmError(f"live camera {self.source!r}: its process ended. Check the camera and try again.")
+
+
+def _serve(pipe: Connection, source: str, size: tuple[int, int] | None) -> None:
+    """In the process of its own: serve one camera until nobody listens."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the driver's: it must stop the robot first
+    try:
+        camera = _Opened(source, size)
+        try:
+            pipe.send("open")
+            while True:
+                _attend(pipe, camera)
+        finally:
+            camera.close()
+    except FilmError as error:
+        pipe.send(error)
+    except (EOFError, OSError):
+        pass
+
+
+def _attend(pipe: Connection, camera: _Opened) -> None:
+    """Take a frame, or carry out an order."""
+    if not pipe.poll(None if camera.still else 0):
+        camera.take()
+        return
+    order, *rest = pipe.recv()
+    orders: dict[str, Callable[..., Any]] = {
+        "look": camera.look,
+        "film": camera.film,
+        "finish": camera.finish,
+    }
+    try:
+        pipe.send(orders[order](*rest))
+    except FilmError as error:
+        pipe.send(error)
+
+
+class _Opened:
+    """A source that OpenCV opened."""
+
+    def __init__(self, source: str, size: tuple[int, int] | None) -> None:
+        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+        self._source = source
+        number = source.isascii() and source.isdecimal()
+        self._video = cv2.VideoCapture(int(source)) if number else cv2.VideoCapture(source)
+        if not self._video.isOpened():
+            raise FilmError(
+                f"live camera {source!r}: nothing opens there. "
+                "Give a camera's number (0, 1 …), a video file or a stream's address."
+            )
+        if number and size is not None:
+            self._video.set(cv2.CAP_PROP_FRAME_WIDTH, size[0])
+            self._video.set(cv2.CAP_PROP_FRAME_HEIGHT, size[1])
+        rate = self._video.get(cv2.CAP_PROP_FPS)
+        self._rate = rate if 0 < rate <= 1000 else FALLBACK_FPS
+        self._live = number or self._video.get(cv2.CAP_PROP_FRAME_COUNT) <= 0
+        self._writer: FilmWriter | None = None
+        self._trouble: str | None = None
+        self._times: list[float] = []
+
+    @property
+    def still(self) -> bool:
+        """Whether nothing happens without an order."""
+        return self._trouble is not None or (self._writer is None and not self._live)
+
+    def close(self) -> None:
+        """Release the source; an unfinished film is kept as far as it got."""
+        if self._writer is not None:
+            self._writer.__exit__(None)
+        self._video.release()
+
+    def look(self) -> Image:
+        """The next frame, grey."""
+        return np.asarray(cv2.cvtColor(self._next()[1], cv2.COLOR_BGR2GRAY), np.uint8)
+
+    def film(self, file: str) -> None:
+        """Begin a film."""
+        notes = {"view": f"camera {self._source}"}
+        self._writer, self._times = FilmWriter(file, rate=self._rate, made_by="a camera", notes=notes), []
+        self._add(*self._next())
+
+    def take(self) -> None:
+        """Wait for a frame, and add it to the film if one is being made."""
+        try:
+            at, picture = self._next()
+            if self._writer is not None:
+                self._add(at, picture)
+        except FilmError as error:
+            self._trouble = str(error)
+
+    def finish(self, until: float) -> tuple[float, int, str | None]:
+        """End the film; when it began, frames, trouble."""
+        if self._writer is None:
+            raise FilmError(f"live camera {self._source!r}: there is no film to finish.")
+        while self._times[-1] < until and self._trouble is None:
+            self.take()
+        writer, self._writer = self._writer, None
+        writer.__exit__(None)
+        return self._times[0], len(self._times), self._trouble
+
+    def _add(self, at: float, picture: Image) -> None:
+        assert self._writer is not None
+        self._times.append(at)
+        colour = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), np.uint8)
+        self._writer.add(colour, at - self._times[0])
+
+    def _next(self) -> tuple[float, Any]:
+        """The next frame and when it came."""
+        if self._trouble is not None:
+            raise FilmError(self._trouble)
+        if self._writer is not None and self._times and not self._live:
+            due = self._times[0] + len(self._times) / self._rate  # a file plays at its own rate
+            time.sleep(max(0.0, due - time.monotonic()))
+            at = due
+        else:
+            at = time.monotonic()
+        give_up = at + (MISSED_S if self._live else 0.0)
+        while True:
+            got = self._video.grab()
+            at = time.monotonic() if self._live else at
+            got, picture = self._video.retrieve() if got else (False, None)
+            if got:
+                return at, picture
+            if time.monotonic() >= give_up:
+                raise FilmError(
+                    f"live camera {self._source!r}: no more pictures come. Check the camera or the file."
+                )
+            time.sleep(0.02)

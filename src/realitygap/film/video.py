@@ -8,19 +8,27 @@ from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import av
 import numpy as np
 from av.error import EOFError as EndOfFilm
 from av.error import FFmpegError
+from numpy.typing import NDArray
 
 from realitygap import whole
 from realitygap.errors import FilmError
-from realitygap.film.decoded import Image, grey, sound_or_hurt, turned
+from realitygap.values import Closing
 
-__all__ = ["FilmReader", "FilmWriter", "Frame"]
+__all__ = ["FilmReader", "FilmWriter", "Frame", "Image"]
+
+Image = NDArray[np.uint8]
+
+_LUMA_FIRST = ("yuv420p", "yuvj420p", "yuv422p", "yuvj422p", "yuv444p", "yuvj444p", "nv12", "gray")
+"""Pixel formats of 8 bits whose first plane is the brightness."""
+
+_BETWEEN = int(av.video.frame.PictureType.B)
+"""Frames that build on earlier and on later ones (type B)."""
 
 _BROKEN_IN_A_ROW = 50
 """So many packets that cannot be decoded, one after another, end a film."""
@@ -40,10 +48,10 @@ class Frame:
 
     def colour(self) -> Image:
         """The picture in red, green and blue, [height, width, 3]."""
-        return turned(self.source.to_ndarray(format="rgb24"), self.source)
+        return _turned(self.source.to_ndarray(format="rgb24"), self.source)
 
 
-class FilmReader:
+class FilmReader(Closing):
     """A film being read, a context manager and an iterator of its frames; one pass.
 
     What is wrong with the film is known when the pass is over: `trouble` then says in words where
@@ -70,22 +78,18 @@ class FilmReader:
                 return notes
         return {}
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Let go of the file."""
         self._container.close()
 
     def __iter__(self) -> Iterator[Frame]:
         begin: float | None = None
         count, damaged, last = 0, 0, 0.0
-        for source, hurt in sound_or_hurt(self._decoded()):
+        for source, hurt in _sound_or_hurt(self._decoded()):
             t = count / self._rate() if source.pts is None else float(source.pts * source.time_base)
             begin = t if begin is None else begin
             last, count, damaged = t - begin, count + 1, damaged + hurt
-            yield Frame(round(last, 9), turned(grey(source), source), hurt, source)
+            yield Frame(round(last, 9), _turned(_grey(source), source), hurt, source)
         if not count:
             raise FilmError(f"{self.path}: no frame can be read from this film. Give another file.")
         self._judge(count, damaged, last)
@@ -192,9 +196,7 @@ class FilmWriter:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if self._container is None:
             return
         try:
@@ -240,3 +242,42 @@ class FilmWriter:
             self._stream.codec_context.time_base = _TICK
         if codec == "libx264":
             self._stream.options = {"crf": f"{self._quality:g}", "preset": "veryfast"}
+
+
+def _sound_or_hurt(sources: Iterator[Any]) -> Iterator[tuple[Any, bool]]:
+    """Frames, and whether each is damaged: most frames of a film only say what changed since others.
+
+    So damage lasts until the next key frame, and it also reaches the frames just before, which build
+    on what comes after them (type B): these wait until that is known.
+    """
+    waiting: list[Any] = []
+    hurt = False
+    for source in sources:
+        if source is None:
+            hurt = True
+            continue
+        if source.pict_type == _BETWEEN:
+            waiting.append(source)
+            hurt = hurt or bool(source.is_corrupt)
+            continue
+        anew = bool(source.is_corrupt) or (hurt and not source.key_frame)
+        yield from ((one, hurt or anew) for one in waiting)
+        yield source, anew
+        waiting.clear()
+        hurt = anew
+    yield from ((one, hurt) for one in waiting)
+
+
+def _grey(source: Any) -> Image:
+    """A decoded frame's brightness; the decoder's own memory where it is one plane of 8 bits."""
+    if source.format.name in _LUMA_FIRST:
+        plane = source.planes[0]
+        rows = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)
+        return rows[: source.height, : source.width]
+    return np.asarray(source.to_ndarray(format="gray"))
+
+
+def _turned(picture: Image, source: Any) -> Image:
+    """The picture upright: telephones note how they were held instead of turning it."""
+    quarters = round(getattr(source, "rotation", 0) / 90) % 4
+    return np.ascontiguousarray(np.rot90(picture, quarters)) if quarters else picture
