@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from realitygap.correspondence.exemplars.evidence import shows
-from realitygap.correspondence.exemplars.kinds import KINDS, exemplar
+from realitygap.correspondence.exemplars.kinds import KINDS, exemplar, shows
 from realitygap.correspondence.exemplars.validation import held_out, setting_for
 from realitygap.correspondence.names import NONE, common_name, namer
 from realitygap.tasks.load import load_task

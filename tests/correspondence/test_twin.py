@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from realitygap.correspondence.exemplars.evidence import shows
-from realitygap.correspondence.exemplars.kinds import KINDS, Ruled
+from realitygap.correspondence.exemplars.kinds import KINDS, Ruled, shows
 from realitygap.correspondence.exemplars.validation import setting_for
 from realitygap.correspondence.names import namer
 from realitygap.correspondence.reading import read_trials

@@ -15,7 +15,7 @@ import pytest
 from realitygap.errors import UsageError
 from realitygap.experiments.noise.claims import CLAIMS
 from realitygap.report.noise import report as noise
-from realitygap.report.noise.aside_words import falls_words
+from realitygap.report.noise.asides import falls_words
 from realitygap.report.noise.facts import gather_facts
 from realitygap.report.noise.figures import map_figure
 from realitygap.report.noise.results import read_results

@@ -11,8 +11,8 @@ import pytest
 
 from realitygap.report import build_report
 from realitygap.report.paper_tables import PAPER_AVERAGES, PAPER_ROWS
+from realitygap.report.reading import read_scores
 from realitygap.report.scores import score_tables, scores_csv, study_tables
-from realitygap.report.words_scores import read_scores
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import load_study
 from realitygap.study.runner import run_study

@@ -71,12 +71,9 @@ class Scale:
 
 
 def scale_of(
-    distances: Distances,
-    *,
-    task: str | None = None,
-    ceiling: Sequence[Trial] | None = None,
+    distances: Distances, *, task: str | None = None, ceiling: Sequence[Trial] | None = None,
     whole: bool = True,
-) -> Scale:
+) -> Scale:  # fmt: skip
     """The scale for two sets of trials: from themselves where they allow it, else from exemplars.
 
     Args:
@@ -89,11 +86,8 @@ def scale_of(
     scale = exemplar_scale(task, starts[0], starts[1], matched=distances.matched)
     scale = _own_ceiling(scale, distances, ceiling) if ceiling else scale
     scale = _own_floor(scale, distances) if whole else scale
-    return replace(
-        scale,
-        behaviour_floor=min(scale.behaviour_floor, scale.behaviour_ceiling / 2),
-        layout_floor=min(scale.layout_floor, scale.layout_ceiling / 2),
-    )
+    low = min(scale.behaviour_floor, scale.behaviour_ceiling / 2)
+    return replace(scale, behaviour_floor=low, layout_floor=min(scale.layout_floor, scale.layout_ceiling / 2))
 
 
 def exemplar_scale(task: str | None, starts_a: int, starts_b: int, *, matched: bool = True) -> Scale:
@@ -103,15 +97,9 @@ def exemplar_scale(task: str | None, starts_a: int, starts_b: int, *, matched: b
     shrink = float(np.sqrt((1 / starts_a + 1 / starts_b) / 2))
     of = f"exemplars of {task.replace('-', ' ')}" if task else "exemplars of both tasks, by motion alone"
     which = "floor" if matched else "floor elsewhere"
-    floor = {part: min(made[part][which] * shrink, made[part]["ceiling"] / 2) for part in PARTS}
-    return Scale(
-        behaviour_floor=floor["behaviour"],
-        behaviour_ceiling=made["behaviour"]["ceiling"],
-        layout_floor=floor["layout"],
-        layout_ceiling=made["layout"]["ceiling"],
-        floor_from=of,
-        ceiling_from=of,
-    )
+    ends = {f"{part}_ceiling": made[part]["ceiling"] for part in PARTS}
+    ends |= {f"{part}_floor": min(made[part][which] * shrink, made[part]["ceiling"] / 2) for part in PARTS}
+    return Scale(**ends, floor_from=of, ceiling_from=of)
 
 
 def _own_floor(scale: Scale, distances: Distances) -> Scale:
@@ -134,29 +122,18 @@ def _own_floor(scale: Scale, distances: Distances) -> Scale:
             found[name].append(shrink * float(np.quantile(measured, FLOOR_QUANTILE)))
     if not found["behaviour"]:
         return scale
-    floor = {name: float(np.mean(values)) for name, values in found.items()}
-    return replace(
-        scale,
-        behaviour_floor=floor["behaviour"],
-        layout_floor=floor["layout"],
-        floor_from="the sets' own trials, parted in two",
-    )
+    low, layout = (float(np.mean(found[name])) for name in PARTS)
+    own = "the sets' own trials, parted in two"
+    return replace(scale, behaviour_floor=low, layout_floor=layout, floor_from=own)
 
 
 def _own_ceiling(scale: Scale, distances: Distances, ceiling: Sequence[Trial]) -> Scale:
     """How far both sets are from the other behaviour that was given."""
-    far: dict[str, list[float]] = {name: [] for name in PARTS}
-    for trials in (distances.a, distances.b):
-        between = Distances(a=trials, b=ceiling, arena=distances.arena)
-        for name in PARTS:
-            far[name].append(getattr(between, name)())
-    top = {name: max(float(np.mean(values)), 0.05) for name, values in far.items()}
-    return replace(
-        scale,
-        behaviour_ceiling=top["behaviour"],
-        layout_ceiling=top["layout"],
-        ceiling_from="the other behaviour that was given",
-    )
+    far = [Distances(a=trials, b=ceiling, arena=distances.arena) for trials in (distances.a, distances.b)]
+    means = [np.mean([getattr(between, part)() for between in far]) for part in PARTS]
+    top, layout = (max(float(mean), 0.05) for mean in means)
+    given = "the other behaviour that was given"
+    return replace(scale, behaviour_ceiling=top, layout_ceiling=layout, ceiling_from=given)
 
 
 def _parted(distances: Distances, side: Floats, draw: np.random.Generator) -> tuple[Floats, Floats]:

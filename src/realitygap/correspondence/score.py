@@ -70,14 +70,9 @@ class Comparison:
 
 
 def compare(
-    a: Sequence[Trial],
-    b: Sequence[Trial],
-    setting: Setting,
-    *,
-    ceiling: Sequence[Trial] | None = None,
-    scale: Scale | None = None,
-    resamples: int = RESAMPLES,
-) -> Comparison:
+    a: Sequence[Trial], b: Sequence[Trial], setting: Setting, *, ceiling: Sequence[Trial] | None = None,
+    scale: Scale | None = None, resamples: int = RESAMPLES,
+) -> Comparison:  # fmt: skip
     """Compare b (situated) with a (simulated).
 
     Args:
@@ -93,32 +88,27 @@ def compare(
     must_be(setting, Setting, "setting", "setting_of(trials) makes one.")
     for trials in (a, b, ceiling or []):
         require_trials(trials)
-    others = list(ceiling or [])
-    given = [a, b, others] if others else [a, b]
-    counted = len(a), len(b)
+    given = [a, b, *([ceiling] if ceiling else [])]
     cut, notes = comparable(given)
-    pairs = matched_starts(cut[0], cut[1])
+    pairs, lone = matched_starts(cut[0], cut[1]), min(map(len, given)) < 2
     ours, theirs = (_partners(trials, pairs, notes) for trials in cut[:2])
     swapped = _order(theirs) < _order(ours)  # no figure depends on which of the two is named first
-    a, b = (theirs, ours) if swapped else (ours, theirs)
-    between = Distances(a=a, b=b, arena=setting.arena, matched=bool(pairs))
-    lone = min(map(len, given)) < 2
+    first, second = (theirs, ours) if swapped else (ours, theirs)
+    between = Distances(a=first, b=second, arena=setting.arena, matched=bool(pairs))
     ends = scale or scale_of(
-        between, task=setting.exemplars, ceiling=cut[2] if others else None, whole=not lone
+        between, task=setting.exemplars, ceiling=cut[2] if ceiling else None, whole=not lone
     )
+    parted = parting_s(ours, theirs) if between.matched else []
     far = {name: getattr(between, name)() for name in PARTS}
     score, behaviour = ends.score(far), ends.part("behaviour", far["behaviour"])
     noisy, response, loops = signed(*(between.told[::-1] if swapped else between.told))
-    few = lone or min(len({t.start for t in trials}) for trials in (a, b)) < LEAST_STARTS
-    parted = parting_s(ours, theirs) if between.matched else []
     return Comparison(
-        behaviour=behaviour, layout=ends.part("layout", far["layout"]), score=score,
-        interval=None if few else _interval(between, ends, resamples),
-        differences=differences(score, behaviour, noisy, response, loops),
-        noisiness=noisy, responsiveness=response, looping=loops, matched=between.matched,
-        parting_s=_median(parted), transferability=transferability(ours, theirs) if parted else None,
-        p=two_sample_p(between), distances=far, scale=ends, setting=setting.name,
-        trials=counted, notes=tuple(notes),
+        behaviour=behaviour, layout=ends.part("layout", far["layout"]), score=score, matched=between.matched,
+        interval=_interval(between, ends, 0 if lone else resamples), noisiness=noisy, looping=loops,
+        differences=differences(score, behaviour, noisy, response, loops), responsiveness=response,
+        transferability=transferability(ours, theirs) if parted else None, parting_s=_median(parted),
+        p=two_sample_p(between), distances=far, scale=ends, setting=setting.name, notes=tuple(notes),
+        trials=(len(a), len(b)),
     )  # fmt: skip
 
 
@@ -174,8 +164,9 @@ def _order(trials: Sequence[Trial]) -> list[list[float]]:
 
 
 def _interval(between: Distances, scale: Scale, resamples: int) -> tuple[float, float] | None:
-    draw = np.random.default_rng(0)
-    scores = []
+    draw, scores = np.random.default_rng(0), []
+    if min(len({t.start for t in trials}) for trials in (between.a, between.b)) < LEAST_STARTS:
+        return None
     for _ in range(resamples):
         wa, wb = resampled_weights(between, draw)
         far = {name: getattr(between, name)(wa, wb) for name in PARTS}

@@ -74,15 +74,10 @@ def _row(run: Run) -> Row:
     best = run.best_fitness
     means = {(who, noise_level(noise)): mean_of(scores) for (who, noise), scores in run.tests.items()}
     return Row(
-        index=run.index,
-        run=run.id,
-        name=run.name,
-        evaluations=run.evaluations,
-        finished=run.finished,
+        index=run.index, run=run.id, name=run.name, evaluations=run.evaluations, finished=run.finished,
         stored=best if best is not None and math.isfinite(best) else None,
-        means={key: mean for key, mean in means.items() if mean is not None},
-        source=run,
-    )
+        means={key: mean for key, mean in means.items() if mean is not None}, source=run,
+    )  # fmt: skip
 
 
 def individual(row: Row) -> Genes:

@@ -44,8 +44,7 @@ PAPER_ROWS: Mapping[str, Mapping[float, tuple[PaperRow, ...]]] = {
     "light-seeking": {
         0.0: (
             PaperRow("three point turner", 6, "noisier", 4),
-            PaperRow("straight looper", 4, "loops more", 6),
-            PaperRow("two way turner", 6, "similar", 8),
+            PaperRow("straight looper", 4, "loops more", 6), PaperRow("two way turner", 6, "similar", 8),
             PaperRow("two way turner", 8, "noisier", 4),
             PaperRow("two way turner", 8, "a little noisier", 6),
         ),
@@ -57,14 +56,12 @@ PAPER_ROWS: Mapping[str, Mapping[float, tuple[PaperRow, ...]]] = {
             PaperRow("bobber", 5, "observably identical", 10),
         ),
         2.0: (
-            PaperRow("two way turner", 7, "much noisier", 2),
-            PaperRow("bobber", 5, "less noisy", 6),
-            PaperRow("straight looper", 3, "less noisy", 7),
-            PaperRow("two way turner", 8, "less noisy", 6),
+            PaperRow("two way turner", 7, "much noisier", 2), PaperRow("bobber", 5, "less noisy", 6),
+            PaperRow("straight looper", 3, "less noisy", 7), PaperRow("two way turner", 8, "less noisy", 6),
             PaperRow("bobber", 6, "less noisy", 6),
         ),
     },
-}
+}  # fmt: skip
 """By task and level of noise."""
 
 PAPER_AVERAGES: Mapping[str, Mapping[float, tuple[float, float]]] = {

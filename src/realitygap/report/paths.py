@@ -23,14 +23,8 @@ from realitygap.track import Track, Trajectory
 from realitygap.world.profile import Profile
 
 __all__ = [
-    "PathPanel",
-    "Scene",
-    "draw_path",
-    "pairs_figure",
-    "panels_figure",
-    "sheet_figure",
-    "tail",
-]
+    "PathPanel", "Scene", "draw_path", "pairs_figure", "panels_figure", "sheet_figure", "tail",
+]  # fmt: skip
 
 
 class Scene(NamedTuple):
@@ -77,27 +71,13 @@ def draw_path(
     draw_arena(ax, scene.arena, labels=labels)
     strokes = tail(trajectory, scene.robot.radius)
     ax.plot(
-        strokes[:, 0],
-        strokes[:, 1],
-        color=colour,
-        linewidth=look.tail_width,
-        linestyle=look.line,
-        alpha=look.tail_alpha,
-        solid_capstyle="butt",
-        zorder=3,
-        scalex=False,
-        scaley=False,
-    )
+        *strokes.T, color=colour, linewidth=look.tail_width, linestyle=look.line, alpha=look.tail_alpha,
+        solid_capstyle="butt", zorder=3, scalex=False, scaley=False,
+    )  # fmt: skip
     ax.plot(
-        strokes[:1, 0],
-        strokes[:1, 1],
-        "o",
-        markersize=4 if labels else 2.6,
-        markerfacecolor=style.PAPER,
-        markeredgecolor=style.INK,
-        markeredgewidth=1.0,
-        zorder=4.5,
-    )
+        *strokes[:1].T, "o", markersize=4 if labels else 2.6, markerfacecolor=style.PAPER,
+        markeredgecolor=style.INK, markeredgewidth=1.0, zorder=4.5,
+    )  # fmt: skip
     end = trajectory.end
     draw_robot(ax, scene.robot, (end.x, end.y, end.heading), look)
 

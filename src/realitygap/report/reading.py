@@ -1,13 +1,17 @@
-"""What a table says, in plain words computed from it: nothing here knows how it should come out."""
+"""What the tables say, in plain words computed from them: nothing here knows how it should come out."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 
+from realitygap.report.scores import SCORES, ScoreClass, ScoreTable
 from realitygap.report.statistics import Mean, difference, mean_of
 from realitygap.report.tables import NoiseClass, Table, number
+from realitygap.report.transfers import ROBOT, Group
 
-__all__ = ["read_table"]
+__all__ = ["read_scores", "read_table", "read_transfers"]
 
 
 def read_table(table: Table) -> list[str]:
@@ -130,3 +134,78 @@ def _interval(table: Table, mean: Mean) -> str:
 def _runs(count: int) -> str:
     """ "1 run", "5 runs"."""
     return f"{count} run" + ("" if count == 1 else "s")
+
+
+def read_scores(table: ScoreTable) -> list[str]:
+    """How both scores go with the noise level; nothing where there are none."""
+    where = f" on the {table.kind}" if table.kind else ""
+    told = [
+        *_told_scores(table, "behaviour", "The behaviour score averages"),
+        *_told_scores(table, "correspondence", f"The correspondence score{where} averages"),
+    ]
+    return [" ".join(told)] if told else []
+
+
+def _told_scores(table: ScoreTable, of: str, begins: str) -> Iterator[str]:
+    known = [(mean.value, one) for one in table.classes if (mean := one.mean(of)) is not None]
+    if not known:
+        return
+    said = ", ".join(f"{value:.1f} at {one.name} noise" for value, one in known)
+    place = SCORES.index(of)
+    printed = [f"{one.paper_average[place]:g}" for _, one in known if one.paper_average]
+    beside = f" (the paper’s judges: {', '.join(printed)})" if len(printed) == len(known) else ""
+    yield f"{begins} {said}{beside}{_best(known, of)}."
+
+
+def _best(known: list[tuple[float, ScoreClass]], of: str) -> str:
+    """Whether the runs tell the highest from the others, one by one."""
+    if len(known) < 2:
+        return ""
+    ranked = sorted(known, key=lambda pair: -pair[0])
+    best = ranked[0][1]
+    gaps = [difference(best.values(of), other.values(of)) for _, other in ranked[1:]]
+    if any(gap is None for gap in gaps):
+        return ""
+    sure = [gap is not None and gap.value - gap.half > 0 for gap in gaps]
+    if all(sure):
+        return (
+            f"; {best.name} noise has the highest by more than the spread among the runs explains, "
+            "though it was picked as the highest"
+        )
+    return f"; the runs do not tell {best.name} noise, the highest, from every other"
+
+
+def read_transfers(table: Table, groups: Sequence[Group], kind: str) -> str:
+    """How simulated and situated scores compare on one kind of robot, by noise level."""
+    return " ".join(_told_transfers(table, [group for group in groups if group.kind == kind], kind))
+
+
+def _told_transfers(table: Table, groups: Sequence[Group], kind: str) -> Iterator[str]:
+    where = "On Kheperas" if kind == ROBOT else f"On the {kind} (pseudo-reality)"
+    parts, drops = [], []
+    for group in groups:
+        simulated, situated, drop = (group.mean(of) for of in ("simulated", "situated", "drop"))
+        if simulated and situated and drop:
+            parts.append(
+                f"{group.name} noise {number(simulated.value / table.scale, table.places)} simulated, "
+                f"{number(situated.value / table.scale, table.places)} situated"
+            )
+            drops.append((drop.value, group))
+    if not parts:
+        yield f"{where} no transfer has scores yet."
+        return
+    yield f"{where}, by the noise they evolved under: {'; '.join(parts)}."
+    if len(drops) > 1:
+        ranked = sorted(drops, key=lambda pair: pair[0])
+        (least, first), (most, last) = ranked[0], ranked[-1]
+        gap = difference(last.values("drop"), first.values("drop"))
+        told = gap is not None and gap.value - gap.half > 0
+        yield (
+            f"The drop is least at {first.name} noise ({number(least / table.scale, table.places)}) "
+            f"and largest at {last.name} noise ({number(most / table.scale, table.places)}): "
+            + (
+                "more than the spread among the runs explains, though these two were picked as the extremes."
+                if told
+                else "these runs do not tell them apart."
+            )
+        )

@@ -15,13 +15,12 @@ from realitygap.report.gather import PER_CONDITION, Paths, TaskPart, best_so_far
 from realitygap.report.network import network_figure
 from realitygap.report.page import Figures, Picture
 from realitygap.report.paths import Scene, panels_figure, sheet_figure
-from realitygap.report.reading import read_table
+from realitygap.report.reading import read_scores, read_table
 from realitygap.report.scores import ScoreTable, score_tables, scores_csv
 from realitygap.report.situated import SituatedPart, make_situated
 from realitygap.report.statistics import mean_of
 from realitygap.report.tables import NoiseClass, Row, Table, table_csv
 from realitygap.report.transfers import Pair
-from realitygap.report.words_scores import read_scores
 from realitygap.study.load import Study
 from realitygap.tasks.task import Task
 from realitygap.transfer.score_rows import Mark
@@ -88,20 +87,14 @@ class Sections:
         few = next((one for one in scores if self.paper and shows_few(one)), None)
         read = [*(said for one in scores for said in read_scores(one)), *read_table(table)]
         return Section(
-            task=task,
-            arena=arena,
-            table=table,
-            scores=scores,
-            score_label=labels[3],
+            task=task, arena=arena, table=table, scores=scores, score_label=labels[3],
             few=None if few is None else self._few(few),
             few_sentences=[] if few is None else few_sentences(few),
             sentences=[*read, *(situated.sentences if situated else ())],
             curves=self._curves(part, table, labels[1]),
             paths=None if whole else self._chosen_paths(part, "" if situated else labels[2]),
-            situated=situated,
-            sheet=self._sheet(part),
-            networks=self._networks(part),
-        )
+            situated=situated, sheet=self._sheet(part), networks=self._networks(part),
+        )  # fmt: skip
 
     def _few(self, table: ScoreTable) -> Picture:
         told = few_words(table, self.study.config.evaluations)

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import base64
+import io
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from realitygap.report.films import Film, film_of
+from realitygap import whole
 from realitygap.report.gather import PER_CONDITION, TaskPart, chosen
 from realitygap.report.page import Figures, Picture
 from realitygap.report.paths import PathPanel, Scene, pairs_figure, sheet_figure
+from realitygap.report.reading import read_transfers
 from realitygap.report.style import SIMULATED, SITUATED
 from realitygap.report.tables import Table, number
 from realitygap.report.transfers import (
@@ -23,12 +27,27 @@ from realitygap.report.transfers import (
     shown_pair,
     transfers_csv,
 )
-from realitygap.report.words_situated import about, pair_words, read_transfers, sheet_words
+from realitygap.report.words import about, pair_words, transfer_sheet_words
 
-__all__ = ["SituatedPart", "make_situated"]
+__all__ = ["Film", "SituatedPart", "film_of", "make_situated"]
 
+FILM_PX = 720
+"""Width of a film's last frame on the page."""
 ROWS = 2 * PER_CONDITION
 """Rows of the table that a page shows of each noise level."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Film:
+    """A film's last frame under its track's tail, and the copy of the film, as seen from the page."""
+
+    head: str
+    caption: str
+    alt: str
+    picture: str
+    """A data URI."""
+    size: tuple[int, int]
+    link: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,5 +181,48 @@ def _sheet(part: TaskPart, here: Sequence[Pair], scene: Scene, name: str, listed
             rows.append([_panel(part, p, situated=True, title="situated: {}") for p in pairs])
     if many <= len(part.conditions) and len(rows) == 2 * many:
         return []
-    told = sheet_words(many, here[0].where, counted=any(p.source == "counters" for p in here))
+    told = transfer_sheet_words(many, here[0].where, counted=any(p.source == "counters" for p in here))
     return [listed.add(f"{name}-all", partial(sheet_figure, scene, rows), told)]
+
+
+def film_of(part: TaskPart, pair: Pair, report: Path) -> Film | None:
+    """A film's last frame, if there is one and it can be read; the film is copied into the report.
+
+    So the report's folder can be given away without the study's, and its films still play.
+    """
+    path = pair.folder / "tails.png"
+    if not (pair.filmed and path.is_file()):
+        return None
+    picture, size = _embedded(path)
+    film, link = pair.folder / "film.mp4", ""
+    if film.is_file():
+        link = f"films/{pair.folder.parent.name}-{pair.robot}-{pair.folder.name}.mp4"
+        _copy(film, report / link)
+    head = f"{part.names[pair.level]}, #{pair.row.index}"
+    return Film(
+        head=head,
+        caption=f"{pair.where}, start {pair.start}",
+        alt=f"Last frame of the film of {head} on {pair.where}, from above, with its tail in white.",
+        picture=picture,
+        size=size,
+        link=link,
+    )
+
+
+def _copy(film: Path, copy: Path) -> None:
+    copy.parent.mkdir(parents=True, exist_ok=True)
+    with whole.new(copy) as spare:
+        shutil.copyfile(film, spare)
+
+
+def _embedded(path: Path) -> tuple[str, tuple[int, int]]:
+    """A picture made small enough for a page, as a data URI, and its size in px."""
+    from PIL import Image
+
+    with Image.open(path) as frame:
+        wide = min(FILM_PX, frame.width)
+        size = (wide, max(1, round(frame.height * wide / frame.width)))
+        small = frame.convert("RGB").resize(size, Image.Resampling.LANCZOS)
+    buffer = io.BytesIO()
+    small.save(buffer, "JPEG", quality=82, optimize=True)
+    return f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}", size

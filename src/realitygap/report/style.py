@@ -24,20 +24,9 @@ if TYPE_CHECKING:
     from matplotlib.typing import LineStyleType, RcKeyType
 
 __all__ = [
-    "COLUMN",
-    "INHIBITORY",
-    "INK",
-    "PAGE",
-    "SIMULATED",
-    "SITUATED",
-    "Look",
-    "NoiseStyle",
-    "inline_svg",
-    "new_figure",
-    "noise_styles",
-    "save_figure",
-    "styled",
-]
+    "COLUMN", "INHIBITORY", "INK", "PAGE", "SIMULATED", "SITUATED", "Look", "NoiseStyle", "inline_svg",
+    "new_figure", "noise_styles", "save_figure", "styled",
+]  # fmt: skip
 
 COLUMN = 3.35
 """Width of one column of a two-column paper, inches."""
@@ -70,42 +59,17 @@ _VARIABLES = {
 """Colours that the page replaces by its own, so that figures follow light and dark."""
 
 _RC: dict[RcKeyType, object] = {
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],
-    "font.size": 8,
-    "axes.titlesize": 8.5,
-    "axes.labelsize": 8,
-    "xtick.labelsize": 7,
-    "ytick.labelsize": 7,
-    "legend.fontsize": 7.5,
-    "legend.frameon": False,
-    "text.color": INK,
-    "axes.labelcolor": INK,
-    "axes.edgecolor": MUTED,
-    "axes.titlecolor": INK,
-    "xtick.color": MUTED,
-    "ytick.color": MUTED,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.7,
-    "xtick.major.width": 0.7,
-    "ytick.major.width": 0.7,
-    "xtick.major.size": 3,
-    "ytick.major.size": 3,
-    "grid.color": GRID,
-    "grid.linewidth": 0.6,
-    "lines.linewidth": 1.4,
-    "figure.facecolor": PAPER,
-    "axes.facecolor": "none",
-    "savefig.facecolor": PAPER,
-    "axes.unicode_minus": True,
-    "path.simplify": False,
-    "pdf.fonttype": 42,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "realitygap",
-}
+    "font.family": "sans-serif", "font.sans-serif": ["DejaVu Sans"], "font.size": 8,
+    "axes.titlesize": 8.5, "axes.labelsize": 8, "xtick.labelsize": 7, "ytick.labelsize": 7,
+    "legend.fontsize": 7.5, "legend.frameon": False, "text.color": INK, "axes.labelcolor": INK,
+    "axes.edgecolor": MUTED, "axes.titlecolor": INK, "xtick.color": MUTED, "ytick.color": MUTED,
+    "xtick.labelcolor": INK, "ytick.labelcolor": INK, "axes.spines.top": False,
+    "axes.spines.right": False, "axes.linewidth": 0.7, "xtick.major.width": 0.7, "ytick.major.width": 0.7,
+    "xtick.major.size": 3, "ytick.major.size": 3, "grid.color": GRID, "grid.linewidth": 0.6,
+    "lines.linewidth": 1.4, "figure.facecolor": PAPER, "axes.facecolor": "none",
+    "savefig.facecolor": PAPER, "axes.unicode_minus": True, "path.simplify": False, "pdf.fonttype": 42,
+    "svg.fonttype": "none", "svg.hashsalt": "realitygap",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

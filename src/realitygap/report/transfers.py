@@ -18,18 +18,9 @@ from realitygap.track import Track
 from realitygap.transfer.load import Transferred, load_transfers
 
 __all__ = [
-    "ROBOT",
-    "TWIN",
-    "Group",
-    "Pair",
-    "groups_of",
-    "kinds_of",
-    "on_robot",
-    "pairs_of",
-    "robots_of",
-    "shown_pair",
-    "transfers_csv",
-]
+    "ROBOT", "TWIN", "Group", "Pair", "groups_of", "kinds_of", "on_robot", "pairs_of", "robots_of",
+    "shown_pair", "transfers_csv",
+]  # fmt: skip
 
 ROBOT, TWIN = "robot", "twin"
 """Kinds of situation; only the first is real."""
@@ -118,19 +109,11 @@ def pairs_of(study: Study, parts: Sequence[TaskPart]) -> dict[str, list[Pair]]:
 
 def _pair(one: Transferred, level: float, row: Row) -> Pair:
     return Pair(
-        task=one.task,
-        level=level,
-        row=row,
-        robot=one.robot,
-        individual=one.individual,
-        start=one.start,
-        simulated=_drawn(one.simulated),
-        situated=_drawn(one.situated),
-        fitness=(one.fitness_simulated, one.fitness_situated),
-        filmed=one.filmed,
-        source=one.situated_from,
-        folder=one.folder,
-    )
+        task=one.task, level=level, row=row, robot=one.robot, individual=one.individual, start=one.start,
+        simulated=_drawn(one.simulated), situated=_drawn(one.situated),
+        fitness=(one.fitness_simulated, one.fitness_situated), filmed=one.filmed,
+        source=one.situated_from, folder=one.folder,
+    )  # fmt: skip
 
 
 def _drawn(track: Track) -> Track:

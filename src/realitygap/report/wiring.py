@@ -76,13 +76,9 @@ def read_wiring(genes: np.ndarray, *, inputs: int, outputs: int) -> Wiring:
     while more := {k.source for k in links if k.weight and k.target in useful} - useful:
         useful |= more
     return Wiring(
-        inputs=inputs,
-        outputs=outputs,
-        hidden=hidden,
-        links=tuple(links),
-        thresholds={s: int(genes[s, 1]) for s in computing},
-        useful=frozenset(useful),
-    )
+        inputs=inputs, outputs=outputs, hidden=hidden, links=tuple(links),
+        thresholds={s: int(genes[s, 1]) for s in computing}, useful=frozenset(useful),
+    )  # fmt: skip
 
 
 class Layout(NamedTuple):

@@ -1,4 +1,7 @@
-"""What stands under the figures, and what is told to those who cannot see them."""
+"""What stands under the figures, and what is told to those who cannot see them.
+
+"Real" and "reality" are kept for hardware; the twin is a stand-in, pseudo-reality.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,14 @@ import numpy as np
 
 from realitygap.report.gather import PER_CONDITION, TaskPart
 from realitygap.report.page import Words
-from realitygap.report.wiring import read_wiring
+from realitygap.report.transfers import Pair
+from realitygap.report.wiring import OUTPUTS, read_wiring
 from realitygap.world.profile import Profile
 
-__all__ = ["arena_words", "curve_words", "network_words", "path_words", "robot_words", "sheet_words"]
+__all__ = [
+    "about", "arena_words", "curve_words", "network_words", "pair_words", "path_words", "robot_words",
+    "sheet_words", "transfer_sheet_words",
+]  # fmt: skip
 
 
 def robot_words(profile: Profile) -> Words:
@@ -102,7 +109,7 @@ def sheet_words(part: TaskPart, seen: str) -> Words:
 
 def network_words(genes: np.ndarray, title: str, inputs: int, *, champion: bool) -> Words:
     """Of one network."""
-    wiring = read_wiring(genes, inputs=inputs, outputs=2)
+    wiring = read_wiring(genes, inputs=inputs, outputs=OUTPUTS)
     links = sum(wiring.works(link) for link in wiring.links)
     hidden = sum(h in wiring.useful for h in wiring.hidden)
     who = "Retested champion" if champion else "Fittest so far"
@@ -111,3 +118,69 @@ def network_words(genes: np.ndarray, title: str, inputs: int, *, champion: bool)
         f"{k.source} to {k.target} weight {k.weight} delay {k.delay}" for k in wiring.links if wiring.works(k)
     )
     return Words(f"Network of {title}: {facts}. {spelled}.", f"{who}, {title}: {facts}.")
+
+
+SOURCES = {
+    "film": "tracked in a film from above",
+    "camera": "tracked by the camera above, ten times a second",
+    "counters": "reckoned from the wheels’ counters, which do not see a wheel slip",
+    "robot": "as the robot itself knows it",
+}
+"""Where a situated path comes from."""
+
+
+def about(pairs: Sequence[Pair]) -> str:
+    """What "situated" means on this page."""
+    twin, robot = any(pair.twin for pair in pairs), not all(pair.twin for pair in pairs)
+    stand_in = (
+        "a physics twin of the robot, with sensors, wheels and noise of its own: a stand-in, "
+        "called pseudo-reality, in other code than the simulation’s, though sizes of noise, arenas "
+        "and starts have common sources. It is not a robot"
+    )
+    if twin and robot:
+        return f"Situated means: on a Khepera, or on {stand_in}; each row says which."
+    return f"Situated means: on {stand_in}." if twin else "Situated means: on a Khepera."
+
+
+def pair_words(part: TaskPart, shown: Sequence[Pair]) -> Words:
+    """Of figure 3 or 5."""
+    return Words(f"Paths. {_seen(part, shown)}.", _caption(part, shown))
+
+
+def transfer_sheet_words(many: int, where: str, *, counted: bool) -> Words:
+    """Of the sheet with every transferred run's paths; `counted`: some are from the wheels' counters."""
+    alt = f"Simulated and situated paths of {many} runs, each from its first start."
+    caption = f"{alt} Simulated above, {where} below; the number is the path’s score."
+    if counted:
+        caption += " A path that leaves the room is reckoned from counters of wheels that slipped at a wall."
+    return Words(alt, caption)
+
+
+def _caption(part: TaskPart, shown: Sequence[Pair]) -> str:
+    """What stands under figure 3 or 5."""
+    where, unit = shown[0].where, part.task.fitness_unit
+    what = f"{where}, a physics stand-in for the robot (pseudo-reality)" if shown[0].twin else f"the {where}"
+    sources = {pair.source for pair in shown}
+    source = ", or ".join(words for name, words in SOURCES.items() if name in sources)
+    who = {"champion": "retested champion", "fittest": "fittest individual"}
+    names = {who.get(pair.individual, pair.individual) for pair in shown}
+    name = names.pop() if len(names) == 1 else "individual"
+    many = any(len(c.rows) > 1 for c in part.conditions)
+    return (
+        f"Above: simulated (thin whole strokes, empty body), at the noise that each {name} evolved under. "
+        f"Below: situated (broad broken strokes, filled body), on {what}; the path is {source}. "
+        + ("For each noise level the median run on fresh trials, where it was transferred. " if many else "")
+        + "Both from the same start (ring). After the colon: the path’s score"
+        + (f" in {unit}. " if unit else ". ")
+        + "Each stroke of the tail joins the robot’s centre to its leading edge, every 0.1 s; none is erased."
+    )
+
+
+def _seen(part: TaskPart, shown: Sequence[Pair]) -> str:
+    """The paths' ends, for those who cannot see them."""
+    return "; ".join(
+        f"{part.names[p.level]}: from ({p.simulated.x[0]:.0f}, {p.simulated.y[0]:.0f}) simulated to "
+        f"({p.simulated.x[-1]:.0f}, {p.simulated.y[-1]:.0f}), on {p.where} to "
+        f"({p.situated.x[-1]:.0f}, {p.situated.y[-1]:.0f}) cm"
+        for p in shown
+    )

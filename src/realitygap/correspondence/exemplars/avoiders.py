@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from realitygap.values import Command
 
-__all__ = ["AVOIDERS", "Draw", "Rule"]
+__all__ = ["AVOIDERS", "Draw", "Rule", "turning"]
 
 Rule = Callable[[NDArray[np.float64]], Command]
 """Eight readings of one step, in the Khepera's order, to wheel commands."""
@@ -31,7 +31,7 @@ def one_way_turner(draw: Draw) -> Rule:
         nonlocal left
         left = holds if p[1:5].max() > feels else left - 1
         if left > 0:
-            return _turn(-back, side * spin)
+            return turning(-back, side * spin)
         return Command(left=cruise, right=cruise)
 
     return rule
@@ -51,7 +51,7 @@ def two_way_turner(draw: Draw) -> Rule:
             left = holds
         else:
             left -= 1
-        return _turn(0, side * spin) if left > 0 else Command(left=cruise, right=cruise)
+        return turning(0, side * spin) if left > 0 else Command(left=cruise, right=cruise)
 
     return rule
 
@@ -69,12 +69,12 @@ def wall_follower(draw: Draw) -> Rule:
         beside, ahead = (p[[0, 1]], p[[1, 2, 3]]) if side > 0 else (p[[5, 4]], p[[4, 3, 2]])
         if ahead[1:].max() > feels:
             met = True
-            return _turn(0, -side * spin)
+            return turning(0, -side * spin)
         if beside.max() < 60:  # nothing there: straight until the first surface, then round corners
-            return _turn(cruise, side * bend if met else 0)
+            return turning(cruise, side * bend if met else 0)
         met = True
         off = float(np.clip(gain * (target - beside.max()), -2.5, bend))
-        return _turn(cruise, side * off)
+        return turning(cruise, side * off)
 
     return rule
 
@@ -90,7 +90,7 @@ def one_way_looper(draw: Draw) -> Rule:
     def rule(p: NDArray[np.float64]) -> Command:
         nonlocal left
         left = holds if p[1:5].max() > feels else left - 1
-        return _turn(0, side * spin) if left > 0 else _turn(cruise, side * bend)
+        return turning(0, side * spin) if left > 0 else turning(cruise, side * bend)
 
     return rule
 
@@ -104,7 +104,7 @@ AVOIDERS: dict[str, Callable[[Draw], Rule]] = {
 """Table 1's kinds of behaviour."""
 
 
-def _turn(forward: float, left: float) -> Command:
+def turning(forward: float, left: float) -> Command:
     """Wheel commands for a speed and a turn to the left."""
     clip = np.clip(np.round([forward - left, forward + left]), -10, 10).astype(int)
     return Command(left=int(clip[0]), right=int(clip[1]))

@@ -2,18 +2,23 @@
 
 No two exemplars are the same robot: each has its own numbers, its own infrared and light gains and
 its own wheels, so that what is learnt of them is the kind and not the unit.
+
+A trial counts where the robot did, for half a second in all, each thing that its kind's definition names:
+a two way turner that happens to meet everything at its left turns to the right only, and no judge could
+tell it from a one way turner. That is asked of the controller's own commands, never of the track, and says
+nothing of how a trial is named; it is the same for the exemplars that names are learnt from and for those
+that they are tried on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from realitygap.correspondence.exemplars.avoiders import AVOIDERS, Draw, Rule
-from realitygap.correspondence.exemplars.evidence import shows
-from realitygap.correspondence.exemplars.nobodies import NOBODIES
+from realitygap.correspondence.exemplars.avoiders import AVOIDERS, Draw, Rule, turning
 from realitygap.correspondence.exemplars.seekers import SEEKERS
 from realitygap.correspondence.trials import Trial
 from realitygap.simulation.body import SimulatedBody
@@ -22,12 +27,72 @@ from realitygap.tasks.load import load_task
 from realitygap.values import Command, Pose, Readings
 from realitygap.world.profile import Profile, load_profile
 
-__all__ = ["KINDS", "Ruled", "another_unit", "exemplar", "kinds_of", "live"]
+__all__ = ["KINDS", "NOBODIES", "Ruled", "another_unit", "exemplar", "kinds_of", "live", "shows"]
 
 KINDS = {"obstacle-avoidance": AVOIDERS, "light-seeking": SEEKERS}
 """The paper's kinds of behaviour, by task (tables 1 and 2)."""
 DRAWS = 50
 """An exemplar is drawn so often at most; one in three shows no mark where that is rarest."""
+MARK_STEPS = 5
+"""Half a second of commands."""
+
+MARKS: dict[str, dict[str, tuple[str, ...]]] = {
+    "obstacle-avoidance": {
+        "one way turner": ("straight", "turn"),
+        "two way turner": ("straight", "left", "right"),
+        "wall follower": ("forward", "turn"),
+        "one way looper": ("turn",),
+    },
+    "light-seeking": {
+        "three point turner": ("straight", "back", "forward"),
+        "straight looper": ("straight", "turn"),
+        "two way turner": ("forward", "left", "right"),
+        "bobber": ("forward", "back"),
+    },
+}
+"""By task and kind, what its definition names; a kind that is not here shows itself in any trial."""
+
+
+def standing(draw: Draw) -> Rule:
+    """Stands."""
+    return lambda _: Command(left=0, right=0)
+
+
+def spinning(draw: Draw) -> Rule:
+    """Turns on the spot."""
+    spin = int(draw.choice([-1, 1])) * int(draw.integers(1, 11))
+    return lambda _: turning(int(draw.integers(-1, 2)), spin)
+
+
+def random_walker(draw: Draw) -> Rule:
+    """Wheels that change by chance, every step or every second or so."""
+    lasts, pace = draw.uniform(1, 15), draw.uniform(0, 5)
+    bias = draw.uniform(0, 4)
+    now = Command(left=0, right=0)
+
+    def rule(_: NDArray[np.float64]) -> Command:
+        nonlocal now
+        if draw.random() < 1 / lasts:
+            turn = draw.uniform(-1, 1) * (3 + pace)
+            now = turning(draw.uniform(-pace, pace) + bias, turn)
+        return now
+
+    return rule
+
+
+def blind(draw: Draw) -> Rule:
+    """Drives on until it meets a wall, and goes on pushing."""
+    pace, bend = int(draw.integers(2, 11)) * int(draw.choice([-1, 1])), int(draw.integers(-1, 2))
+    return lambda _: turning(pace, bend if abs(pace) > 5 else 0)
+
+
+NOBODIES: dict[str, Callable[[Draw], Rule]] = {
+    "standing": standing,
+    "spinning": spinning,
+    "random walker": random_walker,
+    "blind": blind,
+}
+"""Exemplars of "none of these": robots that take no notice of anything, or do not move."""
 
 
 class Ruled:
@@ -84,12 +149,9 @@ def live(
         body.clock.sleep_until(begun + (k + 1) * 0.1)
         poses.append(body.pose)
     return Trial(
-        x=np.array([p.x for p in poses]),
-        y=np.array([p.y for p in poses]),
-        heading=np.unwrap([p.heading for p in poses]),
-        start=start,
-        source="simulation",
-    )
+        x=np.array([p.x for p in poses]), y=np.array([p.y for p in poses]),
+        heading=np.unwrap([p.heading for p in poses]), start=start, source="simulation",
+    )  # fmt: skip
 
 
 def another_unit(profile: Profile, draw: Draw) -> Profile:
@@ -119,7 +181,7 @@ def exemplar(task: str, kind: str, seed: int, noise: float, *, marked: bool = Tr
     """One exemplar's trial; everything about it follows from its seed.
 
     Args:
-        marked: draw again, robot and start, until the trial shows its kind's mark (`marks`).
+        marked: draw again, robot and start, until the trial shows its kind's mark (`MARKS`).
     """
     draw = np.random.default_rng([seed, len(kind), *kind.encode()])
     todo = load_task(task)
@@ -130,3 +192,23 @@ def exemplar(task: str, kind: str, seed: int, noise: float, *, marked: bool = Tr
         if not marked or shows(task, kind, controller.commands):
             return trial
     raise RuntimeError(f"no {kind} in {DRAWS} draws showed its mark")  # fails a maker's check, not a user's
+
+
+def shows(task: str, kind: str, commands: Sequence[Command]) -> bool:
+    """Whether a trial's commands hold all that makes its kind."""
+    wheels = np.array([(c.left, c.right) for c in commands], np.float64).reshape(-1, 2)
+    done = _done(wheels[:, 0], wheels[:, 1])
+    return all(int(done[thing].sum()) >= MARK_STEPS for thing in MARKS[task].get(kind, ()))
+
+
+def _done(left: NDArray[np.float64], right: NDArray[np.float64]) -> dict[str, NDArray[np.bool_]]:
+    """Which steps do what, by name, [n] each."""
+    ahead = left + right
+    return {
+        "forward": ahead > 0,
+        "back": ahead < 0,
+        "straight": (left == right) & (ahead > 0),
+        "turn": left != right,
+        "left": right > left,
+        "right": left > right,
+    }

@@ -20,15 +20,8 @@ from realitygap.tasks.load import load_task
 from realitygap.world.profile import Profile, load_profile
 
 __all__ = [
-    "COMPARERS",
-    "GAINS",
-    "NOISES",
-    "Behaviour",
-    "behaviours",
-    "ladders_of",
-    "with_gain",
-    "with_steering",
-]
+    "COMPARERS", "GAINS", "NOISES", "Behaviour", "behaviours", "ladders_of", "with_gain", "with_steering",
+]  # fmt: skip
 
 GAINS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15)
 NOISES = (1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 8.0)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.correspondence.exemplars.avoiders import Draw, Rule, _turn
+from realitygap.correspondence.exemplars.avoiders import Draw, Rule, turning
 from realitygap.values import Command
 
 __all__ = ["SEEKERS"]
@@ -36,8 +36,8 @@ def two_way_turner(draw: Draw) -> Rule:
         if abs(more) > 60:
             way = 1 if more > 0 else -1
         if not _ahead(lit, 330):  # the lamp is beside or behind: turn where it was brighter
-            return _turn(1, way * spin)
-        return _turn(cruise, float(np.clip(gain * more, -most, most)))
+            return turning(1, way * spin)
+        return turning(cruise, float(np.clip(gain * more, -most, most)))
 
     return rule
 
@@ -53,7 +53,7 @@ def straight_looper(draw: Draw) -> Rule:
         lit = DARK - a
         if _ahead(lit, seen, pair) and lit.max() < GLARE:
             return Command(left=cruise, right=cruise)
-        return _turn(loop, side * bend)
+        return turning(loop, side * bend)
 
     return rule
 
@@ -74,7 +74,7 @@ def three_point_turner(draw: Draw) -> Rule:
             return Command(left=cruise, right=cruise)
         backing = k % (back + on) < back
         k += 1
-        return _turn(-pace if backing else pace, side * bend)
+        return turning(-pace if backing else pace, side * bend)
 
     return rule
 
@@ -95,7 +95,7 @@ def bobber(draw: Draw) -> Rule:
             way = 1 if more > 0 else -1
         k += 1
         bend = float(np.clip(gain * more, -most, most)) if _ahead(lit, 330) else way * most
-        return _turn(pace if k % (on + back) < on else -pace, bend)
+        return turning(pace if k % (on + back) < on else -pace, bend)
 
     return rule
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from realitygap.experiments.noise.claims import Contrast, Finding
-from realitygap.report.noise.aside_words import (
+from realitygap.report.noise.asides import (
     CHANNELS,
     effect_words,
     ends_words,
