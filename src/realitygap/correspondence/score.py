@@ -98,7 +98,6 @@ def compare(
     ends = scale or scale_of(
         between, task=setting.exemplars, ceiling=cut[2] if ceiling else None, whole=not lone
     )
-    parted = parting_s(ours, theirs) if between.matched else []
     far = {name: getattr(between, name)() for name in PARTS}
     score, behaviour = ends.score(far), ends.part("behaviour", far["behaviour"])
     noisy, response, loops = signed(*(between.told[::-1] if swapped else between.told))
@@ -106,9 +105,9 @@ def compare(
         behaviour=behaviour, layout=ends.part("layout", far["layout"]), score=score, matched=between.matched,
         interval=_interval(between, ends, 0 if lone else resamples), noisiness=noisy, looping=loops,
         differences=differences(score, behaviour, noisy, response, loops), responsiveness=response,
-        transferability=transferability(ours, theirs) if parted else None, parting_s=_median(parted),
+        transferability=transferability(ours, theirs) if between.matched else None,
+        parting_s=_median(parting_s(ours, theirs) if between.matched else []), trials=(len(a), len(b)),
         p=two_sample_p(between), distances=far, scale=ends, setting=setting.name, notes=tuple(notes),
-        trials=(len(a), len(b)),
     )  # fmt: skip
 
 
