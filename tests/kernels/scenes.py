@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from realitygap.kernels import batch
-from realitygap.kernels.params import Networks, Trial
+from realitygap.kernels.params import Networks, Trial, World
 from realitygap.kernels.work import MOTOR_NOISE, new_work, noise_blocks
 from realitygap.world.arena import Arena, Cylinder, Lamp, load_arena
 from realitygap.world.profile import Profile, load_profile
@@ -150,7 +150,9 @@ def readings(profile: Profile, arena: Arena, pose) -> tuple[np.ndarray, np.ndarr
     ambient = np.zeros((1, len(profile.ambient.sensors)))
     noise = np.zeros(16 * noise_blocks(max(proximity.size, ambient.size)))
     streams = np.zeros(1, np.uint64)
-    batch.probe(profile.to_kernel(), arena.to_kernel(), 0.0, streams, work, noise, proximity, ambient)
+    nothing = Trial(steps=0, feed=0, channels=np.zeros(0, np.int64), start=np.zeros(5))
+    world = World(robot=profile.to_kernel(), arena=arena.to_kernel(), task=nothing, level=0.0)
+    batch.probe(world, streams, work, noise, proximity, ambient)
     return proximity[0], ambient[0]
 
 

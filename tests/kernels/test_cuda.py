@@ -14,7 +14,7 @@ from realitygap.controller.handmade import braitenberg
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import decode
 from realitygap.kernels import batch
-from realitygap.kernels.params import Path
+from realitygap.kernels.params import Path, World
 from realitygap.kernels.trial import draw_start, run_trial
 from realitygap.kernels.work import new_work
 from realitygap.tasks import load_task
@@ -34,13 +34,13 @@ def cuda_or_skip():
     return importlib.import_module("numba.cuda")
 
 
-def some_trials(robot, arena, task, nets, level, streams, work, paths):
+def some_trials(world, nets, streams, work, paths):
     """The kernel: one thread goes through the trials one after the other."""
     for t in range(streams.shape[0]):
-        draw_start(task, streams[t], work.start)
+        draw_start(world.task, streams[t], work.start)
         p = paths[t]
         path = Path(p[0], p[1], p[2], p[3], p[4], p[5])
-        run_trial(robot, arena, task, nets, 0, level, streams[t], work.start, work, path)
+        run_trial(world, nets, 0, streams[t], work, path)
 
 
 def arguments(name: str):
@@ -50,7 +50,8 @@ def arguments(name: str):
     trial = task.to_kernel(PAPER)
     work = new_work(PAPER.to_kernel(), trial, nets)
     streams, paths = np.arange(TRIALS, dtype=np.uint64), np.zeros((TRIALS, 6, STEPS))
-    return PAPER.to_kernel(), task.arena.to_kernel(), trial, nets, 1.0, streams, work, paths
+    world = World(robot=PAPER.to_kernel(), arena=task.arena.to_kernel(), task=trial, level=1.0)
+    return world, nets, streams, work, paths
 
 
 def test_steps_compile_for_a_gpu(monkeypatch):
@@ -80,12 +81,11 @@ def test_a_gpu_agrees_with_the_cpu(name):
     cuda = cuda_or_skip()
     if not cuda.is_available():
         pytest.skip("no NVIDIA GPU here")
-    *head, streams, work, paths = arguments(name)
-    cuda.jit(some_trials)[1, 1](*head, streams, work, paths)
-    robot, arena, trial, nets, level = head
+    world, nets, streams, work, paths = arguments(name)
+    cuda.jit(some_trials)[1, 1](world, nets, streams, work, paths)
     expected = np.zeros_like(paths)
     which = np.zeros(TRIALS, np.int64)
-    batch.run_trials(robot, arena, trial, nets, which, level, streams, expected, work)
+    batch.run_trials(world, nets, which, streams, expected, work)
     np.testing.assert_allclose(paths[:, :5, :10], expected[:, :5, :10], rtol=1e-9, atol=1e-9)
     # Later a rounding may tip one count of one reading: the courses stay close.
     np.testing.assert_allclose(paths[:, :2], expected[:, :2], atol=1.0)

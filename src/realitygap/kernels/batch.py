@@ -27,35 +27,37 @@ from realitygap.streams import ASIDE
 
 
 @kernel
-def run_trials(robot, arena, task, nets, which, level, streams, paths, work):
+def run_trials(world, nets, which, streams, paths, work):
     """Trial t is network which[t] on streams[t] from a start drawn there, into paths[t].
 
     `paths` is [trials, 6, steps]: the rows of params.Path.
     """
     for t in range(which.shape[0]):
-        draw_start(task, streams[t], work.start)
+        draw_start(world.task, streams[t], work.start)
         p = paths[t]
         path = Path(p[0], p[1], p[2], p[3], p[4], p[5])
-        run_trial(robot, arena, task, nets, which[t], level, streams[t], work.start, work, path)
+        run_trial(world, nets, which[t], streams[t], work, path)
 
 
 @step
-def sense_aside(robot, arena, feed, level, noise, stream, k, work, readings):
+def sense_aside(world, stream, k, work, aside):
     """Readings of the sensors that feed nobody in this trial, with noise of their own stream."""
+    feed = world.task.feed
     if feed == AMBIENT:
-        infrared(robot, arena, work, readings)
+        infrared(world.robot, world.arena, work, aside.readings)
     else:
-        ambient(robot, arena, work, readings)
-    if level > 0.0:
-        normals(substream(stream, ASIDE), DRAWS * noise_blocks(readings.shape[0]) * k, noise)
-    read(robot, PROXIMITY + AMBIENT - feed, level, noise, readings)
+        ambient(world.robot, world.arena, work, aside.readings)
+    if world.level > 0.0:
+        blocks = noise_blocks(aside.readings.shape[0])
+        normals(substream(stream, ASIDE), DRAWS * blocks * k, aside.noise)
+    read(world.robot, PROXIMITY + AMBIENT - feed, world.level, aside.noise, aside.readings)
 
 
 @step
-def keep_readings(proximity, ambients, feed, aside, work, record, k):
+def keep_readings(feed, aside, work, record, k):
     """Write both kinds of readings, and what was made of them, into row `k` of the record."""
-    fed = ambients if feed == AMBIENT else proximity
-    other = proximity if feed == AMBIENT else ambients
+    fed = record.ambient if feed == AMBIENT else record.proximity
+    other = record.proximity if feed == AMBIENT else record.ambient
     for i in range(work.readings.shape[0]):
         fed[k, i] = work.readings[i]
     for i in range(aside.shape[0]):
@@ -67,23 +69,20 @@ def keep_readings(proximity, ambients, feed, aside, work, record, k):
 
 
 @kernel
-def record_trial(robot, arena, task, nets, level, stream, path, work, aside, noise, record):
-    """One trial of network 0 from work.start, noted in `path` and kept whole in `record`.
-
-    The same draws and so the same bits as run_trials; `aside` and `noise` are scratch for the
-    sensors that feed nobody.
-    """
+def record_trial(world, nets, stream, work, aside, record):
+    """One trial of network 0 from work.start, kept whole in `record`: the bits of run_trials."""
+    robot, task, level = world.robot, world.task, world.level
     begin(nets, 0, work.start, work)
     for k in range(task.steps):
         draw_noise(level, stream, k, work.readings.shape[0], work)
-        sense(robot, arena, task.feed, level, work)
-        sense_aside(robot, arena, task.feed, level, noise, stream, k, work, aside)
+        sense(robot, world.arena, task.feed, level, work)
+        sense_aside(world, stream, k, work, aside)
         feed_network(robot, task, work)
-        keep_readings(record.proximity, record.ambient, task.feed, aside, work, record, k)
+        keep_readings(task.feed, aside.readings, work, record, k)
         think(nets, 0, work)
         act(robot, nets, 0, level, work)
-        move(robot, arena, work)
-        note(path, k, work)
+        move(robot, world.arena, work)
+        note(record.path, k, work)
         for w in range(2):
             record.commands[k, w] = output(nets, 0, work, w)
             record.wheels[k, w] = work.wheel[w, 0] / robot.speed_per_unit[w]
@@ -97,11 +96,12 @@ def draw_starts(task, streams, starts):
 
 
 @kernel
-def probe(robot, arena, level, streams, work, noise, proximity, ambients):
+def probe(world, streams, work, noise, proximity, ambients):
     """What all sensors read at work.start, once for each stream, into proximity[t], ambients[t].
 
     Without noise the readings are left as the model gives them, unrounded.
     """
+    robot, arena, level = world.robot, world.arena, world.level
     stand(work.start, work)
     for t in range(streams.shape[0]):
         infrared(robot, arena, work, proximity[t])

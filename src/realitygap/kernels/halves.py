@@ -29,20 +29,20 @@ def set_down(nets, work):
 
 
 @kernel
-def sense_now(robot, arena, feed, level, stream, k, both, work, aside, noise):
+def sense_now(world, stream, k, both, work, aside):
     """What the sensors read in step `k`: the fed ones into work.readings, the others into `aside`.
 
     A function of the trial's stream, the step and where the robot is: the bits of record_trial.
     """
-    draw_noise(level, stream, k, work.readings.shape[0], work)
-    sense(robot, arena, feed, level, work)
+    draw_noise(world.level, stream, k, work.readings.shape[0], work)
+    sense(world.robot, world.arena, world.task.feed, world.level, work)
     if both:
-        sense_aside(robot, arena, feed, level, noise, stream, k, work, aside)
+        sense_aside(world, stream, k, work, aside)
 
 
 @kernel
-def move_on(robot, arena, nets, level, stream, k, work):
+def move_on(world, nets, stream, k, work):
     """Step `k`'s wheels and movement, under the commands in work.outputs."""
-    draw_noise(level, stream, k, work.readings.shape[0], work)
-    act(robot, nets, 0, level, work)
-    move(robot, arena, work)
+    draw_noise(world.level, stream, k, work.readings.shape[0], work)
+    act(world.robot, nets, 0, world.level, work)
+    move(world.robot, world.arena, work)

@@ -175,6 +175,16 @@ class Trial(NamedTuple):
     """[5] centre x, centre y, radius of the disc of starts, lowest and highest heading."""
 
 
+class World(NamedTuple):
+    """All that a trial happens in."""
+
+    robot: Robot
+    arena: Arena
+    task: Trial
+    level: float
+    """Of noise: 1 is observed."""
+
+
 class Networks(NamedTuple):
     """N decoded networks. Neurons are numbered densely: outputs 0 (left) and 1 (right) first,
     then the hidden ones; links are grouped by their target and sorted by source kind."""

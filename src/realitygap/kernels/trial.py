@@ -146,14 +146,14 @@ def note(path, k, work):
 
 
 @step
-def run_trial(robot, arena, task, nets, n, level, stream, pose, work, path):
-    """One trial of network `n` from `pose`, noted in `path`."""
-    begin(nets, n, pose, work)
-    for k in range(task.steps):
-        draw_noise(level, stream, k, work.readings.shape[0], work)
-        sense(robot, arena, task.feed, level, work)
-        feed_network(robot, task, work)
+def run_trial(world, nets, n, stream, work, path):
+    """One trial of network `n` from work.start, noted in `path`."""
+    begin(nets, n, work.start, work)
+    for k in range(world.task.steps):
+        draw_noise(world.level, stream, k, work.readings.shape[0], work)
+        sense(world.robot, world.arena, world.task.feed, world.level, work)
+        feed_network(world.robot, world.task, work)
         think(nets, n, work)
-        act(robot, nets, n, level, work)
-        move(robot, arena, work)
+        act(world.robot, nets, n, world.level, work)
+        move(world.robot, world.arena, work)
         note(path, k, work)

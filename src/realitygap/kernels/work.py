@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from realitygap.kernels.jit import step
 from realitygap.kernels.network import ROWS
-from realitygap.kernels.params import LANES, RAYS, F, Networks, Robot, Trial
+from realitygap.kernels.params import LANES, RAYS, F, Networks, Path, Robot, Trial
 
 DRAWS = 8
 """Random draws of one block of noise, which make 16 normal numbers."""
@@ -72,9 +72,17 @@ class Work(NamedTuple):
     """[P] the numbers of those sensors."""
 
 
+class Aside(NamedTuple):
+    """Scratch for the sensors that feed nobody: their readings, and normal numbers of their own."""
+
+    readings: F
+    noise: F
+
+
 class Record(NamedTuple):
     """A trial in full, a row a step: see realitygap.track.Trajectory."""
 
+    path: Path
     pose: F
     """[steps, 3] x, y, heading at the step's beginning."""
     proximity: F
@@ -88,6 +96,17 @@ class Record(NamedTuple):
 def noise_blocks(sensors):
     """Blocks of 16 normal numbers that a step needs for `sensors` readings and the motors."""
     return (sensors + MOTOR_NOISE + 15) // 16
+
+
+def new_noise(sensors: int) -> F:
+    """Room for a step's normal numbers."""
+    return np.zeros(16 * noise_blocks(sensors))
+
+
+def new_aside(robot: Robot, task: Trial) -> Aside:
+    """Scratch for the sensors that the task does not feed."""
+    sensors = len(robot.proximity_place if task.feed else robot.ambient_place)
+    return Aside(readings=np.zeros(sensors), noise=new_noise(sensors))
 
 
 def spread_fan(robot: Robot) -> F:
@@ -123,7 +142,7 @@ def new_work(robot: Robot, task: Trial, nets: Networks) -> Work:
         terms=np.zeros(rays), light=np.zeros(rays), far=np.zeros(rays), hidden=np.zeros(rays),
         end_x=np.zeros(rays), end_y=np.zeros(rays), normal_x=np.zeros(rays), normal_y=np.zeros(rays),
         incidence=np.zeros(wide),
-        noise=np.zeros(16 * noise_blocks(sensors)), readings=np.zeros(sensors),
+        noise=new_noise(sensors), readings=np.zeros(sensors),
         pose=np.zeros(5), start=np.zeros(3), wheel=np.zeros((2, 9)), ground=np.zeros(3),
         base=np.zeros(neurons, np.int32), outputs=np.zeros(ROWS * neurons, np.int32),
         link_end=np.zeros(neurons, np.uint64), link_back=np.zeros(links, np.uint64),

@@ -12,7 +12,7 @@ import numpy as np
 from realitygap.errors import UsageError
 from realitygap.kernels import halves
 from realitygap.kernels.params import STEP_S
-from realitygap.kernels.work import MOTOR_NOISE, new_work
+from realitygap.kernels.work import new_aside, new_work
 from realitygap.robots.body import KINDS, Channel, Odometry
 from realitygap.robots.clock import SteppedClock
 from realitygap.simulation.simulation import Simulation
@@ -61,8 +61,8 @@ class SimulatedBody:
         self.simulation = simulation
         self.stream = stream
         self.kinds = tuple(kind for kind in KINDS if kind in kinds)
-        cores = simulation._cores
-        self._robot, self._arena, self._trial = cores.robot, cores.arena, cores.trial
+        self._world = simulation._cores.world
+        robot, trial = self._world.robot, self._world.task
         near, light = simulation.profile.infrared, simulation.profile.ambient
         there = {"proximity": (len(near.sensors), near.top), "ambient": (len(light.sensors), light.top)}
         self.channels = tuple(
@@ -71,10 +71,8 @@ class SimulatedBody:
             if there[kind][0]
         )
         self._nobody = halves.quiet()
-        self._work = new_work(self._robot, self._trial, self._nobody)
-        sensors = len(self._robot.proximity_place if self._trial.feed else self._robot.ambient_place)
-        self._aside = np.zeros(sensors)
-        self._noise = np.zeros(16 * ((sensors + MOTOR_NOISE + 15) // 16))
+        self._work = new_work(robot, trial, self._nobody)
+        self._aside = new_aside(robot, trial)
         self.clock = SteppedClock(self._step, STEP_S)
         self._set_down(simulation.start(stream))
 
@@ -87,7 +85,7 @@ class SimulatedBody:
     @property
     def wheels(self) -> tuple[float, float]:
         """What the wheels do, Khepera units."""
-        left, right = self._work.wheel[:, 0] / self._robot.speed_per_unit
+        left, right = self._work.wheel[:, 0] / self._world.robot.speed_per_unit
         return float(left), float(right)
 
     @property
@@ -105,13 +103,11 @@ class SimulatedBody:
 
     def sense(self) -> Readings:
         """What the sensors read now, counts; empty for a kind that is not read."""
-        fed = KINDS[self._trial.feed]
-        halves.sense_now(
-            self._robot, self._arena, self._trial.feed, self.simulation.noise, np.uint64(self._drawn_from),
-            self._k, self.kinds != (fed,), self._work, self._aside, self._noise,
-        )  # fmt: skip
+        fed = KINDS[self._world.task.feed]
+        both = self.kinds != (fed,)
+        halves.sense_now(self._world, np.uint64(self._drawn_from), self._k, both, self._work, self._aside)
         self._odometry = self._wheel_counts()
-        read = {fed: self._work.readings, KINDS[1 - self._trial.feed]: self._aside}
+        read = {fed: self._work.readings, KINDS[1 - self._world.task.feed]: self._aside.readings}
         kept = {kind: (read[kind] if kind in self.kinds else read[kind][:0]).copy() for kind in KINDS}
         return Readings(**kept)
 
@@ -149,10 +145,7 @@ class SimulatedBody:
 
     def _step(self) -> None:
         """100 ms of the simulation."""
-        halves.move_on(
-            self._robot, self._arena, self._nobody, self.simulation.noise, np.uint64(self._drawn_from),
-            self._k, self._work,
-        )  # fmt: skip
+        halves.move_on(self._world, self._nobody, np.uint64(self._drawn_from), self._k, self._work)
         self._k += 1
         for i, speed in enumerate(self.wheels):
             self._pulses[i] += PULSES_PER_STEP * speed

@@ -17,7 +17,7 @@ from realitygap.controller.layout import shown
 from realitygap.controller.network import check_networks
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import batch, halves
-from realitygap.kernels.params import Networks, Path, Room, Trial
+from realitygap.kernels.params import Networks, Path, Room, Trial, World
 from realitygap.kernels.work import Work, new_work
 from realitygap.tasks.scoring import CompiledScore
 from realitygap.tasks.task import Task
@@ -48,8 +48,8 @@ class Cores:
     """The compiled kernels, one trial after the other; use one in each thread.
 
     Attributes:
-        robot, arena, trial, room: what the kernels and the score are told. The last two need a robot that
-            has the sensors which the task feeds and can stand at its start: else a TaskError.
+        robot, arena, trial, world, room: what the kernels and the score are told. The last three need a robot
+            that has the sensors which the task feeds and can stand at its start: else a TaskError.
     """
 
     def __init__(self, task: Task, profile: Profile, noise: float) -> None:
@@ -61,6 +61,11 @@ class Cores:
     def trial(self) -> Trial:
         """The task's."""
         return self.task.to_kernel(self.profile)
+
+    @cached_property
+    def world(self) -> World:
+        """All that a trial happens in."""
+        return World(robot=self.robot, arena=self.arena, task=self.trial, level=self.noise)
 
     @cached_property
     def room(self) -> Room:
@@ -143,8 +148,5 @@ class Cores:
         return np.repeat(np.arange(count), streams.shape[1]), streams.reshape(-1)
 
     def _run(self, networks: Networks, which: NDArray[np.int64], streams: Streams, paths: Floats) -> None:
-        batch.run_trials(
-            self.robot, self.arena, self.trial, networks, which, self.noise, streams, paths,
-            self.scratch(networks),
-        )  # fmt: skip
+        batch.run_trials(self.world, networks, which, streams, paths, self.scratch(networks))
         self.require_finite_path(paths[: len(streams)])

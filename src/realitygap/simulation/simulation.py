@@ -14,8 +14,8 @@ from realitygap.controller.layout import shown
 from realitygap.controller.network import check_networks
 from realitygap.errors import UsageError
 from realitygap.kernels import batch, halves
-from realitygap.kernels.params import STEP_S, Networks, Path, Trial
-from realitygap.kernels.work import MOTOR_NOISE, Record, Work, new_work
+from realitygap.kernels.params import STEP_S, Networks, Path, Trial, World
+from realitygap.kernels.work import Record, Work, new_aside, new_noise, new_work
 from realitygap.simulation.engine import Cores, Engine, Streams
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
@@ -94,25 +94,22 @@ class Simulation:
             raise UsageError(f"networks: expected one, got {len(networks.neurons)}. Decode one genotype.")
         named = as_stream(stream)
         steps = self._cores.trial.steps if seconds is None else self._steps(seconds)
-        robot, profile, inputs = self._cores.robot, self.profile, self._cores.trial.channels.shape[0]
-        proximity_n, ambient_n = len(profile.infrared.sensors), len(profile.ambient.sensors)
-        aside = np.zeros(ambient_n if self._cores.trial.feed == 0 else proximity_n)
+        world, inputs = self._cores.world, self._cores.trial.channels.shape[0]
+        proximity_n, ambient_n = len(self.profile.infrared.sensors), len(self.profile.ambient.sensors)
+        path = Path(*np.zeros((len(Path._fields), steps)))
         record = Record(
-            pose=np.zeros((steps, 3)), proximity=np.zeros((steps, proximity_n)),
+            path=path, pose=np.zeros((steps, 3)), proximity=np.zeros((steps, proximity_n)),
             ambient=np.zeros((steps, ambient_n)), inputs=np.zeros((steps, inputs), np.int64),
             commands=np.zeros((steps, 2), np.int64), wheels=np.zeros((steps, 2)),
         )  # fmt: skip
-        path = Path(*np.zeros((len(Path._fields), steps)))
         work = self._cores.scratch(networks)
         self._place(work, self.start(stream) if pose is None else pose)
-        batch.record_trial(
-            robot, self._cores.arena, self._cores.trial._replace(steps=steps), networks, self.noise,
-            named, path, work, aside, _noise_for(aside.shape[0]), record,
-        )  # fmt: skip
+        world = world._replace(task=world.task._replace(steps=steps))
+        batch.record_trial(world, networks, named, work, new_aside(world.robot, world.task), record)
         self._cores.require_finite_path(*path, record.proximity, record.ambient)
         score = np.array([self._cores.score(path, self._cores.room)])
         self._cores.require_finite(score)
-        return _trajectory(record, path), float(score[0])
+        return _trajectory(record), float(score[0])
 
     def start(self, stream: int) -> Pose:
         """Where a trial on this stream starts."""
@@ -136,9 +133,10 @@ class Simulation:
         self._place(work, pose)
         proximity, ambient = np.zeros((repeat, proximity_n)), np.zeros((repeat, ambient_n))
         streams = batch_streams(stream, repeat)
-        noise = _noise_for(max(proximity_n, ambient_n))
+        noise = new_noise(max(proximity_n, ambient_n))
         cores = self._cores
-        batch.probe(cores.robot, cores.arena, self.noise, streams, work, noise, proximity, ambient)
+        world = World(robot=cores.robot, arena=cores.arena, task=nothing_fed, level=self.noise)
+        batch.probe(world, streams, work, noise, proximity, ambient)
         cores.require_finite_path(proximity, ambient)
         return proximity, ambient
 
@@ -181,11 +179,8 @@ def batch_streams(stream: int, count: int) -> Streams:
     return np.array([substream(named, i) for i in range(count)], np.uint64)
 
 
-def _noise_for(sensors: int) -> Floats:
-    return np.zeros(16 * ((sensors + MOTOR_NOISE + 15) // 16))
-
-
-def _trajectory(record: Record, path: Path) -> Trajectory:
+def _trajectory(record: Record) -> Trajectory:
+    path = record.path
     return Trajectory(
         t=np.arange(record.pose.shape[0], dtype=np.float64) * STEP_S,
         x=record.pose[:, 0],
