@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +13,18 @@ from realitygap.calibration.rows import FOLDS, Rows
 from realitygap.calibration.search import DRAWS, search
 from realitygap.calibration.solve import Fit, Free, Measured, Model, Values, solve
 from realitygap.world.profile import Profile
+from realitygap.world.sensors import AmbientSensor, ProximitySensor
 
-__all__ = ["Problem", "Tick", "fit_forms", "solve_form"]
+__all__ = [
+    "Problem", "Tick", "columns_of", "fit_forms", "free_directions", "free_turns", "nominal", "solve_form",
+    "with_columns",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
 Tick = Callable[[], None]
+S = TypeVar("S", ProximitySensor, AmbientSensor)
+Sensors = Sequence[ProximitySensor] | Sequence[AmbientSensor]
 
 NEUTRAL = {"offset_cm": np.zeros(1), "exponent": np.ones(1)}
 DRAWS_HELD_OUT = 500
@@ -25,6 +32,14 @@ DRAWS_HELD_OUT = 500
 SCANS_DEG, FINE_DEG, SCAN = (12.0, 3.0), (3.0, 1.0, 0.3), 17
 """How far directions are looked for on either side, one search after another, and in how many steps:
 from nothing, and from values that are nearly right."""
+
+
+SAME_CM = 0.2
+"""Sensors that sit within this are the paper's: a fit moves them by less."""
+DIRECTION_PRIOR_DEG = 5.0
+"""How straight sensors are soldered in: keeps a turned rig and as many turned sensors apart."""
+TURN_DEG, TURN_PRIOR_DEG = 10.0, 2.0
+"""How far a rig may be turned, and how far it is likely to be."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,6 +52,45 @@ class Problem:
     base: Profile
     steep: bool = False
     begin: Values | None = None
+
+
+def nominal(sensors: Sequence[S], paper: Sequence[S]) -> Sequence[S]:
+    """Sensors before any fit: the paper's, if they sit where its do; else there are only their own."""
+    here, there = ([(s.x_cm, s.y_cm) for s in some] for some in (sensors, paper))
+    same = len(here) == len(there) and np.allclose(here, there, rtol=0, atol=SAME_CM)
+    return paper if same else sensors
+
+
+def free_turns(rigs: Sequence[str]) -> list[Free]:
+    """How far each rig stood further round than it was thought to."""
+    still, most = np.zeros(1), TURN_DEG
+    return [Free(key=rig, start=still, low=-most, high=most, prior=TURN_PRIOR_DEG, step=0.05) for rig in rigs]
+
+
+def free_directions(sensors: Sensors, *, tie: float | None = 0.02, jump: float = 0.0) -> Free:
+    """Where each sensor looks."""
+    start = np.array([s.direction_deg for s in sensors])
+    return Free(
+        key="direction_deg", start=start, low=-360, high=360, prior=DIRECTION_PRIOR_DEG, tie=tie, step=0.05,
+        jump=jump,
+    )  # fmt: skip
+
+
+def columns_of(values: Values, keys: Sequence[str], sensors: Sensors) -> dict[str, list[float]]:
+    """Those constants that were fitted, one a sensor; directions within what a profile can hold."""
+    n = len(sensors)
+    columns = {key: np.broadcast_to(values[key], (n,)).tolist() for key in keys if key in values}
+    if "direction_deg" in columns:
+        columns["direction_deg"] = [min(360.0, max(-360.0, turned)) for turned in columns["direction_deg"]]
+    return columns
+
+
+def with_columns(sensors: Sequence[S], columns: Mapping[str, Sequence[float]]) -> tuple[S, ...]:
+    """Sensors with fitted constants in place."""
+    return tuple(
+        replace(sensor, **{key: column[k] for key, column in columns.items()})
+        for k, sensor in enumerate(sensors)
+    )
 
 
 def fit_forms(

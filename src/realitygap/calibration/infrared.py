@@ -9,13 +9,20 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.forms import Problem, solve_form
+from realitygap.calibration.forms import (
+    Problem,
+    columns_of,
+    free_directions,
+    free_turns,
+    nominal,
+    solve_form,
+    with_columns,
+)
 from realitygap.calibration.forward import Scene, proximity
-from realitygap.calibration.neutral import neutral_infrared
 from realitygap.calibration.recordings.recording import count_unit
 from realitygap.calibration.rows import Rows
 from realitygap.calibration.solve import ROBUST_AT, Fit, Free, Values
-from realitygap.world.profile import Profile
+from realitygap.world.profile import Profile, load_profile
 
 __all__ = ["INFRARED_FORMS", "PROXIMITY_COUNTS", "infrared_problems", "with_infrared"]
 
@@ -30,10 +37,6 @@ PROXIMITY_COUNTS = 21.0
 
 NEAREST_CM = 1e-3
 """To what a sensor has of its own, at the least, where the body touches."""
-DIRECTION_PRIOR_DEG = 5.0
-"""How straight sensors are soldered in: keeps a turned rig and eight turned sensors apart."""
-TURN_DEG, TURN_PRIOR_DEG = 10.0, 2.0
-"""How far a rig may be turned, and how far it is likely to be."""
 AGAINST, DECIDED = -1.5, 2.0
 """Standard errors: surfaces are taken to be Lambertian unless the readings are this much against it; from
 DECIDED on that counts as identified. Walls alone say little about it, a cylinder says it plainly."""
@@ -96,46 +99,23 @@ def infrared_frees(form: str, profile: Profile, rigs: Sequence[str]) -> list[Fre
         Free(key="b", start=b, low=-5e3 * unit, high=-0.01 * unit, step=0.02 * unit),
     ]
     if form == "extended":
-        direction = np.array([s.direction_deg for s in sensors])
         frees += [
-            Free(
-                key="direction_deg",
-                start=direction,
-                low=-360,
-                high=360,
-                prior=DIRECTION_PRIOR_DEG,
-                tie=0.02,
-                step=0.05,
-            ),
+            free_directions(sensors),
             Free(key="offset_cm", start=np.array([0.3]), low=-0.2, high=2.0, step=1e-3),
             Free(key="exponent", start=np.array([2.0]), low=0.0, high=8.0, step=5e-3),
         ]
-    turns = [
-        Free(key=rig, start=np.zeros(1), low=-TURN_DEG, high=TURN_DEG, prior=TURN_PRIOR_DEG, step=0.05)
-        for rig in rigs
-    ]
-    return frees + turns
+    return frees + free_turns(rigs)
 
 
 def with_infrared(profile: Profile, values: Values) -> Profile:
     """A profile with fitted constants in place."""
     sensors, law = profile.infrared.sensors, profile.infrared
-    n = len(sensors)
-    columns = {
-        key: np.broadcast_to(values[key], (n,)).tolist()
-        for key in ("a", "b", "direction_deg", "offset_cm")
-        if key in values
-    }
+    columns = columns_of(values, ("a", "b", "direction_deg", "offset_cm"), sensors)
     if "offset_cm" in columns:  # what a profile can hold: no distance comes to 0
         depth = [profile.body.radius_cm - math.hypot(s.x_cm, s.y_cm) - NEAREST_CM for s in sensors]
         columns["offset_cm"] = [max(off, -d) for off, d in zip(columns["offset_cm"], depth, strict=True)]
-    if "direction_deg" in columns:
-        columns["direction_deg"] = [min(360.0, max(-360.0, turned)) for turned in columns["direction_deg"]]
-    fitted = tuple(
-        replace(sensor, **{key: column[k] for key, column in columns.items()})
-        for k, sensor in enumerate(sensors)
-    )
     exponent = float(values["exponent"][0]) if "exponent" in values else law.exponent
+    fitted = with_columns(sensors, columns)
     return replace(profile, infrared=replace(law, sensors=fitted, exponent=exponent))
 
 
@@ -143,3 +123,10 @@ def infrared_model(profile: Profile, values: Values, scenes: Sequence[tuple[str,
     """Noise-free readings [n, P] of several recordings, one after another, at each rig's turn."""
     made = with_infrared(profile, values)
     return np.concatenate([proximity(made, scene, float(values[rig][0])) for rig, scene in scenes])
+
+
+def neutral_infrared(base: Profile) -> Profile:
+    """The base with §3.2.3 as printed: cos β, distances as they are, sensors looking where they should."""
+    law, paper = base.infrared, load_profile("paper").infrared
+    sensors = tuple(replace(s, offset_cm=0.0) for s in nominal(law.sensors, paper.sensors))
+    return replace(base, infrared=replace(law, exponent=paper.exponent, matt=0.0, sensors=sensors))

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.calibration.forms import columns_of, free_directions, free_turns, with_columns
 from realitygap.calibration.forward import Scene, illumination, light_readings
 from realitygap.calibration.recordings.recording import count_unit
 from realitygap.calibration.solve import Free, Values
@@ -40,14 +41,11 @@ NARROWEST, INSIDE_CM = 1.0, 0.01
 """Counts between floor and dark, and how far within the body's edge a sensor sits, at the least."""
 SHIFT_PRIOR = 10.0
 """Counts of the paper's robot by which sensors of one robot differ in the dark and when saturated."""
-DIRECTION_PRIOR_DEG = 5.0
 PLACE_CM, PLACE_PRIOR_CM = 0.15, 0.05
 """How far a sensor may sit from where the profile has it, and how far it is likely to."""
 LAMP_JUMP_CM = 0.4
 """By the lamp's height all rays that pass over the body change at once: least squares may end more than a
 centimetre beside it, and a search with steps of 0.1 cm stayed there."""
-TURN_DEG, TURN_PRIOR_DEG = 10.0, 2.0
-"""How far a rig may be turned, and how far it is likely to be."""
 
 
 def light_frees(form: str, profile: Profile, scenes: Scenes, counts: Array, *, room: bool) -> list[Free]:
@@ -60,7 +58,6 @@ def light_frees(form: str, profile: Profile, scenes: Scenes, counts: Array, *, r
         counts: [n, S] readings.
         room: whether the walls are known, so that reflected light can tell something.
     """
-    sensors = profile.ambient.sensors
     linear, unit = form in ("linear", "extended"), count_unit(profile.ambient.top)
     dark, floor = (np.array([np.median(end)]) for end in (counts.max(axis=0), counts.min(axis=0)))
     frees = [
@@ -68,46 +65,37 @@ def light_frees(form: str, profile: Profile, scenes: Scenes, counts: Array, *, r
         Free(key="dark", start=dark, low=100.0 * unit, high=1000.0 * unit, step=0.05 * unit),
     ]
     if linear:
-        frees += [
-            Free(
-                key=key,
-                start=np.zeros(len(sensors)),
-                low=-60 * unit,
-                high=60 * unit,
-                prior=SHIFT_PRIOR * unit,
-                tie=0.02 * unit,
-                step=0.05 * unit,
-            )
-            for key in ("floor_shift", "dark_shift")
-        ]
-        walls = form == "extended" and room and profile.ambient.falloff == 1.0
-        key = "lobe" if walls else "facing"
-        frees.append(Free(key=key, start=np.ones(1), low=0.0, high=10.0, step=1e-3, jump=0.01))
+        frees += _linear(profile, walls=form == "extended" and room and profile.ambient.falloff == 1.0)
     if form == "extended":
         frees += _extended(profile, room)
     start = {**{f.key: f.start for f in frees}, **{name: np.zeros(1) for name, _ in scenes}}
     gain = _first_gains(form, with_light(profile, start, form), scenes, counts)
     each = gain if form != "paper" else np.array([np.median(gain)])
     frees.insert(0, Free(key="log_gain", start=np.log(each), low=-30.0, high=40.0, step=1e-3))
-    turns = [
-        Free(key=name, start=np.zeros(1), low=-TURN_DEG, high=TURN_DEG, prior=TURN_PRIOR_DEG, step=0.05)
-        for name, _ in scenes
-    ]
-    return frees + ([] if room else turns)
+    return frees + ([] if room else free_turns([name for name, _ in scenes]))
+
+
+def _linear(profile: Profile, *, walls: bool) -> list[Free]:
+    """What each sensor's own range adds, and how it takes in light, off `walls` too if their law is known."""
+    unit = count_unit(profile.ambient.top)
+    none, most = np.zeros(len(profile.ambient.sensors)), 60 * unit
+    shifts = [
+        Free(
+            key=key, start=none, low=-most, high=most, prior=SHIFT_PRIOR * unit, tie=0.02 * unit,
+            step=0.05 * unit,
+        )
+        for key in ("floor_shift", "dark_shift")
+    ]  # fmt: skip
+    key = "lobe" if walls else "facing"
+    return [*shifts, Free(key=key, start=np.ones(1), low=0.0, high=10.0, step=1e-3, jump=0.01)]
 
 
 def _extended(profile: Profile, room: bool) -> list[Free]:
     sensors, law = profile.ambient.sensors, profile.ambient
-    direction = np.array([s.direction_deg for s in sensors])
     frees = [
-        Free(
-            key="direction_deg", start=direction, low=-360, high=360, prior=DIRECTION_PRIOR_DEG,
-            tie=None if room else 0.02, step=0.05, jump=0.5,
-        ),
-        Free(
-            key="lamp_height_cm", start=np.array([3.0]), low=0.0, high=50.0, step=0.02, jump=LAMP_JUMP_CM
-        ),
-    ]  # fmt: skip
+        free_directions(sensors, tie=None if room else 0.02, jump=0.5),
+        Free(key="lamp_height_cm", start=np.array([3.0]), low=0.0, high=50.0, step=0.02, jump=LAMP_JUMP_CM),
+    ]
     if room:
         reflectance = law.reflectance if law.falloff == 2.0 else 0.03
         frees.append(
@@ -151,11 +139,7 @@ def with_light(profile: Profile, values: Values, form: str) -> Profile:
     """A profile with fitted constants in place."""
     law = profile.ambient
     n = len(law.sensors)
-    columns = {
-        key: np.broadcast_to(values[key], (n,)).tolist()
-        for key in ("direction_deg", "floor_shift", "dark_shift")
-        if key in values
-    }
+    columns = columns_of(values, ("direction_deg", "floor_shift", "dark_shift"), law.sensors)
     common = {key: float(values[key][0]) for key in COMMON if key in values}
     if "dark" in values:  # what a profile can hold, where few places are dark or bright enough to tell
         common["dark"] = min(common["dark"], law.top)
@@ -168,26 +152,24 @@ def with_light(profile: Profile, values: Values, form: str) -> Profile:
         columns["dark_shift"] = np.broadcast_to(dark, (n,)).tolist()
     if "log_gain" in values:
         columns["gain"] = np.broadcast_to(np.exp(values["log_gain"]), (n,)).tolist()
-    for key, axis in (("x_cm", "forward_cm"), ("y_cm", "left_cm")):
-        if axis in values:
-            moved = zip(law.sensors, values[axis].tolist(), strict=True)
-            columns[key] = [getattr(sensor, key) + off for sensor, off in moved]
-    if "x_cm" in columns:
-        inside = profile.body.radius_cm - INSIDE_CM
-        places = [(x, y, min(1.0, inside / max(math.hypot(x, y), 1e-9)))
-                  for x, y in zip(columns["x_cm"], columns["y_cm"], strict=True)]  # fmt: skip
-        columns["x_cm"], columns["y_cm"] = [x * s for x, _, s in places], [y * s for _, y, s in places]
-    if "direction_deg" in columns:
-        columns["direction_deg"] = [min(360.0, max(-360.0, turned)) for turned in columns["direction_deg"]]
-    sensors = tuple(
-        replace(sensor, **{key: column[k] for key, column in columns.items()})
-        for k, sensor in enumerate(law.sensors)
-    )
+    if "forward_cm" in values:
+        columns |= _moved(profile, values)
+    sensors = with_columns(law.sensors, columns)
     if "lobe" in values:  # a sensor takes in light off a wall as it takes in the lamp's
         common |= dict.fromkeys(("facing", "exponent"), float(values["lobe"][0]))
     response = "linear" if form in ("linear", "extended") else "paper"
     law = replace(law, sensors=sensors, response=response, **common)  # type: ignore[arg-type]
     return replace(profile, ambient=law)
+
+
+def _moved(profile: Profile, values: Values) -> dict[str, list[float]]:
+    """Where the sensors sit after a fit: within the body."""
+    inside = profile.body.radius_cm - INSIDE_CM
+    off = zip(profile.ambient.sensors, values["forward_cm"].tolist(), values["left_cm"].tolist(), strict=True)
+    places = [(s.x_cm + forward, s.y_cm + left) for s, forward, left in off]
+    shares = [min(1.0, inside / max(math.hypot(x, y), 1e-9)) for x, y in places]
+    x_cm, y_cm = ([place[i] * s for place, s in zip(places, shares, strict=True)] for i in range(2))
+    return {"x_cm": x_cm, "y_cm": y_cm}
 
 
 def light_model(profile: Profile, values: Values, scenes: Scenes, form: str, memory: LightMemory) -> Array:

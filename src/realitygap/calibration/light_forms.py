@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from realitygap.calibration.forms import Problem, solve_form
+from realitygap.calibration.forms import Problem, nominal, solve_form
 from realitygap.calibration.light import LIGHT_FORMS, LightMemory, light_frees, light_model
-from realitygap.calibration.neutral import neutral_light
 from realitygap.calibration.rows import Rows
-from realitygap.world.profile import Profile
-from realitygap.world.sensors import RAY_NUMBERS
+from realitygap.world.profile import Profile, load_profile
+from realitygap.world.sensors import RAY_NUMBERS, Ambient
 
 __all__ = ["AMBIENT_COUNTS", "light_problems"]
 
@@ -20,6 +19,12 @@ FIRST_RAYS = 30.0
 """By so many rays reflected light comes in while its kind is looked for: ten see a shadow in steps of 18°."""
 FEWEST_RAYS, PROMISING = 20, 3
 """Fewer rays are not tried for a room; of the others so many are fitted."""
+
+BEYOND = (
+    "response", "facing", "lamp_height_cm", "lamp_narrow", "lamp_proud_cm", "falloff", "near_cm",
+    "matt", "rays",
+)  # fmt: skip
+"""Keys of [ambient] that the paper does not have: their defaults change nothing."""
 
 
 def light_problems(rows: Rows, base: Profile, form: str, *, room: bool, beside: bool) -> dict[str, Problem]:
@@ -85,3 +90,12 @@ def _best_light(rows: Rows, base: Profile, paper: Problem) -> Problem:
     many = [walls(best.base.ambient.lamp_narrow, n) for n in RAY_NUMBERS if n >= FEWEST_RAYS]
     many.sort(key=lambda problem: rows.rmse(problem.model(best.begin)))  # type: ignore[arg-type]
     return _best(rows, [replace(problem, begin=best.begin) for problem in many[:PROMISING]])
+
+
+def neutral_light(base: Profile) -> Profile:
+    """The base with §3.3 as printed: 1.5 · cos² β of what is reflected, and nothing beyond the paper."""
+    law, paper = base.ambient, load_profile("paper").ambient
+    sensors = tuple(replace(s, floor_shift=0.0, dark_shift=0.0) for s in nominal(law.sensors, paper.sensors))
+    beyond = {key: Ambient.__dataclass_fields__[key].default for key in BEYOND}
+    printed = {"reflectance": paper.reflectance, "exponent": paper.exponent}
+    return replace(base, ambient=replace(law, sensors=sensors, **printed, **beyond))  # type: ignore[arg-type]
