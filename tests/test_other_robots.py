@@ -135,7 +135,7 @@ def test_counts_above_the_full_scale_are_refused(five, tmp_path):
         calibrate([one], ten_bits)
     with pytest.raises(RecordingError, match=r"expected counts from 0 to 1023, the full scale of profile"):
         calibrate([replace(one, full_scale=None)], ten_bits)
-    with pytest.raises(CalibrationError, match="expected 8 sensors, as profile 'paper' has, got 5"):
+    with pytest.raises(RecordingError, match="expected 8 sensors, as profile 'paper' has, got 5"):
         calibrate([replace(one, counts=np.minimum(one.counts, 1023.0), full_scale=None)], "paper")
 
 

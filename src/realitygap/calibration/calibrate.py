@@ -52,7 +52,7 @@ class Calibration:
     ambient: ChannelFit | None
     wheels: WheelFit | None
     recordings: tuple[Recording, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
 
     @property
     def channels(self) -> tuple[ChannelFit, ...]:
@@ -99,20 +99,21 @@ def calibrate(
     tick = _counter(on_progress, total)
     infrared = fit_infrared(near, base, infrared_form, tick=tick) if near else None
     ambient = fit_light(lit, base, light or light_form, beside=beside, tick=tick) if lit else None
-    wheels = None
-    if driven:
-        tick()
-        wheels = fit_wheels(driven[0], base, wheel_form)
+    wheels = fit_wheels(driven[0], base, wheel_form, tick=tick) if driven else None
     tick()
+    profile = _joined(base, infrared, ambient, wheels)
     made = Calibration(
-        profile=_joined(base, infrared, ambient, wheels), infrared=infrared, ambient=ambient, wheels=wheels,
-        recordings=tuple(recordings), warnings=(),
-    )  # fmt: skip
-    profile = replace(
-        made.profile, name="calibrated", source="calibrated; see provenance",
-        provenance=_provenance(base, made),
-    )  # fmt: skip
-    return replace(made, profile=profile, warnings=tuple(dict.fromkeys(_warnings(made, base))))
+        profile=profile, infrared=infrared, ambient=ambient, wheels=wheels, recordings=tuple(recordings)
+    )
+    return _told(made, base)
+
+
+def _told(made: Calibration, base: Profile) -> Calibration:
+    """The same with where it comes from, and what a person should know."""
+    where, warnings = _provenance(base, made), tuple(dict.fromkeys(_warnings(made, base)))
+    source = "calibrated; see provenance"
+    profile = replace(made.profile, name="calibrated", source=source, provenance=where)
+    return replace(made, profile=profile, warnings=warnings)
 
 
 def _of_kind(recordings: Sequence[Recording], kind: str) -> list[SensorRecording]:

@@ -75,11 +75,6 @@ def refuse_swapped(recording: SensorRecording, profile: Profile, dead: dict[int,
     """
     part = profile.channel(recording.kind)
     looks = np.array([sensor.direction_deg for sensor in part.sensors])
-    if len(looks) != recording.sensors:
-        raise CalibrationError(
-            f"{recording.source}: expected {len(looks)} sensors, as profile {profile.name!r} has, "
-            f"got {recording.sensors}."
-        )
     answers, sure = _answers(recording, part.top)
     live = np.array([k not in dead for k in range(len(looks))]) & sure
     known = recording.pose is not None and recording.arena is not None  # walls throw light back

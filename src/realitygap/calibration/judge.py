@@ -87,27 +87,18 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     """Judge a profile by a recording; a rig's turn (and an unknown lamp's brightness) is fitted out.
 
     Raises:
-        CalibrationError: the profile has another number of sensors.
+        RecordingError: the profile has another number of sensors, or another full scale.
     """
     if isinstance(recording, WheelRecording):
         return _judge_wheels(recording, profile)
     recording = recording.of_robot(profile)
     part = profile.channel(recording.kind)
-    if len(part.sensors) != recording.sensors:
-        raise CalibrationError(
-            f"{recording.source}: expected {len(part.sensors)} sensors, as profile {profile.name!r} has, "
-            f"got {recording.sensors}."
-        )
     dead, warnings = _doubts(recording, profile)
     live = [k for k in range(recording.sensors) if k not in dead]
     turn, brightness, model = _fitted_out(recording, profile, scene_of(recording), live)
     known = np.where(np.isin(np.arange(recording.sensors), live), recording.counts, np.nan)
     estimates = measure_noise([replace(recording, counts=known)], [model], part.top)
-    stated = {
-        "proximity": profile.noise.proximity,
-        "proximity_dark": profile.noise.proximity_dark,
-        "ambient": profile.noise.ambient,
-    }
+    stated = profile.noise.to_dict()
     noise = {e.channel: (e.deviation, stated[e.channel]) for e in estimates}
     main = "proximity" if recording.kind == "infrared" else "ambient"
     deviation = noise.get(main, (stated[main], 0.0))[0]
@@ -116,18 +107,10 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
         recording.counts, model, recording.place(), kind=recording.kind, top=part.top, deviation=deviation
     )
     return Judgement(
-        kind=recording.kind,
-        source=recording.source,
-        rmse=float(np.sqrt((off**2).mean())),
-        bias=float(off.mean()),
-        per_sensor=tuple(m for m in found if m.sensor in live),
-        noise=noise,
-        turn_deg=turn,
-        brightness=brightness,
-        counts=recording.counts,
-        model=model,
-        warnings=warnings,
-    )
+        kind=recording.kind, source=recording.source, rmse=float(np.sqrt((off**2).mean())),
+        bias=float(off.mean()), per_sensor=tuple(m for m in found if m.sensor in live), noise=noise,
+        turn_deg=turn, brightness=brightness, counts=recording.counts, model=model, warnings=warnings,
+    )  # fmt: skip
 
 
 def _doubts(recording: SensorRecording, profile: Profile) -> tuple[dict[int, str], tuple[str, ...]]:
@@ -196,15 +179,8 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
     off = model - measured
     rmse, bias = np.sqrt(np.nanmean(off**2, axis=0)), np.nanmean(off, axis=0)
     sides = tuple(
-        Misfit(
-            sensor=w,
-            rmse=float(rmse[w]),
-            bias=float(bias[w]),
-            error=float(rmse[w]),
-            ratio=np.nan,
-            lit_ratio=np.nan,
-        )
-        for w in range(2)
+        Misfit(sensor=w, rmse=r, bias=b, error=r, ratio=np.nan, lit_ratio=np.nan)
+        for w, (r, b) in enumerate(zip(rmse.tolist(), bias.tolist(), strict=True))
     )
     return Judgement(
         kind="wheels", source=recording.source, rmse=float(np.sqrt((rmse**2).mean())),

@@ -117,9 +117,15 @@ class SensorRecording(Recorded):
         """The same as a robot's; with its body, and a word about that, if it says nothing of one.
 
         Raises:
-            RecordingError: the robot's readings have another full scale.
+            RecordingError: the robot has another number of sensors, or another full scale.
         """
-        top, whose = robot.channel(self.kind).top, f"profile {robot.name!r}"
+        part, whose = robot.channel(self.kind), f"profile {robot.name!r}"
+        top, there = part.top, len(part.sensors)
+        if self.sensors != there:
+            raise RecordingError(
+                f"{self.source}: expected {there} sensors, as {whose} has, got {self.sensors}. Give the "
+                "profile of the robot that was recorded."
+            )
         if self.full_scale not in (None, top):
             raise RecordingError(
                 f"{self.source}: full_scale: expected {top:g}, as {whose} has, got {self.full_scale:g}. Give "

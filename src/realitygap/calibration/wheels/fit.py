@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.constants import Constant
+from realitygap.calibration.forms import Tick
 from realitygap.calibration.forward import wheel_speeds
 from realitygap.calibration.recordings.recording import WheelRecording
 from realitygap.calibration.wheels.checks import (
@@ -86,12 +87,13 @@ def measured_speeds(recording: WheelRecording, cm_per_pulse: tuple[float, float]
     return out
 
 
-def fit_wheels(recording: WheelRecording, base: Profile, form: str = "refitted") -> WheelFit:
+def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tick = lambda: None) -> WheelFit:
     """Fit a profile's wheels to a recording.
 
     Raises:
         CalibrationError: too little was recorded, or what no such robot can have done.
     """
+    tick()
     refuse_still(recording)
     refuse_fast(recording, base)
     refuse_counters(recording)
@@ -110,29 +112,18 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str = "refitted")
         profile = replace(profile, noise=replace(profile.noise, wheel=odometry.slip))
         constants += odometry.constants
     if friction is not None:
-        where = Constant(
-            key="friction_cm_s2",
-            value=friction.value,
-            low=friction.low,
-            high=friction.high,
-            told=friction.low > 0,
-        )
-        constants += (where,)
+        low, high = friction.low, friction.high
+        constants += (Constant(key="friction_cm_s2", value=threshold, low=low, high=high, told=low > 0),)
     model = wheel_speeds(profile, recording)
     bounded = {c.key: c.value for c in constants if c.key in SPEED_KEYS and at_bound(c.value, *SPEED_BOUNDS)}
     refuse_wheels(recording, measured, model, bounded)
+    off = {name: wheel_speeds(made, recording) - measured for name, (made, _, _) in fits.items()}
     return WheelFit(
-        profile=profile,
-        form=form,
-        constants=constants,
-        alike=alike,
-        rmse={name: _rmse(wheel_speeds(made, recording) - measured) for name, (made, _, _) in fits.items()},
-        friction=friction,
-        odometry=odometry,
+        profile=profile, form=form, constants=constants, alike=alike,
+        rmse={name: _rmse(left) for name, left in off.items()}, friction=friction, odometry=odometry,
         camera=recording.pose is not None and bool(np.isfinite(recording.pose).any()),
-        measured=measured,
-        model=model,
-    )
+        measured=measured, model=model,
+    )  # fmt: skip
 
 
 def _seen(recording: WheelRecording, base: Profile) -> Odometry | None:

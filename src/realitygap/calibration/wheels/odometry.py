@@ -101,14 +101,10 @@ def measure_odometry(recording: WheelRecording, pulses_per_cm: float, track_cm: 
         told=told is not None,
     )  # fmt: skip
     return Odometry(
-        cm_per_pulse=(float(theta[0]), float(theta[1])),
-        track_cm=float(theta[2]),
-        slip=slip,
-        drift_deg_per_m=_drift(ways),
-        constants=(*constants, share),
-        ways=ways.pulses * theta[:2],
+        cm_per_pulse=(float(theta[0]), float(theta[1])), track_cm=float(theta[2]), slip=slip,
+        drift_deg_per_m=_drift(ways), constants=(*constants, share), ways=ways.pulses * theta[:2],
         beyond=beyond,
-    )
+    )  # fmt: skip
 
 
 def enough_pictures(recording: WheelRecording, pulses_per_cm: float, track_cm: float) -> bool:
