@@ -5,9 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from os import PathLike
 from pathlib import Path
@@ -17,11 +15,9 @@ from typing import Any
 from realitygap.errors import UsageError
 
 __all__ = [
-    "Table",
     "as_path",
     "must_be",
     "read_json",
-    "read_table",
     "read_text",
     "reason",
     "refuse_odd_values",
@@ -93,86 +89,6 @@ def read_json(path: str | Path, error: type[UsageError], cure: str) -> Any:
     except (ValueError, RecursionError) as why:
         raise error(f"{path}: not a JSON file: {reason(why)}. {cure}") from None
     return data
-
-
-@dataclass(frozen=True, kw_only=True)
-class Table:
-    """A CSV file's columns as text, and its rows' line numbers; how to say what is wrong with it."""
-
-    path: str | Path
-    lines: list[int]
-    cells: dict[str, list[str]]
-    error: type[UsageError]
-    cure: str
-
-    def numbers(self, name: str, *, gaps: bool = False) -> list[float]:
-        """A column's finite numbers; with `gaps`, NaN where a field is empty or says so.
-
-        Raises:
-            UsageError: of the table's class: names file, line and column.
-        """
-        found = [_number(cell) for cell in self.cells[name]]
-        for line, cell, value in zip(self.lines, self.cells[name], found, strict=True):
-            if math.isinf(value) or (math.isnan(value) and not gaps):
-                raise self.wrong(line, f"{name}: expected a number, got {cell!r}")
-        return found
-
-    def wrong(self, line: int, what: str, cure: str = "Correct that line.") -> UsageError:
-        """What to raise for a line."""
-        return self.error(f"{self.path}, line {line}: {what}. {self.cure or cure}")
-
-
-def read_table(
-    path: str | Path,
-    columns: Sequence[str],
-    error: type[UsageError],
-    *,
-    optional: Sequence[str] = (),
-    cure: str = "",
-) -> Table:
-    """A CSV file's columns; those that nobody asks for are left out.
-
-    Args:
-        path: the file; its first line names the columns, in any order.
-        columns: those that it must have.
-        error: what to raise.
-        optional: those that are read where they are.
-        cure: what to do about a broken file, where it can be made again.
-
-    Raises:
-        UsageError: of the class `error`: as of `read_text`, a column that is missing, a row with too few
-            values; names the line.
-    """
-    wanted = ", ".join(columns)
-    text = read_text(path, error, cure or f"Give a CSV file with columns {wanted}.")
-    refuse_separator(path, text.partition("\n")[0], error)
-    table = Table(path=path, lines=[], cells={}, error=error, cure=cure)
-    reader = csv.reader(text.splitlines())
-    try:
-        rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(row)]
-    except csv.Error as why:
-        raise table.wrong(reader.line_num, f"not CSV: {why}") from None
-    if not rows:
-        raise error(f"{path}: empty. Its first line must name the columns: {wanted}. {cure}".rstrip())
-    (first, head), *rows = rows
-    missing = ", ".join(name for name in columns if name not in head)
-    if missing:
-        told = f"expected columns {wanted}, got {', '.join(head)}"
-        raise table.wrong(first, told, f"Add {missing}; columns are separated by commas.")
-    for line, row in rows:
-        if len(row) != len(head):
-            raise table.wrong(line, f"expected {len(head)} values, got {len(row)}")
-    kept = {name: head.index(name) for name in (*columns, *optional) if name in head}
-    cells = {name: [row[k] for _, row in rows] for name, k in kept.items()}
-    return replace(table, lines=[line for line, _ in rows], cells=cells)
-
-
-def _number(cell: str) -> float:
-    """NaN where there is nothing; infinite what is no number."""
-    try:
-        return float(cell or "nan")
-    except ValueError:
-        return math.inf
 
 
 def refuse_separator(path: str | Path, head: str, error: type[UsageError]) -> None:

@@ -10,8 +10,8 @@ several tracks.
 
 from __future__ import annotations
 
-import csv
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from realitygap import whole
 from realitygap.errors import TrackError, UsageError
-from realitygap.text import Table, read_table
+from realitygap.table import Table, read_table
+from realitygap.text import to_csv
 from realitygap.values import Pose
 
 __all__ = ["COLUMNS", "Track", "Trajectory", "read_track", "read_tracks", "settled"]
@@ -137,15 +138,14 @@ class Track:
 
     def write_csv(self, path: str | Path) -> None:
         """Write it: frames with their quality as a tracker tells them, without as rows of steps."""
-        columns, tracked = self.to_dict(), self.quality is not None
-        time, place, turn = (".4f", ".4f", ".3f") if tracked else (".1f", ".6f", ".6f")
-        with whole.new(path) as spare, spare.open("w", newline="", encoding="utf-8") as file:
-            rows = csv.writer(file, lineterminator="\n")
-            rows.writerow(columns)
-            for t, x, y, heading, *quality in zip(*columns.values(), strict=True):
-                lost = math.isnan(x)
-                told = ("", "", "") if lost else (f"{x:{place}}", f"{y:{place}}", f"{heading:{turn}}")
-                rows.writerow((f"{t:{time}}", *told, *("0" if lost else f"{q:.3f}" for q in quality)))
+        columns = self.to_dict()
+        time, place, turn = (".1f", ".6f", ".6f") if self.quality is None else (".4f", ".4f", ".3f")
+        rows: list[Sequence[str]] = [tuple(columns)]
+        for t, x, y, heading, *quality in zip(*columns.values(), strict=True):
+            lost = math.isnan(x)
+            told = ("", "", "") if lost else (f"{x:{place}}", f"{y:{place}}", f"{heading:{turn}}")
+            rows.append((f"{t:{time}}", *told, *("0" if lost else f"{q:.3f}" for q in quality)))
+        whole.write(path, to_csv(rows))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -213,7 +213,7 @@ def read_track(
     Raises:
         UsageError: of the class `error`: no such table; names file and line.
     """
-    return _track(read_table(path, COLUMNS, error, optional=("quality",), cure=cure), seen_by)
+    return _track(read_table(path, error, needs=COLUMNS, cure=cure), seen_by)
 
 
 def read_tracks(path: str | Path, *, start: str = "1", unit: str = "") -> dict[tuple[str, str], Track]:
@@ -226,21 +226,22 @@ def read_tracks(path: str | Path, *, start: str = "1", unit: str = "") -> dict[t
     Raises:
         TrackError: no such table, or a row without a start; names file and line.
     """
-    table = read_table(path, COLUMNS, TrackError, optional=("start", "unit", "quality"))
-    every, n = _track(table, ""), len(table.lines)
+    table = read_table(path, TrackError, needs=COLUMNS)
+    every, names = _track(table, ""), {"start": start, "unit": unit}
+    starts, units = (
+        table.texts(name) if name in table.columns else [said] * len(every) for name, said in names.items()
+    )
+    table.refuse(np.array([not name for name in starts], bool), "start", "a name or number", starts)
     rows: dict[tuple[str, str], list[int]] = {}
-    starts, units = table.cells.get("start", [start] * n), table.cells.get("unit", [unit] * n)
     for k, key in enumerate(zip(starts, units, strict=True)):
-        if not key[0]:
-            raise table.wrong(table.lines[k], "start: expected a name or number, got nothing")
         rows.setdefault(key, []).append(k)
     return {key: every.only(np.array(some)) for key, some in rows.items()}
 
 
 def _track(table: Table, seen_by: str) -> Track:
     """All of a table's rows."""
-    place = (table.numbers(name, gaps=name != "t_s") for name in COLUMNS)
-    quality = np.array(table.numbers("quality", gaps=True)) if "quality" in table.cells else None
+    place = (table.numbers(name, empty=name != "t_s") for name in COLUMNS)
+    quality = table.numbers("quality", empty=True) if "quality" in table.columns else None
     return Track.from_degrees(*place, quality=quality, seen_by=seen_by)
 
 

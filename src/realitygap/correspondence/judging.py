@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import json
 from collections import defaultdict
@@ -17,6 +16,7 @@ from realitygap.correspondence.setting import Setting
 from realitygap.correspondence.statistics import Correlation, correlation
 from realitygap.correspondence.trials import Trial
 from realitygap.errors import TrackError
+from realitygap.table import read_table
 
 __all__ = ["Agreement", "Pair", "agreement", "blind_pairs", "page", "read_marks"]
 
@@ -107,17 +107,12 @@ def read_marks(path: str | Path) -> dict[int, dict[str, float]]:
     files = sorted(place.glob("*.csv")) if place.is_dir() else [place]
     marks: dict[int, dict[str, float]] = defaultdict(dict)
     for file in files:
-        for line, row in _rows(file):
-            try:
-                pair, mark = int(row["pair"]), float(row["mark"])
-            except ValueError:
-                pair, mark = 0, -1.0
-            if pair < 1 or not 0 <= mark <= 10:
-                raise TrackError(
-                    f"{file}, line {line}: expected a pair's number and a mark from 0 to 10, got "
-                    f"{row['pair']!r} and {row['mark']!r}."
-                )
-            marks[pair][row["judge"] or "judge"] = mark
+        table = read_table(file, TrackError, needs=MARKS)
+        pairs, given = table.whole("pair"), table.numbers("mark")
+        table.refuse(pairs < 1, "pair", "a pair's number", pairs)
+        table.refuse((given < 0) | (given > 10), "mark", "a mark from 0 to 10", given)
+        for pair, judge, mark in zip(pairs.tolist(), table.texts("judge"), given.tolist(), strict=True):
+            marks[pair][judge or "judge"] = mark
     if not marks:
         raise TrackError(f"{path}: expected marks, columns {', '.join(MARKS)}; got none.")
     return dict(marks)
@@ -158,17 +153,6 @@ def _between(marks: dict[int, dict[str, float]], judges: Sequence[str]) -> float
             found.append(correlation(*np.array(both).T, resamples=1).r)
     kept = [r for r in found if np.isfinite(r)]
     return float(np.mean(kept)) if kept else None
-
-
-def _rows(file: Path) -> list[tuple[int, dict[str, str]]]:
-    try:
-        with file.open(newline="", encoding="utf-8-sig") as text:
-            reader = csv.DictReader(text)
-            if not set(MARKS) <= set(reader.fieldnames or ()):
-                raise TrackError(f"{file}, line 1: expected columns {', '.join(MARKS)}.")
-            return [(reader.line_num, {k: (v or "").strip() for k, v in row.items() if k}) for row in reader]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise TrackError(f"{file}: cannot be read ({error}). Give a CSV file of marks.") from None
 
 
 def _side_by_side(pair: Pair) -> list[tuple[Trial, Trial]]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import FilmError
-from realitygap.text import read_table
+from realitygap.table import read_table
 from realitygap.values import Pose
 
 __all__ = ["KnownFrame", "read_frames"]
@@ -43,9 +43,9 @@ def read_frames(folder: str | Path, poses: str | Path) -> list[KnownFrame]:
         raise FilmError(f"{folder}: no such folder. Give the folder that holds the frames.")
     known: dict[str, int] = {}
     frames: list[KnownFrame] = []
-    table = read_table(poses, ("frame", "x_cm", "y_cm", "heading_deg"), FilmError)
+    table = read_table(poses, FilmError, needs=("frame", "x_cm", "y_cm", "heading_deg"))
     columns = (table.numbers(name) for name in ("x_cm", "y_cm", "heading_deg"))
-    for line, frame, *pose in zip(table.lines, table.cells["frame"], *columns, strict=True):
+    for line, frame, *pose in zip(table.lines, table.texts("frame"), *columns, strict=True):
         path = _picture_file(folder, frame, f"{poses}, line {line}")
         if path.name in known:
             raise FilmError(

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.recordings.recording import count_unit
-from realitygap.calibration.recordings.table import Table
 from realitygap.errors import RecordingError
+from realitygap.table import Table, read_table
 
-__all__ = ["check_readings", "check_steps"]
+__all__ = ["check_readings", "check_steps", "read_rows"]
 
 Array = NDArray[np.float64]
 
@@ -19,6 +21,23 @@ BRIGHT = 300.0
 """Counts of the paper's robot."""
 ENOUGH = 12
 """Bearings from which on their unit is doubted."""
+
+
+def read_rows(path: Path, *, ends: bool) -> Table:
+    """The table of a recording; with `ends` its last line must have an end, as a recorder's has.
+
+    Raises:
+        RecordingError: no table, no rows, one that is cut short, a column that is there twice.
+    """
+    table = read_table(path, RecordingError)
+    if not table.rows:
+        raise RecordingError(f"{path}: empty: expected a line of column names and a row for each reading.")
+    if ends and not path.read_bytes().endswith(b"\n"):
+        raise RecordingError(f"{table.at(-1)}: cut short. Go on with `realitygap record … --resume`.")
+    twice = [name for name in table.columns if table.columns.count(name) > 1]
+    if twice:
+        raise RecordingError(f"{path}, line 1: the column {twice[0]!r} stands there twice.")
+    return table
 
 
 def check_readings(

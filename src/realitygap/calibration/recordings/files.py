@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.recordings.checks import check_readings, check_steps
+from realitygap.calibration.recordings.checks import check_readings, check_steps, read_rows
 from realitygap.calibration.recordings.recording import (
     BODY_RADIUS_CM,
     HEIGHTS_CM,
@@ -23,8 +23,8 @@ from realitygap.calibration.recordings.recording import (
     check_object,
 )
 from realitygap.calibration.recordings.sam import read_sam
-from realitygap.calibration.recordings.table import LARGEST, Table, need, read_table
 from realitygap.errors import RecordingError
+from realitygap.table import LARGEST, Table
 from realitygap.text import as_path, refuse_unknown
 from realitygap.toml import read_toml
 from realitygap.world.arena import Arena, load_arena
@@ -142,12 +142,12 @@ def read_facts(folder: Path) -> dict[str, Any]:
 
 
 def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> SensorRecording:
-    table = read_table(folder / READINGS, ends="places" in facts)
+    table = read_rows(folder / READINGS, ends="places" in facts)
     sensors = _sensor_columns(table, facts)
     _check_heights(folder, facts)
     pose, arena = None, None
     if "arena" in facts and "x_cm" in table.columns:
-        need(table, (*POSE, "repeat"))
+        table.need((*POSE, "repeat"))
         arena = load_arena(folder / str(facts["arena"]))
         pose = _pose(table, empty=False)
         distance, bearing = _from_lamp(pose, arena, _body_radius(folder, facts))
@@ -156,7 +156,7 @@ def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> S
             raise RecordingError(
                 f'{folder / FACTS}: arena: missing; poses need the room: add arena = "file.toml".'
             )
-        need(table, (*POLAR, "repeat"))
+        table.need((*POLAR, "repeat"))
         distance, bearing = table.numbers("distance_cm"), table.numbers("bearing_deg")
         table.refuse(distance < 0, "distance_cm", "0 or more", distance, "It counts from the body's edge.")
         table.refuse(np.abs(bearing) > 360, "bearing_deg", "degrees from −360 to 360", bearing)
@@ -184,10 +184,10 @@ def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> S
 
 
 def _wheels(folder: Path, facts: Mapping[str, Any]) -> WheelRecording:
-    table = read_table(folder / STEPS, ends="places" in facts)
+    table = read_rows(folder / STEPS, ends="places" in facts)
     counting = any(name in table.columns for name in WHEEL_COUNTS)
-    need(table, [name for name in STEP_COLUMNS if counting or name not in WHEEL_COUNTS])
-    kind = table.texts("kind")
+    table.need([name for name in STEP_COLUMNS if counting or name not in WHEEL_COUNTS])
+    kind = np.array(table.texts("kind"), str)
     table.refuse(~np.isin(kind, STEP_KINDS), "kind", f"one of {', '.join(STEP_KINDS)}", kind)
     t, trial = table.numbers("t_s"), table.whole("trial")
     back = np.concatenate([[False], (np.diff(t) <= 0) & (np.diff(trial) == 0)])
@@ -293,7 +293,7 @@ def _unfinished(table: Table, facts: Mapping[str, Any]) -> tuple[str, ...]:
     if not isinstance(planned, int):
         return ()
     key = ("trial",) if "trial" in table.columns else POSE if "x_cm" in table.columns else POLAR
-    done = len(set(zip(*(table.texts(name).tolist() for name in key), strict=True)))
+    done = len(set(zip(*(table.texts(name) for name in key), strict=True)))
     if done >= planned:
         return ()
     return (f"{table.path}: unfinished: {done} of {planned} places; `realitygap record … --resume` goes on",)
