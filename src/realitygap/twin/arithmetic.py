@@ -3,19 +3,32 @@
 Those of NumPy and of the C library take other ways on other processors (AVX-512, FMA) and differ in the last
 bit. These are made of sums, products, quotients and square roots alone, which IEEE 754 rounds one way only,
 in one order. Polynomials of fdlibm (Sun Microsystems 1993): errors of a few units in the last place.
+
+It also says how the twin's few inner loops are compiled. What is compiled hangs on its own file alone,
+constants come in as values: so what is kept on file is known to be out of date by that file. No flag lets
+the compiler change the order of a sum.
 """
 
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from realitygap.twin.jit import jit, step
+from realitygap.machine_code import Shelf
 
-__all__ = ["arctan2", "cos", "cos_sin", "hypot", "normals", "power", "product", "weighted"]
+__all__ = ["arctan2", "cos", "cos_sin", "hypot", "jit", "normals", "power", "product", "step", "weighted"]
+
+_SHELF = Shelf(b"the twin")
+
+jit = partial(_SHELF.compiled, error_model="numpy", nogil=True)
+"""For what is called from Python."""
+
+step = partial(_SHELF.compiled, error_model="numpy", nogil=True, forceinline=True)
+"""For a part of it, inlined: arrays would cost more to hand over than the step itself."""
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from realitygap.errors import ConfigError
 from realitygap.twin.arena import check_arena
-from realitygap.twin.arithmetic import arctan2, cos_sin
+from realitygap.twin.arithmetic import cos_sin
 from realitygap.twin.model import BODY_RADIUS, NOMINAL_VOLT, build_xml
 from realitygap.twin.noise import CREEP_MS, Creep, check_dial, draws
 from realitygap.twin.sensors import CYCLE_MS, PHASE_MS, Sensors
@@ -229,9 +229,8 @@ class TwinBody:
 
     def truth(self) -> tuple[float, float, float]:
         """x, y (cm) and heading (rad, −π to π) as they are: for tests and the sealed file only."""
-        px, py, _, w, x, y, z = self._qpos[:7].tolist()
-        heading = arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-        return px * 100.0, py * 100.0, float(heading)
+        x, y = self._qpos[:2].tolist()
+        return x * 100.0, y * 100.0, float(heading_of(self._qpos))
 
     def states(self) -> States:
         """Everything recorded so far, a state each 10 ms and at each placing."""

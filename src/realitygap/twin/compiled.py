@@ -19,8 +19,8 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from realitygap.twin.arithmetic import jit
 from realitygap.twin.body import REFRESHED_MS, TwinBody
-from realitygap.twin.jit import jit
 from realitygap.twin.model import NOMINAL_VOLT
 from realitygap.twin.sensors import CYCLE_MS
 from realitygap.twin.wheels import MAX_PWM, PULSES_PER_RADIAN, WINDOW_MS, Wheel

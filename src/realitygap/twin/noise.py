@@ -70,16 +70,11 @@ def spread(numbers: NDArray[np.uint64]) -> NDArray[np.uint64]:
     return z ^ (z >> np.uint64(31))
 
 
-def _normals(keys: NDArray[np.uint64]) -> NDArray[np.float64]:
-    """One normal draw for each key."""
-    return normals(spread(keys))
-
-
 def _heavy(keys: NDArray[np.uint64]) -> NDArray[np.float64]:
     """Draws of deviation 1 with heavier tails than normal (kurtosis about 5)."""
     other: NDArray[np.uint64] = np.bitwise_xor(keys, _MIX_A)
     outlier = spread(other).astype(np.float64) < OUTLIERS * 2.0**64
-    return np.asarray(_normals(keys) * np.where(outlier, _CORE * OUTLIER_SIZE, _CORE))
+    return np.asarray(normals(spread(keys)) * np.where(outlier, _CORE * OUTLIER_SIZE, _CORE))
 
 
 class SensorNoise:
@@ -99,7 +94,7 @@ class SensorNoise:
         """[8] slowly changing values of deviation 1."""
         knot, rest = divmod(time_ms, DRIFT_KNOT_MS)
         knots = np.array([[knot + 1], [knot + 2]], np.uint64)
-        here, there = _normals(self._drift ^ knots)
+        here, there = normals(spread(self._drift ^ knots))
         share = rest / DRIFT_KNOT_MS
         share = share * share * (3.0 - 2.0 * share)
         size = math.sqrt(share * share + (1.0 - share) ** 2)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.twin.jit import jit, step
+from realitygap.twin.arithmetic import jit, step
 
 __all__ = ["paint_robot"]
 

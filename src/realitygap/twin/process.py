@@ -17,7 +17,7 @@ from realitygap.robots.khepera.protocol import BAUD_RATES
 from realitygap.twin.server import BODY
 from realitygap.values import Closing, Pose
 
-__all__ = ["TwinProcess", "start_twin"]
+__all__ = ["TwinProcess", "end_process", "start_twin"]
 
 CHANNEL_S = 60.0
 LEAVE_S = 5.0
@@ -36,7 +36,7 @@ class TwinProcess(Closing):
         self.channel = channel
         self._process = process
         self._hand: socket.socket | None = None
-        self._finalizer = weakref.finalize(self, _end, process)
+        self._finalizer = weakref.finalize(self, end_process, process)
 
     def place(self, pose: Pose) -> None:
         """Put the robot down (under a virtual clock: after the clock has settled)."""
@@ -131,12 +131,12 @@ def start_twin(
         process.stdin.flush()
     said = json.loads(process.stdout.readline() or b"{}")
     if "device" not in said:
-        _end(process)
+        end_process(process)
         raise UsageError(f"the twin did not start: {said.get('error', 'its own message is above')}")
     return TwinProcess(process, said["device"], said["channel"])
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
+def end_process(process: subprocess.Popen[bytes]) -> None:
     """Close the leash and wait; insist if need be."""
     for pipe in (process.stdin, process.stdout):
         if pipe is not None:

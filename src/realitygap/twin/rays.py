@@ -99,11 +99,6 @@ class Scene:
         incidence = -(nx * dx + ny * dy)
         return distance, incidence, x + distance * dx, y + distance * dy, nx, ny
 
-    def hits(self, x: Array, y: Array, dx: Array, dy: Array) -> tuple[Array, Array]:
-        """Distance and cosine of the incidence only."""
-        distance, incidence, *_ = self.meet(x, y, dx, dy)
-        return distance, incidence
-
     def clear(self, x: Array, y: Array, ax: Array, ay: Array) -> NDArray[np.bool_]:
         """Whether nothing stands between a point and another, `ax`, `ay` further on."""
         way = hypot(ax, ay) + 1e-12

@@ -24,6 +24,7 @@ from realitygap.twin.drawing import (
     MIDDLE_RADIUS,
 )  # fmt: skip
 from realitygap.twin.lens import HEIGHT, WIDTH, Lens, hang_camera
+from realitygap.twin.process import end_process
 
 __all__ = ["Renderer", "open_renderer"]
 
@@ -109,14 +110,7 @@ class Renderer:
 
     def close(self) -> None:
         """End the other process."""
-        for pipe in (self._process.stdin, self._process.stdout):
-            if pipe is not None and not pipe.closed:
-                pipe.close()
-        try:
-            self._process.wait(timeout=10)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        end_process(self._process)
 
 
 def open_renderer(arena: Mapping[str, Any], unit: int, lens: Lens) -> Renderer | None:

@@ -69,7 +69,8 @@ class Sensors:
         self._x, self._y = place[:, 0] / 1000.0, place[:, 1] / 1000.0
         self._direction = np.radians(place[:, 2]) + np.array(unit.direction)
         self._scene = Scene(edges(arena), np.array(arena["cylinders"]).reshape(-1, 3) / 100.0)
-        self._lamps = self._hang(np.array(arena["lamps"]).reshape(-1, 2) / 100.0, arena)
+        lamps, size = np.array(arena["lamps"]).reshape(-1, 2) / 100.0, np.array(arena["size_cm"]) / 100.0
+        self._lamps = np.clip(lamps, LAMP_PROUD, size - LAMP_PROUD)
         self._rise = unit.lamp_height - EYE_HEIGHT
         # Of the way from a wall, at the eyes' height, up to a lamp: the share below the body's top
         self._low = (BODY_TOP - EYE_HEIGHT) / max(self._rise, BODY_TOP - EYE_HEIGHT)
@@ -81,11 +82,6 @@ class Sensors:
         self._gain = np.array(unit.proximity_gain)
         fan = power(self._fan_cos, EYE_EXPONENT)
         self._eye_weight = fan / math.fsum(fan)
-
-    @staticmethod
-    def _hang(lamps: Array, arena: Mapping[str, Any]) -> Array:
-        size = np.array(arena["size_cm"]) / 100.0
-        return np.clip(lamps, LAMP_PROUD, size - LAMP_PROUD)
 
     def refreshed(self, time_ms: int) -> NDArray[np.int64]:
         """[8] when each sensor was read last, up to now (ms)."""
@@ -118,7 +114,7 @@ class Sensors:
         near = self._scene.near(float(poses[0, 0]), float(poses[0, 1]), IR_REACH + BODY_RADIUS)
         if near is None:
             return np.full(8, -IR_OFFSET)
-        distance, incidence = near.hits(x, y, *self._fan(look))
+        distance, incidence, *_ = near.meet(x, y, *self._fan(look))
         thrown = incidence / (distance + IR_DEPTH) ** 2
         return np.asarray(weighted(thrown, self._ir_weight) * self._gain - IR_OFFSET)
 
