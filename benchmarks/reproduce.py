@@ -109,12 +109,11 @@ def serial_share(task: str) -> tuple[float, float]:
         middle = time.thread_time()
         networks = [decode(genes, bench.layout) for genes in records.genes]
         simulation, streams = bench.simulation, batch_streams(1, 2)
-        args = simulation._cores.robot, simulation._cores.arena, simulation._cores.trial
         which = np.zeros(2, np.int64)
         compiled = time.thread_time()
         for one in networks:
             paths, work = simulation._cores._paths, simulation._cores.scratch(one)
-            run_trials(*args, one, which, 1.0, streams, paths, work)
+            run_trials(simulation._cores.world, one, which, streams, paths, work)
         end = time.thread_time()
         pairs.append(((middle - start) / 300e-6, (end - compiled) / 300e-6))
     return tuple(np.median(pairs, axis=0))
