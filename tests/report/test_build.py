@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import pickle
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 from realitygap.errors import StudyInterruptedError, UsageError
 from realitygap.report import build_report
 from realitygap.report.gather import PER_CONDITION, chosen, parts_of
+from realitygap.report.page import Figures
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study, load_study
 from realitygap.study.progress import EVOLVING, Progress
@@ -122,6 +124,20 @@ def test_the_report_is_the_same_when_made_again(paper: Study) -> None:
     build_report(paper.folder, on_progress=lambda done, total, name: seen.append((done, total)))
     assert before == {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     assert seen == sorted(seen) and seen[0][0] == 0 and seen[-1][0] == seen[-1][1]
+
+
+def test_every_figure_can_be_sent_to_another_process(paper: Study, monkeypatch) -> None:
+    """A picture is a function by its name, with data: what is drawn from a copy is the same picture."""
+    kept: list[Figures] = []
+    keep = lambda target, template, figures, *_, **__: kept.append(figures)  # noqa: E731
+    monkeypatch.setattr("realitygap.report.build.write_page", keep)
+    build_report(paper.folder)
+    (figures,) = kept
+    assert len(figures) == len([*figures]) > 20
+    copies = {one.name: pickle.loads(pickle.dumps(one)) for one in figures}
+    assert len(copies) == len(figures)
+    for name in ("obstacle-avoidance-arena", "light-seeking-curves", "light-seeking-paths"):
+        assert copies[name].save(None) == figures[name].save(None)
 
 
 def test_a_figure_shows_the_median_run(paper: Study) -> None:
