@@ -5,8 +5,7 @@ Tables are dictionaries of NumPy columns: `pandas.DataFrame(study.evaluations())
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
@@ -29,15 +28,13 @@ from realitygap.study.config import StudyConfig
 from realitygap.study.folder import agree, read_config, read_materials, read_profile
 from realitygap.study.materials import Materials
 from realitygap.study.plan import Plan, run_stream
-from realitygap.study.reader import DATABASE, Reader
+from realitygap.study.reader import DATABASE, Reader, Table
 from realitygap.tasks.task import Task
 from realitygap.text import as_path
 from realitygap.world.noise import noise_name
 from realitygap.world.profile import Profile
 
 __all__ = ["Run", "Study", "Table", "as_study", "load_study"]
-
-Table = dict[str, NDArray[Any]]
 
 
 def load_study(path: str | PathLike[str], *, trust: bool = False) -> Study:
@@ -73,7 +70,8 @@ class Study:
         self.folder = folder
         self.config: StudyConfig = read_config(folder)
         self._reader = Reader(folder / DATABASE)
-        self.runs: list[Run] = self._read_runs()
+        rows = self._reader.runs()
+        self.runs = [Run(**row, seed=self.config.seed, study=self) for row in rows]
         self._encodings: dict[str, Encoding] = {}
 
     def __fspath__(self) -> str:
@@ -179,10 +177,7 @@ class Study:
     def genotypes(self, run: int) -> Genes:
         """[n, ...]: all individuals of a run, in the order of evaluation; of slots [n, slots, fields]."""
         kind, shape = self._form(run)
-        with self._reader.reading("evaluation", self.run(run).id) as database:
-            query = "SELECT genotype FROM evaluation WHERE run = ? ORDER BY number"
-            rows = [row[0] for row in database.execute(query, (run,))]
-        return np.frombuffer(b"".join(rows), kind).reshape(-1, *shape)
+        return np.frombuffer(b"".join(self._reader.genotypes(self.run(run).id)), kind).reshape(-1, *shape)
 
     def genotype(self, run: int, number: int) -> Genes:
         """The individual of one evaluation, of the type and shape that its run keeps.
@@ -191,12 +186,10 @@ class Study:
             StudyError: no such evaluation.
         """
         kind, shape = self._form(run)
-        with self._reader.reading("evaluation", self.run(run).id) as database:
-            query = "SELECT genotype FROM evaluation WHERE run = ? AND number = ?"
-            row = database.execute(query, (run, number)).fetchone()
-        if row is None:
+        rows = self._reader.genotypes(self.run(run).id, number)
+        if not rows:
             raise StudyError(f"{self.folder}: run {run} has no evaluation {number}.")
-        return np.frombuffer(row[0], kind).reshape(shape).copy()
+        return np.frombuffer(rows[0], kind).reshape(shape).copy()
 
     def tests(self, run: int | None = None) -> Table:
         """Fresh trials: run, who (fittest or champion), noise, trial, score."""
@@ -210,70 +203,27 @@ class Study:
 
     def state(self, run: int) -> State | None:
         """What a run's last checkpoint holds; None before the first. A user's file may be run for it."""
-        with self._reader.reading("checkpoint", self.run(run).id) as database:
-            row = database.execute("SELECT state FROM checkpoint WHERE run = ?", (run,)).fetchone()
-        if row is None:
-            return None
-        if row[0].startswith(MAGIC):
-            return Population.from_bytes(row[0])
+        kept = self._reader.checkpoint(self.run(run).id)
+        if kept is None or kept.startswith(MAGIC):
+            return None if kept is None else Population.from_bytes(kept)
         task, config = self.task(self.run(run).task), self._materials.config
-        state: State = config.evolution.make(config.encoding_for(task)).from_bytes(row[0])
+        state: State = config.evolution.make(config.encoding_for(task)).from_bytes(kept)
         return state
 
     def _form(self, run: int) -> tuple[str, tuple[int, ...]]:
         """Type and shape of a run's genotypes: it takes neither its task nor its encoding to know them."""
-        with self._reader.reading("run", self.run(run).id) as database:
-            if "encoding" not in [row[1] for row in database.execute("PRAGMA table_info(run)")]:
-                size = self.config.encoding  # of the formats before, which had slots only
-                return "i1", Layout(inputs=1, slots=size.slots or 0, links=size.links or 0).shape
-            row = database.execute("SELECT encoding FROM run WHERE id = ?", (self.run(run).id,)).fetchone()
-        facts = json.loads(row[0])
+        facts = self._reader.encoding(self.run(run).id)
+        if facts is None:  # of the formats before, which had slots only
+            size = self.config.encoding
+            return "i1", Layout(inputs=1, slots=size.slots or 0, links=size.links or 0).shape
         return facts["dtype"], tuple(facts["shape"])
 
     def versions(self) -> dict[str, list[str]]:
         """What has worked on it, by name, each version once: see `folder.versions`."""
-        with self._reader.reading("session", 0) as database:
-            rows = database.execute("SELECT versions FROM session ORDER BY id").fetchall()
-        found: dict[str, list[str]] = {}
-        for (text,) in rows:
-            for name, version in json.loads(text).items():
-                if version not in found.setdefault(name, []):
-                    found[name].append(version)
-        return found
+        return self._reader.versions()
 
     def _table(self, name: str, kinds: Mapping[str, Any], order: str, run: int | None) -> Table:
-        whose = None if run is None else self.run(run).id
-        where, values = ("", ()) if whose is None else ("WHERE run = ?", (whose,))
-        with self._reader.reading(name, whose) as database:
-            count = database.execute(f"SELECT count(*) FROM {name} {where}", values).fetchone()[0]
-            rows = database.execute(f"SELECT {', '.join(kinds)} FROM {name} {where} ORDER BY {order}", values)
-            filled = np.fromiter(map(_nan_for_none, rows), np.dtype(list(kinds.items())), count)
-        return {key: np.ascontiguousarray(filled[key]) for key in kinds}
-
-    def _read_runs(self) -> list[Run]:
-        query = (
-            "SELECT id, name, task, noise, position, evaluations, best_fitness, fittest, champion, "
-            "champion_fitness, finished FROM run ORDER BY id"
-        )
-        with self._reader.reading("run") as database:
-            return [
-                Run(
-                    id=row[0],
-                    name=row[1],
-                    task=row[2],
-                    noise=row[3],
-                    index=row[4],
-                    seed=self.config.seed,
-                    evaluations=row[5],
-                    best_fitness=row[6],
-                    fittest_number=row[7],
-                    champion_number=row[8],
-                    champion_fitness=row[9],
-                    finished=bool(row[10]),
-                    study=self,
-                )
-                for row in database.execute(query)
-            ]
+        return self._reader.table(name, kinds, order, None if run is None else self.run(run).id)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -343,10 +293,6 @@ class Run:
         table = self.study.tests(self.id)
         pairs = dict.fromkeys(zip(table["who"].tolist(), table["noise"].tolist(), strict=True))
         return {(w, n): table["score"][(table["who"] == w) & (table["noise"] == n)] for w, n in pairs}
-
-
-def _nan_for_none(row: Sequence[Any]) -> tuple[Any, ...]:
-    return tuple(np.nan if value is None else value for value in row)
 
 
 def _name(task: str | Task) -> str:

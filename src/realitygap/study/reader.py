@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from realitygap.study.digest import verify
 from realitygap.study.schema import SEALED, check_format, told
 
-__all__ = ["DATABASE", "Reader"]
+__all__ = ["DATABASE", "Reader", "Table"]
 
 DATABASE = "study.db"
+Table = dict[str, NDArray[Any]]
 
 
 class Reader:
@@ -53,6 +57,61 @@ class Reader:
         rows = self._kept("source")
         return None if rows is None else dict(rows)
 
+    def runs(self) -> list[dict[str, Any]]:
+        """What stands of each run, by the names of `load.Run`."""
+        query = (
+            'SELECT id, name, task, noise, position AS "index", evaluations, best_fitness, '
+            "fittest AS fittest_number, champion AS champion_number, champion_fitness, finished "
+            "FROM run ORDER BY id"
+        )
+        with self.reading("run") as database:
+            rows = database.execute(query)
+            names = [column[0] for column in rows.description]
+            found = [dict(zip(names, row, strict=True)) for row in rows]
+        return [{**row, "finished": bool(row["finished"])} for row in found]
+
+    def encoding(self, run: int) -> dict[str, Any] | None:
+        """What is kept of the encoding of a run's genotypes; None in an older format."""
+        with self.reading("run", run) as database:
+            if "encoding" not in [row[1] for row in database.execute("PRAGMA table_info(run)")]:
+                return None
+            text = database.execute("SELECT encoding FROM run WHERE id = ?", (run,)).fetchone()[0]
+        facts: dict[str, Any] = json.loads(text)
+        return facts
+
+    def checkpoint(self, run: int) -> bytes | None:
+        """What a run goes on from; None at its beginning."""
+        with self.reading("checkpoint", run) as database:
+            row = database.execute("SELECT state FROM checkpoint WHERE run = ?", (run,)).fetchone()
+        return None if row is None else bytes(row[0])
+
+    def genotypes(self, run: int, number: int | None = None) -> list[bytes]:
+        """Of all evaluations of a run in their order, or of one."""
+        which, values = ("", (run,)) if number is None else (" AND number = ?", (run, number))
+        query = f"SELECT genotype FROM evaluation WHERE run = ?{which} ORDER BY number"
+        with self.reading("evaluation", run) as database:
+            return [row[0] for row in database.execute(query, values)]
+
+    def table(self, name: str, kinds: Mapping[str, Any], order: str, run: int | None) -> Table:
+        """Columns of a table, of a run or of all; NaN where there is nothing."""
+        where, values = ("", ()) if run is None else ("WHERE run = ?", (run,))
+        with self.reading(name, run) as database:
+            count = database.execute(f"SELECT count(*) FROM {name} {where}", values).fetchone()[0]
+            rows = database.execute(f"SELECT {', '.join(kinds)} FROM {name} {where} ORDER BY {order}", values)
+            filled = np.fromiter(map(_nan_for_none, rows), np.dtype(list(kinds.items())), count)
+        return {key: np.ascontiguousarray(filled[key]) for key in kinds}
+
+    def versions(self) -> dict[str, list[str]]:
+        """What has worked on the study, by name, each version once."""
+        with self.reading("session", 0) as database:
+            rows = database.execute("SELECT versions FROM session ORDER BY id").fetchall()
+        found: dict[str, list[str]] = {}
+        for (text,) in rows:
+            for name, version in json.loads(text).items():
+                if version not in found.setdefault(name, []):
+                    found[name].append(version)
+        return found
+
     def _kept(self, part: str) -> list[tuple[str, Any]] | None:
         with self.reading(part, 0) as database:
             if check_format(database, self._path) < SEALED:
@@ -66,6 +125,10 @@ class Reader:
         if seen not in self._sound:
             verify(database, self._path, run, part)
             self._sound.add(seen)
+
+
+def _nan_for_none(row: Sequence[Any]) -> tuple[Any, ...]:
+    return tuple(np.nan if value is None else value for value in row)
 
 
 def _open(path: Path) -> sqlite3.Connection:
