@@ -17,7 +17,7 @@ from realitygap.study.config import StudyConfig
 from realitygap.study.load import load_study
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
-from realitygap.transfer.score_rows import Mark
+from realitygap.transfer.score_rows import ScoreRow
 from realitygap.world.profile import load_profile
 from tests.report.situations import write_transfer
 
@@ -26,10 +26,10 @@ AVOID = load_task("avoidance")
 LEVELS = (0.0, 1.0, 2.0)
 
 
-def marks(scores: dict[float, list[float]], **changes) -> list[Mark]:
+def marks(scores: dict[float, list[float]], **changes) -> list[ScoreRow]:
     """Made-up marks: correspondence scores by noise level, one run each."""
     return [
-        Mark(**{
+        ScoreRow(**{
             "run": 10 * int(level) + k, "name": f"obstacle-avoidance/{level}/{k}", "task": AVOID.name,
             "noise": level, "index": k, "individual": "champion", "type": "wall follower", "share": 0.9,
             "behaviour": 5.0 + level, "kind": "twin", "situated_type": "wall follower",

@@ -1,4 +1,4 @@
-"""From recordings to a profile (§3.2.1): fits, noise, bands, and where it all comes from."""
+"""From recordings to a profile (§3.2.1): fits, noise, input ranges, and where it all comes from."""
 
 from __future__ import annotations
 
@@ -186,7 +186,7 @@ def _tells_heights(recording: Recording) -> bool:
 def _joined(
     base: Profile, infrared: ChannelFit | None, ambient: ChannelFit | None, wheels: WheelFit | None
 ) -> Profile:
-    """The base with everything that was fitted in place, noise and bands included."""
+    """The base with everything that was fitted in place, noise and input ranges included."""
     profile = base
     deviations = {
         e.channel: round(e.deviation, 3) for fit in (infrared, ambient) if fit is not None for e in fit.noise

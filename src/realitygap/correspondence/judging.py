@@ -1,4 +1,4 @@
-"""Human judges: blind pairs of trials, their marks, and how far the score agrees with them."""
+"""Human judges: blind pairs of trials, their ratings, and how far the score agrees with them."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ class Pair:
 
 @dataclass(frozen=True, kw_only=True)
 class Agreement:
-    """How far marks and score agree, over pairs.
+    """How far ratings and score agree, over pairs.
 
     Attributes:
         judges: how many.
-        pairs: how many were marked.
-        correlation: of the mean mark with the score.
-        difference: mean mark minus score.
+        pairs: how many were rated.
+        correlation: of the mean rating with the score.
+        difference: mean rating minus score.
         between_judges: mean Pearson r of a judge with the mean of the others; None for one judge.
     """
 
@@ -89,7 +89,7 @@ def blind_pairs(
 
 
 def page(data: dict[str, Any]) -> str:
-    """The page, self-contained: pairs side by side, marks 0 to 10, saved in the browser and as a file."""
+    """The page, self-contained: pairs side by side, ratings 0 to 10, saved in the browser and as a file."""
     here = Path(__file__).with_name("judge.html").read_text(encoding="utf-8")
     told = json.dumps(data, separators=(",", ":"), allow_nan=False)
     name = hashlib.sha256(told.encode()).hexdigest()[:16]  # marks of another page are another page's
@@ -98,7 +98,7 @@ def page(data: dict[str, Any]) -> str:
 
 
 def read_marks(path: str | Path) -> dict[int, dict[str, float]]:
-    """Marks by pair and judge, of a CSV file with columns pair, judge, mark, or a folder of them.
+    """Ratings by pair and judge, of a CSV file with columns pair, judge, mark, or a folder of them.
 
     Raises:
         TrackError: names file and line.
@@ -114,21 +114,21 @@ def read_marks(path: str | Path) -> dict[int, dict[str, float]]:
         for pair, judge, mark in zip(pairs.tolist(), table.texts("judge"), given.tolist(), strict=True):
             marks[pair][judge or "judge"] = mark
     if not marks:
-        raise TrackError(f"{path}: expected marks, columns {', '.join(MARKS)}; got none.")
+        raise TrackError(f"{path}: expected ratings, columns {', '.join(MARKS)}; got none.")
     return dict(marks)
 
 
 def agreement(marks: dict[int, dict[str, float]], scores: dict[int, float]) -> Agreement:
-    """How far marks agree with scores, both by the pair's number.
+    """How far ratings agree with scores, both by the pair's number.
 
     Raises:
         TrackError: a mark of a pair that is not in the key, or fewer than three pairs.
     """
     strange = sorted(set(marks) - set(scores))
     if strange:
-        raise TrackError(f"marks: pair {strange[0]} is not in the key. Give the key of these marks' page.")
+        raise TrackError(f"ratings: pair {strange[0]} is not in the key. Give the key of their page.")
     if len(marks) < 3:
-        raise TrackError(f"marks: expected three pairs or more, got {len(marks)}.")
+        raise TrackError(f"ratings: expected three pairs or more, got {len(marks)}.")
     numbers = sorted(marks)
     means = np.array([np.mean(list(marks[n].values())) for n in numbers])
     computed = np.array([scores[n] for n in numbers])

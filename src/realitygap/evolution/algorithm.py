@@ -82,7 +82,7 @@ class Algorithm(Protocol[S]):
     def ask(self, state: S, n: int) -> Batch:
         """The next individuals to evaluate: n at most, and at least one.
 
-        Fewer where the next one depends on a fitness that was not told yet: the paper's algorithm gives
+        Fewer where the next one depends on a fitness that is not known yet: the paper's algorithm gives
         what is left of its random beginning, then one at a time. Asking twice gives the same.
         """
 

@@ -116,7 +116,7 @@ def track_film(
         raise FilmError(
             f"{film}: no robot's disk is seen in any of its {len(track)} frames (best quality "
             f"{tracker.best_quality:.2f}, needed {FOUND_ANEW:g}). Check that the robot carries the disk, "
-            "that the camera was calibrated for this film, and that the disk is told in its true size."
+            "that the camera was calibrated for this film, and that the disk is given in its true size."
         )
     return Tracked(track=track, last_frame=last, trouble=trouble)
 

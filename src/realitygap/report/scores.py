@@ -12,7 +12,7 @@ from realitygap.report.statistics import Mean, mean_of
 from realitygap.study.load import Study
 from realitygap.tasks.task import Task
 from realitygap.text import to_csv
-from realitygap.transfer.score_rows import Mark, marks_of
+from realitygap.transfer.score_rows import ScoreRow, marks_of
 from realitygap.world.noise import noise_level, noise_name
 
 __all__ = ["ScoreClass", "ScoreTable", "score_tables", "scores_csv", "study_tables"]
@@ -24,11 +24,12 @@ SHOWN = 10
 
 @dataclass(frozen=True, kw_only=True)
 class ScoreClass:
-    """The marks of the runs evolved at one noise level, and the paper's of that level, if it has some."""
+    """The score rows of the runs evolved at one noise level, and the paper's of that level, if it has
+    some."""
 
     level: float
     name: str
-    marks: tuple[Mark, ...]
+    marks: tuple[ScoreRow, ...]
     paper: tuple[PaperRow, ...]
     paper_average: tuple[float, float] | None
 
@@ -72,7 +73,7 @@ class ScoreTable:
 
     @property
     def printed(self) -> bool:
-        """Whether the paper has marks to set beside these."""
+        """Whether the paper has score rows to set beside these."""
         return any(one.paper for one in self.classes)
 
     @property
@@ -115,8 +116,8 @@ class ScoreTable:
         }
 
 
-def score_tables(task: Task, levels: Iterable[float], marks: Sequence[Mark]) -> list[ScoreTable]:
-    """A task's tables, one for each kind of robot and individual, in the order of the marks."""
+def score_tables(task: Task, levels: Iterable[float], marks: Sequence[ScoreRow]) -> list[ScoreTable]:
+    """A task's tables, one for each kind of robot and individual, in the order of the score rows."""
     own = [mark for mark in marks if mark.task == task.name]
     paper = PAPER_ROWS.get(task.name, {}) if task.source is None else {}
     return [
@@ -154,7 +155,7 @@ def study_tables(study: Study) -> list[ScoreTable]:
 
 def scores_csv(tables: Sequence[ScoreTable]) -> str:
     """All of a task's tables as CSV: a row a run, averages, and the paper's own rows (source: paper)."""
-    names = [field.name for field in fields(Mark) if field.name not in ("task", "noise")]
+    names = [field.name for field in fields(ScoreRow) if field.name not in ("task", "noise")]
     head = ["task", "noise", "source", "row", *names]
     rows = [row for table in tables for one in table.classes for row in _class_rows(table, one)]
     for one in tables[0].classes if tables else ():
@@ -198,7 +199,7 @@ def _plain(mean: Mean | None) -> tuple[str, str]:
     return f"{mean.value:.1f}", "" if math.isnan(mean.half) else f"± {mean.half:.1f}"
 
 
-def _ours(mark: Mark | None) -> tuple[tuple[str, str], ...]:
+def _ours(mark: ScoreRow | None) -> tuple[tuple[str, str], ...]:
     """The four cells of a row of ours, each with what is said small beside it."""
     if mark is None:
         return (("", ""),) * 4

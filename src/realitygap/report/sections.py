@@ -23,7 +23,7 @@ from realitygap.report.tables import NoiseClass, Row, Table, table_csv
 from realitygap.report.transfers import Pair
 from realitygap.study.load import Study
 from realitygap.tasks.task import Task
-from realitygap.transfer.score_rows import Mark
+from realitygap.transfer.score_rows import ScoreRow
 
 __all__ = ["Section", "Sections"]
 
@@ -63,7 +63,7 @@ class Sections:
     figures: Figures
     tables: dict[str, str]
     pairs: Mapping[str, Sequence[Pair]]
-    marks: Sequence[Mark]
+    marks: Sequence[ScoreRow]
     paper: bool
     """Whether it is the paper's study, so that a kept one may stand beside it."""
     paths: Paths = field(init=False)

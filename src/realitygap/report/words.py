@@ -70,7 +70,7 @@ def curve_words(part: TaskPart, curves: Mapping[float, Sequence[np.ndarray]], fr
     )
     if fresh:
         caption += (
-            " Open marks at the right: what the final fittest score on fresh trials at their own noise."
+            "  Open markers at the right: what the final fittest score on fresh trials at their own noise."
         )
     ends = ", ".join(
         f"{part.names[level]} {np.mean([run[-1] for run in runs]) / part.task.fitness_scale:.2f}"

@@ -1,4 +1,4 @@
-"""Marks that were computed once, kept in a study's folder for as long as they hold."""
+"""Score rows that were computed once, kept in a study's folder for as long as they hold."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MARKS = "marks.json"
 
 
 class Kept:
-    """The marks in a folder's file, each with a checksum.
+    """The score rows in a folder's file, each with a checksum.
 
     What is broken or was edited is computed anew; a file that cannot be written is done without.
     """
@@ -35,11 +35,11 @@ class Kept:
         self._changed = False
 
     def get(self, key: str) -> dict[str, Any] | None:
-        """The mark that was made of just this."""
+        """The score row that was made of just this."""
         return self._marks.get(key)
 
     def put(self, key: str, mark: dict[str, Any]) -> None:
-        """Keep a mark."""
+        """Keep a score row."""
         self._marks[key] = mark
         self._changed = True
 
@@ -53,12 +53,12 @@ class Kept:
 
 
 def _is_sound(kept: object) -> bool:
-    """Whether this is a mark as it was kept."""
+    """Whether this is a score row as it was kept."""
     return isinstance(kept, dict) and "mark" in kept and kept.get("check") == check_of(kept["mark"])
 
 
 def digest(words: Iterable[object], data: bytes, paths: Iterable[Path]) -> str:
-    """A key for a mark: of all that it follows from, and of the rules that it is made by."""
+    """A key for a score row: of all that it follows from, and of the rules that it is made by."""
     found = hashlib.blake2b(_rules(), digest_size=16)
     found.update(repr(list(words)).encode())
     found.update(data)

@@ -1,4 +1,4 @@
-"""A mark: what the paper's judges wrote of one individual, in a row of table 1 or 2 (§6), computed.
+"""A score row: what the paper's judges wrote of one individual, in a row of table 1 or 2 (§6), computed.
 
 Type and behaviour score are of the simulation, "after repeated testing"; differences and
 correspondence are of its transfers, trial by trial from the same poses.
@@ -29,14 +29,14 @@ if TYPE_CHECKING:
     from realitygap.tasks.task import Task
     from realitygap.track import Track
 
-__all__ = ["Bench", "Job", "Mark"]
+__all__ = ["Bench", "Job", "ScoreRow"]
 
 TRIALS = 20
 """Trials that name a behaviour: one does not always show its kind."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mark:
+class ScoreRow:
     """A row of table 1 or 2: one individual in simulation, and on one kind of robot.
 
     Attributes:
@@ -77,7 +77,7 @@ class Mark:
 
 @dataclass(frozen=True, kw_only=True)
 class Bench:
-    """What the marks of one task have in common, made when it is first needed."""
+    """What the score rows of one task have in common, made when it is first needed."""
 
     study: Study
     task: Task
@@ -105,7 +105,7 @@ class Bench:
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """One mark to be made."""
+    """One score row to be made."""
 
     bench: Bench
     run: Run
@@ -115,20 +115,20 @@ class Job:
 
     @cached_property
     def key(self) -> str:
-        """What the mark follows from."""
+        """What the score row follows from."""
         number = self.run.fittest_number if self.individual == "fittest" else self.run.champion_number
         scale = self.bench.scales.get((self.kind, self.individual))
         folder = self.bench.study.folder
         files = [folder / "study.toml", folder / "profile.toml", folder / f"arenas/{self.run.task}.toml"]
         files += [one.folder / name for one in self.transfers for name in ("simulated.csv", "situated.csv")]
         tests = self.run.tests.get((self.individual, self.run.noise), np.zeros(0)).tobytes()
-        columns = [field.name for field in fields(Mark)]
+        columns = [field.name for field in fields(ScoreRow)]
         return digest([self.run.name, self.individual, self.kind, number, scale, columns], tests, files)
 
-    def mark(self) -> Mark:
+    def mark(self) -> ScoreRow:
         """Name it, score it, compare it."""
         run, individual = self.run, self.individual
-        plain = Mark(
+        plain = ScoreRow(
             run=run.id, name=run.name, task=run.task, noise=run.noise, index=run.index,
             individual=individual, kind=self.kind, behaviour=self._behaviour(),
         )  # fmt: skip
@@ -149,7 +149,7 @@ class Job:
         except UsageError as error:
             return _noted(plain, f"no correspondence score: {error}")
 
-    def _compared(self, plain: Mark, simulated: Sequence[Trial], situated: Sequence[Trial]) -> Mark:
+    def _compared(self, plain: ScoreRow, simulated: Sequence[Trial], situated: Sequence[Trial]) -> ScoreRow:
         from realitygap.correspondence.distances import matched_starts
         from realitygap.correspondence.score import compare
 
@@ -224,5 +224,5 @@ class Job:
         return made
 
 
-def _noted(mark: Mark, *words: str) -> Mark:
+def _noted(mark: ScoreRow, *words: str) -> ScoreRow:
     return replace(mark, why="; ".join(w for w in (mark.why, *words) if w))

@@ -1,4 +1,4 @@
-"""The marks of a study: tables 1 and 2, a row for each run that is finished.
+"""The score rows of a study: tables 1 and 2, a row for each run that is finished.
 
     from realitygap.study.load import load_study
     from realitygap.transfer.score_rows import marks_of
@@ -6,7 +6,7 @@
     for one in marks_of(load_study("out/reproduce")):
         print(one.name, one.type, one.behaviour, one.differences, one.correspondence)
 
-A mark follows from the study and its transfers alone; what is in `marks.json` is not computed again.
+A score row follows from the study and its transfers alone; what is in `marks.json` is not computed again.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from os import PathLike
 from realitygap.study.load import Study, as_study
 from realitygap.transfer.kept_rows import Kept
 from realitygap.transfer.load import Transferred, load_transfers
-from realitygap.transfer.score_row import Bench, Job, Mark
+from realitygap.transfer.score_row import Bench, Job, ScoreRow
 
-__all__ = ["Mark", "kind_of", "marks_of"]
+__all__ = ["ScoreRow", "kind_of", "marks_of"]
 
 OnProgress = Callable[[int, int], None]
 
 
-def marks_of(study: Study | str | PathLike[str], *, on_progress: OnProgress | None = None) -> list[Mark]:
-    """A mark for each finished run, individual and kind of robot; the champion's where none drove one.
+def marks_of(study: Study | str | PathLike[str], *, on_progress: OnProgress | None = None) -> list[ScoreRow]:
+    """A score row for each finished run, individual and kind of robot; the champion's where none drove one.
 
     Args:
         study: with its transfers, as far as there are any; or its folder.
-        on_progress: called with marks done and in all.
+        on_progress: called with score rows done and in all.
     """
     study = as_study(study)
     kept = Kept(study.folder)
@@ -43,7 +43,7 @@ def marks_of(study: Study | str | PathLike[str], *, on_progress: OnProgress | No
         if made is None:
             made = job.mark().to_dict()
             kept.put(job.key, made)
-        marks.append(Mark(**made))
+        marks.append(ScoreRow(**made))
     kept.save({job.key for job in jobs})
     if on_progress:
         on_progress(len(jobs), len(jobs))
@@ -58,7 +58,7 @@ def kind_of(one: Transferred) -> str:
 
 
 def _jobs(study: Study, task: str) -> list[Job]:
-    """The marks of a task, in the order of its runs; robots before twins."""
+    """The score rows of a task, in the order of its runs; robots before twins."""
     runs = [run for run in study.runs if run.task == task and run.finished]
     found: dict[tuple[int, str, str], list[Transferred]] = {}
     for one in load_transfers(study.folder):

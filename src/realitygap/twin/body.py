@@ -13,7 +13,7 @@ from realitygap.errors import ConfigError
 from realitygap.twin.arena import check_arena
 from realitygap.twin.arithmetic import cos_sin
 from realitygap.twin.model import BODY_RADIUS, NOMINAL_VOLT, build_xml
-from realitygap.twin.noise import CREEP_MS, Creep, check_dial, draws
+from realitygap.twin.noise import CREEP_MS, Creep, check_scale, draws
 from realitygap.twin.sensors import CYCLE_MS, PHASE_MS, Sensors
 from realitygap.twin.states import States, heading_of
 from realitygap.twin.unit import Unit, draw_unit
@@ -46,7 +46,7 @@ class TwinBody:
     ) -> None:
         self.arena = check_arena(arena)
         self.unit: Unit = draw_unit(unit)
-        self.noise = check_dial(noise)
+        self.noise = check_scale(noise)
         self.seed = seed
         self.leds = [0, 0]
         self.time_ms = 0

@@ -17,7 +17,7 @@ from realitygap.errors import ConfigError
 from realitygap.twin.arena import check_arena
 from realitygap.twin.drawing import WHOLE, Drawing, Window
 from realitygap.twin.lens import HEIGHT, WIDTH, hang_camera
-from realitygap.twin.noise import check_dial, draws, normal_draws
+from realitygap.twin.noise import check_scale, draws, normal_draws
 from realitygap.twin.render import open_renderer
 from realitygap.twin.states import States, heading_of
 from realitygap.twin.unit import draw_unit
@@ -57,7 +57,7 @@ class OverheadCamera(Closing):
         arena = check_arena(arena)
         who = draw_unit(unit)
         self.lens = hang_camera(arena, who)
-        self._unit, self._noise, self._seed = unit, check_dial(noise), seed
+        self._unit, self._noise, self._seed = unit, check_scale(noise), seed
         self._renderer = None if view == "drawn" else open_renderer(arena, unit, self.lens)
         if view == "mujoco" and self._renderer is None:
             raise ConfigError("MuJoCo's renderer needs an EGL or OSMesa library and neither works here: "

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from realitygap.errors import ConfigError
 from realitygap.twin.arithmetic import cos, normals
 
-__all__ = ["Creep", "SensorNoise", "check_dial", "draws", "normal_draws"]
+__all__ = ["Creep", "SensorNoise", "check_scale", "draws", "normal_draws"]
 
 PROXIMITY_COUNTS = 21.0
 AMBIENT_COUNTS = 4.5
@@ -142,7 +142,7 @@ class Creep:
         return self._noise * (self._slip[wheel] + ground + axle)
 
 
-def check_dial(value: Any) -> float:
+def check_scale(value: Any) -> float:
     """The noise scale: any finite number from 0 on, 1 for the size that real robots have."""
     good = isinstance(value, int | float) and not isinstance(value, bool)
     if not good or not math.isfinite(value) or value < 0:

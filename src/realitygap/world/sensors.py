@@ -23,7 +23,7 @@ FEWEST_TURNED, OUTWARDS_DEG = 2, 35.0
 RESPONSES = ("paper", "linear")
 """Laws from illumination to counts."""
 TURN = "Turn them round: the first becomes input -10, the second +10."
-"""The cure for bands in the wrong order."""
+"""The cure for an input range in the wrong order."""
 RAY_NUMBERS = (10, 16, 18, 20, 24, 27, 30, 32, 36, 40, 45, 48, 50, 54, 60)
 """How many rays reflected light may come in by: up to six fans of eight to ten each."""
 

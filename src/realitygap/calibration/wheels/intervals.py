@@ -68,7 +68,8 @@ def intervals(
 
 
 def with_lengths(constants: Sequence[Constant], odometry: Odometry | None) -> tuple[Constant, ...]:
-    """Constants in cm with what is not known of the pulses' length; not told where that is assumed."""
+    """Constants in cm with what is not known of the pulses' length; not identifiable where that is
+    assumed."""
     shares = (ASSUMED, ASSUMED)
     if odometry is not None:
         lengths = {c.key: (c.high - c.low) / 2 / SIGMAS / c.value for c in odometry.constants}

@@ -32,11 +32,11 @@ __all__ = ["KINDS", "NOBODIES", "Ruled", "another_unit", "exemplar", "kinds_of",
 KINDS = {"obstacle-avoidance": AVOIDERS, "light-seeking": SEEKERS}
 """The paper's kinds of behaviour, by task (tables 1 and 2)."""
 DRAWS = 50
-"""An exemplar is drawn so often at most; one in three shows no mark where that is rarest."""
-MARK_STEPS = 5
+"""An exemplar is drawn so often at most; one in three lacks its evidence where that is rarest."""
+EVIDENCE_STEPS = 5
 """Half a second of commands."""
 
-MARKS: dict[str, dict[str, tuple[str, ...]]] = {
+EVIDENCE: dict[str, dict[str, tuple[str, ...]]] = {
     "obstacle-avoidance": {
         "one way turner": ("straight", "turn"),
         "two way turner": ("straight", "left", "right"),
@@ -181,7 +181,7 @@ def exemplar(task: str, kind: str, seed: int, noise: float, *, marked: bool = Tr
     """One exemplar's trial; everything about it follows from its seed.
 
     Args:
-        marked: draw again, robot and start, until the trial shows its kind's mark (`MARKS`).
+        marked: draw again, robot and start, until the trial contains its kind's evidence (`EVIDENCE`).
     """
     draw = np.random.default_rng([seed, len(kind), *kind.encode()])
     todo = load_task(task)
@@ -191,14 +191,16 @@ def exemplar(task: str, kind: str, seed: int, noise: float, *, marked: bool = Tr
         trial = live(simulation, controller, stream=int(draw.integers(2**62)), start=str(seed))
         if not marked or shows(task, kind, controller.commands):
             return trial
-    raise RuntimeError(f"no {kind} in {DRAWS} draws showed its mark")  # fails a maker's check, not a user's
+    raise RuntimeError(
+        f"no {kind} in {DRAWS} draws showed its evidence"
+    )  # fails a maker's check, not a user's
 
 
 def shows(task: str, kind: str, commands: Sequence[Command]) -> bool:
     """Whether a trial's commands hold all that makes its kind."""
     wheels = np.array([(c.left, c.right) for c in commands], np.float64).reshape(-1, 2)
     done = _done(wheels[:, 0], wheels[:, 1])
-    return all(int(done[thing].sum()) >= MARK_STEPS for thing in MARKS[task].get(kind, ()))
+    return all(int(done[thing].sum()) >= EVIDENCE_STEPS for thing in EVIDENCE[task].get(kind, ()))
 
 
 def _done(left: NDArray[np.float64], right: NDArray[np.float64]) -> dict[str, NDArray[np.bool_]]:

@@ -51,7 +51,7 @@ CLAIMS = (
         title="Evolved level",
         text="Judged against one and the same simulation, whose noise equals the robot's, controllers "
         "evolved at the robot's noise score best.",
-        test="Unpaired: controllers evolved at either level, of one task and home unit. Mann and "
+        test="Unpaired: controllers evolved at either level, of one task and calibration unit. Mann and "
         "Whitney's test, stratified.",
     ),
     Claim(
@@ -141,7 +141,8 @@ def judge_claims(data: Crossed, *, resamples: int = RESAMPLES) -> tuple[Finding,
 
 
 def judge_home(data: Crossed, *, resamples: int = RESAMPLES) -> tuple[Contrast, ...]:
-    """Claim (c) on the home unit alone: each controller against the very simulation that it was evolved in.
+    """Claim (c) on the calibration unit alone: each controller against the very simulation that it was
+    evolved in.
 
     It was not planned, so Holm's correction is over these contrasts alone. Levels that lack such scores in
     any task and seed set are left out.

@@ -43,10 +43,10 @@ class Crossed:
         name: [n], what its behaviour is called in simulation.
         score: [n, L], correspondence score 0 to 10 against the simulation at each level;
             behaviour, layout: its two parts.
-        home_score: [n, L], the score on the home unit alone; nan where it was not kept.
+        home_score: [n, L], the score on the calibration unit alone; nan where it was not kept.
         noisiness, responsiveness: [n, L], signed: above 0 the situated robot has more.
         simulated, situated: [n], fitness at the own level, and on the twin.
-        situated_home, situated_foreign: [n], fitness on the home unit, and its mean over the others.
+        situated_home, situated_foreign: [n], fitness on the calibration unit, and its mean over the others.
     """
 
     levels: Floats

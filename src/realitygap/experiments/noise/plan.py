@@ -38,7 +38,7 @@ class Controller:
 
     Attributes:
         home: the unit that the simulation it evolved in was calibrated to.
-        run_name: its run's name in the study of its seed set and home.
+        run_name: its run's name in the study of its seed set and calibration unit.
     """
 
     task: str
@@ -55,7 +55,8 @@ class Controller:
 
 
 def controllers(config: NoiseConfig) -> tuple[Controller, ...]:
-    """All of them, grouped by task and home, so that whoever takes them in order changes robots seldom."""
+    """All of them, grouped by task and calibration unit, so that whoever takes them in order changes robots
+    seldom."""
     made = [
         Controller(
             task=task,
@@ -98,7 +99,7 @@ def evolution(config: NoiseConfig, seed_set: int, unit: int, profile: Path) -> S
 
 
 def _runs(config: NoiseConfig, unit: int) -> list[int]:
-    """Numbers of a seed set's runs whose home is this unit: the units take turns."""
+    """Numbers of a seed set's runs calibrated to this unit: the units take turns."""
     return [run for run in range(1, config.runs_in_set + 1) if 1 + (run - 1) % config.units == unit]
 
 
@@ -114,7 +115,7 @@ def calibration_folder(folder: Path, unit: int) -> Path:
 
 
 def evolved_folder(folder: Path, seed_set: int, unit: int) -> Path:
-    """The study of evolution of a seed set and home."""
+    """The study of evolution of a seed set and calibration unit."""
     return folder / "evolved" / f"set-{seed_set}-unit-{unit}"
 
 

@@ -186,7 +186,7 @@ class _Phases:
             self.reporter.add(0.0, done=1)
 
     def _evolve(self) -> None:
-        """The runs of every seed set, each in the simulation of its home."""
+        """The runs of every seed set, each in the simulation of its calibration unit."""
         total, before = self.config.controllers, 0
         self.reporter.phase(EVOLVING, done=0, total=total, what="runs")
         for seed_set, unit in homes(self.config):

@@ -50,7 +50,8 @@ class Situated(NamedTuple):
 
 
 class Rigs:
-    """Units of the twin that stay ready while controllers of one task and home take turns on them."""
+    """Units of the twin that stay ready while controllers of one task and calibration unit take turns on
+    them."""
 
     def __init__(self, stage: Stage) -> None:
         self._stage = stage
@@ -58,7 +59,7 @@ class Rigs:
         self._ready: dict[int, Rig] = {}
 
     def rig(self, one: Controller, unit: int) -> Rig:
-        """A unit, in the arena of the controller's task, with inputs as its home made them."""
+        """A unit, in the arena of the controller's task, with inputs as its calibration unit made them."""
         from realitygap.transfer.rig import Rig
 
         if self._group != (one.task, one.home):

@@ -49,10 +49,10 @@ class Stage:
         return study, genes
 
     def simulation(self, task: str, unit: int, home: int, level: float) -> Simulation:
-        """The simulation calibrated to a unit, for controllers whose home is another or the same.
+        """The simulation calibrated to a unit, for controllers whose calibration unit is another or the same.
 
-        What makes a network's inputs of readings (§7.2, "bands") belongs to the controller, which
-        takes it from its home to every robot: the twin's and the simulated.
+        What makes a network's inputs of readings (§7.2, "bands", the input range) belongs to the
+        controller, which takes it from its calibration unit to every robot: the twin's and the simulated.
         """
         robot, own = self.profile(unit), self.profile(home)
         worn = replace(

@@ -68,7 +68,7 @@ class TwinBody(KheperaBody):
             self._twin.place(pose)
 
     def reset(self, pose: Pose | None = None) -> None:
-        """Stand, be carried to `pose`, counters at zero; one just switched on is not told to stand."""
+        """Stand, be carried to `pose`, counters at zero; one just switched on gets no command to stand."""
         if not self._rests:
             super().reset(pose)
             return
