@@ -3,6 +3,8 @@
 import json
 import re
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,9 +20,10 @@ from realitygap.controller.operators import Variation
 from realitygap.errors import StudyInterruptedError
 from realitygap.evolution import make_algorithm
 from realitygap.study.config import StudyConfig
-from realitygap.study.progress import Progress
 from realitygap.study.runner import run_study
-from realitygap.testing import AlgorithmContract, EncodingContract
+from realitygap.testing import AlgorithmContract, EncodingContract, PoolContract
+from realitygap.work.progress import Progress
+from realitygap.work.workers import named_pool
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 
@@ -156,3 +159,22 @@ def test_a_recording_as_the_formats_say_can_be_calibrated(tmp_path):
     )
     recording = load_recording(tmp_path)
     assert recording.sensors == 2 and recording.body_radius_cm == 3.5 and recording.warnings == ()
+
+
+class TestThreads(PoolContract):
+    """The example's pool keeps the contract."""
+
+    def opened(self):
+        return named_pool(f"{EXAMPLES / 'own_pool.py'}:Threads")
+
+
+def test_a_pool_of_ones_own_changes_no_bit(tmp_path):
+    """Its two studies, by threads and by this process, have one digest; the command line takes it, too."""
+    made = subprocess.run(
+        [sys.executable, EXAMPLES / "own_pool.py", tmp_path], capture_output=True, text=True
+    )
+    first, second = made.stdout.split()
+    assert first == second and len(first) == 64
+    words = ("avoidance", "--evaluations", "66", "--set", "task.seconds=2", "--out", tmp_path / "cli")
+    run("evolve", *words, "--workers", f"{EXAMPLES / 'own_pool.py'}:Threads")
+    assert load_study(tmp_path / "cli").runs[0].finished

@@ -53,6 +53,21 @@ def test_all_of_a_folder_is_on_the_disk_before_it_has_its_name(tmp_path: Path, m
     assert set(parts) == set(done[:3]) and done[3] == str(tmp_path)
 
 
+def test_a_folder_that_is_moved_whole_goes_to_the_disk_once(tmp_path: Path, monkeypatch) -> None:
+    """What is written in it meanwhile is not synced by itself; what is written elsewhere is."""
+    done: list[str] = []
+    monkeypatch.setattr(os, "fsync", lambda handle: done.append(os.readlink(f"/proc/self/fd/{handle}")))
+    made = tmp_path / "made"
+    made.mkdir()
+    with whole.together(made):
+        whole.write(made / "file", "x")
+        assert done == []
+        whole.write(tmp_path / "other", "y")
+        assert len(done) == 2
+    whole.move(made, tmp_path / "there")
+    assert done[2:] == [str(made / "file"), str(made), str(tmp_path)]
+
+
 @pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left on device"), KeyboardInterrupt()])
 def test_what_was_there_stays_where_writing_fails(tmp_path: Path, error: BaseException) -> None:
     """A write that fails leaves the old file and nothing else."""

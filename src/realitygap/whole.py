@@ -9,9 +9,12 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
 
-__all__ = ["move", "named", "new", "write"]
+__all__ = ["move", "named", "new", "together", "write"]
+
+_together: ContextVar[Path | None] = ContextVar("together", default=None)
 
 
 def write(path: str | Path, content: str | bytes) -> None:
@@ -51,8 +54,22 @@ def new(path: str | Path) -> Iterator[Path]:
                 spare.unlink(missing_ok=True)
 
 
+@contextmanager
+def together(folder: Path) -> Iterator[None]:
+    """Within it files of this folder do not go to the disk one by one: `move` brings it there as a whole."""
+    before = _together.set(folder.resolve())
+    try:
+        yield
+    finally:
+        _together.reset(before)
+
+
 def move(made: Path, path: Path) -> None:
     """Give a finished file or folder its name, once all of it is on the disk."""
+    later = _together.get()
+    if later is not None and path.is_relative_to(later):
+        os.replace(made, path)
+        return
     for part in (*made.rglob("*"), made):
         if part.is_file() or part.is_dir():
             _sync(part)

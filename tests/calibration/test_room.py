@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from realitygap.calibration import calibrate as fits
-from realitygap.calibration import forms, light_forms, unit_work
+from realitygap.calibration import forms, light_forms, unit
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.checks import refuse_swapped
 from realitygap.calibration.forward import illumination, light_readings, scene_of
@@ -123,15 +123,16 @@ def test_wheels_are_judged(driven, robot):
     assert judged.noise["wheel"] == (pytest.approx(0.06, rel=0.1), good.noise.wheel) and judged.warnings == ()
 
 
-def test_a_part_of_a_unit_is_recorded(tmp_path, monkeypatch, capsys):
+def test_a_part_of_a_unit_is_recorded(tmp_path, monkeypatch):
     """By its own process's code: there as a whole, with the unit and its seed in it."""
     monkeypatch.setattr(plans, "DISTANCES_CM", (1.0, 3.0))
     monkeypatch.setattr(plans, "BEARINGS", 6)
+    told: list[tuple[str, int, int]] = []
     (tmp_path / "unit.toml").write_text(to_toml({"unit": 11, "twin_noise": 1.0, "seed": 3}), "utf-8")
-    unit_work.record_part(tmp_path, "infrared-cylinder")
+    unit.record_part(tmp_path, "infrared-cylinder", lambda *said: told.append(said))
     made = load_recording(tmp_path / "recordings" / "infrared-cylinder")
     assert made.object == plans.CYLINDER and made.facts["unit"] == 11 and len(made.counts) == 2 * 6 * 10
-    assert capsys.readouterr().out.count('"done": 12') == 1
+    assert [said[1] for said in told].count(12) == 1
 
 
 def test_a_unit_is_fitted(tmp_path, monkeypatch, recorded, driven, lit):
@@ -146,8 +147,7 @@ def test_a_unit_is_fitted(tmp_path, monkeypatch, recorded, driven, lit):
         save_recording(tmp_path / "recordings" / name, recording)
     (tmp_path / "unit.toml").write_text(to_toml({"unit": 11, "twin_noise": 1.0, "seed": 3}), "utf-8")
     monkeypatch.setattr(fits, "calibrate", partial(calibrate, form="paper"))  # the quickest
-    unit_work.fit_unit(tmp_path)
+    (tmp_path / "robot.toml").write_text(unit.fitted(tmp_path), "utf-8")
     profile = load_profile(tmp_path / "robot.toml")
     assert profile.name == "twin-11" and profile.provenance.date == "" and len(profile.provenance.files) == 4
     assert {fit.channel for fit in profile.provenance.fits} == {"infrared", "ambient", "wheels"}
-    assert not (tmp_path / "robot.toml.new").exists()

@@ -2,31 +2,43 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
+from contextlib import closing
+from pathlib import Path
 
 import pytest
 
 from realitygap.calibration import unit as module
 from realitygap.calibration.unit import PARTS, calibrated_unit
-from realitygap.errors import CalibrationError, RobotError
+from realitygap.errors import CalibrationError, RecordingError, StudyError
+from realitygap.work.pool import Setup
+from realitygap.work.processes import Processes
 
 SETTINGS = {"unit": 11, "noise": 1.0, "seed": 3}
 
 
 @pytest.fixture
 def jobs(monkeypatch):
-    """The jobs that are given to processes, which here do nothing but leave a mark."""
+    """The jobs that are given to a pool, which here do nothing but leave a mark."""
     started: list[str] = []
 
-    def marked(folder, job):
-        started.append(job)
-        place = folder / "robot.toml" if job == "fit" else folder / "recordings" / job / "recording.toml"
-        place.parent.mkdir(parents=True, exist_ok=True)
-        place.write_text(json.dumps(job))
-        return subprocess.Popen(["true"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    class Marks:
+        def __init__(self, size, *, one_thread=False):
+            assert one_thread and 1 <= size <= len(PARTS)
 
-    monkeypatch.setattr(module, "_start", marked)
+        def work(self, setup, jobs, tell):
+            for job in jobs:
+                started.append(job)
+                if job == "fit":
+                    tell(job)
+                    continue
+                place = Path(setup.words[0], "recordings", job, "recording.toml")
+                place.parent.mkdir(parents=True, exist_ok=True)
+                place.write_text(job)
+
+        def close(self):
+            pass
+
+    monkeypatch.setattr(module, "Processes", Marks)
     return started
 
 
@@ -41,7 +53,7 @@ def test_what_is_there_is_not_made_again(tmp_path, jobs):
     (folder / "robot.toml").unlink()
     (folder / "recordings" / "wheels").rename(half)
     calibrated_unit(folder, **SETTINGS)
-    assert jobs == ["wheels", "fit"] and not half.exists()
+    assert jobs == ["wheels", "fit"]
 
 
 @pytest.mark.parametrize("change", [{"unit": 12}, {"noise": 2.0}, {"seed": 4}])
@@ -63,8 +75,8 @@ def test_what_goes_wrong_in_a_job_is_told(tmp_path):
     """A job's refusal comes as it is; one that dies is named, with its exit code."""
     (tmp_path / "unit.toml").write_text("unit = 1\n", "utf-8")
     for job, error, words in (
-        ("fit", CalibrationError, "there is no such folder"),
-        ("wheels", RobotError, "wheels: its process ended with exit code 1"),
+        ("fit", RecordingError, "there is no such folder"),
+        ("wheels", StudyError, r"a worker process died \(exit code 1\)"),
     ):
-        with pytest.raises(error, match=words):
-            module._carry_out(tmp_path, [job], 1, lambda *told: None)
+        with closing(Processes(1)) as pool, pytest.raises(error, match=words):
+            pool.work(Setup(module.Bench, (str(tmp_path),)), [job], print)

@@ -16,14 +16,14 @@ from realitygap.experiments.noise import simulated
 from realitygap.experiments.noise.config import NoiseConfig, levels_of, tasks_of
 from realitygap.experiments.noise.folder import Seconds
 from realitygap.experiments.noise.plan import controllers, evolved_folder, simulated_file, situated_file
-from realitygap.experiments.noise.progress import COMPARING, Reporter
-from realitygap.experiments.noise.run import noise_study
+from realitygap.experiments.noise.run import COMPARING, noise_study
 from realitygap.experiments.noise.simulated import read_compared
 from realitygap.experiments.noise.situated import read_situated
 from realitygap.experiments.noise.stage import Stage
 from realitygap.study.commit import project_commit
-from realitygap.study.folder import lock
 from realitygap.study.load import load_study
+from realitygap.study.lock import lock
+from realitygap.work.progress import Reporter
 from tests.experiments.noise_parts import SimulatedRig, quick_units, tables, tiny
 
 
@@ -90,13 +90,11 @@ def test_every_unit_has_a_score_of_its_own(done):
     alone.poses[1] = np.nan  # the camera saw nothing of unit 2
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(simulated, "read_situated", lambda *_: alone)
-        patch.setattr(simulated, "_keep", lambda stage, one, kept: seen.append(kept))
-        seen: list = []
-        simulated.compare_all(stage, one)
-    for before, now in zip(read_compared(stage, one)["cells"], seen[0]["cells"], strict=True):
+        seen = simulated.compare_all(stage, one)
+    for before, now in zip(read_compared(stage, one)["cells"], seen["cells"], strict=True):
         assert now["score_unit_1"] == before["score_unit_1"]
         assert math.isnan(now["score_unit_2"])
-    assert seen[0]["trials"] == 3
+    assert seen["trials"] == 3
 
 
 def test_the_settings_and_the_calibration_are_told(done):
@@ -153,7 +151,7 @@ def test_a_study_that_is_stopped_in_every_phase_comes_to_the_same_bits(done, uni
                 raise KeyboardInterrupt
 
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("realitygap.experiments.noise.progress.EVERY_S", 0.0)  # no event is left out
+            patch.setattr("realitygap.work.progress.EVERY_S", 0.0)  # no event is left out
             begun = (folder / "noise-study.toml").is_file()
             with pytest.raises(StudyInterruptedError, match="kept"):
                 noise_study(folder, tiny(), workers=1, resume=begun, on_progress=stop)
@@ -218,7 +216,7 @@ def test_progress_ends_with_nothing_left(units, tmp_path, monkeypatch):
     """Each phase tells how far it is, and at the end no time is left; its time is kept as it goes."""
     heard, kept = [], {}
     monkeypatch.setattr("realitygap.experiments.noise.run.KEEP_S", 0.0)
-    monkeypatch.setattr("realitygap.experiments.noise.progress.EVERY_S", 0.0)
+    monkeypatch.setattr("realitygap.work.progress.EVERY_S", 0.0)
 
     def hear(event):
         heard.append(event)
@@ -242,9 +240,9 @@ def test_progress_ends_with_nothing_left(units, tmp_path, monkeypatch):
 def test_work_found_done_does_not_shorten_the_time_left(monkeypatch):
     """Only what this session did tells the pace: 3 s of 100 s of work took 6 s, so 97 s take 194 s."""
     now = [0.0]
-    monkeypatch.setattr("realitygap.experiments.noise.progress.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("realitygap.work.progress.time.monotonic", lambda: now[0])
     heard = []
-    reporter = Reporter(heard.append, {"evolving": 500.0, "on the twin": 100.0})
+    reporter = Reporter(heard.append, {"evolving": 500.0, "on the twin": 100.0}, patience_s=2.0)
     reporter.phase("evolving", done=0, total=10, what="runs")
     reporter.found(10, 0.0)
     reporter.end()

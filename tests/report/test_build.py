@@ -17,8 +17,7 @@ from realitygap.report.gather import PER_CONDITION, chosen, parts_of
 from realitygap.report.page import Figures
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study, load_study
-from realitygap.study.progress import EVOLVING, Progress
-from realitygap.study.runner import run_study
+from realitygap.study.runner import EVOLVING, Progress, run_study
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "follow_the_wall.py"
 SHORT = ["task.seconds=0.5"]
@@ -175,7 +174,7 @@ def test_many_runs_are_limited_to_what_a_person_can_look_at(tmp_path: Path) -> N
 @pytest.mark.parametrize("finished", [0, 1])
 def test_an_unfinished_study_has_a_page_that_says_so(tmp_path: Path, monkeypatch, finished: int) -> None:
     """From before its first checkpoint on."""
-    monkeypatch.setattr("realitygap.study.progress.EVERY_S", 0.0)
+    monkeypatch.setattr("realitygap.work.progress.EVERY_S", 0.0)
 
     def stop(progress: Progress) -> None:
         if progress.phase == EVOLVING and progress.runs_done == finished:

@@ -13,8 +13,7 @@ from pathlib import Path
 
 from realitygap.errors import RealityGapError
 from realitygap.study.config import StudyConfig
-from realitygap.study.progress import Progress
-from realitygap.study.runner import run_study
+from realitygap.study.runner import Progress, run_study
 
 
 def tell(event: Progress) -> None:

@@ -116,16 +116,15 @@ def test_workers_die_with_the_parent(requested):
     assert gone(workers)
 
 
-def test_a_worker_that_is_killed_is_told(requested, uninterrupted):
-    """A dead worker (such as by the kernel, for want of memory) ends the study clearly; it resumes."""
+def test_workers_that_are_killed_are_replaced(requested, uninterrupted):
+    """A dead worker (such as by the kernel, for want of memory) costs nothing but time."""
     process = start(requested, "--workers", "2")
     wait_for(process, "evolving", 1)
     for pid in children(process.pid):
         with contextlib.suppress(ProcessLookupError):
             os.kill(pid, signal.SIGKILL)
-    code, said = end(process)
-    assert code == 2 and "a worker process died (signal 9). What was saved is kept: resume" in said
-    assert end(start(requested)) == (0, "")
+    code, said = end(process)  # which tells of Python's own helper, killed too
+    assert code == 0 and "Error" not in said
     assert content(requested) == uninterrupted
 
 

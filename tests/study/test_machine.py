@@ -14,8 +14,7 @@ from realitygap.study import machine
 from realitygap.study.config import StudyConfig
 from realitygap.study.folder import versions
 from realitygap.study.load import load_study
-from realitygap.study.progress import EVOLVING, Progress
-from realitygap.study.runner import run_study
+from realitygap.study.runner import EVOLVING, Progress, run_study
 
 NAMED = ["realitygap", "python", "numpy", "numba", "mujoco", "opencv", "sqlite", "platform", "processor"]
 ASKED = "from realitygap.study.machine import processor; print(processor())"
@@ -62,7 +61,7 @@ def test_a_study_knows_all_machines_that_worked_on_it(
         if progress.phase == EVOLVING:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("realitygap.study.progress.EVERY_S", 0.0)
+    monkeypatch.setattr("realitygap.work.progress.EVERY_S", 0.0)
     with pytest.raises(StudyInterruptedError):
         run_study(tmp_path / "study", config, workers=1, on_progress=stop)
     monkeypatch.setattr("realitygap.study.runner.versions", lambda: {**here, "processor": "another"})

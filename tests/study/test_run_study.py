@@ -168,7 +168,7 @@ def test_a_moved_study_goes_on(finished, folder):
     folder.mkdir()
     open_folder(folder, gather(config), resume=False)
     with Store(folder / "study.db") as store:
-        messages = workshop.carry_out(Job(2, None))
+        messages = workshop.messages(Job(2, None))
         for _ in range(2):
             message = next(messages)
             assert isinstance(message, Advanced)

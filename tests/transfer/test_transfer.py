@@ -84,7 +84,7 @@ def test_the_number_of_workers_changes_no_bit(made, study):
 
 def test_an_interrupted_transfer_goes_on_to_the_same_bits(made, study, monkeypatch):
     """Ctrl-C keeps finished trials; only the others, a half one included, are made then."""
-    monkeypatch.setattr("realitygap.transfer.work.EVERY_S", 0.0)  # each trial is told, however fast
+    monkeypatch.setattr("realitygap.work.progress.EVERY_S", 0.0)  # each trial is told, however fast
 
     def stop(event):
         if event.done == 2:

@@ -7,22 +7,20 @@ profile = calibrated_unit("units/7", unit=7, noise=1.0, seed=0, workers=2)
 
 from __future__ import annotations
 
-import contextlib
-import json
-import os
 import shutil
-import subprocess
-import sys
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from contextlib import AbstractContextManager, closing
 from pathlib import Path
 from typing import Any
 
 from realitygap import whole
 from realitygap.calibration.recordings.files import FACTS
-from realitygap.errors import CalibrationError, RobotError
+from realitygap.errors import CalibrationError
 from realitygap.text import as_path, must_be, refuse_unknown
 from realitygap.toml import read_toml, to_toml
+from realitygap.work.pool import Pool, Setup, Tell
+from realitygap.work.processes import Processes
+from realitygap.work.workers import Workers, cores, opened
 
 __all__ = ["PARTS", "PROFILE", "SETTINGS", "calibrated_unit"]
 
@@ -31,6 +29,8 @@ PARTS = ("ambient", "wheels", "infrared-wall", "infrared-cylinder")
 """The recordings, the longest first: so that two workers end at about the same time."""
 FIT = "fit"
 CURE = "Choose another folder, or remove this one."
+BASE = "paper"
+"""What the recordings do not tell stays as in this profile."""
 RECIPE = 3
 """Changes whenever the same settings would make another profile."""
 
@@ -44,7 +44,7 @@ def calibrated_unit(
     unit: int,
     noise: float,
     seed: int,
-    workers: int = 1,
+    workers: Workers = 1,
     on_progress: Progress | None = None,
 ) -> Path:
     """The profile of a twin's unit, recorded through its serial line and fitted.
@@ -58,7 +58,7 @@ def calibrated_unit(
         unit: which robot of the population.
         noise: the twin's noise scale.
         seed: of its noise, and of what is random in the plans.
-        workers: recordings made at the same time, each in a process of its own.
+        workers: processes that record at the same time, one a core if None; or a pool.
         on_progress: is told how far it is; whoever raises there stops the work.
 
     Returns:
@@ -66,25 +66,86 @@ def calibrated_unit(
 
     Raises:
         CalibrationError: the folder belongs to another unit or other settings.
-        RobotError: a recording's process died.
+        StudyError: its process died again and again.
     """
     folder = as_path(folder, "folder").resolve()
     for key, value, kind in (("unit", unit, int), ("seed", seed, int), ("noise", noise, int | float)):
         must_be(value, kind, key, "See `realitygap record --help`.")
-    settings = {"recipe": RECIPE, "unit": unit, "twin_noise": float(noise), "seed": seed}
-    _claim(folder, settings)
-    profile = folder / PROFILE
-    if profile.is_file():
-        return profile
-    left = []
-    for name in PARTS:
-        if not (folder / RECORDINGS / name / FACTS).is_file():
-            shutil.rmtree(folder / RECORDINGS / (name + UNFINISHED), ignore_errors=True)
-            left.append(name)
-    report = on_progress or (lambda name, done, total: None)
-    _carry_out(folder, left, max(1, workers), report)
-    _carry_out(folder, [FIT], 1, report)
-    return profile
+    _claim(folder, {"recipe": RECIPE, "unit": unit, "twin_noise": float(noise), "seed": seed})
+    if not (folder / PROFILE).is_file():
+        _carry_out(folder, workers, on_progress or (lambda name, done, total: None))
+    return folder / PROFILE
+
+
+def _carry_out(folder: Path, workers: Workers, report: Progress) -> None:
+    """Record what is not there yet, then fit."""
+    setup = Setup(Bench, (str(folder),))
+    parts = [name for name in PARTS if not (folder / RECORDINGS / name / FACTS).is_file()]
+    with _recorders(workers, len(parts)) as pool:
+        pool.work(setup, parts, lambda told: report(*told))
+    report(FIT, 0, 1)
+    with closing(Processes(1, one_thread=True)) as pool:
+        pool.work(setup, [FIT], lambda text: whole.write(folder / PROFILE, text))
+    report(FIT, 1, 1)
+
+
+def _recorders(workers: Workers, parts: int) -> AbstractContextManager[Pool]:
+    """Never this process: small matrices gain nothing from more threads than one, which it may have."""
+    if isinstance(workers, Pool):
+        return opened(workers)
+    size = cores() if workers is None else max(1, workers)
+    return closing(Processes(min(size, max(1, parts)), one_thread=True))
+
+
+class Bench:
+    """Carries out the jobs of a unit's folder, which it has to see: a recording of PARTS, or the fit."""
+
+    def __init__(self, folder: str) -> None:
+        self._folder = Path(folder)
+
+    def carry_out(self, job: str, tell: Tell) -> None:
+        """Record, and say how far it is; or fit, and say what the profile is."""
+        if job == FIT:
+            tell(fitted(self._folder))
+        else:
+            record_part(self._folder, job, lambda *said: tell(said))
+
+    def close(self) -> None:
+        """It holds nothing."""
+
+
+def record_part(folder: Path, name: str, report: Progress) -> None:
+    """Record one part of all plans into `folder/recordings/name`, there as a whole or not at all."""
+    from realitygap.calibration.recorder.plans import CYLINDER
+    from realitygap.calibration.recorder.record import Wanted, record
+    from realitygap.robots.address import Address
+
+    unit, noise, seed = (_settings(folder)[key] for key in ("unit", "twin_noise", "seed"))
+    finished = folder / RECORDINGS / name
+    unfinished = finished.with_name(name + UNFINISHED)
+    shutil.rmtree(unfinished, ignore_errors=True)  # left by one that was stopped
+    plan, _, shape = name.partition("-")
+    wanted = Wanted(plan=plan, object={"": None, "wall": "wall", "cylinder": CYLINDER}[shape], seed=seed)
+    with whole.together(unfinished), closing(Address.parse(f"twin:{unit}").open(noise=noise)) as body:
+        record(wanted, unfinished, body, on_progress=report)
+    whole.move(unfinished, finished)
+
+
+def fitted(folder: Path) -> str:
+    """The profile that all parts are fitted to, as its file."""
+    from realitygap.calibration.calibrate import calibrate
+    from realitygap.calibration.recordings.files import load_recording
+    from realitygap.world.profile import load_profile
+
+    recordings = [load_recording(folder / RECORDINGS / name) for name in sorted(PARTS)]
+    unit = _settings(folder)["unit"]
+    # The day stands in the recordings: the same settings make the same file on any day.
+    made = calibrate(recordings, load_profile(BASE), beside=False).named(f"twin-{unit}", date="")
+    return made.profile.to_toml()
+
+
+def _settings(folder: Path) -> dict[str, Any]:
+    return read_toml(folder / SETTINGS, CalibrationError, CURE)
 
 
 def _claim(folder: Path, settings: dict[str, Any]) -> None:
@@ -107,60 +168,3 @@ def _claim(folder: Path, settings: dict[str, Any]) -> None:
                 f"{path}: {key}: expected {value!r}, got {there.get(key)!r}: another calibration is there. "
                 f"{CURE}"
             )
-
-
-def _carry_out(folder: Path, jobs: Sequence[str], workers: int, report: Progress) -> None:
-    """Do the jobs, `workers` at a time, each in a process of its own; pass on how far they are."""
-    import selectors
-
-    waiting, running = deque(jobs), dict[Any, tuple[str, subprocess.Popen[str]]]()
-    watch = selectors.DefaultSelector()
-    try:
-        while waiting or running:
-            while waiting and len(running) < workers:
-                job = waiting.popleft()
-                process = _start(folder, job)
-                running[process.stdout] = job, process
-                watch.register(process.stdout, selectors.EVENT_READ)  # type: ignore[arg-type]
-            for key, _ in watch.select():
-                line = key.fileobj.readline()  # type: ignore[union-attr]
-                if line:
-                    _heed(json.loads(line), report)
-                    continue
-                watch.unregister(key.fileobj)
-                _end(*running.pop(key.fileobj))
-    finally:
-        watch.close()
-        for _, process in running.values():
-            process.kill()
-            process.communicate()
-
-
-def _start(folder: Path, job: str) -> subprocess.Popen[str]:
-    """A process of calibration/unit_work.py; small matrices gain nothing from more threads than one."""
-    return subprocess.Popen(
-        [sys.executable, "-m", "realitygap.calibration.unit_work", str(folder), job],
-        stdout=subprocess.PIPE,
-        stdin=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
-    )
-
-
-def _heed(said: dict[str, Any], report: Progress) -> None:
-    if "error" in said:
-        raise CalibrationError(said["error"])
-    report(said["name"], said["done"], said["total"])
-
-
-def _end(job: str, process: subprocess.Popen[str]) -> None:
-    for pipe in (process.stdin, process.stdout):
-        if pipe is not None:
-            with contextlib.suppress(OSError):
-                pipe.close()
-    if process.wait() != 0:
-        raise RobotError(
-            f"{job}: its process ended with exit code {process.returncode}; its own message is above. "
-            "What is finished is kept: the same call goes on."
-        )

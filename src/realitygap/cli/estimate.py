@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import os
+from typing import TYPE_CHECKING
 
 import click
 
 from realitygap.cli.output import at_terminal
+
+if TYPE_CHECKING:
+    from realitygap.work.workers import Workers
 
 __all__ = ["consider", "note"]
 
@@ -27,7 +31,7 @@ def note(text: str) -> None:
 
 
 def consider(
-    *, runs: int = 0, evaluations: int = 0, trials: int = 0, workers: int | None, population: int = POPULATION
+    *, runs: int = 0, evaluations: int = 0, trials: int = 0, workers: Workers, population: int = POPULATION
 ) -> None:
     """Say what an amount of work comes to, where that may not be meant; where somebody can answer, ask.
 
@@ -45,7 +49,7 @@ def consider(
             f"{evaluations} evaluations are fewer than the population's {population}: all individuals are "
             "random, none is bred"
         )
-    hands = workers or os.cpu_count() or 1
+    hands = (workers if isinstance(workers, int) else os.cpu_count()) or 1
     seconds = runs * evaluations / EVALUATIONS_A_SECOND / max(1, min(runs, hands))
     seconds += trials / TRIALS_A_SECOND / max(1, min(trials, hands))
     if seconds < LONG_S:

@@ -23,6 +23,7 @@ from realitygap.cli.studies import carry_out, interrupted_config
 
 if TYPE_CHECKING:
     from realitygap.study.config import Condition, StudyConfig
+    from realitygap.work.workers import Workers
 
 __all__ = ["evolve"]
 
@@ -58,7 +59,7 @@ def evolve(
     out: Path | None,
     config: Path | None,
     settings: tuple[str, ...],
-    workers: int | None,
+    workers: Workers,
     resume: bool,
     json_output: bool,
 ) -> None:
@@ -92,12 +93,13 @@ def evolve(
     carry_out(folder, chosen, words=words, workers=workers, resume=resume, json_output=json_output)
 
 
-def _notes(config: StudyConfig, task: str, workers: int | None) -> None:
+def _notes(config: StudyConfig, task: str, workers: Workers) -> None:
     """What is taken as it was said, though it may be a slip."""
     from realitygap.tasks import load_task
     from realitygap.world.arena import load_arena
+    from realitygap.world.profile import load_profile
 
-    loaded = load_task(task)
+    loaded = load_task(task).of(load_profile(config.profile))
     named = config.arenas.get(loaded.name)
     note_dark(loaded, loaded.arena if named is None else load_arena(named))
     population = config.evolution.make(config.encoding_for(loaded)).cells

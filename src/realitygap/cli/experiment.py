@@ -25,6 +25,7 @@ from realitygap.errors import RobotStoppedError, StudyInterruptedError
 
 if TYPE_CHECKING:
     from realitygap.experiments.noise.config import NoiseConfig
+    from realitygap.work.workers import Workers
 
 __all__ = ["experiment"]
 
@@ -72,7 +73,7 @@ def experiment() -> None:
 @workers_option
 @click.option("--resume", is_flag=True, help="Continue an interrupted study to exactly the same result.")
 @as_json
-def noise(out: Path, workers: int | None, resume: bool, json_output: bool, **options: Any) -> None:
+def noise(out: Path, workers: Workers, resume: bool, json_output: bool, **options: Any) -> None:
     """Ask which noise level crosses the reality gap best.
 
     Calibrates a simulation to each unit of the twin (pseudo-reality: a physics model behind the
@@ -98,7 +99,7 @@ def noise(out: Path, workers: int | None, resume: bool, json_output: bool, **opt
         consider(runs=runs, evaluations=config.evaluations, trials=trials, workers=workers)
     try:
         with ProgressLine() as progress:
-            results = noise_study(out, config, workers=workers, resume=resume, on_progress=progress.noise)
+            results = noise_study(out, config, workers=workers, resume=resume, on_progress=progress.show)
             page = build_noise_report(out, on_progress=progress.report)
     except (KeyboardInterrupt, StudyInterruptedError, RobotStoppedError):
         again = f"realitygap experiment noise --out {shlex.quote(str(out))} --resume"

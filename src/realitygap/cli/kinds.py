@@ -58,6 +58,23 @@ class Whole(click.ParamType):
         return number
 
 
+class NumberOrPool(Whole):
+    """A number of processes, or a pool by its name."""
+
+    def __init__(self) -> None:
+        super().__init__(1, 1024)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if ":" not in str(value):
+            return super().convert(value, param, ctx)
+        from realitygap.work.workers import named_pool
+
+        pool = named_pool(value)
+        if ctx is not None:
+            ctx.call_on_close(pool.close)
+        return pool
+
+
 class Seconds(Finite):
     """The length of a trial: whole steps, one at least."""
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from realitygap.cli.kinds import SEED, Finite, Noise, Whole
+from realitygap.cli.kinds import SEED, Finite, Noise, NumberOrPool, Whole
 from realitygap.robots.address import BAUD_RATES
 
 if TYPE_CHECKING:
@@ -140,12 +140,12 @@ def baud_option(
 
 
 def workers_option(command: Decorated) -> Decorated:
-    """`--workers N`."""
+    """`--workers N`, or a pool of the user's own, which is closed when the command ends."""
     return click.option(
         "--workers",
-        type=Whole(1, 1024),
-        metavar="N",
-        help="Worker processes [default: one per core]. Never changes a result.",
+        type=NumberOrPool(),
+        metavar="N|FILE.py:NAME",
+        help="Worker processes [default: one per core], or a pool of your own. Never changes a result.",
     )(command)
 
 

@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 import click
 
 if TYPE_CHECKING:
-    from realitygap.experiments.noise.progress import NoiseProgress
-    from realitygap.study.progress import Progress
-    from realitygap.transfer.work import TransferProgress
+    from realitygap.work.progress import Progress
 
 __all__ = ["ProgressLine", "clock"]
 
@@ -52,25 +50,15 @@ class ProgressLine:
         if self._bar is not None:
             self._bar.stop()
 
-    def study(self, event: Progress) -> None:
-        """Show how far a study is."""
-        says = [f"{event.runs_done}/{event.runs_total} runs"]
+    def show(self, event: Progress) -> None:
+        """Show how far a study, a transfer or an experiment is."""
+        says = [f"{event.runs_done}/{event.runs_total} runs" if event.runs_total else event.what]
         if event.evaluations_per_second > 0:
             says.append(f"{event.evaluations_per_second:,.0f} evaluations/s")
         if event.seconds_left is not None:
             says.append(f"{clock(event.seconds_left)} left")
-        finished = event.runs_done == event.runs_total
+        finished = (event.done, event.runs_done) == (event.total, event.runs_total)
         self._show(event.phase, event.done, event.total, ", ".join(says), finished)
-
-    def transfer(self, event: TransferProgress) -> None:
-        """Show how far a transfer is."""
-        left = "trials" if event.seconds_left is None else f"trials, {clock(event.seconds_left)} left"
-        self._show(event.phase, event.done, event.total, left, event.done == event.total)
-
-    def noise(self, event: NoiseProgress) -> None:
-        """Show how far a study of the level of noise is."""
-        left = "" if event.seconds_left is None else f", {clock(event.seconds_left)} left in all"
-        self._show(event.phase, event.done, event.total, f"{event.what}{left}", event.done == event.total)
 
     def places(self, name: str, done: int, total: int) -> None:
         """Show how far a recording is."""

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from realitygap.cli.progress import ProgressLine
     from realitygap.study.config import StudyConfig
     from realitygap.study.load import Study
+    from realitygap.work.workers import Workers
 
 __all__ = ["reproduce"]
 
@@ -58,7 +59,7 @@ def reproduce(
     evaluations: int | None,
     seed: int | None,
     starts: int | None,
-    workers: int | None,
+    workers: Workers,
     no_transfer: bool,
     resume: bool,
     json_output: bool,
@@ -91,7 +92,7 @@ def reproduce(
         return configured(out, requested, resume=resume, workers=workers, on_progress=progress.calibrating)
 
     def then(study: Study, progress: ProgressLine) -> dict[str, Any]:
-        made = transferred(study, starts=requested.starts, workers=workers, on_progress=progress.transfer)
+        made = transferred(study, starts=requested.starts, workers=workers, on_progress=progress.show)
         return {"transfers": [one.to_dict() for one in made]}
 
     carry_out(

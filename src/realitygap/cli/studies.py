@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from realitygap.report.scores import ScoreTable
     from realitygap.study.config import StudyConfig
     from realitygap.study.load import Study
+    from realitygap.work.workers import Workers
 
     Then = Callable[[Study, ProgressLine], dict[str, Any]]
 
@@ -33,7 +34,7 @@ def carry_out(
     config: StudyConfig | Callable[[ProgressLine], StudyConfig],
     *,
     words: str,
-    workers: int | None,
+    workers: Workers,
     resume: bool,
     json_output: bool,
     then: Then | None = None,
@@ -60,7 +61,7 @@ def carry_out(
     try:
         with ProgressLine() as progress:
             requested = config(progress) if callable(config) else config
-            study = run_study(folder, requested, workers=workers, resume=resume, on_progress=progress.study)
+            study = run_study(folder, requested, workers=workers, resume=resume, on_progress=progress.show)
             more = {} if then is None else then(study, progress)
             marks_of(study, on_progress=progress.marks)
             page = build_report(folder, on_progress=progress.report)

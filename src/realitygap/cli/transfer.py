@@ -22,8 +22,9 @@ from realitygap.errors import RobotStoppedError, StudyInterruptedError
 if TYPE_CHECKING:
     from realitygap.transfer.plan import Situation
     from realitygap.transfer.run import Transferred
-    from realitygap.transfer.work import TransferProgress
     from realitygap.values import Pose
+    from realitygap.work.progress import Progress
+    from realitygap.work.workers import Workers
 
 __all__ = ["print_transfers", "transfer"]
 
@@ -39,12 +40,12 @@ class TransferLine(ProgressLine):
     def __enter__(self) -> Self:
         return self
 
-    def transfer(self, event: TransferProgress) -> None:
+    def show(self, event: Progress) -> None:
         """Show how far a transfer is."""
         if not self._open:
             self._open = True
             super().__enter__()
-        super().transfer(event)
+        super().show(event)
 
 
 SIDES = (
@@ -120,7 +121,7 @@ def transfer(
     seed: int | None,
     seconds: float | None,
     baud: str,
-    workers: int | None,
+    workers: Workers,
     trust: bool,
     json_output: bool,
 ) -> None:
@@ -151,9 +152,7 @@ def transfer(
     attendant = Attendant(partial(_carry, seen=eye is not None), _found)
     try:
         with TransferLine() as line:
-            made = run_transfer(
-                loaded, options, workers=workers, attendant=attendant, on_progress=line.transfer
-            )
+            made = run_transfer(loaded, options, workers=workers, attendant=attendant, on_progress=line.show)
     except (KeyboardInterrupt, StudyInterruptedError, click.Abort) as stop:
         raise StoppedError(_stopped(stop, study)) from None
     if json_output:

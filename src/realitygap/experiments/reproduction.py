@@ -12,19 +12,20 @@ from typing import Self
 
 from realitygap.errors import ConfigError, StudyError
 from realitygap.study.config import LARGEST, StudyConfig
-from realitygap.study.folder import exists, lock, open_to_begin, own_config
+from realitygap.study.folder import exists, open_to_begin, own_config
 from realitygap.study.load import Study
+from realitygap.study.lock import lock
 from realitygap.study.schema import told
 from realitygap.study.settings import difference, whole
-from realitygap.study.workers import cores
 from realitygap.tasks import load_task
 from realitygap.toml import read_toml, to_toml
 from realitygap.transfer.choice import shown_runs
 from realitygap.transfer.load import Transferred, load_transfers
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.run import run_transfer
-from realitygap.transfer.work import OnProgress
 from realitygap.whole import write
+from realitygap.work.progress import OnProgress
+from realitygap.work.workers import Workers
 from realitygap.world.files import Value, build, shipped
 from realitygap.world.profile import load_profile
 
@@ -95,7 +96,7 @@ def configured(
     requested: Reproduction,
     *,
     resume: bool,
-    workers: int | None,
+    workers: Workers,
     on_progress: Calibrating | None = None,
 ) -> StudyConfig:
     """The requested study, its robot calibrated first where no profile is named.
@@ -116,13 +117,12 @@ def configured(
         elif not resume:
             open_to_begin(folder)
         if not profile:
-            size = cores() if workers is None else workers
             made = calibrated_unit(
                 folder / CALIBRATION,
                 unit=UNIT,
                 noise=1.0,
                 seed=requested.seed,
-                workers=size,
+                workers=workers,
                 on_progress=on_progress,
             )
             profile = str(made)
@@ -133,7 +133,7 @@ def configured(
 
 
 def transferred(
-    study: Study, *, starts: int, workers: int | None, on_progress: OnProgress | None
+    study: Study, *, starts: int, workers: Workers, on_progress: OnProgress | None
 ) -> list[Transferred]:
     """Every champion on the unit from each start; the first trials of those that figures show are filmed."""
     driven = Transfer(robots=(f"twin:{UNIT}",))

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import sqlite3
 import tomllib
-from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from realitygap import whole
-from realitygap.errors import StudyBusyError, StudyError
+from realitygap.errors import StudyError
 from realitygap.study.commit import project_commit
 from realitygap.study.config import StudyConfig
+from realitygap.study.lock import LOCK
 from realitygap.study.machine import processor
 from realitygap.study.materials import Materials, gather, own, program_files
 from realitygap.study.reader import DATABASE, Reader
 from realitygap.study.schema import told
 from realitygap.study.settings import difference
-from realitygap.study.sources import EDITED, changed, inside, refuse_edited, refuse_links
+from realitygap.study.sources import EDITED, changed, inside, refuse_edited
 from realitygap.study.store import create
 from realitygap.study.trust import agree_to, refuse_strange, strange
 from realitygap.toml import to_toml
@@ -27,10 +27,8 @@ from realitygap.world.profile import Profile, load_profile
 
 __all__ = [
     "CONFIG",
-    "LOCK",
     "agree",
     "exists",
-    "lock",
     "open_folder",
     "open_to_begin",
     "own_config",
@@ -43,7 +41,6 @@ __all__ = [
 ]
 
 CONFIG = "study.toml"
-LOCK = "study.lock"
 OURS = {CONFIG, LOCK, "profile.toml", "arenas", "tasks", "evolution", "encoding", "report"}
 OURS |= {"reproduce.toml", "calibration", "reproduce.tmp"}  # the last one of earlier versions
 """What a study that was killed while it was being made may have left."""
@@ -193,43 +190,6 @@ def agree(folder: Path) -> None:
     agree_to(path.read_bytes() for path in programs(folder))
 
 
-@contextmanager
-def lock(folder: Path) -> Iterator[None]:
-    """Hold the folder against other processes; the lock ends with the process, however that ends.
-
-    Raises:
-        StudyBusyError: another process holds it.
-        StudyError: the folder cannot be written.
-    """
-    from filelock import FileLock, Timeout
-
-    file, new = folder / LOCK, not (folder / LOCK).exists()
-    with told(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        refuse_links(file)
-        held = FileLock(file, timeout=0)
-        try:
-            held.acquire()
-        except Timeout:
-            raise StudyBusyError(
-                f"{folder}: {_holder(folder)} is working on this study. Wait until it ends, stop it, "
-                "or choose another --out."
-            ) from None
-        except NotImplementedError as error:
-            reason = f"this file system has no locks ({error})"
-            raise StudyError(f"{folder}: {reason}. Choose another --out.") from None
-    try:
-        yield
-    except Exception:
-        if new:  # a start that failed leaves nothing behind
-            file.unlink(missing_ok=True)
-            with suppress(OSError):  # something is in it
-                folder.rmdir()
-        raise
-    finally:
-        held.release()
-
-
 def versions() -> dict[str, str]:
     """What the bits of a result may depend on besides the configuration."""
     from importlib.metadata import version
@@ -284,14 +244,3 @@ def _refuse_strangers(folder: Path) -> None:
     for path in sorted(folder.iterdir()):
         if path.name not in OURS and not path.name.startswith((".", DATABASE)):
             raise StudyError(f"{folder} holds no study, but other files ({path.name}). Choose another --out.")
-
-
-def _holder(folder: Path) -> str:
-    """The process that holds the lock, as far as it has said so."""
-    try:
-        uri = f"{(folder / DATABASE).resolve().as_uri()}?mode=ro"
-        with closing(sqlite3.connect(uri, uri=True)) as database:
-            pid = database.execute("SELECT pid FROM session ORDER BY id DESC LIMIT 1").fetchone()[0]
-    except (sqlite3.Error, OSError, TypeError):
-        return "another process"
-    return f"another process (pid {pid})" if pid != os.getpid() else "this very process"

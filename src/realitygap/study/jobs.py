@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import NamedTuple
 
+from realitygap import temporary
 from realitygap.errors import UsageError
 from realitygap.evolution.algorithm import State
 from realitygap.study.materials import Materials
@@ -13,6 +14,7 @@ from realitygap.study.plan import Plan, plans
 from realitygap.study.run import WHO, Bench, Records, Results, advance, begin, bench_for, finish
 from realitygap.tasks.task import Task
 from realitygap.user_code import blamed_on
+from realitygap.work.pool import Tell
 from realitygap.world.noise import NOISE_LEVELS
 
 __all__ = ["Advanced", "Finished", "Job", "Message", "Workshop"]
@@ -58,6 +60,9 @@ Message = Advanced | Finished
 class Workshop:
     """Carries out the runs of one study, with a bench for each condition made when first needed."""
 
+    home: temporary.Folder | None = None
+    """Of the files, where they came in messages."""
+
     def __init__(self, materials: Materials) -> None:
         self.config = materials.config
         self._materials = materials
@@ -74,7 +79,17 @@ class Workshop:
             with self._blamed():
                 self._bench(condition).compile()
 
-    def carry_out(self, job: Job) -> Iterator[Message]:
+    def carry_out(self, job: Job, tell: Tell) -> None:
+        """A run; `tell` hears its messages."""
+        for message in self.messages(job):
+            tell(message)
+
+    def close(self) -> None:
+        """Remove files that came in messages."""
+        if self.home is not None:
+            self.home.cleanup()
+
+    def messages(self, job: Job) -> Iterator[Message]:
         """A run's messages, one for each checkpoint, then its tests."""
         plan = self._plans[job.run]
         bench = self._bench(plan.condition)

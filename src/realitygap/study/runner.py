@@ -2,31 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
+from realitygap import temporary
 from realitygap.errors import RealityGapError, StudyInterruptedError
 from realitygap.study.config import StudyConfig
-from realitygap.study.folder import exists, lock, open_folder, take_back, versions
+from realitygap.study.folder import CONFIG, agree, exists, open_folder, read_materials, take_back, versions
 from realitygap.study.jobs import Advanced, Job, Message, Workshop
 from realitygap.study.load import Study, load_study
-from realitygap.study.materials import Materials, gather
-from realitygap.study.progress import OnProgress, Progress, Reporter
-from realitygap.study.reader import DATABASE
-from realitygap.study.settings import whole
+from realitygap.study.lock import lock
+from realitygap.study.materials import Materials, gather, own
+from realitygap.study.reader import DATABASE, Reader
 from realitygap.study.store import Store
-from realitygap.study.workers import Pool, cores, refuse_unguarded_script
 from realitygap.text import as_path, must_be
+from realitygap.work.pool import Pool, Setup
+from realitygap.work.progress import OnProgress, Progress, Reporter
+from realitygap.work.workers import Workers, opened
 
-__all__ = ["Progress", "run_study"]
+__all__ = ["COMPILING", "EVOLVING", "FINISHED", "TESTING", "Progress", "run_study"]
+
+COMPILING = "compiling (once)"
+EVOLVING = "evolving"
+TESTING = "testing"
+"""Of individuals, when all evaluations are done."""
+FINISHED = "finished already"
+"""A study that is resumed for nothing."""
 
 
 def run_study(
     folder: str | Path,
     config: StudyConfig | None = None,
     *,
-    workers: int | None = None,
+    workers: Workers = None,
     resume: bool = False,
     on_progress: OnProgress | None = None,
 ) -> Study:
@@ -37,7 +46,7 @@ def run_study(
     Args:
         folder: made if it does not exist.
         config: what to do; None to resume a study as it was made.
-        workers: processes that carry out runs, one a core if None; 1 stays in this process.
+        workers: processes that carry out runs, one a core if None, 1 stays in this process; or a pool.
         resume: go on with the study that is in the folder; without one, make it from `config`.
         on_progress: called a few times a second.
 
@@ -51,15 +60,12 @@ def run_study(
     folder = as_path(folder, "folder")
     if config is not None:
         must_be(config, StudyConfig, "config", "StudyConfig.single(task) makes one.")
-    size = cores() if workers is None else workers
-    whole("workers", size, 1, 1024)
-    refuse_unguarded_script()
     try:
-        requested = None if config is None else gather(config)
-        with lock(folder), _taken_back(folder, requested):
-            workshop = Workshop(open_folder(folder, requested, resume=resume))
-            with Store(folder / DATABASE) as store:
-                _carry_out(folder, workshop, store, size, on_progress)
+        with opened(workers) as pool:
+            requested = None if config is None else gather(config)
+            with lock(folder), _taken_back(folder, requested):
+                workshop = Workshop(open_folder(folder, requested, resume=resume))
+                _carry_out(folder, workshop, pool, on_progress)
     except KeyboardInterrupt:
         kept = f"What was saved in {folder} is kept: resume it (--resume)."
         raise StudyInterruptedError(f"stopped. {kept}") from None
@@ -78,47 +84,73 @@ def _taken_back(folder: Path, requested: Materials | None) -> Iterator[None]:
         raise
 
 
-def _carry_out(
-    folder: Path, workshop: Workshop, store: Store, workers: int, on_progress: OnProgress | None
-) -> None:
+def _carry_out(folder: Path, workshop: Workshop, pool: Pool, on_progress: OnProgress | None) -> None:
     """All runs that are not finished."""
-    config = workshop.config
-    unfinished = store.unfinished()
-    total = config.runs * len(config.conditions)
-    left = {run: config.evaluations - done for run, done in unfinished}
-    costs = {run: workshop.cost(run, n) + workshop.tests_cost(run) for run, n in left.items()}
-    reporter = Reporter(on_progress, runs=total, evaluations=config.evaluations)
-    done = total * config.evaluations - sum(left.values())
-    reporter.start(done=done, runs_done=total - len(left), work=sum(costs.values()))
-    if not unfinished:
-        return
-    store.begin_session(versions())
-    workshop.compile()
-    reporter.begin()
-    longest_first = sorted(costs, key=lambda run: (-costs[run], run))
-    jobs = (Job(run, store.checkpoint(run, workshop.read)) for run in longest_first)
-    with closing(_messages(folder, workshop, jobs, min(workers, len(left)))) as messages:
-        for message in messages:
-            _keep(workshop, store, reporter, message)
+    with Store(folder / DATABASE) as store:
+        left = {run: workshop.config.evaluations - done for run, done in store.unfinished()}
+        keeper = _Keeper(workshop, store, left, on_progress)
+        if not left:
+            return
+        store.begin_session(versions())
+        workshop.compile()
+        keeper.begin(EVOLVING)
+        costs = {run: workshop.cost(run, n) + workshop.tests_cost(run) for run, n in left.items()}
+        longest_first = sorted(costs, key=lambda run: (-costs[run], run))
+        jobs = (Job(run, store.checkpoint(run, workshop.read)) for run in longest_first)
+        words = (str(folder.resolve()), Reader(folder / DATABASE).sources() or {})
+        pool.work(Setup(workshop_of, words, here=workshop), jobs, keeper.keep)
 
 
-def _messages(folder: Path, workshop: Workshop, jobs: Iterator[Job], workers: int) -> Generator[Message]:
-    """What comes of the jobs, here or from processes."""
-    if workers == 1:
-        for job in jobs:
-            yield from workshop.carry_out(job)
-    else:
-        with Pool(folder, workers) as pool:
-            yield from pool.work(jobs)
+class _Keeper:
+    """Writes messages to the store, then counts them."""
+
+    def __init__(
+        self, workshop: Workshop, store: Store, left: Mapping[int, int], on_progress: OnProgress | None
+    ) -> None:
+        self._workshop, self._store = workshop, store
+        self._runs = workshop.config.runs * len(workshop.config.conditions)
+        self._total = self._runs * workshop.config.evaluations
+        self._done, self._runs_done, self._new = self._total - sum(left.values()), self._runs - len(left), 0
+        evolving = sum(workshop.cost(run, n) for run, n in left.items())
+        work = {EVOLVING: evolving, TESTING: sum(map(workshop.tests_cost, left))}
+        self._reporter = Reporter(on_progress, work)
+        self.begin(COMPILING if left else FINISHED)
+
+    def begin(self, phase: str) -> None:
+        """Another phase."""
+        counts = {"runs_done": self._runs_done, "runs_total": self._runs}
+        self._reporter.phase(phase, done=self._done, total=self._total, what="evaluations", **counts)
+
+    def keep(self, message: Message) -> None:
+        """What came of a job."""
+        run, reporter = message.run, self._reporter
+        if isinstance(message, Advanced):
+            self._store.advance(run, message.records, message.kept)
+            count = len(message.records.number)
+            self._done, self._new = self._done + count, self._new + count
+            pace = self._new / max(reporter.spent, 1e-9) if reporter.spent else 0.0
+            cost = self._workshop.cost(run, count)
+            reporter.add(cost, done=count, of=EVOLVING, evaluations_per_second=pace)
+            if self._done == self._total:
+                self.begin(TESTING)
+        else:
+            self._store.finish(run, message.results)
+            self._runs_done += 1
+            reporter.add(self._workshop.tests_cost(run), of=TESTING, runs_done=self._runs_done)
 
 
-def _keep(workshop: Workshop, store: Store, reporter: Reporter, message: Message) -> None:
-    """Write a message to the store, then count it."""
-    run = message.run
-    if isinstance(message, Advanced):
-        store.advance(run, message.records, message.kept)
-        count = len(message.records.number)
-        reporter.add(evaluations=count, work=workshop.cost(run, count))
-    else:
-        store.finish(run, message.results)
-        reporter.add(runs=1, work=workshop.tests_cost(run))
+def workshop_of(folder: str, sources: Mapping[str, bytes]) -> Workshop:
+    """A study's workshop, from its folder; on a machine that does not see it, from its files' content."""
+    place = Path(folder)
+    if exists(place):
+        agree(place)  # the parent has asked
+        return Workshop(read_materials(place))
+    home = temporary.Folder("study")
+    for name, content in sources.items():
+        path = Path(home.name, name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    config = StudyConfig.from_toml(Path(home.name, CONFIG), local=True)
+    workshop = Workshop(gather(own(config, Path(home.name))))
+    workshop.home = home  # Numba looks for its tasks there
+    return workshop

@@ -24,6 +24,10 @@ from realitygap.testing.algorithm import AlgorithmContract
 from realitygap.testing.body import BodyContract
 from realitygap.testing.encoding import EncodingContract
 from realitygap.testing.engine import EngineContract
+from realitygap.testing.pool import PoolContract
 from realitygap.testing.track import TrackContract
 
-__all__ = ["AlgorithmContract", "BodyContract", "EncodingContract", "EngineContract", "TrackContract"]
+__all__ = [
+    "AlgorithmContract", "BodyContract", "EncodingContract", "EngineContract", "PoolContract",
+    "TrackContract",
+]  # fmt: skip

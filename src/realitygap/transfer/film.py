@@ -16,6 +16,7 @@ import numpy as np
 from realitygap import whole
 from realitygap.toml import to_toml
 from realitygap.values import Pose
+from realitygap.work.lock import locked
 
 if TYPE_CHECKING:
     from realitygap.film.camera import CameraModel
@@ -89,8 +90,6 @@ def calibrated(file: Path, arena: Arena, *, unit: int, noise: float, radius_cm: 
     Raises:
         FilmError: no camera explains what is seen.
     """
-    from filelock import FileLock
-
     from realitygap.film.calibrate import calibrate_camera
     from realitygap.film.camera import load_camera
     from realitygap.film.disk import load_disk
@@ -99,7 +98,7 @@ def calibrated(file: Path, arena: Arena, *, unit: int, noise: float, radius_cm: 
     from realitygap.twin.states import States
 
     file.parent.mkdir(parents=True, exist_ok=True)
-    with FileLock(file.with_name(f".{file.stem}.lock")):
+    with locked(file.with_name(f".{file.stem}.lock"), wait=True):
         if file.is_file():
             return load_camera(file)
         frames = []

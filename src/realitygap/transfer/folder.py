@@ -25,7 +25,8 @@ def made(final: Path, robot: Address) -> Iterator[Path]:
     _put_aside(half, robot, "stopped")
     half.mkdir(parents=True)
     try:
-        yield half
+        with whole.together(half):
+            yield half
     except RobotStoppedError as error:
         raise RobotStoppedError(f"{error}; its recording is kept in {half}") from None
     except (LineError, FrozenError) as error:

@@ -16,20 +16,20 @@ from pathlib import Path
 from typing import NamedTuple
 
 from realitygap.errors import RobotStoppedError, StudyInterruptedError, UsageError
-from realitygap.study.folder import lock
 from realitygap.study.load import Study, as_study
+from realitygap.study.lock import lock
 from realitygap.study.schema import told
-from realitygap.study.settings import whole
-from realitygap.study.workers import cores, refuse_unguarded_script
 from realitygap.text import must_be
 from realitygap.transfer.load import Transferred, is_done, load_transfer, load_transfers
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.overhead import Found, Overhead, open_overhead
 from realitygap.transfer.plan import FOLDER, Situation, situations
 from realitygap.transfer.trial import Carry
-from realitygap.transfer.work import OnProgress, TransferProgress, by_hand, on_twins
+from realitygap.transfer.work import by_hand, on_twins
+from realitygap.work.progress import OnProgress
+from realitygap.work.workers import Workers, opened
 
-__all__ = ["Attendant", "Transfer", "TransferProgress", "Transferred", "load_transfers", "run_transfer"]
+__all__ = ["Attendant", "Transfer", "Transferred", "load_transfers", "run_transfer"]
 
 
 class Attendant(NamedTuple):
@@ -48,7 +48,7 @@ def run_transfer(
     study: Study | str | PathLike[str],
     options: Transfer | None = None,
     *,
-    workers: int | None = None,
+    workers: Workers = None,
     attendant: Attendant | None = None,
     on_progress: OnProgress | None = None,
 ) -> list[Transferred]:
@@ -59,7 +59,7 @@ def run_transfer(
     Args:
         study: its folder gets a folder `transfer`; or that folder.
         options: what is driven where; without them all champions, once, on unit 1 of the twin.
-        workers: processes for trials on the twin, one a core if None.
+        workers: processes for trials on the twin, one a core if None; or a pool.
         attendant: who carries a real robot; needed for one.
         on_progress: called a few times a second.
 
@@ -73,10 +73,7 @@ def run_transfer(
     """
     study, options = as_study(study), options or Transfer()
     must_be(options, Transfer, "options", "Transfer(robots=…, starts=…) makes one.")
-    size = cores() if workers is None else workers
-    whole("workers", size, 1, 1024)
-    refuse_unguarded_script()
-    with lock(study.folder):
+    with opened(workers) as pool, lock(study.folder):
         requested = list(situations(study, options))
         if attendant is None and not all(one.placed for one in requested):
             raise UsageError("carry: a real robot has to be carried to its starts: expected who does it.")
@@ -85,7 +82,7 @@ def run_transfer(
         real, twins = _left(study, requested)
         with _interrupted(study.folder, real=bool(real)):
             _on_ports(study, real, options, attendant)
-            on_twins(study, twins, done=len(requested) - len(twins), workers=size, on_progress=on_progress)
+            on_twins(study, twins, done=len(requested) - len(twins), pool=pool, on_progress=on_progress)
     return [load_transfer(study.folder / one.folder) for one in requested]
 
 

@@ -10,7 +10,8 @@ from realitygap import whole
 from realitygap.errors import StudyError
 from realitygap.experiments.noise.config import CONFIG, NoiseConfig
 from realitygap.experiments.noise.plan import Controller
-from realitygap.study.folder import LOCK, versions
+from realitygap.study.folder import versions
+from realitygap.study.lock import LOCK
 from realitygap.study.schema import told
 from realitygap.study.settings import difference
 from realitygap.study.sources import EDITED

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 
 from realitygap.calibration.unit import PROFILE
@@ -28,21 +28,17 @@ from realitygap.experiments.noise.plan import (
     situated_file,
     stream,
 )
-from realitygap.experiments.noise.progress import (
-    CALIBRATING,
-    COMPARING,
-    DRIVING,
-    EVOLVING,
-    OnProgress,
-    Reporter,
-)
+from realitygap.experiments.noise.simulated import keep_compared
+from realitygap.experiments.noise.situated import Situated, keep_situated
 from realitygap.experiments.noise.stage import Stage
-from realitygap.experiments.noise.work import Done, Job, Worked, carry_out
-from realitygap.study.folder import exists, lock
-from realitygap.study.progress import COMPILING, FINISHED, Progress
-from realitygap.study.runner import run_study
-from realitygap.study.settings import whole
-from realitygap.study.workers import cores, refuse_unguarded_script
+from realitygap.experiments.noise.work import Job, Made, bench_in
+from realitygap.study.folder import exists
+from realitygap.study.lock import lock
+from realitygap.study.runner import COMPILING, FINISHED, run_study
+from realitygap.study.schema import told
+from realitygap.work.pool import Pool, Setup
+from realitygap.work.progress import OnProgress, Progress, Reporter
+from realitygap.work.workers import Workers, opened
 
 __all__ = ["noise_study"]
 
@@ -51,6 +47,14 @@ EVALUATION_COST, RETEST_COST = 0.9e-3, 0.35
 TRIAL_COST, CELL_COST = 0.94, 0.08
 """About how long things take on one core, s: a unit's calibration, an evaluation, a run's retest, a
 trial on the twin, a comparison with a level. Hints for the time that is left, nothing else."""
+
+CALIBRATING = "calibrating to the units"
+EVOLVING = "evolving"
+DRIVING = "on the twin"
+COMPARING = "comparing with the simulations"
+
+FIRST_GUESS_S = 2.0
+"""Before so much time is spent on work that is done nobody can say how long the rest takes."""
 
 KEEP_S = 10.0
 """How often the time that a phase has taken is written down."""
@@ -63,7 +67,7 @@ def noise_study(
     folder: str | Path,
     config: NoiseConfig | None = None,
     *,
-    workers: int | None = None,
+    workers: Workers = None,
     resume: bool = False,
     on_progress: OnProgress | None = None,
 ) -> Path:
@@ -74,7 +78,7 @@ def noise_study(
     Args:
         folder: made if it does not exist.
         config: what to do; None to resume a study as it was made.
-        workers: processes, one a core if None; 1 stays in this process.
+        workers: processes, one a core if None, 1 stays in this process; or a pool.
         resume: go on with the study that is in the folder; without one, make it from `config`.
         on_progress: called a few times a second.
 
@@ -89,13 +93,10 @@ def noise_study(
     from realitygap.experiments.noise.results import write_results
 
     folder = Path(folder)
-    size = cores() if workers is None else workers
-    whole("workers", size, 1, 1024)
-    refuse_unguarded_script()
     try:
-        with lock(folder):
+        with opened(workers) as pool, lock(folder):
             made = open_folder(folder, config, resume=resume)
-            _Phases(folder.resolve(), made, size, on_progress).carry_out()
+            _Phases(folder.resolve(), made, pool, on_progress).carry_out(workers)
             return write_results(Stage(folder, made))
     except KeyboardInterrupt:
         kept = f"What was done in {folder} is kept: go on with it (--resume)."
@@ -105,10 +106,8 @@ def noise_study(
 class _Phases:
     """All that is left to do, phase by phase; each leaves files that the next reads."""
 
-    def __init__(
-        self, folder: Path, config: NoiseConfig, workers: int, on_progress: OnProgress | None
-    ) -> None:
-        self.folder, self.config, self.workers = folder, config, workers
+    def __init__(self, folder: Path, config: NoiseConfig, pool: Pool, on_progress: OnProgress | None) -> None:
+        self.folder, self.config, self.pool = folder, config, pool
         self.every = controllers(config)
         self.to_drive = missing({one: situated_file(folder, one) for one in self.every})
         self.to_compare = missing({one: simulated_file(folder, one) for one in self.every})
@@ -126,12 +125,14 @@ class _Phases:
             DRIVING: len(self.to_drive),
             COMPARING: len(self.to_compare),
         }
-        self.reporter = Reporter(on_progress, {name: left[name] * self.costs[name] for name in left})
+        self.reporter = Reporter(
+            on_progress, {name: left[name] * self.costs[name] for name in left}, patience_s=FIRST_GUESS_S
+        )
 
-    def carry_out(self) -> None:
-        """Every phase that is not over."""
+    def carry_out(self, recorders: Workers) -> None:
+        """Every phase that is not over; calibration has workers of its own."""
         phases: dict[str, Callable[[], None]] = {
-            CALIBRATING: self._calibrate,
+            CALIBRATING: lambda: self._calibrate(recorders),
             EVOLVING: self._evolve,
             DRIVING: lambda: self._trials(DRIVING, self.to_drive),
             COMPARING: lambda: self._trials(COMPARING, self.to_compare),
@@ -160,7 +161,7 @@ class _Phases:
         units = range(1, self.config.units + 1)
         return [u for u in units if not (calibration_folder(self.folder, u) / PROFILE).is_file()]
 
-    def _calibrate(self) -> None:
+    def _calibrate(self, recorders: Workers) -> None:
         """A profile of each unit, as the twin is in this study: its noise is the unit's too."""
         from realitygap.calibration.unit import PARTS, calibrated_unit
 
@@ -180,7 +181,7 @@ class _Phases:
                 unit=unit,
                 noise=self.config.twin_noise,
                 seed=stream(self.config, "calibration", unit) >> 1,
-                workers=self.workers,
+                workers=recorders,
                 on_progress=heard,
             )
             self.reporter.add(0.0, done=1)
@@ -201,7 +202,7 @@ class _Phases:
                 tell(done, self.costs[EVOLVING] * (total - before - share))
                 self._keep_time(KEEP_S)
 
-            run_study(place, requested, workers=self.workers, resume=exists(place), on_progress=heard)
+            run_study(place, requested, workers=self.pool, resume=exists(place), on_progress=heard)
             before += requested.runs * len(requested.conditions)
 
     def _trials(self, phase: str, left: list[Controller]) -> None:
@@ -210,14 +211,22 @@ class _Phases:
         reporter.phase(phase, done=total - len(left), total=total, what="controllers")
         jobs = [Job(one, phase == DRIVING) for one in left]
 
-        def heard(message: Worked | Done) -> None:
-            if isinstance(message, Worked):
-                reporter.add(cost * message.share)
-            else:
+        def heard(message: float | Made) -> None:
+            if isinstance(message, Made):
+                with told(self.folder):
+                    _keep(self.folder, message)
                 reporter.add(0.0, done=1)
+            else:
+                reporter.add(cost * message)
             self._keep_time(KEEP_S)
 
         if jobs:
-            with closing(carry_out(self.folder, jobs, self.workers, heard)) as messages:
-                for message in messages:
-                    heard(message)
+            self.pool.work(Setup(bench_in, (str(self.folder),)), jobs, heard)
+
+
+def _keep(folder: Path, made: Made) -> None:
+    """Write down what came of a job."""
+    if isinstance(made.content, Situated):
+        keep_situated(folder, made.controller, made.content)
+    else:
+        keep_compared(folder, made.controller, made.content)

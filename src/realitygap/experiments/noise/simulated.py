@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from realitygap import whole
@@ -20,7 +21,7 @@ from realitygap.experiments.noise.stage import Stage
 from realitygap.study.digest import check_of
 from realitygap.transfer.paths import score
 
-__all__ = ["compare_all", "read_compared", "scale_for"]
+__all__ = ["compare_all", "keep_compared", "read_compared", "scale_for"]
 
 LEAST_TRIALS = 2
 """So many have to be left, when those that the camera lost are taken out."""
@@ -33,8 +34,10 @@ class Pair(NamedTuple):
     start: int
 
 
-def compare_all(stage: Stage, one: Controller, tell: Callable[[float], None] = lambda _: None) -> None:
-    """Hold a controller's paths on the twin against the simulation at every level; keep what comes out.
+def compare_all(
+    stage: Stage, one: Controller, tell: Callable[[float], None] = lambda _: None
+) -> dict[str, Any]:
+    """Hold a controller's paths on the twin against the simulation at every level.
 
     Simulated trials of one unit and start have the same draws at every level, which differ in how
     loud they are: so a difference between levels is one of noise, and not of luck.
@@ -54,7 +57,7 @@ def compare_all(stage: Stage, one: Controller, tell: Callable[[float], None] = l
         tell(1.0 / len(config.levels))
     own = next(c for c in cells if c["comparison_level"] == one.level)
     per_unit = {f"fitness_situated_unit_{u}": fitness[u - 1] for u in range(1, config.units + 1)}
-    kept = {
+    return {
         "name": common_name(names),
         "fitness_simulated": own["fitness_simulated"],
         "fitness_situated": _mean(list(per_unit.values())),
@@ -64,7 +67,6 @@ def compare_all(stage: Stage, one: Controller, tell: Callable[[float], None] = l
         "task_seconds": task.seconds,
         "cells": cells,
     }
-    _keep(stage, one, kept)
 
 
 def scale_for(stage: Stage, setting: Setting, units: int) -> Scale:
@@ -174,7 +176,8 @@ def _mean(values: Sequence[float]) -> float:
     return math.fsum(known) / len(known) if known else math.nan
 
 
-def _keep(stage: Stage, one: Controller, kept: dict[str, Any]) -> None:
-    file = simulated_file(stage.folder, one)
+def keep_compared(folder: Path, one: Controller, kept: dict[str, Any]) -> None:
+    """Write down what came of a controller's comparisons."""
+    file = simulated_file(folder, one)
     file.parent.mkdir(parents=True, exist_ok=True)
     whole.write(file, json.dumps({**kept, "check": check_of(kept)}, indent=1) + "\n")

@@ -22,7 +22,7 @@ from realitygap.values import Pose
 if TYPE_CHECKING:
     from realitygap.transfer.rig import Rig
 
-__all__ = ["Rigs", "Situated", "read_situated", "situate"]
+__all__ = ["Rigs", "Situated", "keep_situated", "read_situated", "situate"]
 
 Floats = NDArray[np.float64]
 
@@ -84,8 +84,8 @@ class Rigs:
 
 def situate(
     stage: Stage, rigs: Rigs, one: Controller, tell: Callable[[float], None] = lambda _: None
-) -> None:
-    """Let a controller drive every unit from every start; its file appears when all of that is done.
+) -> Situated:
+    """Let a controller drive every unit from every start.
 
     `tell` hears the share of the work that was done since the last time.
     """
@@ -102,7 +102,7 @@ def situate(
             track = _driven(rig, driver, int(streams[u, k]), pose)
             poses[u, k] = np.stack([track.x, track.y, track.heading], axis=1)
             tell(1.0 / streams.size)
-    _keep(situated_file(stage.folder, one), poses, streams)
+    return Situated(poses, streams)
 
 
 def _driven(rig: Rig, driver: NetworkController, name: int, pose: Pose) -> Track:
@@ -142,7 +142,9 @@ def read_situated(stage: Stage, one: Controller) -> Situated:
     return found
 
 
-def _keep(file: Path, poses: Floats, streams: NDArray[np.uint64]) -> None:
+def keep_situated(folder: Path, one: Controller, made: Situated) -> None:
+    """Write a controller's trials down."""
+    file = situated_file(folder, one)
     file.parent.mkdir(parents=True, exist_ok=True)
     with whole.new(file) as spare:
-        np.savez(spare, poses=poses, streams=streams)
+        np.savez(spare, poses=made.poses, streams=made.streams)

@@ -1,22 +1,19 @@
-"""Who carries out the trials of a study of noise: this process or several, a controller at a time."""
+"""The trials of a study of noise as jobs: a controller at a time, on the twin or in the simulations."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
-from contextlib import closing
-from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from realitygap.experiments.noise.config import NoiseConfig
 from realitygap.experiments.noise.plan import Controller
 from realitygap.experiments.noise.simulated import compare_all
-from realitygap.experiments.noise.situated import Rigs, situate
+from realitygap.experiments.noise.situated import Rigs, Situated, situate
 from realitygap.experiments.noise.stage import Stage
 from realitygap.study.schema import told
-from realitygap.study.workers import Pool, at_work
+from realitygap.work.pool import Tell
 
-__all__ = ["Done", "Job", "Worked", "carry_out"]
+__all__ = ["Bench", "Job", "Made", "bench_in"]
 
 
 class Job(NamedTuple):
@@ -26,59 +23,33 @@ class Job(NamedTuple):
     on_twin: bool
 
 
-class Worked(NamedTuple):
-    """Such a share of a job is done."""
+class Made(NamedTuple):
+    """What came of a job: a controller's paths on the twin, or its comparisons. Shares of it come before."""
 
-    share: float
-
-
-class Done(NamedTuple):
-    """A job is done."""
-
-
-Tell = Callable[[Worked], None]
-
-
-def carry_out(folder: Path, jobs: Sequence[Job], workers: int, tell: Tell) -> Generator[Worked | Done]:
-    """What comes of the jobs, here (where `tell` hears of shares) or from processes.
-
-    Raises:
-        RealityGapError: the first that fails; finished jobs are kept.
-    """
-    size = min(workers, len(jobs))
-    if size > 1:
-        with Pool(folder, size, life=_serve, last=Done) as pool:
-            yield from pool.work(iter(jobs))
-        return
-    with closing(Bench(folder)) as bench:
-        for job in jobs:
-            bench.carry_out(job, tell)
-            yield Done()
+    controller: Controller
+    content: Situated | dict[str, Any]
 
 
 class Bench:
-    """Carries out jobs; made once in a process."""
+    """Carries out jobs, and writes nothing but the twin's cameras; made once in a worker."""
 
-    def __init__(self, folder: Path) -> None:
-        self._stage = Stage(folder, NoiseConfig.from_folder(folder))
-        self._rigs = Rigs(self._stage)
+    def __init__(self, stage: Stage) -> None:
+        self._stage = stage
+        self._rigs = Rigs(stage)
 
     def carry_out(self, job: Job, tell: Tell) -> None:
-        """One job; its file is there when this returns."""
+        """One job; `tell` hears the share that was done since the last time, then what came of it."""
         with told(self._stage.folder):
             if job.on_twin:
-                situate(self._stage, self._rigs, job.controller, lambda share: tell(Worked(share)))
+                tell(Made(job.controller, situate(self._stage, self._rigs, job.controller, tell)))
             else:
-                compare_all(self._stage, job.controller, lambda share: tell(Worked(share)))
+                tell(Made(job.controller, compare_all(self._stage, job.controller, tell)))
 
     def close(self) -> None:
         """Let the twin's units go."""
         self._rigs.close()
 
 
-def _serve(connection: Connection, folder: str) -> None:
-    """Take a job, say how it comes on, until the parent is gone."""
-    with at_work(connection), closing(Bench(Path(folder))) as bench:
-        while True:
-            bench.carry_out(connection.recv(), connection.send)
-            connection.send(Done())
+def bench_in(folder: str) -> Bench:
+    """A bench for the study in a folder."""
+    return Bench(Stage(Path(folder), NoiseConfig.from_folder(Path(folder))))

@@ -1,0 +1,60 @@
+"""A study's folder is worked on by one process at a time."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, contextmanager, suppress
+from pathlib import Path
+
+from realitygap.errors import StudyBusyError
+from realitygap.study.reader import DATABASE
+from realitygap.study.schema import told
+from realitygap.study.sources import refuse_links
+from realitygap.work.lock import locked
+
+__all__ = ["LOCK", "lock"]
+
+LOCK = "study.lock"
+
+
+@contextmanager
+def lock(folder: Path) -> Iterator[None]:
+    """Hold the folder against other processes; the lock ends with the process, however that ends.
+
+    Raises:
+        StudyBusyError: another process holds it.
+        StudyError: the folder cannot be written.
+    """
+    file, new = folder / LOCK, not (folder / LOCK).exists()
+    with ExitStack() as held:
+        with told(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            refuse_links(file)
+            try:
+                held.enter_context(locked(file, wait=False))
+            except BlockingIOError:
+                raise StudyBusyError(
+                    f"{folder}: {_holder(folder)} is working on this study. Wait until it ends, stop it, "
+                    "or choose another --out."
+                ) from None
+        try:
+            yield
+        except Exception:
+            if new:  # a start that failed leaves nothing behind
+                file.unlink(missing_ok=True)
+                with suppress(OSError):  # something is in it
+                    folder.rmdir()
+            raise
+
+
+def _holder(folder: Path) -> str:
+    """The process that holds the lock, as far as it has said so."""
+    try:
+        uri = f"{(folder / DATABASE).resolve().as_uri()}?mode=ro"
+        with closing(sqlite3.connect(uri, uri=True)) as database:
+            pid = database.execute("SELECT pid FROM session ORDER BY id DESC LIMIT 1").fetchone()[0]
+    except (sqlite3.Error, OSError, TypeError):
+        return "another process"
+    return f"another process (pid {pid})" if pid != os.getpid() else "this very process"

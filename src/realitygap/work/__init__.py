@@ -1,0 +1,1 @@
+"""Who carries out work (`pool`, `processes`), how far it is (`progress`), and who may (`lock`)."""

@@ -1,0 +1,127 @@
+"""A pool carries out jobs and passes on what comes of them: this process, processes, or one of your own.
+
+A job is a value, and what it comes to a function of it alone: any worker may carry it out, twice if the
+first is lost. A worker gets its bench from a `Setup`, which travels as a message; where it is, and
+whether it sees the parent's files, is the pool's affair. A pool of your own:
+
+    from concurrent.futures import ThreadPoolExecutor, as_completed
+
+    class Threads:
+        def __init__(self):
+            self.threads = ThreadPoolExecutor(2)
+
+        def work(self, setup, jobs, tell):
+            for made in as_completed([self.threads.submit(messages_of, setup, job) for job in jobs]):
+                for message in made.result():
+                    tell(message)
+
+        def close(self):
+            self.threads.shutdown()
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable
+from contextlib import closing
+from dataclasses import dataclass, field
+from typing import Any, Protocol, runtime_checkable
+
+__all__ = ["Bench", "Here", "Pool", "Setup", "Tell", "bench_of", "messages_of"]
+
+Tell = Callable[[Any], None]
+"""Hears a message of a job."""
+
+
+class Bench(Protocol):
+    """Carries out jobs of one kind; made once in a worker, used by one thread."""
+
+    def carry_out(self, job: Any, tell: Tell) -> None:
+        """One job; `tell` hears its messages, the same ones in the same order each time."""
+
+    def close(self) -> None:
+        """Let go what it holds."""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """How a worker makes its bench: a function of a module and its arguments, which can be pickled.
+
+    `here` is a bench that this process has already; it stays behind when the setup is sent.
+    """
+
+    make: Callable[..., Bench]
+    words: tuple[Any, ...] = ()
+    here: Bench | None = field(default=None, compare=False)
+
+    def __call__(self) -> Bench:
+        """A bench."""
+        return self.make(*self.words)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Setup, (self.make, self.words)
+
+
+@runtime_checkable
+class Pool(Protocol):
+    """Carries out jobs. `realitygap.testing.PoolContract` is what every one keeps to."""
+
+    def work(self, setup: Setup, jobs: Iterable[Any], tell: Tell) -> None:
+        """Carry out all jobs, in any order; `tell` hears each message of each job once, in this thread.
+
+        A worker that is lost is replaced, and its job made again. What `tell` raises ends the work.
+
+        Raises:
+            RealityGapError: as a job raised it.
+            StudyError: a job's workers are lost again and again.
+        """
+
+    def close(self) -> None:
+        """End all workers; a second time does nothing."""
+
+
+class Here:
+    """The pool that is this process."""
+
+    def work(self, setup: Setup, jobs: Iterable[Any], tell: Tell) -> None:
+        """One job after the other."""
+        with closing(setup.here or setup()) as bench:
+            for job in jobs:
+                bench.carry_out(job, tell)
+
+    def close(self) -> None:
+        """Nothing to end."""
+
+
+class _Kept:
+    """A thread's bench, closed when another takes its place, or with the thread."""
+
+    def __init__(self, setup: Setup) -> None:
+        self.setup, self.bench = setup, setup()
+
+    def __del__(self) -> None:
+        if hasattr(self, "bench"):
+            self.bench.close()
+
+
+_threads = threading.local()
+
+
+def bench_of(setup: Setup) -> Bench:
+    """This thread's bench of a setup, kept for its next job."""
+    kept: _Kept | None = getattr(_threads, "kept", None)
+    if kept is None or kept.setup != setup:
+        _threads.kept = kept = None
+        _threads.kept = kept = _Kept(setup)
+    return kept.bench
+
+
+def messages_of(setup: Setup, job: Any) -> list[Any]:
+    """All messages of a job at once, for pools whose workers answer once; a bench serves a thread's next job.
+
+    Raises:
+        RealityGapError: as the job raises it.
+    """
+    messages: list[Any] = []
+    bench_of(setup).carry_out(job, messages.append)
+    return messages

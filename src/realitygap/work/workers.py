@@ -1,0 +1,62 @@
+"""Workers as a person asks for them: a number of processes, or a pool of one's own."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+
+from realitygap.errors import ConfigError
+from realitygap.user_code import named_object
+from realitygap.work.pool import Here, Pool
+from realitygap.work.processes import Processes, refuse_unguarded_script
+
+__all__ = ["MOST", "Workers", "cores", "named_pool", "opened"]
+
+MOST = 1024
+"""Processes."""
+
+Workers = int | Pool | None
+"""So many processes, 1 for this one alone, None for one a core; or a pool."""
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "process_cpu_count"):  # Python 3.13
+        return os.process_cpu_count() or 1
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@contextmanager
+def opened(workers: Workers) -> Iterator[Pool]:
+    """The pool for a while; one that was given is left open.
+
+    Raises:
+        ConfigError: neither a number nor a pool.
+        StudyError: a script that starts processes has no guard.
+    """
+    refuse_unguarded_script()
+    if isinstance(workers, Pool):
+        yield workers
+        return
+    size = cores() if workers is None else workers
+    if isinstance(size, bool) or not isinstance(size, int) or not 1 <= size <= MOST:
+        expected = f"a whole number from 1 to {MOST}, or a pool (work, close; see realitygap.work.pool)"
+        raise ConfigError(f"workers: expected {expected}, got {workers!r}.")
+    with closing(Here() if size == 1 else Processes(size)) as pool:
+        yield pool
+
+
+def named_pool(text: str) -> Pool:
+    """The pool that `file.py:Name` or `module:Name` makes, called without arguments.
+
+    Raises:
+        ConfigError: what is named is none; says what it lacks.
+    """
+    make = named_object(text, ConfigError, "workers")
+    pool = make() if callable(make) else make
+    if not isinstance(pool, Pool):
+        raise ConfigError(f"workers: {text}: expected a pool, with methods work and close, got {pool!r}.")
+    return pool

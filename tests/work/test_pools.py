@@ -1,0 +1,64 @@
+"""Every pool keeps the contract; a study is the same by any of them."""
+
+from __future__ import annotations
+
+import pytest
+
+from realitygap.errors import ConfigError
+from realitygap.study.folder import open_folder
+from realitygap.study.jobs import Job, Workshop
+from realitygap.study.materials import gather
+from realitygap.study.reader import Reader
+from realitygap.study.runner import workshop_of
+from realitygap.testing import PoolContract
+from realitygap.work.pool import Here
+from realitygap.work.processes import Processes
+from realitygap.work.workers import named_pool, opened
+from tests.study.helpers import small
+
+
+class TestHere(PoolContract):
+    """This process."""
+
+    def opened(self):
+        return Here()
+
+
+class TestProcesses(PoolContract):
+    """Two processes."""
+
+    loses = True
+
+    def opened(self):
+        return Processes(2)
+
+
+def test_a_worker_needs_nothing_but_messages(tmp_path):
+    """Where a study's folder is not to be seen, its files' content makes the same workshop."""
+    folder = tmp_path / "study"
+    folder.mkdir()
+    own = Workshop(open_folder(folder, gather(small()), resume=False))
+    sources = Reader(folder / "study.db").sources()
+    far = workshop_of(str(tmp_path / "elsewhere"), sources)
+    near, away = ([], [])
+    own.carry_out(Job(1, None), near.append)
+    far.carry_out(Job(1, None), away.append)
+    far.close()
+    assert [m.kept.state for m in near[:-1]] == [m.kept.state for m in away[:-1]]
+    assert near[-1].results.champion == away[-1].results.champion
+
+
+@pytest.mark.parametrize("workers", [0, 1025, True, "two", 1.5, object()])
+def test_what_is_no_pool_is_refused(workers):
+    """A number from 1 on, or something with work and close."""
+    with pytest.raises(ConfigError, match="workers: expected a whole number from 1 to 1024, or a pool"):
+        opened(workers).__enter__()
+
+
+def test_a_pool_by_its_name(tmp_path):
+    """What a file names is made without arguments; what is no pool is refused by name."""
+    file = tmp_path / "mine.py"
+    file.write_text("from realitygap.work.pool import Here\nclass Mine(Here): pass\nclass Other: pass\n")
+    assert type(named_pool(f"{file}:Mine")).__name__ == "Mine"
+    with pytest.raises(ConfigError, match=r"mine.py:Other: expected a pool, with methods work and close"):
+        named_pool(f"{file}:Other")
