@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -112,3 +113,13 @@ def test_commands_that_are_shown_exist(line: str) -> None:
     known = {name for param in command.params for name in (*param.opts, *param.secondary_opts)}
     used = {word.partition("=")[0] for word in words if word.startswith("--")}
     assert used <= known
+
+
+def test_the_house_has_the_layers_that_are_checked() -> None:
+    """The architecture shows what the import rules hold, and every room that there is."""
+    rules = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"]
+    layers = next(rule["layers"] for rule in rules if rule["type"] == "layers")
+    text = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+    assert "```\n" + "\n".join(layers) + "\n```" in text
+    rooms = {path.parent.name for path in (ROOT / "src" / "realitygap").glob("*/__init__.py")}
+    assert rooms == set(re.findall(r"^  (\w+)/ ", text, re.M))
