@@ -87,6 +87,12 @@ def fit_infrared(
 ) -> ChannelFit:
     """Fit the proximity sensors to all recordings at once.
 
+    Args:
+        recordings: of its kind.
+        base: the profile that keeps what they do not cover.
+        form: which constants are free.
+        tick: called after each fit.
+
     Raises:
         CalibrationError: the recordings are no robot's.
     """
@@ -109,6 +115,13 @@ def fit_light(
     tick: Tick = lambda: None,
 ) -> ChannelFit:
     """Fit the ambient sensors to all recordings at once; `beside` the form all others for comparison.
+
+    Args:
+        recordings: of its kind.
+        base: the profile that keeps what they do not cover.
+        form: which constants are free.
+        beside: whether the other forms are fitted, too, to compare with.
+        tick: called after each fit.
 
     Raises:
         CalibrationError: the recordings are no robot's, or of lamps both known and unknown.

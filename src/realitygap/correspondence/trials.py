@@ -84,7 +84,14 @@ class Trial:
 def trial_of(
     trajectory: Trajectory, *, start: str = "1", unit: str = "", radius_cm: float = RADIUS_CM
 ) -> Trial:
-    """A simulated trajectory as a trial, its last pose included."""
+    """A simulated trajectory as a trial, its last pose included.
+
+    Args:
+        trajectory: of the simulation.
+        start: name of its start.
+        unit: name of its robot.
+        radius_cm: of the body.
+    """
     track = trajectory.track
     return Trial(
         x=track.x, y=track.y, heading=np.unwrap(track.heading), start=start, unit=unit,

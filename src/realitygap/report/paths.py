@@ -67,7 +67,16 @@ def draw_path(
     look: Look = SIMULATED,
     labels: bool = True,
 ) -> None:
-    """A trajectory in its arena: the tail, a cross where it began, the robot where it ended."""
+    """A trajectory in its arena: the tail, a cross where it began, the robot where it ended.
+
+    Args:
+        ax: where to draw.
+        scene: arena and robot.
+        trajectory: the trial.
+        colour: of the tail.
+        look: simulated or situated.
+        labels: whether axes have names.
+    """
     draw_arena(ax, scene.arena, labels=labels)
     strokes = tail(trajectory, scene.robot.radius)
     ax.plot(

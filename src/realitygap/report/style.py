@@ -123,7 +123,14 @@ def styled() -> AbstractContextManager[None]:
 def new_figure(
     width: float, height: float, *, layout: Literal["constrained"] | None = None, dpi: float | None = None
 ) -> Figure:
-    """A figure of `width` × `height` inches that belongs to nobody's global state."""
+    """A figure of `width` × `height` inches that belongs to nobody's global state.
+
+    Args:
+        width: inches.
+        height: inches.
+        layout: how Matplotlib lays it out; None: not at all.
+        dpi: dots an inch; None: Matplotlib's.
+    """
     figure = Figure(figsize=(width, height), layout=layout, dpi=dpi)
     FigureCanvasAgg(figure)
     return figure

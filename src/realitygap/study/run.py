@@ -135,6 +135,12 @@ def begin(bench: Bench, plan: Plan) -> State:
 def advance(bench: Bench, plan: Plan, state: State, n: int) -> tuple[State, Records]:
     """Carry out the next `n` evaluations of a run, as many at once as the algorithm gives.
 
+    Args:
+        bench: task, engine and algorithm.
+        plan: of the run.
+        state: of the algorithm.
+        n: evaluations.
+
     Raises:
         TaskError: the task's score is no finite number.
     """

@@ -87,6 +87,13 @@ def calibrated(file: Path, arena: Arena, *, unit: int, noise: float, radius_cm: 
 
     Its known frames are drawn: the lens is the renderer's too, and no result hangs on a GL library.
 
+    Args:
+        file: keeps the calibration.
+        arena: of the task.
+        unit: of the twin.
+        noise: the twin's noise scale.
+        radius_cm: of the body.
+
     Raises:
         FilmError: no camera explains what is seen.
     """

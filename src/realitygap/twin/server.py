@@ -47,7 +47,15 @@ CHUNK = 4096
 
 
 def make_body(arena: Mapping[str, Any], *, unit: int, noise: float, seed: int, body: str = BODY) -> RobotBody:
-    """A robot of class `body` ("module:class") in an arena of plain numbers."""
+    """A robot of class `body` ("module:class") in an arena of plain numbers.
+
+    Args:
+        arena: plain numbers.
+        unit: of the twin.
+        noise: the noise scale.
+        seed: of its noise.
+        body: its class.
+    """
     module, name = body.split(":")
     made: RobotBody = getattr(importlib.import_module(module), name)(
         dict(arena), unit=unit, noise=noise, seed=seed

@@ -90,6 +90,12 @@ def measured_speeds(recording: WheelRecording, cm_per_pulse: tuple[float, float]
 def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tick = lambda: None) -> WheelFit:
     """Fit a profile's wheels to a recording.
 
+    Args:
+        recording: of a drive.
+        base: the profile that keeps what it does not cover.
+        form: which constants are free.
+        tick: called after each fit.
+
     Raises:
         CalibrationError: too little was recorded, or what no such robot can have done.
     """

@@ -71,6 +71,12 @@ class Khepera:
 
         `give_up_s` is when a question is given up that was not answered.
 
+        Args:
+            port: its device.
+            baud: rate, bits a second; None: try all five.
+            clock: the line's; None: the computer's.
+            give_up_s: when an unanswered question is given up.
+
         Raises:
             UsageError: the port cannot be opened.
             LineError: nobody answers: says what to check.
