@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from realitygap import load_study
+from realitygap import load_profile, load_study, load_transfers
 from realitygap.calibration.recordings.files import STEP_COLUMNS, load_recording
 from realitygap.cli import realitygap
 from realitygap.controller.encoding import Encoding, controller_of, make_encoding
@@ -178,3 +178,15 @@ def test_a_pool_of_ones_own_changes_no_bit(tmp_path):
     words = ("avoidance", "--evaluations", "66", "--set", "task.seconds=2", "--out", tmp_path / "cli")
     run("evolve", *words, "--workers", f"{EXAMPLES / 'own_pool.py'}:Threads")
     assert load_study(tmp_path / "cli").runs[0].finished
+
+
+def test_a_robot_of_ones_own_is_recorded_calibrated_evolved_for_and_driven(tmp_path):
+    """Five sensors of 12 bits, no light, no counters: its noise is found, and a champion drives it."""
+    subprocess.run([sys.executable, EXAMPLES / "own_robot.py", tmp_path], check=True, capture_output=True)
+    profile = load_profile(tmp_path / "robot.toml")
+    assert len(profile.infrared.sensors) == 5 and profile.infrared.top == 4095
+    assert abs(profile.noise.proximity - 60) < 6 and not profile.ambient.sensors
+    driven = load_transfers(tmp_path / "study")
+    assert [one.start for one in driven] == [1, 2] and {one.situated_from for one in driven} == {"robot"}
+    assert all(one.lost_steps == 0 and one.fitness_situated >= 0 for one in driven)
+    assert len((EXAMPLES / "own_robot.py").read_text().splitlines()) <= 80

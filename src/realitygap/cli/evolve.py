@@ -102,7 +102,7 @@ def _notes(config: StudyConfig, task: str, workers: Workers) -> None:
     loaded = load_task(task).of(load_profile(config.profile))
     named = config.arenas.get(loaded.name)
     note_dark(loaded, loaded.arena if named is None else load_arena(named))
-    population = config.evolution.make(config.encoding_for(loaded)).cells
+    population = config.evolution.make(config.encoding_for(loaded.of(load_profile(config.profile)))).cells
     runs = config.runs * len(config.conditions)
     consider(runs=runs, evaluations=config.evaluations, workers=workers, population=population)
 

@@ -164,6 +164,6 @@ def network_inputs(simulation: Simulation) -> Callable[[Readings], list[int]]:
         fed = readings.proximity if task.feeds == "proximity" else readings.ambient
         if len(fed) != sensors:
             raise UsageError(f"readings: expected {sensors} {task.feeds} readings, got {len(fed)}.")
-        return profile.inputs(fed.tolist(), task.feeds, task.sensors)
+        return profile.inputs(fed.tolist(), task.feeds, task.of(profile).sensors)
 
     return make

@@ -22,7 +22,7 @@ from realitygap.calibration.recorder.journal import ARENA, Journal, refuse_anoth
 from realitygap.calibration.recorder.plans import Place, SensorPlan, sensor_plans
 from realitygap.calibration.recorder.site import Ask, EnoughError, OwnSite, PersonSite, Site
 from realitygap.calibration.recorder.wheel_plans import ROOM, Trial, wheel_plan
-from realitygap.calibration.recordings.files import POSE, READINGS, STEP_COLUMNS, STEPS
+from realitygap.calibration.recordings.files import POSE, READINGS, STEP_COLUMNS, STEPS, UNITS
 from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, HEIGHTS_CM
 from realitygap.errors import BaudError, UsageError
 from realitygap.robots.body import (
@@ -153,7 +153,7 @@ class _Work(NamedTuple):
     def facts(self, body: Body, places: int) -> dict[str, Any]:
         """What recording.toml says of the robot and of what was asked for."""
         wanted, known = self.wanted, dict(facts_of(body))
-        units = f"cm, degrees, s, counts, {known.pop('units', OWN_UNITS)}, pulses"
+        units = UNITS.format(known.pop("units", OWN_UNITS))
         asked = {"notes": wanted.notes, "repeats": wanted.repeats, "seed": wanted.seed, "places": places}
         return {"plan": wanted.plan, "units": units, **known, **asked}
 
@@ -177,7 +177,7 @@ def _parts(wanted: Wanted, body: Body) -> list[SensorPlan | tuple[Trial, ...]]:
                 expected = f"{theirs} {kind} sensors, as the base {base.name!r} has" if base else ""
                 raise UsageError(f"robot: expected {expected}; this one has {has}.")
             parts.append(part)
-    if wanted.plan in ("wheels", "all"):
+    if wanted.plan == "wheels" or (wanted.plan == "all" and body.counts_turns):
         parts.append(wheel_plan(wanted.repeats, wanted.seed, base.wheels if base else None))
     return parts
 

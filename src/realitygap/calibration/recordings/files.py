@@ -34,6 +34,7 @@ __all__ = [
     "READINGS",
     "STEPS",
     "STEP_COLUMNS",
+    "UNITS",
     "WHEEL_COUNTS",
     "find_recordings",
     "load_recording",
@@ -50,7 +51,8 @@ STEP_COLUMNS = (
     "t_s", "command_left", "command_right", "counter_left", "counter_right",
     "speed_left", "speed_right", "trial", "kind",
 )  # fmt: skip
-UNITS = "cm, degrees, s, counts, Khepera units, pulses"
+UNITS = "cm, degrees, s, counts, {}, pulses"
+"""What numbers are in; commands and speeds are in the robot's own units, by their name."""
 WHEEL_COUNTS = ("counter_left", "counter_right", "speed_left", "speed_right")
 """Columns that only wheels with counters have."""
 KNOWN = (
@@ -116,9 +118,12 @@ def read_folder(folder: Path, *, object: str | None = None) -> Recording:
     if kind not in KINDS:
         cure = "" if "kind" in facts else " This is a drive's recording, no calibration's."
         raise RecordingError(f"{where}: kind: expected {', '.join(KINDS)}, got {kind!r}.{cure}")
-    if facts.get("units", UNITS) != UNITS:
+    before, after = UNITS.split("{}")
+    units = str(facts.get("units", UNITS))
+    if not (units.startswith(before) and units.endswith(after)):
+        expected = UNITS.format("the units of its commands")
         raise RecordingError(
-            f"{where}: units: expected {UNITS!r}, got {facts['units']!r}. Convert the table first."
+            f"{where}: units: expected {expected!r}, got {units!r}. Convert the table first."
         )
     if kind == "wheels":
         return _wheels(folder, facts)
