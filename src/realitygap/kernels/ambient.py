@@ -40,7 +40,7 @@ def ambient(robot, arena, work, out):
     V = 55 + 1/√A, clipped at the dark reading; or, linear in the light, V = dark − A, clipped at 55.
     """
     illuminate(robot, arena, True, work, out)
-    linear = robot.ambient_form.linear > 0.0
+    linear = robot.light_linear > 0.0
     for k in range(out.shape[0]):
         total = out[k] * robot.ambient_gain[k]
         floor = robot.ambient_floor[k]

@@ -41,14 +41,14 @@ def power(x, p):
 @step
 def lamp_points(robot):
     """How many points of a lamp differ."""
-    return 1 if robot.ambient_form.narrow >= 1.0 else LAMP_POINTS
+    return 1 if robot.light_narrow >= 1.0 else LAMP_POINTS
 
 
 @step
 def lamp_point(robot, arena, lamp, p):
     """Place (x, y) and weight of a lamp's point `p`: drawn towards the lamp's centre by the share `narrow`,
     and kept `wall_offset` cm off the room's walls. Of a lamp of one point all weights are its."""
-    narrow, off = robot.ambient_form.narrow, robot.ambient_form.wall_offset
+    narrow, off = robot.light_narrow, robot.light_wall_offset
     x = arena.lamp_points[lamp, p, 0]
     y = arena.lamp_points[lamp, p, 1]
     weight = arena.lamp_weights[lamp, p]
@@ -67,7 +67,7 @@ def lamp_point(robot, arena, lamp, p):
 @step
 def light_under_an_angle(robot, arena, lamp, view):
     """As light_on_sensor, from a lamp at a height, times the mean cosine of its visible points^p."""
-    height2 = robot.ambient_form.height2
+    height2 = robot.light_height2
     total = arena.lamp_offset[lamp]
     ahead = 0.0
     seen = 0.0
@@ -85,10 +85,10 @@ def light_under_an_angle(robot, arena, lamp, view):
         total += weight * (1.0 - hidden)
         ahead += (1.0 - hidden) * cosine
         seen += 1.0 - hidden
-    if seen == 0.0 and robot.ambient_form.facing > 0.0:
+    if seen == 0.0 and robot.light_facing > 0.0:
         return 0.0
     d = far / points
-    return max(total, 0.0) / (d * d) * power(ahead / max(seen, 1.0), robot.ambient_form.facing)
+    return max(total, 0.0) / (d * d) * power(ahead / max(seen, 1.0), robot.light_facing)
 
 
 @step
@@ -142,21 +142,21 @@ def face_segments(arena, a, b, work):
 
 @step
 def look_round(robot, arena, k, fans, work):
-    """Follow all rays of ambient sensor `k`; the weight of the light reflected there, as the form has it."""
+    """Follow all rays of ambient sensor `k`; the weight of the light reflected there, by the robot's law."""
     for fan in range(k * fans, (k + 1) * fans):
         follow_fan(robot, arena, k, fan, work)
     a, b = k * fans * RAYS, (k + 1) * fans * RAYS
     go_to_ends(a, b, work)
     terms, inverse = work.terms[a:b], work.inverse[a:b]
-    if robot.ambient_form.flat > 0.0:
-        near = robot.ambient_form.near
+    if robot.light_flat > 0.0:
+        near = robot.light_near
         for i in range(b - a):
             close = near * inverse[i]
             terms[i] *= inverse[i] / math.sqrt(1.0 + close * close)
     else:
         for i in range(b - a):
             terms[i] *= inverse[i] * inverse[i]
-    if robot.ambient_form.lambertian > 0.0:
+    if robot.light_lambertian > 0.0:
         find_normals(arena, a, b, work)
 
 
@@ -168,8 +168,8 @@ def light_walls(robot, arena, lamp, a, b, work):
     normal_y, light, far = work.normal_y[a:b], work.light[a:b], work.far[a:b]
     incidence, hidden = work.incidence[a:b], work.hidden[a:b]
     x, y = work.pose[0], work.pose[1]
-    form, points = robot.ambient_form, lamp_points(robot)
-    low = 1.0 - form.clear
+    points = lamp_points(robot)
+    low = 1.0 - robot.light_clear
     for i in range(b - a):
         light[i] = arena.lamp_offset[lamp]
         far[i] = 0.0
@@ -179,7 +179,7 @@ def light_walls(robot, arena, lamp, a, b, work):
         for i in range(b - a):
             ex = lx - end_x[i]
             ey = ly - end_y[i]
-            d = max(math.sqrt(ex * ex + ey * ey + form.height2), 1e-3)
+            d = max(math.sqrt(ex * ex + ey * ey + robot.light_height2), 1e-3)
             far[i] += d
             incidence[i] += max(ex * normal_x[i] + ey * normal_y[i], 0.0) / d
             # From where light is above the body's top on, the body hides nothing: the line ends there.
@@ -189,7 +189,7 @@ def light_walls(robot, arena, lamp, a, b, work):
         hide_behind_obstacles(arena, lx, ly, a, b, work)
         for i in range(b - a):
             light[i] += weight * (1.0 - hidden[i])
-    lambertian = form.lambertian > 0.0
+    lambertian = robot.light_lambertian > 0.0
     for i in range(b - a):
         d = far[i] / points
         cosine = incidence[i] / points if lambertian else 1.0
@@ -200,8 +200,7 @@ def light_walls(robot, arena, lamp, a, b, work):
 def direct_light(robot, arena, lamp, k, work):
     """Direct illumination D_k of ambient sensor `k` by one lamp, whatever the law."""
     view = look(robot, k, work)
-    form = robot.ambient_form
-    if form.facing + form.height2 + form.narrow + form.wall_offset > 0.0:
+    if robot.light_facing + robot.light_height2 + robot.light_narrow + robot.light_wall_offset > 0.0:
         return light_under_an_angle(robot, arena, lamp, view)
     return light_on_sensor(arena, lamp, view)
 
@@ -209,15 +208,14 @@ def direct_light(robot, arena, lamp, k, work):
 @step
 def goes_beyond(robot):
     """Whether anything but the paper's law decides the illumination."""
-    form = robot.ambient_form
-    direct = form.facing + form.height2 + form.narrow + form.wall_offset
-    reflected = form.flat + form.near + form.lambertian
+    direct = robot.light_facing + robot.light_height2 + robot.light_narrow + robot.light_wall_offset
+    reflected = robot.light_flat + robot.light_near + robot.light_lambertian
     return direct + reflected > 0.0 or robot.ambient_ray.shape[0] > robot.ambient_place.shape[0]
 
 
 @step
 def illuminate_beyond(robot, arena, enough, work, out):
-    """As illuminate, with everything that robot.ambient_form asks for.
+    """As illuminate, with everything that goes beyond the paper.
 
     With `enough`, a sensor that the lamps alone bring to its floor is told no more than that light.
     """
@@ -228,7 +226,7 @@ def illuminate_beyond(robot, arena, enough, work, out):
             total += direct_light(robot, arena, lamp, k, work)
         span = robot.ambient_dark[k] - robot.ambient_floor[k]
         full = total * robot.ambient_gain[k] >= span
-        if not (enough and full and robot.ambient_form.linear > 0.0):
+        if not (enough and full and robot.light_linear > 0.0):
             look_round(robot, arena, k, fans, work)
             for lamp in range(arena.lamp_points.shape[0]):
                 light_walls(robot, arena, lamp, k * fans * RAYS, (k + 1) * fans * RAYS, work)

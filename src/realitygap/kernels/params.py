@@ -27,79 +27,29 @@ LAMP_POINTS = 5
 """Point sources that model one lamp (§3.3)."""
 
 
-class Gains(NamedTuple):
-    """The printed law of a wheel (§3.2.2)."""
-
-    kp: float
-    ki: float
-    kd: float
-    divisor: float
-    """The "mass"."""
-    lag: float
-    """Share of a command that acts one step late: 0 in the paper."""
-
-
-class Friction(NamedTuple):
-    """What holds a wheel back (§3.2.2)."""
-
-    rest_speed: float
-    """Below it a wheel rests, cm/s."""
-    threshold: float
-    """The integral term that frees it, cm/s²."""
-    half_play: float
-    """Half the play, cm/s over a step: 0 in the paper."""
-
-
-class LightForm(NamedTuple):
-    """What goes beyond the paper's law of light (§3.3), all 0 in it."""
-
-    linear: float
-    """1: V = dark − A, clipped at floor."""
-    facing: float
-    """The exponent of the cosine under which direct light falls in."""
-    height2: float
-    """The lamp's height², cm²."""
-    flat: float
-    """1: reflected light falls off as 1/√(d² + near²)."""
-    near: float
-    """That near, cm."""
-    lambertian: float
-    """1: surfaces are lit by the cosine of the angle under which light meets them."""
-    narrow: float
-    """The share by which a lamp's points are drawn to its centre."""
-    wall_offset: float
-    """How far a lamp hangs off a wall, cm."""
-    clear: float
-    """The share of light's way from a lamp to a surface that is above the body's top."""
-
-
-class InputRange(NamedTuple):
-    """Readings (counts) that become a network's inputs −10 and +10."""
-
-    low: float
-    high: float
-
-
-class Deviations(NamedTuple):
-    """Observed noise (§6): counts, and shares of the speed and of the friction's threshold."""
-
-    proximity: float
-    """Where the noise-free reading is above 0."""
-    proximity_dark: float
-    ambient: float
-    wheel: float
-    friction: float
-
-
 class Robot(NamedTuple):
-    """A robot's constants. `P` proximity and `A` ambient sensors."""
+    """A robot's constants. `P` proximity and `A` ambient sensors.
+
+    One flat tuple: each one within another costs a call more than half a microsecond.
+    """
 
     radius: float
     track: float
     speed_per_unit: F
     """[2] cm/s that one Khepera unit asks of the left and the right wheel."""
-    gains: Gains
-    friction: Friction
+    kp: float
+    ki: float
+    kd: float
+    divisor: float
+    """Of the printed law of a wheel (§3.2.2); the divisor is the "mass"."""
+    lag: float
+    """Share of a command that acts one step late: 0 in the paper."""
+    rest_speed: float
+    """Below it a wheel rests, cm/s."""
+    friction: float
+    """The integral term that frees it, cm/s²."""
+    half_play: float
+    """Half the play, cm/s over a step: 0 in the paper."""
     top_command: float
     """Largest command of the network, Khepera units: 10."""
 
@@ -119,7 +69,9 @@ class Robot(NamedTuple):
     """The converter's highest count."""
     proximity_lambertian: float
     """1 = surfaces throw back by the cosine of the angle under which a ray meets them; 0 in the paper."""
-    proximity_input: InputRange
+    proximity_low: float
+    proximity_high: float
+    """Readings (counts) that become a network's inputs −10 and +10."""
 
     ambient_place: F
     """[A, 2] as for proximity."""
@@ -136,10 +88,38 @@ class Robot(NamedTuple):
     """[A] V = floor + 1/√A clipped at dark, of each sensor: the paper's are all alike (55, 484)."""
     ambient_top: float
     """The converter's highest count."""
-    ambient_form: LightForm
-    ambient_input: InputRange
+    ambient_low: float
+    ambient_high: float
+    """As for proximity: low is dark."""
 
-    noise: Deviations
+    # What goes beyond the paper's law of light (§3.3), all 0 in it.
+    light_linear: float
+    """1: V = dark − A, clipped at floor."""
+    light_facing: float
+    """The exponent of the cosine under which direct light falls in."""
+    light_height2: float
+    """The lamp's height², cm²."""
+    light_flat: float
+    """1: reflected light falls off as 1/√(d² + near²)."""
+    light_near: float
+    """That near, cm."""
+    light_lambertian: float
+    """1: surfaces are lit by the cosine of the angle under which light meets them."""
+    light_narrow: float
+    """The share by which a lamp's points are drawn to its centre."""
+    light_wall_offset: float
+    """How far a lamp hangs off a wall, cm."""
+    light_clear: float
+    """The share of light's way from a lamp to a surface that is above the body's top."""
+
+    noise_proximity: float
+    """Observed deviation (§6), counts, where the noise-free reading is above 0."""
+    noise_proximity_dark: float
+    noise_ambient: float
+    noise_wheel: float
+    """Share of the speed."""
+    noise_friction: float
+    """Share of the friction's threshold."""
 
 
 class Arena(NamedTuple):

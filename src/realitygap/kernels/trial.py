@@ -63,9 +63,9 @@ def draw_noise(level, stream, k, sensors, work):
 @step
 def read(robot, feed, level, noise, readings):
     """What the robot's converter makes of noise-free `readings`: noise, whole counts, clipping."""
-    lit, dark, top = robot.noise.proximity, robot.noise.proximity_dark, robot.proximity_top
+    lit, dark, top = robot.noise_proximity, robot.noise_proximity_dark, robot.proximity_top
     if feed == AMBIENT:
-        lit, dark, top = robot.noise.ambient, robot.noise.ambient, robot.ambient_top
+        lit, dark, top = robot.noise_ambient, robot.noise_ambient, robot.ambient_top
     for i in range(readings.shape[0]):
         value = readings[i]
         if level > 0.0:
@@ -94,10 +94,11 @@ def sense(robot, arena, feed, level, work):
 @step
 def feed_network(robot, task, work):
     """Readings become inputs; `change` keeps the difference to the step before."""
-    span = robot.ambient_input if task.feed == AMBIENT else robot.proximity_input
+    low = robot.ambient_low if task.feed == AMBIENT else robot.proximity_low
+    high = robot.ambient_high if task.feed == AMBIENT else robot.proximity_high
     for i in range(task.channels.shape[0]):
         channel = task.channels[i]
-        new = scale_input(span.low, span.high, work.readings[channel]) if channel >= 0 else 0
+        new = scale_input(low, high, work.readings[channel]) if channel >= 0 else 0
         work.change[i] = new - work.inputs[i]
         work.inputs[i] = new
 
@@ -109,8 +110,8 @@ def act(robot, nets, n, level, work):
         drag = 1.0
         slip = 0.0
         if level > 0.0:
-            drag = 1.0 + level * robot.noise.friction * work.noise[w]
-            slip = level * robot.noise.wheel * work.noise[2 + w]
+            drag = 1.0 + level * robot.noise_friction * work.noise[w]
+            slip = level * robot.noise_wheel * work.noise[2 + w]
         target = output(nets, n, work, w) * (robot.top_command / LIMIT) * robot.speed_per_unit[w]
         turn_wheel(robot, work.wheel[w], target, drag, slip)
         bound_wheel(work.wheel[w], FASTEST * robot.top_command * robot.speed_per_unit[w])

@@ -28,7 +28,7 @@ def turn_wheel(robot, wheel, target, drag, slip):
         wheel[ERRORS + i] = wheel[ERRORS + i - 1]
     speed = wheel[SPEED]
     # Beyond the paper: a share of what is asked for comes a step late.
-    asked = target + robot.gains.lag * (wheel[TARGET] - target)
+    asked = target + robot.lag * (wheel[TARGET] - target)
     wheel[TARGET] = target
     proportional = (asked - speed) / STEP_S
     wheel[ERRORS] = proportional
@@ -36,12 +36,11 @@ def turn_wheel(robot, wheel, target, drag, slip):
     for i in range(MEMORY):
         integral += wheel[ERRORS + i]
     # Static friction: a resting wheel does not move until the integral term passes a threshold.
-    if abs(speed) < robot.friction.rest_speed and abs(integral) <= robot.friction.threshold * drag:
+    if abs(speed) < robot.rest_speed and abs(integral) <= robot.friction * drag:
         wheel[SPEED] = 0.0
         wheel[CHANGE] = 0.0
         return 0.0
-    gains = robot.gains
-    change = (gains.kp * proportional + gains.ki * integral + gains.kd * wheel[CHANGE]) / gains.divisor
+    change = (robot.kp * proportional + robot.ki * integral + robot.kd * wheel[CHANGE]) / robot.divisor
     wheel[CHANGE] = change
     speed = speed + change - take_up_play(robot, wheel, target)
     wheel[SPEED] = speed + slip * speed
@@ -63,14 +62,14 @@ def take_up_play(robot, wheel, target):
     play between motor and wheel would: so much way is lost at each turning round, rest or not, the
     more slowly the slower the wheel is told to go.
     """
-    half = robot.friction.half_play
+    half = robot.half_play
     if half <= 0.0 or target == 0.0:
         return 0.0
     side = 1.0 if target > 0.0 else -1.0
     owed = half - side * wheel[PLAY]
     if owed <= 0.0:
         return 0.0
-    room = abs(target) * (1.0 - robot.gains.lag)
+    room = abs(target) * (1.0 - robot.lag)
     lost = owed * (room / (room + owed))
     wheel[PLAY] += side * lost
     return side * lost

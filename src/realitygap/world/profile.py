@@ -172,16 +172,16 @@ class Profile(Value):
             radius=self.body.radius_cm,
             track=wheels.track_cm,
             speed_per_unit=np.array(wheels.speed_per_unit_cm_s),
-            gains=params.Gains(
-                kp=wheels.kp, ki=wheels.ki, kd=wheels.kd, divisor=wheels.divisor, lag=wheels.lag
-            ),
-            friction=params.Friction(
-                rest_speed=wheels.rest_speed_cm_s,
-                threshold=wheels.friction_cm_s2,
-                half_play=wheels.play_cm / 2 / STEP_S,
-            ),
+            kp=wheels.kp,
+            ki=wheels.ki,
+            kd=wheels.kd,
+            divisor=wheels.divisor,
+            lag=wheels.lag,
+            rest_speed=wheels.rest_speed_cm_s,
+            friction=wheels.friction_cm_s2,
+            half_play=wheels.play_cm / 2 / STEP_S,
             top_command=wheels.top_command,
-            noise=params.Deviations(**self.noise.to_dict()),
+            **{f"noise_{key}": value for key, value in self.noise.to_dict().items()},
             **sensors,
         )
 

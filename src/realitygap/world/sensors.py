@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import ConfigError
-from realitygap.kernels import params
 from realitygap.kernels.params import LANES, RAYS
 from realitygap.world.files import Value, require
 from realitygap.world.rays import ray_weights, rays, unit
@@ -75,7 +74,8 @@ class Infrared(Value):
             "proximity_reach": np.array([s.reach_cm() for s in sensors]),
             "proximity_top": self.top,
             "proximity_lambertian": self.matt,
-            "proximity_input": params.InputRange(low=self.bands[0], high=self.bands[1]),
+            "proximity_low": self.bands[0],
+            "proximity_high": self.bands[1],
         }
 
     def _check(self) -> None:
@@ -179,18 +179,17 @@ class Ambient(Value):
             "ambient_floor": floor.copy(),
             "ambient_dark": dark.copy(),
             "ambient_top": self.top,
-            "ambient_form": params.LightForm(
-                linear=float(self.response == "linear"),
-                facing=self.facing,
-                height2=self.lamp_height_cm**2,
-                flat=float(self.falloff == 1.0),
-                near=self.near_cm,
-                lambertian=self.matt,
-                narrow=self.lamp_narrow,
-                wall_offset=self.lamp_proud_cm,
-                clear=self._clear_share(body_height_cm),
-            ),
-            "ambient_input": params.InputRange(low=self.bands[0], high=self.bands[1]),
+            "light_linear": float(self.response == "linear"),
+            "light_facing": self.facing,
+            "light_height2": self.lamp_height_cm**2,
+            "light_flat": float(self.falloff == 1.0),
+            "light_near": self.near_cm,
+            "light_lambertian": self.matt,
+            "light_narrow": self.lamp_narrow,
+            "light_wall_offset": self.lamp_proud_cm,
+            "light_clear": self._clear_share(body_height_cm),
+            "ambient_low": self.bands[0],
+            "ambient_high": self.bands[1],
         }
 
     def _clear_share(self, body_height_cm: float) -> float:
