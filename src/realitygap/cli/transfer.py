@@ -63,8 +63,8 @@ SIDES = (
     "robots",
     multiple=True,
     required=True,
-    metavar="twin[:UNIT]|serial:PORT",
-    help="A unit of the twin, or a Khepera on a serial port; may be repeated.",
+    metavar="R",
+    help="twin:UNIT, khepera:PORT or serial:PORT, or a body of your own, file.py:Class; may be repeated.",
 )
 @click.option(
     "--starts",
