@@ -18,8 +18,8 @@ from realitygap.report.noise import report as noise
 from realitygap.report.noise.asides import falls_words
 from realitygap.report.noise.facts import gather_facts
 from realitygap.report.noise.figures import map_figure
+from realitygap.report.noise.report import noise_summary
 from realitygap.report.noise.results import read_results
-from realitygap.report.noise.summary import noise_summary
 from realitygap.report.noise.tables import names_table
 from realitygap.world.profile import load_profile
 from tests.experiments.crosses import TASKS, comparison, flat, study, write

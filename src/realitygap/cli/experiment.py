@@ -89,8 +89,7 @@ def noise(out: Path, workers: Workers, resume: bool, json_output: bool, **option
         realitygap experiment noise --levels 0,1,2 --runs 4 --units 1 --starts 4 --out out/small
     """
     from realitygap.experiments.noise.run import noise_study
-    from realitygap.report.noise.report import build_noise_report
-    from realitygap.report.noise.summary import noise_summary
+    from realitygap.report.noise.report import build_noise_report, noise_summary
 
     config = _config(out, resume, options)
     if not resume:

@@ -14,8 +14,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from realitygap import whole
 from realitygap.controller.encoding import facts_of
@@ -26,6 +24,7 @@ from realitygap.study.materials import Materials
 from realitygap.study.plan import plans
 from realitygap.study.run import Records, Results
 from realitygap.study.schema import SEALED, check_format, schema, told
+from realitygap.values import Closing
 
 __all__ = ["Store", "create"]
 
@@ -64,7 +63,7 @@ def create(path: Path, materials: Materials, sources: Mapping[str, bytes]) -> No
         database.execute("COMMIT")
 
 
-class Store:
+class Store(Closing):
     """A study's database, open for writing."""
 
     def __init__(self, path: Path) -> None:
@@ -85,12 +84,8 @@ class Store:
         self._trials = sum(name.startswith("score_") for name in columns)
         self._insert = f"INSERT INTO evaluation VALUES ({', '.join('?' * len(columns))})"
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Let go of the database."""
         self._database.close()
 
     def begin_session(self, versions: Mapping[str, str]) -> None:

@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from realitygap.errors import FilmError
 from realitygap.kernels.params import STEP_S
@@ -16,7 +15,7 @@ from realitygap.track import Track
 from realitygap.transfer.film import FILM, TRACK, keep_film
 from realitygap.transfer.paths import of_track
 from realitygap.transfer.plan import Situation
-from realitygap.values import Pose
+from realitygap.values import Closing, Pose
 
 if TYPE_CHECKING:
     from realitygap.film.camera import CameraModel
@@ -63,7 +62,7 @@ class FilmOfDrive:
         return of_track(track, round(one.seconds / STEP_S), lead)
 
 
-class Overhead:
+class Overhead(Closing):
     """An open camera over a real robot's arena, calibrated. Use it in a `with`.
 
     Args:
@@ -82,12 +81,8 @@ class Overhead:
         self._new_tracker()  # a camera that cannot see this disk is refused now
         self._live = LiveCamera(source, size=(camera.width_px, camera.height_px))
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Release the camera."""
         self._live.close()
 
     def start(self, one: Situation, requested: Pose) -> Pose:

@@ -10,8 +10,7 @@ is switched off and a new one on, in one process that serves them all.
 from __future__ import annotations
 
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +27,7 @@ from realitygap.streams import TWIN_NOISE
 from realitygap.tasks.task import Task
 from realitygap.track import Track
 from realitygap.transfer.paths import of_counters, of_poses, of_track
-from realitygap.values import Command, Pose, Readings
+from realitygap.values import Closing, Command, Pose, Readings
 from realitygap.world.profile import Profile
 
 if TYPE_CHECKING:
@@ -131,7 +130,7 @@ def driven(
     return Driven(made, np.vstack([made.counters, last]), lengths, tuple(poses))
 
 
-class Rig:
+class Rig(Closing):
     """One robot in one task's arena. As a context it is closed; the robot is opened with the first drive.
 
     Args:
@@ -264,11 +263,3 @@ class Rig:
         body, self._body = self._body, None
         if body is not None:
             abandon(body)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()

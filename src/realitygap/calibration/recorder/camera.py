@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from realitygap.film.frames import KnownFrame
 from realitygap.film.tracker import Tracker
 from realitygap.twin.camera import OverheadCamera
 from realitygap.twin.states import States
-from realitygap.values import Pose
+from realitygap.values import Closing, Pose
 
 __all__ = ["FloorCamera"]
 
@@ -30,7 +29,7 @@ FRAMES = 10_000
 """More than the steps of a trial: each has frame numbers of its own."""
 
 
-class FloorCamera:
+class FloorCamera(Closing):
     """The overhead camera of a twin's unit, calibrated with frames of the robot at known places.
 
     Args:
@@ -68,12 +67,8 @@ class FloorCamera:
                 seen[step] = found[0]
         return seen
 
-    def __enter__(self) -> FloorCamera:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Let go of the camera."""
         self._camera.close()
 
     def _picture(self, pose: NDArray[np.float64], number: int) -> NDArray[np.uint8]:

@@ -8,14 +8,13 @@ import math
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Protocol
 
 from realitygap import temporary
 from realitygap.calibration.recorder.plans import Place
 from realitygap.calibration.recorder.wheel_plans import Trial
 from realitygap.robots.body import Filmed, Placing
-from realitygap.values import Pose
+from realitygap.values import Closing, Pose
 
 __all__ = ["Ask", "EnoughError", "OwnSite", "PersonSite", "Site"]
 
@@ -43,7 +42,7 @@ class Site(Protocol):
         """Where the robot was seen, by the trial's steps."""
 
 
-class OwnSite:
+class OwnSite(Closing):
     """A robot that puts itself down wherever it is told.
 
     Args:
@@ -90,12 +89,8 @@ class OwnSite:
         self._body.film(None)
         return self._camera.poses(self._film, trial.seen(), trial.number)
 
-    def __enter__(self) -> OwnSite:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Let go of the robot and its room."""
         self._stack.close()
 
     def _put(self, where: str, pose: Pose) -> None:

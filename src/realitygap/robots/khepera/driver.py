@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
-from types import TracebackType
 from typing import NamedTuple, cast
 
 from realitygap.errors import LineError, RealityGapError, RobotError
@@ -12,6 +11,7 @@ from realitygap.robots.clock import LineClock
 from realitygap.robots.guard import Guard
 from realitygap.robots.khepera.line import GIVE_UP_S, Answer, Line, nothing
 from realitygap.robots.khepera.protocol import BAUD_RATES, Request, request
+from realitygap.values import Closing
 
 __all__ = ["Khepera", "Motion", "Versions"]
 
@@ -47,7 +47,7 @@ class Motion(NamedTuple):
     error: int
 
 
-class Khepera:
+class Khepera(Closing):
     """The driver. Use `Khepera.connect`; as a context it stops the robot and closes the line."""
 
     def __init__(self, line: Line, versions: Versions, banner: Sequence[str]) -> None:
@@ -210,14 +210,6 @@ class Khepera:
         if self._guard is not None:
             self._guard.release()
             self._guard = None
-
-    def __enter__(self) -> Khepera:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _read(self, letter: str, *arguments: int) -> tuple[int, ...]:
         return cast("tuple[int, ...]", self.line.ask(request(letter, *arguments))[0])
