@@ -30,17 +30,9 @@ from realitygap.toml import read_toml
 from realitygap.world.arena import Arena, load_arena
 
 __all__ = [
-    "FACTS",
-    "READINGS",
-    "STEPS",
-    "STEP_COLUMNS",
-    "UNITS",
-    "WHEEL_COUNTS",
-    "find_recordings",
-    "load_recording",
-    "read_facts",
-    "read_folder",
-]
+    "FACTS", "READINGS", "STEPS", "STEP_COLUMNS", "UNITS",
+    "WHEEL_COUNTS", "find_recordings", "load_recording", "read_facts", "read_folder",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
