@@ -21,8 +21,9 @@ from click.testing import CliRunner
 
 from realitygap.calibration.recorder import camera
 from realitygap.calibration.recorder import record as recorder
+from realitygap.calibration.recorder.acts import drive_trial
 from realitygap.calibration.recorder.plans import ambient_plan, infrared_plan, sensor_plans
-from realitygap.calibration.recorder.record import Wanted, drive_trial, record
+from realitygap.calibration.recorder.record import Wanted, record
 from realitygap.calibration.recorder.site import EnoughError, OwnSite, PersonSite
 from realitygap.calibration.recorder.wheel_plans import FLOOR_CM, Trial, wheel_plan
 from realitygap.calibration.recordings.files import load_recording

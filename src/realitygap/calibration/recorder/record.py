@@ -18,33 +18,21 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from realitygap import whole
+from realitygap.calibration.recorder.acts import drive_trial, read_standing
 from realitygap.calibration.recorder.journal import ARENA, Journal, refuse_another
 from realitygap.calibration.recorder.plans import Place, SensorPlan, sensor_plans
 from realitygap.calibration.recorder.site import Ask, EnoughError, OwnSite, PersonSite, Site
 from realitygap.calibration.recorder.wheel_plans import ROOM, Trial, wheel_plan
 from realitygap.calibration.recordings.files import POSE, READINGS, STEP_COLUMNS, STEPS, UNITS
 from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, HEIGHTS_CM
-from realitygap.errors import BaudError, UsageError
-from realitygap.robots.body import (
-    Body,
-    Channel,
-    Placing,
-    Seen,
-    attend,
-    channel,
-    clock_of,
-    facts_of,
-    odometry_of,
-)
-from realitygap.robots.signals import MOVING, Stopping
-from realitygap.values import Command, Pose
+from realitygap.errors import UsageError
+from realitygap.robots.body import Body, Channel, Placing, attend, channel, facts_of
+from realitygap.values import Pose
 from realitygap.world.profile import Profile, load_profile
 
 __all__ = ["REPEATS", "Made", "Wanted", "record"]
 
 REPEATS = 10
-APART_S = 0.3
-"""Time between two readings at a place: noise that comes and goes slowly shows too."""
 
 FLOOR = "Clear a level floor of 60 by 60 cm; a camera above it is welcome."
 CHANNELS = {"infrared": "proximity", "ambient": "ambient"}
@@ -223,7 +211,7 @@ def _sensors(plan: SensorPlan, body: Body, work: _Work) -> Made:
 
     def visit(site: Site, place: Place) -> None:
         if site.stand(place):
-            readings = _read(body, one.name, wanted.repeats)
+            readings = read_standing(body, one.name, wanted.repeats)
             where = _texts(place.where)
             journal.add([(*where, str(k), *map(str, row)) for k, row in enumerate(readings)])
         work.report(work.name, len(journal.done), len(plan.places))
@@ -287,56 +275,6 @@ def _visited(
     except EnoughError:
         return True
     return False
-
-
-def drive_trial(body: Body, trial: Trial) -> tuple[list[tuple[str, ...]], dict[int, Pose]]:
-    """Drive one trial as a controller would, step by step.
-
-    Returns:
-        Its rows as texts, without poses; and where the robot knew that it was, by the steps at which
-        a camera looks.
-
-    Raises:
-        BaudError: the line has no room for counters and speeds in a step.
-    """
-    clock = clock_of(body)
-    body.reset()
-    rows, poses, looks = [], {}, trial.seen() if isinstance(body, Seen) else ()
-    start = due = clock.now()
-    with Stopping(() if clock.waits else MOVING) as stopping:
-        try:
-            for k, command in enumerate(trial.commands):
-                clock.sleep_until(due)
-                now = clock.now()
-                body.sense()
-                counters, speeds = odometry_of(body)
-                if body.counts_turns and (counters is None or speeds is None):
-                    raise BaudError(
-                        "robot: expected counters and speeds at each step, for which its line has no room; "
-                        "set it to 38400 baud or more."
-                    )
-                if k in looks and isinstance(body, Seen):
-                    poses[k] = body.pose
-                body.act(Command(left=command[0], right=command[1]))
-                numbers = (*command, *(counters or ()), *(speeds or ()), trial.number)
-                rows.append((f"{now - start:.4f}", *map(str, numbers), trial.kind))
-                due = max(due + body.period_s, now)
-        finally:
-            with stopping.held():
-                body.stop()
-    return rows, poses
-
-
-def _read(body: Body, kind: str, repeats: int) -> list[list[str]]:
-    """Repeated readings of a robot that stands."""
-    clock = clock_of(body)
-    readings = []
-    for _ in range(repeats):
-        clock.sleep_until(clock.now() + APART_S)
-        read = body.sense()
-        counts = read.proximity if kind == "proximity" else read.ambient
-        readings.append([f"{count:.10g}" for count in counts.tolist()])
-    return readings
 
 
 def _texts(numbers: Sequence[float]) -> tuple[str, ...]:

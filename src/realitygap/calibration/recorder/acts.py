@@ -1,0 +1,64 @@
+"""What a robot reads where it stands, and what it does in a trial of its wheels."""
+
+from __future__ import annotations
+
+from realitygap.calibration.recorder.wheel_plans import Trial
+from realitygap.errors import BaudError
+from realitygap.robots.body import Body, Seen, clock_of, odometry_of
+from realitygap.robots.signals import MOVING, Stopping
+from realitygap.values import Command, Pose
+
+__all__ = ["drive_trial", "read_standing"]
+
+APART_S = 0.3
+"""Time between two readings at a place: noise that comes and goes slowly shows too."""
+
+
+def drive_trial(body: Body, trial: Trial) -> tuple[list[tuple[str, ...]], dict[int, Pose]]:
+    """Drive one trial as a controller would, step by step.
+
+    Returns:
+        Its rows as texts, without poses; and where the robot knew that it was, by the steps at which
+        a camera looks.
+
+    Raises:
+        BaudError: the line has no room for counters and speeds in a step.
+    """
+    clock = clock_of(body)
+    body.reset()
+    rows, poses, looks = [], {}, trial.seen() if isinstance(body, Seen) else ()
+    start = due = clock.now()
+    with Stopping(() if clock.waits else MOVING) as stopping:
+        try:
+            for k, command in enumerate(trial.commands):
+                clock.sleep_until(due)
+                now = clock.now()
+                body.sense()
+                counters, speeds = odometry_of(body)
+                if body.counts_turns and (counters is None or speeds is None):
+                    raise BaudError(
+                        "robot: expected counters and speeds at each step, for which its line has no room; "
+                        "set it to 38400 baud or more."
+                    )
+                if k in looks and isinstance(body, Seen):
+                    poses[k] = body.pose
+                body.act(Command(left=command[0], right=command[1]))
+                numbers = (*command, *(counters or ()), *(speeds or ()), trial.number)
+                rows.append((f"{now - start:.4f}", *map(str, numbers), trial.kind))
+                due = max(due + body.period_s, now)
+        finally:
+            with stopping.held():
+                body.stop()
+    return rows, poses
+
+
+def read_standing(body: Body, kind: str, repeats: int) -> list[list[str]]:
+    """Repeated readings [repeats][sensors] of a robot that stands, as texts."""
+    clock = clock_of(body)
+    readings = []
+    for _ in range(repeats):
+        clock.sleep_until(clock.now() + APART_S)
+        read = body.sense()
+        counts = read.proximity if kind == "proximity" else read.ambient
+        readings.append([f"{count:.10g}" for count in counts.tolist()])
+    return readings
