@@ -150,7 +150,7 @@ def test_a_person_is_told_where_the_camera_sees_the_robot(study, tmp_path):
         result = CliRunner().invoke(realitygap, words, input="\n\n\n")
     assert result.exit_code == 0, result.output
     assert "does not see the robot" in result.stderr and "far off" in result.stderr
-    assert re.search(r"0\.[01] cm and [01]° from there", result.stderr)
+    assert re.search(r"0\.[01] cm and [01]° from the requested pose", result.stderr)
     made = json.loads(result.stdout)["transfers"][0]
     assert made["situated_from"] == "film" and made["filmed"] and made["lost_steps"] == 0
 
