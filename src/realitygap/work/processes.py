@@ -52,7 +52,6 @@ class _Worker:
 
     def __init__(self, threads: dict[str, str]) -> None:
         context = multiprocessing.get_context("spawn")
-        resource_tracker.ensure_running()  # now, since its start would let Ctrl-C through again
         self.connection, there = context.Pipe()
         self.process = context.Process(target=_serve, args=(there,), daemon=True)
         self._setup: Setup | None = None
@@ -133,6 +132,7 @@ class Processes:
             self._workers.pop().end()
 
     def _start(self) -> _Worker:
+        resource_tracker.ensure_running()  # now, since its start would let Ctrl-C through again
         with _deaf():
             worker = _Worker(self._threads)
             self._workers.add(worker)
