@@ -134,7 +134,7 @@ def test_a_broken_track_in_a_folder_is_refused(refused, tmp_path, trials):
         assert "odd.json" in refused("classify", tmp_path)
     (tmp_path / "odd.json").unlink()
     write(tmp_path / "huge.csv", [replace(trials[0], x=trials[0].x * 1e9)])
-    assert "in cm" in refused("classify", tmp_path)
+    assert "x_cm: expected a number from" in refused("classify", tmp_path)
 
 
 def test_a_transfers_folder_is_scored_by_itself(json_of, refused, tmp_path, trials):

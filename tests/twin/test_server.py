@@ -176,8 +176,8 @@ def test_a_system_without_pseudo_terminals_is_told_so(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """As Windows: one line that a person can act on, whoever asks for the twin."""
-    for module in ("port", "server", "process"):
-        monkeypatch.delitem(sys.modules, f"realitygap.twin.{module}", raising=False)
+    for module in ("twin.port", "twin.server", "twin.process", "robots.khepera.twin"):
+        monkeypatch.delitem(sys.modules, f"realitygap.{module}", raising=False)
     monkeypatch.setitem(sys.modules, "fcntl", None)
     for words in ("twin serve --arena light", f"record --robot twin --plan wheels --out {tmp_path}"):
         made = CliRunner().invoke(realitygap, words.split())
