@@ -9,6 +9,8 @@ from tests.experiments.noise_parts import quick_units
 
 from realitygap.experiments.noise.config import NoiseConfig
 
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+ROBOT, BASE = f"{EXAMPLES / 'own_robot.py'}:FiveEyes", str(EXAMPLES / "five_eyes.toml")
 SMALL = (
     "--levels", "0,1", "--runs", 2, "--seed-sets", 2, "--units", 1, "--starts", 2, "--evaluations", 40,
     "--seconds", 2, "--tasks", "avoidance", "--workers", 1,
@@ -63,3 +65,35 @@ def test_ctrl_c_says_how_to_go_on(units, call, tmp_path):
     assert result.exit_code == 130 and result.stdout == ""
     last = result.stderr.splitlines()[-1]
     assert last.startswith("stopped; what is done is kept in") and "--resume" in last
+
+
+CARRIED = """
+from realitygap.robots.body import Channel
+class Carried:
+    channels, period_s, counts_turns = (Channel(name="proximity", sensors=5, high=4095),), 0.1, False
+    reset = sense = act = stop = close = lambda self, *_: None
+"""
+
+
+def test_what_no_robot_of_ones_own_can_do_is_refused(refused, tmp_path):
+    """Units, another noise, sensors that it lacks, carrying it, no base: one line, before any work."""
+    out = ("experiment", "noise", "--out", tmp_path / "study", "--robot")
+    own = (*out, ROBOT, "--base", BASE)
+    assert "--units is the twin's" in refused(*own, "--units", 1)
+    assert "--twin-noise is the twin's" in refused(*own, "--twin-noise", 2)
+    assert "--tasks obstacle-avoidance" in refused(*own)
+    assert "base: expected the rough profile" in refused(*out, ROBOT)
+    assert "robot: expected twin, or" in refused(*out, "twin:3", "--base", BASE)
+    carried = tmp_path / "carried.py"
+    carried.write_text(CARRIED)
+    assert "it has no `enter`" in refused(*out, f"{carried}:Carried", "--base", BASE)
+    assert not (tmp_path / "study").exists()
+
+
+def test_a_resumed_robot_of_ones_own_is_named_again(refused, tmp_path):
+    """A program that a folder names is not run before a person has named it."""
+    made = NoiseConfig(units=1, tasks=("obstacle-avoidance",), robot=ROBOT, base=BASE)
+    (tmp_path / "noise-study.toml").write_text(made.to_toml())
+    out = ("experiment", "noise", "--out", tmp_path, "--resume")
+    assert f"--robot: expected {ROBOT}" in refused(*out)
+    assert f"--robot: expected {ROBOT}" in refused(*out, "--robot", "twin")

@@ -12,5 +12,5 @@ __all__, __getattr__ = names_of(__name__, {
     "judge": "Judgement",
     "recordings.files": "load_recording",
     "recordings.recording": "Recording SensorRecording WheelRecording",
-    "unit": "calibrated_unit",
+    "unit": "calibrated_robot calibrated_unit",
 })  # fmt: skip

@@ -1,4 +1,4 @@
-"""One call from a twin's unit to its profile: record all plans, fit, write robot.toml.
+"""One call from a twin's unit, or a robot of one's own, to its profile: record, fit, write robot.toml.
 
 from realitygap.calibration.unit import calibrated_unit
 
@@ -22,11 +22,14 @@ from realitygap.work.pool import Pool, Setup, Tell
 from realitygap.work.processes import Processes
 from realitygap.work.workers import Workers, cores, opened
 
-__all__ = ["PARTS", "PROFILE", "SETTINGS", "calibrated_unit"]
+__all__ = ["PARTS", "PROFILE", "SETTINGS", "calibrated_robot", "calibrated_unit"]
 
 PROFILE, SETTINGS, RECORDINGS, UNFINISHED = "robot.toml", "unit.toml", "recordings", ".part"
 PARTS = ("ambient", "wheels", "infrared-wall", "infrared-cylinder")
 """The recordings, the longest first: so that two workers end at about the same time."""
+TURNS = "turns"
+NEEDS = {"ambient": "ambient", "wheels": TURNS, "infrared": "proximity"}
+"""What a robot must have for the recordings of a plan."""
 FIT = "fit"
 CURE = "Choose another folder, or remove this one."
 BASE = "paper"
@@ -68,10 +71,52 @@ def calibrated_unit(
         CalibrationError: the folder belongs to another unit or other settings.
         StudyError: its process died again and again.
     """
-    folder = as_path(folder, "folder").resolve()
     for key, value, kind in (("unit", unit, int), ("seed", seed, int), ("noise", noise, int | float)):
         must_be(value, kind, key, "See `realitygap record --help`.")
-    _claim(folder, {"recipe": RECIPE, "unit": unit, "twin_noise": float(noise), "seed": seed})
+    settings = {"recipe": RECIPE, "unit": unit, "twin_noise": float(noise), "seed": seed}
+    return _calibrated(folder, settings, workers, on_progress)
+
+
+def calibrated_robot(
+    folder: str | Path,
+    *,
+    robot: str,
+    base: str,
+    seed: int,
+    workers: Workers = 1,
+    on_progress: Progress | None = None,
+) -> Path:
+    """The same of a robot of one's own that places itself, recorded by the parts that it has.
+
+    Args:
+        folder: the robot's own; made if need be.
+        robot: its address, `file.py:Class` or `module:Class`.
+        base: its rough profile, by name or file.
+        seed: of its noise, and of what is random in the plans.
+        workers: as of a unit.
+        on_progress: as of a unit.
+
+    Returns:
+        The path of `folder/robot.toml`.
+
+    Raises:
+        UsageError: no such robot, or its sensors are not those of the base.
+        CalibrationError: the folder belongs to another robot or other settings.
+    """
+    from realitygap.robots.address import Address
+
+    with closing(Address.parse(robot).open()) as body:
+        kinds = {one.name for one in body.channels} | ({TURNS} if body.counts_turns else set())
+    parts = [name for name in PARTS if NEEDS[name.partition("-")[0]] in kinds]
+    settings = {"recipe": RECIPE, "robot": robot, "base": base, "parts": parts, "seed": seed}
+    return _calibrated(folder, settings, workers, on_progress)
+
+
+def _calibrated(
+    folder: str | Path, settings: dict[str, Any], workers: Workers, on_progress: Progress | None
+) -> Path:
+    folder = as_path(folder, "folder").resolve()
+    _claim(folder, settings)
     if not (folder / PROFILE).is_file():
         _carry_out(folder, workers, on_progress or (lambda name, done, total: None))
     return folder / PROFILE
@@ -80,7 +125,7 @@ def calibrated_unit(
 def _carry_out(folder: Path, workers: Workers, report: Progress) -> None:
     """Record what is not there yet, then fit."""
     setup = Setup(Bench, (str(folder),))
-    parts = [name for name in PARTS if not (folder / RECORDINGS / name / FACTS).is_file()]
+    parts = [name for name in _parts(folder) if not (folder / RECORDINGS / name / FACTS).is_file()]
     with _recorders(workers, len(parts)) as pool:
         pool.work(setup, parts, lambda told: report(*told))
     report(FIT, 0, 1)
@@ -119,14 +164,18 @@ def record_part(folder: Path, name: str, report: Progress) -> None:
     from realitygap.calibration.recorder.plans import CYLINDER
     from realitygap.calibration.recorder.record import Wanted, record
     from realitygap.robots.address import Address
+    from realitygap.world.profile import load_profile
 
-    unit, noise, seed = (_settings(folder)[key] for key in ("unit", "twin_noise", "seed"))
+    known = _settings(folder)
+    base = load_profile(known["base"]) if "base" in known else None
+    address = Address.parse(known["robot"] if "robot" in known else f"twin:{known['unit']}")
     finished = folder / RECORDINGS / name
     unfinished = finished.with_name(name + UNFINISHED)
     shutil.rmtree(unfinished, ignore_errors=True)  # left by one that was stopped
     plan, _, shape = name.partition("-")
-    wanted = Wanted(plan=plan, object={"": None, "wall": "wall", "cylinder": CYLINDER}[shape], seed=seed)
-    with whole.together(unfinished), closing(Address.parse(f"twin:{unit}").open(noise=noise)) as body:
+    thing = {"": None, "wall": "wall", "cylinder": CYLINDER}[shape]
+    wanted = Wanted(plan=plan, object=thing, seed=known["seed"], base=base)
+    with whole.together(unfinished), closing(address.open(noise=known.get("twin_noise", 1.0))) as body:
         record(wanted, unfinished, body, on_progress=report)
     whole.move(unfinished, finished)
 
@@ -135,13 +184,20 @@ def fitted(folder: Path) -> str:
     """The profile that all parts are fitted to, as its file."""
     from realitygap.calibration.calibrate import calibrate
     from realitygap.calibration.recordings.files import load_recording
+    from realitygap.robots.address import Address
     from realitygap.world.profile import load_profile
 
-    recordings = [load_recording(folder / RECORDINGS / name) for name in sorted(PARTS)]
-    unit = _settings(folder)["unit"]
+    recordings = [load_recording(folder / RECORDINGS / name) for name in sorted(_parts(folder))]
+    known = _settings(folder)
+    name = f"twin-{known['unit']}" if "unit" in known else Address.parse(known["robot"]).folder()
     # The day stands in the recordings: the same settings make the same file on any day.
-    made = calibrate(recordings, load_profile(BASE), beside=False).named(f"twin-{unit}", date="")
+    made = calibrate(recordings, load_profile(known.get("base", BASE)), beside=False).named(name, date="")
     return made.profile.to_toml()
+
+
+def _parts(folder: Path) -> list[str]:
+    """The recordings that the folder's robot is fitted to."""
+    return list(_settings(folder).get("parts", PARTS))
 
 
 def _settings(folder: Path) -> dict[str, Any]:
@@ -149,7 +205,7 @@ def _settings(folder: Path) -> dict[str, Any]:
 
 
 def _claim(folder: Path, settings: dict[str, Any]) -> None:
-    """Make the folder this unit's, or see that it is."""
+    """Make the folder this robot's, or see that it is."""
     path = folder / SETTINGS
     if not path.is_file():
         if (folder / PROFILE).exists() or (folder / RECORDINGS).exists():

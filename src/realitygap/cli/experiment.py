@@ -61,6 +61,14 @@ def experiment() -> None:
     metavar="N",
     help="Independent sets of runs, each with its own seeds [default: 2].",
 )
+@click.option(
+    "--robot", metavar="R",
+    help="twin, or a body of your own that places itself, file.py:Class: the only unit [default: twin].",
+)  # fmt: skip
+@click.option(
+    "--base", metavar="P",
+    help="Robot of your own: its rough profile, a TOML file: radius, heights, top command and speed.",
+)  # fmt: skip
 @click.option("--units", type=Whole(1, 100), metavar="N", help="Units of the twin [default: 3].")
 @click.option(
     "--starts", type=Whole(2, 1000), metavar="N", help="Trials of each controller on each unit [default: 8]."
@@ -83,10 +91,11 @@ def noise(out: Path, workers: Workers, resume: bool, json_output: bool, **option
     saved values.
 
     \b
-    Examples: the full experiment; the same on a twin twice as noisy; a small one to try
+    Examples: the full experiment; the same on a twin twice as noisy; a small one to try; a robot of your own
         realitygap experiment noise
         realitygap experiment noise --twin-noise 2 --out out/noise-2
         realitygap experiment noise --levels 0,1,2 --runs 4 --units 1 --starts 4 --out out/small
+        realitygap experiment noise --robot my_robot.py:MyRobot --base my_robot.toml --out out/mine
     """
     from realitygap.experiments.noise.run import noise_study
     from realitygap.report.noise.report import build_noise_report, noise_summary
@@ -101,7 +110,8 @@ def noise(out: Path, workers: Workers, resume: bool, json_output: bool, **option
             results = noise_study(out, config, workers=workers, resume=resume, on_progress=progress.show)
             page = build_noise_report(out, on_progress=progress.report)
     except (KeyboardInterrupt, StudyInterruptedError, RobotStoppedError):
-        again = f"realitygap experiment noise --out {shlex.quote(str(out))} --resume"
+        robot = f" --robot {shlex.quote(config.robot)}" if config.robot is not None else ""
+        again = f"realitygap experiment noise --out {shlex.quote(str(out))}{robot} --resume"
         raise StoppedError(f"stopped; what is done is kept in {out}; resume with `{again}`") from None
     summary = noise_summary(out)
     if json_output:
@@ -118,6 +128,18 @@ def _config(out: Path, resume: bool, options: dict[str, Any]) -> NoiseConfig:
 
     begun = NoiseConfig.from_folder(out) if resume and (out / CONFIG).is_file() else NoiseConfig()
     given = {key: value for key, value in options.items() if value is not None}
+    if given.get("robot") == "twin":
+        del given["robot"]
+    if "robot" in given:
+        for key in ("units", "twin_noise"):
+            if key in given:
+                name = f"--{key.replace('_', '-')}"
+                raise click.UsageError(f"{name} is the twin's; with a robot of your own leave it out.")
+        given["units"] = 1
+    elif begun.robot is not None:
+        raise click.UsageError(
+            f"--robot: expected {begun.robot}, the robot of this experiment: a program, run when you name it."
+        )
     for key, read in (("levels", levels_of), ("tasks", tasks_of)):
         if key in given:
             given[key] = read(given[key])

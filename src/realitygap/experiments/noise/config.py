@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import Any, Self
 
 from realitygap.errors import ConfigError, StudyError
+from realitygap.robots.address import Address
 from realitygap.study.settings import whole
 from realitygap.tasks.load import TASKS, load_task
 from realitygap.toml import read_toml
 from realitygap.toml import to_toml as write_toml
+from realitygap.user_code import place_of, placed
 from realitygap.world.files import Value, build, require
 from realitygap.world.noise import noise_level
 
@@ -40,6 +42,8 @@ class NoiseConfig(Value):
         seed: everything random follows from it.
         tasks: the paper's, one or both: the score's exemplars are theirs.
         seconds: length of a trial; the task's own if None.
+        robot: one of your own in the twin's place, `file.py:Class` or `module:Class`: the only unit.
+        base: its rough profile, by name or file.
 
     Raises:
         ConfigError: names the key, what was expected and what came.
@@ -55,6 +59,8 @@ class NoiseConfig(Value):
     seed: int = 1995
     tasks: tuple[str, ...] = TASKS
     seconds: float | None = None
+    robot: str | None = None
+    base: str | None = None
 
     def _check(self) -> None:
         for key, largest in (("runs", 10**4), ("seed_sets", 100), ("units", 100), ("evaluations", 10**9)):
@@ -73,6 +79,27 @@ class NoiseConfig(Value):
         require(known, "tasks", f"different ones of {', '.join(TASKS)}", list(self.tasks))
         if self.seconds is not None:
             object.__setattr__(self, "seconds", _seconds(self.seconds))
+        self._check_robot()
+
+    def _check_robot(self) -> None:
+        """A robot of one's own has a base, and none of what is the twin's; files are known everywhere."""
+        if self.robot is None:
+            require(self.base is None, "base", "none of a twin", self.base, "Leave it out, or give `robot`.")
+            return
+        own = isinstance(self.robot, str) and Address.parse(self.robot).kind == "own"
+        form = "twin, or a robot of your own that places itself, file.py:Class or module:Class"
+        require(own, "robot", form, self.robot)
+        rough = f"the rough profile of {self.robot}: its radius, heights, top command and speed"
+        require(isinstance(self.base, str), "base", rough, self.base)
+        alone = "1 with a robot of your own, which is the only unit"
+        require(self.units == 1, "units", alone, self.units, "Several are the twin's.")
+        require(self.twin_noise == 1, "twin_noise", "1 with a robot of your own, which has its own noise",
+                self.twin_noise)  # fmt: skip
+        file = place_of(self.robot)
+        if file is not None:
+            object.__setattr__(self, "robot", placed(self.robot, file[0].resolve()))
+        if Path(str(self.base)).is_file():
+            object.__setattr__(self, "base", str(Path(str(self.base)).resolve()))
 
     @property
     def runs_in_set(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +65,8 @@ def open_folder(folder: Path, requested: NoiseConfig | None, *, resume: bool) ->
 def command_of(config: NoiseConfig) -> str:
     """The command that makes this study; what is as usual is left out."""
     usual = NoiseConfig().to_dict()
+    if config.robot is not None:
+        usual["units"] = config.units  # nobody may say it
     changed = {key: value for key, value in config.to_dict().items() if usual.get(key) != value}
     words = [f"--{key.replace('_', '-')} {_typed(value)}" for key, value in changed.items()]
     return " ".join(["realitygap experiment noise", *words])
@@ -73,7 +76,7 @@ def _typed(value: Any) -> str:
     """A setting as a person types it, all digits kept."""
     if isinstance(value, list):
         return ",".join(map(_typed, value))
-    return repr(value).removesuffix(".0") if isinstance(value, float) else str(value)
+    return repr(value).removesuffix(".0") if isinstance(value, float) else shlex.quote(str(value))
 
 
 def missing(files: dict[Controller, Path]) -> list[Controller]:

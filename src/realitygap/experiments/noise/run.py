@@ -29,7 +29,7 @@ from realitygap.experiments.noise.plan import (
     stream,
 )
 from realitygap.experiments.noise.simulated import keep_compared
-from realitygap.experiments.noise.situated import Situated, keep_situated
+from realitygap.experiments.noise.situated import Situated, check_robot, keep_situated
 from realitygap.experiments.noise.stage import Stage
 from realitygap.experiments.noise.work import Job, Made, bench_in
 from realitygap.study.folder import exists
@@ -93,6 +93,8 @@ def noise_study(
     from realitygap.experiments.noise.results import write_results
 
     folder = Path(folder)
+    if config is not None:
+        check_robot(config)
     try:
         with opened(workers) as pool, lock(folder):
             made = open_folder(folder, config, resume=resume)
@@ -163,7 +165,7 @@ class _Phases:
 
     def _calibrate(self, recorders: Workers) -> None:
         """A profile of each unit, as the twin is in this study: its noise is the unit's too."""
-        from realitygap.calibration.unit import PARTS, calibrated_unit
+        from realitygap.calibration.unit import PARTS, calibrated_robot, calibrated_unit
 
         left, units, steps = self._uncalibrated(), self.config.units, len(PARTS) + 1
         self.reporter.phase(CALIBRATING, done=units - len(left), total=units, what="units")
@@ -176,14 +178,17 @@ class _Phases:
                 self.reporter.add(CALIBRATION_COST * max(0.0, sum(shares.values()) - before) / steps)
                 self._keep_time(KEEP_S)
 
-            calibrated_unit(
-                calibration_folder(self.folder, unit),
-                unit=unit,
-                noise=self.config.twin_noise,
-                seed=stream(self.config, "calibration", unit) >> 1,
-                workers=recorders,
-                on_progress=heard,
-            )
+            place, config = calibration_folder(self.folder, unit), self.config
+            seed = stream(config, "calibration", unit) >> 1
+            if config.robot is None:
+                calibrated_unit(
+                    place, unit=unit, noise=config.twin_noise, seed=seed, workers=recorders, on_progress=heard
+                )
+            else:
+                calibrated_robot(
+                    place, robot=config.robot, base=config.base or "", seed=seed, workers=recorders,
+                    on_progress=heard,
+                )  # fmt: skip
             self.reporter.add(0.0, done=1)
 
     def _evolve(self) -> None:

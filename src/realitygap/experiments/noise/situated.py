@@ -1,8 +1,12 @@
-"""Controllers on the twin: every unit, every start, through its line and under its camera."""
+"""Controllers on the twin: every unit, every start, through its line and under its camera.
+
+A robot of one's own that takes the twin's place is its only unit.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 from zipfile import ZipFile
@@ -12,17 +16,22 @@ from numpy.typing import NDArray
 
 from realitygap import whole
 from realitygap.controller.network import NetworkController
-from realitygap.errors import LineError, StudyError
+from realitygap.errors import LineError, StudyError, UsageError
+from realitygap.experiments.noise.config import NoiseConfig
 from realitygap.experiments.noise.plan import Controller, situated_file, stream
 from realitygap.experiments.noise.stage import Stage
 from realitygap.kernels.params import STEP_S
+from realitygap.robots.address import Address
+from realitygap.robots.body import Placing, Seen
+from realitygap.tasks.load import TASKS, load_task
 from realitygap.track import Track, settled
 from realitygap.values import Pose
+from realitygap.world.profile import load_profile
 
 if TYPE_CHECKING:
     from realitygap.transfer.rig import Rig
 
-__all__ = ["Rigs", "Situated", "keep_situated", "read_situated", "situate"]
+__all__ = ["Rigs", "Situated", "check_robot", "keep_situated", "read_situated", "situate"]
 
 Floats = NDArray[np.float64]
 
@@ -46,7 +55,7 @@ class Situated(NamedTuple):
         """One trial, by its numbers from 1."""
         x, y, heading = self.poses[unit - 1, start - 1].T
         t = np.arange(len(x), dtype=np.float64) * STEP_S
-        return Track(t=t, x=x, y=y, heading=settled(heading, wrapped=False), seen_by="camera")
+        return Track(t=t, x=x, y=y, heading=settled(heading, wrapped=False))
 
 
 class Rigs:
@@ -69,7 +78,7 @@ class Rigs:
             self._ready[unit] = Rig(
                 self._stage.task(one.task),
                 self._stage.profile(one.home),
-                robot=f"twin:{unit}",
+                robot=self._stage.config.robot or f"twin:{unit}",
                 twin_noise=self._stage.config.twin_noise,
                 folder_for_camera=self._stage.folder / "situated" / "cameras",
             )
@@ -80,6 +89,35 @@ class Rigs:
         ready, self._ready = self._ready, {}
         for rig in ready.values():
             rig.close()
+
+
+def check_robot(config: NoiseConfig) -> None:
+    """Refuse a robot of one's own that cannot do the trials, before any work.
+
+    Raises:
+        UsageError: it does not place itself, nothing tells its path, or it lacks a task's sensors.
+        ConfigError: its base is no profile.
+    """
+    if config.robot is None:
+        return
+    load_profile(config.base or "")
+    with closing(Address.parse(config.robot).open()) as body:
+        who = f"robot {config.robot}: expected"
+        if not isinstance(body, Placing):
+            cure = "Give it one; a robot that a person carries is driven by `realitygap transfer`."
+            raise UsageError(f"{who} one that places itself; it has no `enter`. {cure}")
+        if not (isinstance(body, Seen) or body.counts_turns):
+            raise UsageError(f"{who} one whose path is known; it has neither a `pose` nor counters.")
+        if body.period_s != STEP_S:
+            raise UsageError(
+                f"{who} a period of {STEP_S:g} s, as a simulation's step; got {body.period_s:g} s."
+            )
+        kinds = [one.name for one in body.channels]
+    fit = [name for name in TASKS if load_task(name).feeds in kinds]
+    for name in config.tasks:
+        if name not in fit:
+            needs = f"{who} {load_task(name).feeds} sensors for {name}; it has {', '.join(kinds)}."
+            raise UsageError(f"{needs} Leave that task out: --tasks {','.join(fit)}.")
 
 
 def situate(

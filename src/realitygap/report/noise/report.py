@@ -15,7 +15,7 @@ from realitygap.report.noise.facts import Curve, Fall, FitnessRow, NoiseFacts, S
 from realitygap.report.noise.figures import titled
 from realitygap.report.noise.results import Misfit, NoiseResults, read_results, real_misfits
 from realitygap.report.noise.tables import NoiseTable, noise_tables
-from realitygap.report.noise.words import LIMITS, thoughts, warnings
+from realitygap.report.noise.words import LIMITS, OF_A_TWIN, thoughts, warnings
 from realitygap.report.page import Figures, OnProgress, Steps, Words, noise_key, report_folder, write_page
 from realitygap.tasks import load_task
 from realitygap.world.noise import noise_name
@@ -70,8 +70,9 @@ def build_noise_report(out: str | Path, *, on_progress: OnProgress | None = None
         "settings": results.settings,
         "cards": {picture.name: picture for picture in report.figures},
         "key": noise_key(levels),
-        "limits": LIMITS,
+        "limits": LIMITS[OF_A_TWIN if "robot" in results.settings else 0 :],
         "resamples": RESAMPLES,
+        "robot": Path(str(results.settings.get("robot"))).name,
         "tables": report.tables,
         "text": (results.folder / "study.toml").read_text("utf-8"),
         "titled": titled,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from realitygap.experiments.noise.claims import Contrast, Finding
 from realitygap.report.noise.asides import (
@@ -20,7 +21,7 @@ from realitygap.report.noise.facts import FitnessRow, NoiseFacts, Scope
 from realitygap.report.noise.figures import titled
 from realitygap.report.noise.results import Misfit
 
-__all__ = ["LIMITS", "Scales", "thoughts", "warnings"]
+__all__ = ["LIMITS", "OF_A_TWIN", "Scales", "thoughts", "warnings"]
 
 LIMITS = (
     "The robot is a twin: pseudo-reality. It shares no code with the simulation, but much else: sizes of "
@@ -40,6 +41,10 @@ LIMITS = (
     "Studies of one master seed begin with the same populations and starts: they do not replicate each "
     "other.",
 )
+
+OF_A_TWIN = 2
+"""So many of them, the first, are true of the twin alone."""
+SET_BY_US = "The robot here is a twin, and its noise was set by us."
 
 Scales = Mapping[str, tuple[float, str]]
 
@@ -82,7 +87,7 @@ def thoughts(
         _noisiness(facts.headline),
         " ".join([*_drops(facts, scales), _fitness(facts.fitness)]),
         falls_words(facts.falls),
-        " ".join([nearness_words(calibration), "The robot here is a twin, and its noise was set by us."]),
+        "" if "robot" in settings else f"{nearness_words(calibration)} {SET_BY_US}".strip(),
     ]
     return [thought.strip() for thought in said if thought]
 
@@ -111,10 +116,14 @@ def _opening(facts: NoiseFacts, settings: Mapping[str, object]) -> str:
     levels = ", ".join(f"{level:g}" for level in data.levels)
     trials = settings.get("twin_trials")
     drove = f" in {trials} trials" if isinstance(trials, int) else ""
+    own = settings.get("robot")
+    robot, known = "the twin", f" (its noise scale is {settings['twin_noise']:g})"
+    if own is not None:
+        robot, known = f"{Path(str(own)).name}, the user's own robot, in the twin's place", ""
     text = (
-        f"{len(data)} controllers evolved at noise {levels} drove the twin{drove}, and each was compared "
-        f"with the simulation at every level, whose 1 is the noise that was measured on the twin (its noise "
-        f"scale is {settings['twin_noise']:g})."
+        f"{len(data)} controllers evolved at noise {levels} drove {robot}{drove}, and each was compared "
+        f"with the simulation at every level, whose 1 is the noise that was measured on "
+        f"{'the twin' if own is None else 'this robot, called the twin below'}{known}."
     )
     if data.robot != 1:
         text += f" The nearest level of the study, {data.robot:g}, stands for it."
