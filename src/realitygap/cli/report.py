@@ -34,7 +34,7 @@ def report(study: str, trust: bool, json_output: bool) -> None:
     with ProgressLine() as progress:
         loaded = load_study(study)
         marks_of(loaded, on_progress=progress.marks)
-        page = build_report(study, on_progress=progress.report)
+        page = build_report(study, workers=None, on_progress=progress.report)
         tables = study_tables(loaded)
     if json_output:
         print_json({"report": str(page), "tables": [table.to_dict() for table in tables]})

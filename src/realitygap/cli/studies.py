@@ -64,7 +64,7 @@ def carry_out(
             study = run_study(folder, requested, workers=workers, resume=resume, on_progress=progress.show)
             more = {} if then is None else then(study, progress)
             marks_of(study, on_progress=progress.marks)
-            page = build_report(folder, on_progress=progress.report)
+            page = build_report(folder, workers=workers, on_progress=progress.report)
             tables = study_tables(study)
     except (KeyboardInterrupt, StudyInterruptedError):
         again = f"realitygap {words} --out {shlex.quote(str(folder))} --resume"

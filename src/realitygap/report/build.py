@@ -20,15 +20,19 @@ from realitygap.report.tables import rows_of
 from realitygap.report.transfers import pairs_of
 from realitygap.study.load import Study, load_study
 from realitygap.transfer.score_rows import marks_of
+from realitygap.work.workers import Workers
 
 __all__ = ["build_report"]
 
 
-def build_report(study_path: str | PathLike[str], *, on_progress: OnProgress | None = None) -> Path:
+def build_report(
+    study_path: str | PathLike[str], *, workers: Workers = 1, on_progress: OnProgress | None = None
+) -> Path:
     """Write a study's report into its folder `report/`, and return the page's path.
 
     Args:
         study_path: the study's folder; it may be unfinished.
+        workers: who draws the figures: processes (None: one a core), or a pool; changes no byte.
         on_progress: called with figures done, figures in all, and the name of the next one.
 
     Raises:
@@ -39,7 +43,7 @@ def build_report(study_path: str | PathLike[str], *, on_progress: OnProgress | N
 
     study = load_study(study_path)
     folder, parts = report_folder(study.folder), parts_of(study)
-    figures, tables, pairs = Figures(), dict[str, str](), pairs_of(study, parts)
+    figures, tables, pairs = Figures(workers), dict[str, str](), pairs_of(study, parts)
     maker = Sections(
         study=study, folder=folder, figures=figures, tables=tables, pairs=pairs, marks=marks_of(study),
         paper=is_paper(study, parts),

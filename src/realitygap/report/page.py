@@ -13,6 +13,8 @@ from matplotlib.figure import Figure
 from realitygap import whole
 from realitygap.report.style import inline_svg, noise_styles, save_figure, styled
 from realitygap.study.sources import refuse_links
+from realitygap.work.pool import Setup, Tell
+from realitygap.work.workers import Workers, opened
 
 __all__ = [
     "Figures", "OnProgress", "Picture", "Steps", "Words", "draw_all", "noise_key", "report_folder",
@@ -60,9 +62,14 @@ class Picture:
 
 
 class Figures:
-    """The figures of a page, in the order in which they were asked for: one list says which there are."""
+    """The figures of a page, in the order in which they were asked for: one list says which there are.
 
-    def __init__(self) -> None:
+    Attributes:
+        workers: who draws them.
+    """
+
+    def __init__(self, workers: Workers = 1) -> None:
+        self.workers = workers
         self._pictures: dict[str, Picture] = {}
 
     def add(self, name: str, draw: Callable[[], Figure], words: Words, label: str = "") -> Picture:
@@ -79,6 +86,20 @@ class Figures:
 
     def __len__(self) -> int:
         return len(self._pictures)
+
+
+class Drawing:
+    """Draws pictures into a folder, if there is one."""
+
+    def __init__(self, folder: Path | None) -> None:
+        self._folder = folder
+
+    def carry_out(self, job: Picture, tell: Tell) -> None:
+        """One picture: its name and its SVG."""
+        tell((job.name, job.save(self._folder)))
+
+    def close(self) -> None:
+        """Nothing is held."""
 
 
 class Steps:
@@ -108,10 +129,14 @@ def report_folder(study: Path) -> Path:
 
 def draw_all(figures: Figures, folder: Path | None, step: Steps) -> dict[str, str]:
     """Draw every figure, into `folder` if there is one; SVGs by name."""
-    drawn = {}
-    for picture in figures:
-        step(picture.name)
-        drawn[picture.name] = picture.save(folder)
+    drawn: dict[str, str] = {}
+
+    def heard(message: tuple[str, str]) -> None:
+        step(message[0])
+        drawn[message[0]] = message[1]
+
+    with opened(figures.workers) as pool:
+        pool.work(Setup(Drawing, (folder,)), figures, heard)
     return drawn
 
 
