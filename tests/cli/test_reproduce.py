@@ -25,7 +25,7 @@ def calibrations(monkeypatch):
 
     monkeypatch.setattr("realitygap.calibration.unit.calibrated_unit", made)
     page = "report/index.html"  # other tests look at it
-    monkeypatch.setattr("realitygap.report.build.build_report", lambda study, on_progress: study / page)
+    monkeypatch.setattr("realitygap.report.build.build_report", lambda study, **_: study / page)
     return calls
 
 
