@@ -3,7 +3,7 @@
     python benchmarks/twin.py
 
 Virtual time: Braitenberg's controllers drive unit 1 at 38400 baud; what a watched trial of 20 s costs, part
-by part, on a stand that serves many. Real time: the loop's lateness.
+by part, on a rig that serves many. Real time: the loop's lateness.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ from pathlib import Path
 from realitygap.controller.handmade import braitenberg
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import NetworkController
-from realitygap.robots.body import SerialBody
 from realitygap.robots.clock import Clock, RealClock, VirtualClock
+from realitygap.robots.khepera.body import KheperaBody
 from realitygap.robots.khepera.driver import Khepera
+from realitygap.robots.khepera.twin import TwinBody
 from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recording
 from realitygap.tasks import load_task
-from realitygap.transfer.rig import Stand
+from realitygap.transfer.rig import Rig
 from realitygap.twin.arena import load_arena
 from realitygap.twin.camera import OverheadCamera
 from realitygap.twin.process import TwinProcess, start_twin
@@ -48,7 +49,7 @@ def inputs(kind: str, readings: Readings) -> list[int]:
 def trial(twin: TwinProcess, clock: Clock, kinds: tuple[str, ...], pose: Pose, seconds: float) -> Recording:
     """One trial through the line."""
     with Khepera.connect(twin.device, clock=clock) as khepera:
-        body = SerialBody(khepera, kinds=kinds, carry=twin.place)
+        body = KheperaBody(khepera, kinds=kinds, carry=twin.place)
         body.reset(pose)
         layout = Layout()
         controller = NetworkController(braitenberg(kinds[0], layout), layout)
@@ -68,18 +69,19 @@ def spent(pid: int | None = None) -> float:
 def parts(task: str, pose: Pose, folder: Path) -> None:
     """Processor time of a watched trial's parts."""
     layout = Layout()
-    with Stand(load_task(task), load_profile("paper"), unit=1, folder_for_camera=folder) as stand:
-        driver = NetworkController(braitenberg(stand.task.feeds, layout), layout)
-        stand.drive(driver, 1, pose, 2.0)
-        assert stand.twin is not None
+    with Rig(load_task(task), load_profile("paper"), robot="twin:1", folder_for_camera=folder) as rig:
+        driver = NetworkController(braitenberg(rig.task.feeds, layout), layout)
+        rig.drive(driver, 1, pose, 2.0)
+        assert isinstance(rig.body, TwinBody) and rig.body.twin is not None
+        pid = rig.body.twin.pid
         least = [float("inf")] * 3
         for stream in range(2, 7):
             sealed = folder / "sealed.csv"
-            before, twin = spent(), spent(stand.twin.pid)
-            stand.on_line(driver, stream, pose, 20.0, sealed=sealed)
+            before, twin = spent(), spent(pid)
+            rig.trial(driver, stream, pose, 20.0, sealed=sealed)
             driven = spent()
-            stand.watcher.track(stand.states(sealed, 20.0), stream)
-            costs = (driven - before, spent(stand.twin.pid) - twin, spent() - driven)
+            rig.watcher.track(rig.states(sealed, 20.0), stream)
+            costs = (driven - before, spent(pid) - twin, spent() - driven)
             least = [min(pair) for pair in zip(least, costs, strict=True)]
     print(
         f"  a watched trial of 20 s: {sum(least):.2f} s of processor time (driver {least[0]:.2f}, twin "

@@ -30,8 +30,8 @@ TRACKER = ("tests/film/test_tracker.py",)
 TRACK = ("tests/test_track.py",)
 DESCRIPTORS = ("tests/correspondence/test_descriptors.py",)
 SCORE = ("tests/correspondence/test_score.py",)
-CLAIMS = ("tests/correspondence/test_claims.py",)
-STUDY = ("tests/study/test_noise_compared.py",)
+CLAIMS = ("tests/experiments/test_claims.py",)
+STUDY = ("tests/experiments/test_noise_compared.py",)
 ARENA = ("tests/world/test_arena.py",)
 
 MUTATIONS = (

@@ -38,9 +38,8 @@ def drive(
 
     A step that begins late is recorded as late; the time-table moves on with one that is late by more
     than a whole step, so that the robot never has to catch up. Whatever ends the drive, an exception,
-    Ctrl-C, Ctrl-Z,
-    SIGTERM or a lost line, the wheels are stopped first; then the recording is closed. Give a
-    `recorder` to have the steps of a drive that did not end well.
+    Ctrl-C, Ctrl-Z, SIGTERM or a lost line, the wheels are stopped first; then the recording is closed.
+    Give a `recorder` to have the steps of a drive that did not end well.
 
     Args:
         seconds: length of the trial: whole steps, one at least.
