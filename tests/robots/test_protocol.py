@@ -121,10 +121,11 @@ def test_9600_baud_is_refused_for_both_kinds_of_sensors() -> None:
         (("proximity", "ambient"), 19200, "NOHE"),
         (("ambient", "proximity"), 38400, "NOHE"),
         (("proximity",), 115200, "NHE"),
+        ((), 38400, "H"),
     ],
 )
 def test_a_step_carries_what_fits(kinds: tuple[str, ...], baud: int, reads: str) -> None:
-    """Sensors first, then counters, then speeds, within 100 ms."""
+    """Sensors first, then counters, then speeds, within 100 ms; without sensors the counters alone."""
     budget = step_budget(kinds, baud)
     assert "".join(read.letter for read in budget.reads) == reads
     assert budget.ms <= 100

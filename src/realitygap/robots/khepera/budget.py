@@ -29,6 +29,7 @@ class Budget(NamedTuple):
 def step_budget(kinds: tuple[str, ...], baud: int, *, turns: bool = True) -> Budget:
     """The commands of one step: the sensors, then (if `turns`) counters and measured speeds where they fit.
 
+    Without sensors it is the counters alone: one question, which takes a body no further in its time.
     Times are the worst case: command and answer one after the other, every number at its longest.
 
     Raises:
@@ -40,7 +41,7 @@ def step_budget(kinds: tuple[str, ...], baud: int, *, turns: bool = True) -> Bud
     reads = tuple(_READS[kind] for kind in KINDS if kind in kinds)
     if _ms(reads, baud) > STEP_MS:
         raise BaudError(_refusal(reads, tuple(kind for kind in KINDS if kind in kinds), baud))
-    for tell in _TELLS if turns else ():
+    for tell in _TELLS[: 2 if kinds else 1] if turns else ():
         if _ms((*reads, tell), baud) <= STEP_MS:
             reads = (*reads, tell)
     return Budget(reads, _ms(reads, baud))
