@@ -74,11 +74,11 @@ def readings() -> list[Any]:
 
 def twin() -> list[Any]:
     """The twin's recordings: what is read from it while it drives, physics included."""
-    from realitygap.twin.compiled import body_for_many
+    from realitygap.twin.body import TwinBody
 
     found: list[Any] = []
     for unit in (1, 2):
-        body = body_for_many(ROOM, unit=unit, seed=unit)
+        body = TwinBody(ROOM, unit=unit, seed=unit)
         body.place(20, 20, 0.4)
         body.set_speed(5, 4)
         for _ in range(100):

@@ -17,14 +17,14 @@ from realitygap.twin.noise import CREEP_MS, Creep, check_scale, draws
 from realitygap.twin.sensors import CYCLE_MS, PHASE_MS, Sensors
 from realitygap.twin.states import States, heading_of
 from realitygap.twin.unit import Unit, draw_unit
-from realitygap.twin.wheels import Wheel
+from realitygap.twin.wheels import FOUND, STATE, Machine, Wheel, run
 
 __all__ = ["TwinBody"]
 
 RECORD_MS = 10
 """A state is kept for the camera this often."""
 HISTORY_MS = 21
-REFRESHED_MS = frozenset(PHASE_MS.tolist())
+KEPT = np.isin(np.arange(CYCLE_MS), PHASE_MS)
 """A sensor's reading is at most 20 ms old; the pose is kept when one is refreshed."""
 TOUCH = 1e-4
 """A hand sets the robot down this exactly (m)."""
@@ -53,22 +53,21 @@ class TwinBody:
         name = int(draws(unit, seed, 17).integers(2**62))
         self._sensors = Sensors(self.arena, self.unit, noise=self.noise, seed=name)
         self._creep = Creep(name, self.noise, self.unit.axle_phase)
-        self._substeps = substeps
         self._model = mujoco.MjModel.from_xml_string(
             build_xml(self.arena, self.unit, timestep=0.001 / substeps)
         )
         self._data = mujoco.MjData(self._model)
-        self._wheels = self._two_wheels()
-        self._qpos, self._ctrl = self._data.qpos, self._data.ctrl
+        self._qpos = self._data.qpos
         self._states: list[tuple[int, NDArray[np.float64]]] = []
         self._turned = np.zeros((3, 2))
-        rows: list[Any] = [row.data for row in self._turned]
-        self._creeps, self._angles, self._slipped = rows
         self._history = np.zeros((HISTORY_MS, 7))
+        wheels = np.zeros(2, STATE).view(np.recarray)
+        self._wheels = Wheel(NOMINAL_VOLT, wheels[0]), Wheel(NOMINAL_VOLT, wheels[1])
+        model, data = (self._model._address, self._data._address) if FOUND else (self._model, self._data)
+        self._machine = Machine(
+            model, data, substeps, self._qpos, self._data.ctrl, wheels, self._turned, self._history, KEPT
+        )
         self.place(*self._somewhere(), 0.0)
-
-    def _two_wheels(self) -> tuple[Wheel, Wheel]:
-        return Wheel(NOMINAL_VOLT), Wheel(NOMINAL_VOLT)
 
     # physics
 
@@ -79,36 +78,19 @@ class TwinBody:
             into = self.time_ms % CREEP_MS
             if into == 0:
                 self._feel_ground()
-            self._run(min(end - self.time_ms, CREEP_MS - into))
+            part = min(end - self.time_ms, CREEP_MS - into)
+            run(self.time_ms + 1, part, self._machine)
+            self.time_ms += part
             if self.time_ms % RECORD_MS == 0:
                 self._record()
-
-    def _run(self, milliseconds: int) -> None:
-        """A few milliseconds of unchanging ground (`realitygap.twin.compiled` has the same, compiled)."""
-        model, data, step, substeps = self._model, self._data, mujoco.mj_step, self._substeps
-        qpos, ctrl = self._qpos.data, self._ctrl.data
-        creeps, last, slipped = self._creeps, self._angles, self._slipped
-        left, right = self._wheels[0].voltage, self._wheels[1].voltage
-        for now in range(self.time_ms + 1, self.time_ms + 1 + milliseconds):
-            a, b = qpos[7], qpos[8]
-            slipped[0] += creeps[0] * (a - last[0])
-            slipped[1] += creeps[1] * (b - last[1])
-            last[0], last[1] = a, b
-            ctrl[0] = left(a + slipped[0])
-            ctrl[1] = right(b + slipped[1])
-            step(model, data, substeps)
-            self.time_ms = now
-            if now % CYCLE_MS in REFRESHED_MS:
-                self._history[now % HISTORY_MS] = self._qpos[:7]
 
     def _feel_ground(self) -> None:
         x, y = float(self._qpos[0]), float(self._qpos[1])
         w, z = float(self._qpos[3]), float(self._qpos[6])
         half = self.unit.track / 2.0
         dx, dy = -2.0 * w * z * half, (w * w - z * z) * half
-        angles = self._angles
-        self._creeps[0] = self._creep.at(0, x + dx, y + dy, angles[0])
-        self._creeps[1] = self._creep.at(1, x - dx, y - dy, angles[1])
+        left, right = self._turned[1].tolist()
+        self._turned[0] = self._creep.at(0, x + dx, y + dy, left), self._creep.at(1, x - dx, y - dy, right)
 
     def _record(self) -> None:
         self._states.append((self.time_ms, self._qpos[:7].copy()))
@@ -174,16 +156,16 @@ class TwinBody:
     def set_speed_gains(self, kp: int, ki: int, kd: int) -> None:
         """Gains of the speed controller."""
         for wheel in self._wheels:
-            wheel.set_gains(speed=(kp, ki, kd))
+            wheel.set_speed_gains(kp, ki, kd)
 
     def set_position_gains(self, kp: int, ki: int, kd: int) -> None:
         """Gains of the position controller."""
         for wheel in self._wheels:
-            wheel.set_gains(position=(kp, ki, kd))
+            wheel.set_position_gains(kp, ki, kd)
 
     def set_profile(self, vl: int, al: int, vr: int, ar: int) -> None:
         """Speed and acceleration of the position controller, left and right."""
-        self._wheels[0].profile, self._wheels[1].profile = (vl, al), (vr, ar)
+        self._wheels[0].state.profile, self._wheels[1].state.profile = (vl, al), (vr, ar)
 
     def pulses(self) -> tuple[int, int]:
         """The position counters."""

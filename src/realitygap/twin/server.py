@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import contextlib
 import importlib
-import itertools
 import json
 import math
 import os
@@ -31,36 +30,16 @@ from realitygap.errors import RealityGapError, UsageError
 from realitygap.twin.firmware import Firmware, RobotBody
 from realitygap.twin.port import Port
 
-__all__ = ["BODY", "FILM_MS", "Server", "make_body"]
+__all__ = ["BODY", "FILM_MS", "Server"]
 
 BODY = "realitygap.twin.body:TwinBody"
 """The robot's physics: any class with this one's interface may take its place."""
-FOR_MANY = {BODY: "realitygap.twin.compiled:body_for_many"}
-"""What takes its place from the second robot on, bit for bit the same: who renews the robot has many
-trials before him, which pay for loading compiled code."""
 
 FILM_MS = 20
 TICK_S = 0.01
 """How often the physics is brought to the present under the real clock."""
 
 CHUNK = 4096
-
-
-def make_body(arena: Mapping[str, Any], *, unit: int, noise: float, seed: int, body: str = BODY) -> RobotBody:
-    """A robot of class `body` ("module:class") in an arena of plain numbers.
-
-    Args:
-        arena: plain numbers.
-        unit: of the twin.
-        noise: the noise scale.
-        seed: of its noise.
-        body: its class.
-    """
-    module, name = body.split(":")
-    made: RobotBody = getattr(importlib.import_module(module), name)(
-        dict(arena), unit=unit, noise=noise, seed=seed
-    )
-    return made
 
 
 class Server:
@@ -211,17 +190,11 @@ def serving(settings: Mapping[str, Any]) -> Iterator[Server]:
     unit = int(settings["unit"])
     banner = (f"Khepera, twin unit {unit}: pseudo-reality, no robot", "bios 5.02, serial protocol 5.01")
 
-    body = settings.get("body", BODY)
-    bodies = itertools.chain([body], itertools.repeat(FOR_MANY.get(body, body)))
+    module, name = settings.get("body", BODY).split(":")
+    make = getattr(importlib.import_module(module), name)
 
     def switch_on(seed: int) -> Firmware:
-        body = make_body(
-            settings["arena"],
-            unit=unit,
-            noise=float(settings["noise"]),
-            seed=seed,
-            body=next(bodies),
-        )
+        body: RobotBody = make(settings["arena"], unit=unit, noise=float(settings["noise"]), seed=seed)
         if settings.get("pose"):
             body.place(*settings["pose"])
         return Firmware(body, baud=int(settings["baud"]), banner=banner)

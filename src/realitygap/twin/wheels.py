@@ -1,14 +1,27 @@
 """The robot's own control of its wheels, a thousand times a second (K-Team, Khepera user manual).
 
-One `Wheel` counts its encoder's pulses and turns a wanted speed or place into a voltage.
-Units are the robot's: pulses, and pulses in 10 ms for speeds.
+A wheel counts its encoder's pulses and turns a wanted speed or place into a voltage. Units are the
+robot's: pulses, and pulses in 10 ms for speeds. The millisecond's loop, with MuJoCo's step in it, is
+compiled where MuJoCo's library is found, and runs as it stands here, with the same bits, where it is not.
 """
 
 from __future__ import annotations
 
 import math
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
 
-__all__ = ["PULSES_PER_TURN", "SPEED_GAINS", "Wheel"]
+import llvmlite.binding
+import mujoco
+import numba
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from realitygap.twin.arithmetic import jit
+
+__all__ = ["FOUND", "STATE", "Machine", "Wheel", "run"]
 
 PULSES_PER_TURN = 600
 """Encoder on the motor's axle, 24 pulses a turn, behind a gear of 25 to 1."""
@@ -31,119 +44,165 @@ give a quick step without overshoot, and never changed since."""
 ARRIVED = 3
 """Within 3 pulses (0.25 mm) of its target a wheel is there."""
 
+SPEED, POSITION, PWM = 0, 1, 2
+STATE = np.dtype(
+    [(name, np.int64) for name in ("mode", "raw", "offset", "slot", "target", "pwm")]
+    + [("ring", np.int64, WINDOW_MS), ("profile", np.int64, 2), ("speed_volts", float, 3)]
+    + [("position_volts", float, 3)]
+    + [(name, float) for name in ("volt", "wanted", "error_sum", "error_last", "reference", "pace")]
+)
+"""A wheel's numbers, where compiled code finds them."""
+
 
 class Wheel:
-    """One wheel's encoder, targets and controller."""
+    """One wheel's encoder, targets and controller: `state` is a record of `STATE`, all zeros at first."""
 
-    def __init__(self, nominal_volt: float) -> None:
-        self._volt = nominal_volt
-        self.set_gains(speed=SPEED_GAINS, position=POSITION_GAINS)
-        self.profile: tuple[int, int] = PROFILE
-        self.reset()
+    def __init__(self, nominal_volt: float, state: Any) -> None:
+        self.state = state
+        state.volt, state.profile = nominal_volt, PROFILE
+        self.set_speed_gains(*SPEED_GAINS)
+        self.set_position_gains(*POSITION_GAINS)
 
-    def reset(self) -> None:
-        """Stand still, counter at 0."""
-        self._mode = "speed"
-        self._raw = 0
-        self._offset = 0
-        self._ring = [0] * WINDOW_MS
-        self._slot = 0
-        self._wanted = 0.0
-        self._error_sum = 0.0
-        self._error_last = 0.0
-        self._target = 0
-        self._reference = 0.0
-        self._pace = 0.0
-        self._pwm = 0
+    def set_speed_gains(self, *gains: int) -> None:
+        """Kp, Ki and Kd."""
+        self.state.speed_volts = np.multiply(gains, SPEED_SCALE)
 
-    def set_gains(
-        self, *, speed: tuple[int, int, int] | None = None, position: tuple[int, int, int] | None = None
-    ) -> None:
-        """New gains for one controller or both."""
-        if speed is not None:
-            kp, ki, kd = (g * s for g, s in zip(speed, SPEED_SCALE, strict=True))
-            self._speed_volts = (kp, ki, kd)
-        if position is not None:
-            kp, ki, kd = (g * s for g, s in zip(position, POSITION_SCALE, strict=True))
-            self._position_volts = (kp, ki, kd)
+    def set_position_gains(self, *gains: int) -> None:
+        """Kp, Ki and Kd."""
+        self.state.position_volts = np.multiply(gains, POSITION_SCALE)
 
     @property
     def pulses(self) -> int:
         """The position counter."""
-        return self._raw + self._offset
+        return int(self.state.raw + self.state.offset)
 
     @pulses.setter
     def pulses(self, value: int) -> None:
         moved = value - self.pulses
-        self._offset += moved
-        self._target += moved
-        self._reference += moved
+        self.state.offset += moved
+        self.state.target += moved
+        self.state.reference += moved
 
     @property
     def speed(self) -> int:
         """Pulses in the last 10 ms."""
-        return self._raw - self._ring[self._slot]
+        return int(self.state.raw - self.state.ring[self.state.slot])
 
     @property
     def error(self) -> int:
         """What is missing to the wanted speed or place."""
-        if self._mode == "position":
-            return self._target - self.pulses
-        return round(self._wanted) - self.speed if self._mode == "speed" else 0
+        if self.state.mode == POSITION:
+            return int(self.state.target) - self.pulses
+        return round(float(self.state.wanted)) - self.speed if self.state.mode == SPEED else 0
 
     @property
     def on_target(self) -> bool:
         """Whether the wanted place, or the wanted speed within one pulse, is reached."""
-        return abs(self.error) <= (ARRIVED if self._mode == "position" else 1)
+        return abs(self.error) <= (ARRIVED if self.state.mode == POSITION else 1)
 
     def go(self, speed: int) -> None:
         """Hold a speed from now on (cut to what the robot can be asked for)."""
-        if self._mode != "speed":
-            self._error_sum = 0.0
-        self._mode = "speed"
-        self._wanted = float(max(-MAX_SPEED, min(MAX_SPEED, speed)))
+        if self.state.mode != SPEED:
+            self.state.error_sum = 0.0
+        self.state.mode = SPEED
+        self.state.wanted = max(-MAX_SPEED, min(MAX_SPEED, speed))
 
     def go_to(self, place: int) -> None:
         """Drive to a place and hold it, by the profile's speed and acceleration."""
-        if self._mode != "position":
-            self._error_sum = 0.0
-            self._reference, self._pace = float(self.pulses), float(self.speed)
-        self._mode, self._target = "position", place
+        if self.state.mode != POSITION:
+            self.state.error_sum = 0.0
+            self.state.reference, self.state.pace = self.pulses, self.speed
+        self.state.mode, self.state.target = POSITION, place
 
     def push(self, pwm: int) -> None:
         """Let the motor have a share of the voltage, −255 to 255, uncontrolled."""
-        self._mode, self._pwm = "pwm", max(-MAX_PWM, min(MAX_PWM, pwm))
+        self.state.mode, self.state.pwm = PWM, max(-MAX_PWM, min(MAX_PWM, pwm))
 
-    def voltage(self, angle: float) -> float:
-        """One millisecond: count the pulses up to `angle` (rad) and say what the motor gets (V)."""
-        ring, slot = self._ring, self._slot
-        ring[slot] = self._raw
-        self._slot = slot = (slot + 1) % WINDOW_MS
-        self._raw = raw = math.floor(angle * PULSES_PER_RADIAN)
-        if self._mode == "speed":
-            return self._pid(self._wanted - (raw - ring[slot]), self._speed_volts)
-        if self._mode == "position":
-            return self._pid(self._follow_profile() - self.pulses, self._position_volts)
-        return self._volt * self._pwm / MAX_PWM
 
-    def _pid(self, error: float, volts: tuple[float, float, float]) -> float:
-        total = self._error_sum + error
-        volt = volts[0] * error + volts[1] * total + volts[2] * (error - self._error_last)
-        self._error_last = error
-        if -self._volt < volt < self._volt:
-            self._error_sum = total
-            return volt
-        return math.copysign(self._volt, volt)  # saturated: the sum waits
+@jit
+def _pid(wheel: Any, volts: Any, error: float) -> Any:
+    total = wheel.error_sum + error
+    volt = volts[0] * error + volts[1] * total + volts[2] * (error - wheel.error_last)
+    wheel.error_last = error
+    if -wheel.volt < volt < wheel.volt:
+        wheel.error_sum = total
+        return volt
+    return math.copysign(wheel.volt, volt)  # saturated: the sum waits
 
-    def _follow_profile(self) -> float:
-        """Where the wheel should be by now: fast, but never too fast to stop in time."""
-        fastest, quickest = float(self.profile[0]), self.profile[1] / 256.0  # per 10 ms, per 10 ms·ms
-        way = self._target - self._reference
-        wanted = math.copysign(min(fastest, math.sqrt(0.2 * quickest * 10.0 * abs(way))), way)
-        self._pace += max(-quickest, min(quickest, wanted - self._pace))
-        step = self._pace / 10.0
-        if abs(way) <= max(abs(step), 0.5):
-            self._reference, self._pace = float(self._target), 0.0
-        else:
-            self._reference += step
-        return self._reference
+
+@jit
+def _follow_profile(wheel: Any) -> Any:
+    """Where the wheel should be by now: fast, but never too fast to stop in time."""
+    fastest, quickest = float(wheel.profile[0]), wheel.profile[1] / 256.0  # per 10 ms, per 10 ms·ms
+    way = wheel.target - wheel.reference
+    wanted = math.copysign(min(fastest, math.sqrt(0.2 * quickest * 10.0 * abs(way))), way)
+    wheel.pace += max(-quickest, min(quickest, wanted - wheel.pace))
+    step = wheel.pace / 10.0
+    if abs(way) <= max(abs(step), 0.5):
+        wheel.reference, wheel.pace = float(wheel.target), 0.0
+    else:
+        wheel.reference += step
+    return wheel.reference
+
+
+@jit
+def _voltage(wheel: Any, angle: float) -> Any:
+    """One millisecond: count the pulses up to `angle` (rad) and say what the motor gets (V)."""
+    wheel.ring[wheel.slot] = wheel.raw
+    wheel.slot = (wheel.slot + 1) % WINDOW_MS
+    wheel.raw = math.floor(angle * PULSES_PER_RADIAN)
+    if wheel.mode == SPEED:
+        return _pid(wheel, wheel.speed_volts, wheel.wanted - (wheel.raw - wheel.ring[wheel.slot]))
+    if wheel.mode == POSITION:
+        return _pid(wheel, wheel.position_volts, _follow_profile(wheel) - (wheel.raw + wheel.offset))
+    return wheel.volt * wheel.pwm / MAX_PWM
+
+
+class Machine(NamedTuple):
+    """What a millisecond needs: MuJoCo's model and data (their addresses where `FOUND`) and views of it.
+
+    wheels [2] records; turned [3, 2] creep, last angle, slip; history: the poses kept, where `kept` says so.
+    """
+
+    model: Any
+    data: Any
+    substeps: int
+    qpos: NDArray[np.float64]
+    ctrl: NDArray[np.float64]
+    wheels: Any
+    turned: NDArray[np.float64]
+    history: NDArray[np.float64]
+    kept: NDArray[np.bool_]
+
+
+def _step_is_found() -> bool:
+    """Let compiled code find MuJoCo's own `mj_step`."""
+    if numba.config.DISABLE_JIT:
+        return False
+    for library in Path(mujoco.__file__).parent.glob("libmujoco*"):
+        with suppress(RuntimeError):
+            llvmlite.binding.load_library_permanently(str(library))
+    return llvmlite.binding.address_of_symbol("mj_step") is not None
+
+
+FOUND = _step_is_found()
+_step: Any = types.ExternalFunction("mj_step", types.void(types.uintp, types.uintp))
+
+
+def _run(first: int, count: int, machine: Machine) -> None:
+    for now in range(first, first + count):
+        for side in range(2):
+            angle = machine.qpos[7 + side]
+            machine.turned[2, side] += machine.turned[0, side] * (angle - machine.turned[1, side])
+            machine.turned[1, side] = angle
+            machine.ctrl[side] = _voltage(machine.wheels[side], angle + machine.turned[2, side])
+        for _ in range(machine.substeps):
+            _step(machine.model, machine.data)
+        if machine.kept[now % machine.kept.shape[0]]:
+            machine.history[now % machine.history.shape[0]] = machine.qpos[:7]
+
+
+if FOUND:
+    run = jit(_run)
+else:
+    run, _step = _run, mujoco.mj_step

@@ -1,0 +1,165 @@
+"""The twin's wheels and millisecond in plain Python: the judge of the compiled ones."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mujoco
+
+from realitygap.twin.body import HISTORY_MS, TwinBody
+from realitygap.twin.model import NOMINAL_VOLT
+from realitygap.twin.noise import CREEP_MS
+from realitygap.twin.sensors import CYCLE_MS, PHASE_MS
+from realitygap.twin.wheels import (
+    ARRIVED,
+    MAX_PWM,
+    MAX_SPEED,
+    POSITION_GAINS,
+    POSITION_SCALE,
+    PROFILE,
+    PULSES_PER_RADIAN,
+    SPEED_GAINS,
+    SPEED_SCALE,
+    WINDOW_MS,
+)
+
+
+class SlowBody(TwinBody):
+    """A `TwinBody` with slow wheels, in which MuJoCo is stepped from Python."""
+
+    def __init__(self, *arguments: Any, **settings: Any) -> None:
+        super().__init__(*arguments, **settings)
+        self._substeps = settings.get("substeps", 1)
+        self._wheels = SlowWheel(NOMINAL_VOLT), SlowWheel(NOMINAL_VOLT)  # type: ignore[assignment]
+
+    def advance(self, milliseconds: int) -> None:
+        for now in range(self.time_ms + 1, self.time_ms + milliseconds + 1):
+            if self.time_ms % CREEP_MS == 0:
+                self._feel_ground()
+            creeps, last, slipped = self._turned
+            for side, wheel in enumerate(self._wheels):
+                angle = float(self._qpos[7 + side])
+                slipped[side] += creeps[side] * (angle - last[side])
+                last[side] = angle
+                self._data.ctrl[side] = wheel.voltage(float(angle + slipped[side]))  # type: ignore[attr-defined]
+            mujoco.mj_step(self._model, self._data, self._substeps)
+            self.time_ms = now
+            if now % CYCLE_MS in PHASE_MS:
+                self._history[now % HISTORY_MS] = self._qpos[:7]
+            if now % 10 == 0:
+                self._record()
+
+
+class SlowWheel:
+    """`realitygap.twin.wheels` in plain Python."""
+
+    def __init__(self, nominal_volt: float) -> None:
+        self._volt = nominal_volt
+        self.set_speed_gains(*SPEED_GAINS)
+        self.set_position_gains(*POSITION_GAINS)
+        self.state = self
+        self.profile: tuple[int, int] = PROFILE
+        self.reset()
+
+    def reset(self) -> None:
+        """Stand still, counter at 0."""
+        self._mode = "speed"
+        self._raw = 0
+        self._offset = 0
+        self._ring = [0] * WINDOW_MS
+        self._slot = 0
+        self._wanted = 0.0
+        self._error_sum = 0.0
+        self._error_last = 0.0
+        self._target = 0
+        self._reference = 0.0
+        self._pace = 0.0
+        self._pwm = 0
+
+    def set_speed_gains(self, *gains: int) -> None:
+        self._speed_volts = tuple(g * s for g, s in zip(gains, SPEED_SCALE, strict=True))
+
+    def set_position_gains(self, *gains: int) -> None:
+        self._position_volts = tuple(g * s for g, s in zip(gains, POSITION_SCALE, strict=True))
+
+    @property
+    def pulses(self) -> int:
+        """The position counter."""
+        return self._raw + self._offset
+
+    @pulses.setter
+    def pulses(self, value: int) -> None:
+        moved = value - self.pulses
+        self._offset += moved
+        self._target += moved
+        self._reference += moved
+
+    @property
+    def speed(self) -> int:
+        """Pulses in the last 10 ms."""
+        return self._raw - self._ring[self._slot]
+
+    @property
+    def error(self) -> int:
+        """What is missing to the wanted speed or place."""
+        if self._mode == "position":
+            return self._target - self.pulses
+        return round(self._wanted) - self.speed if self._mode == "speed" else 0
+
+    @property
+    def on_target(self) -> bool:
+        """Whether the wanted place, or the wanted speed within one pulse, is reached."""
+        return abs(self.error) <= (ARRIVED if self._mode == "position" else 1)
+
+    def go(self, speed: int) -> None:
+        """Hold a speed from now on (cut to what the robot can be asked for)."""
+        if self._mode != "speed":
+            self._error_sum = 0.0
+        self._mode = "speed"
+        self._wanted = float(max(-MAX_SPEED, min(MAX_SPEED, speed)))
+
+    def go_to(self, place: int) -> None:
+        """Drive to a place and hold it, by the profile's speed and acceleration."""
+        if self._mode != "position":
+            self._error_sum = 0.0
+            self._reference, self._pace = float(self.pulses), float(self.speed)
+        self._mode, self._target = "position", place
+
+    def push(self, pwm: int) -> None:
+        """Let the motor have a share of the voltage, −255 to 255, uncontrolled."""
+        self._mode, self._pwm = "pwm", max(-MAX_PWM, min(MAX_PWM, pwm))
+
+    def voltage(self, angle: float) -> float:
+        """One millisecond: count the pulses up to `angle` (rad) and say what the motor gets (V)."""
+        ring, slot = self._ring, self._slot
+        ring[slot] = self._raw
+        self._slot = slot = (slot + 1) % WINDOW_MS
+        self._raw = raw = math.floor(angle * PULSES_PER_RADIAN)
+        if self._mode == "speed":
+            return self._pid(self._wanted - (raw - ring[slot]), self._speed_volts)
+        if self._mode == "position":
+            return self._pid(self._follow_profile() - self.pulses, self._position_volts)
+        return self._volt * self._pwm / MAX_PWM
+
+    def _pid(self, error: float, volts: tuple[float, ...]) -> float:
+        total = self._error_sum + error
+        volt = volts[0] * error + volts[1] * total + volts[2] * (error - self._error_last)
+        self._error_last = error
+        if -self._volt < volt < self._volt:
+            self._error_sum = total
+            return volt
+        return math.copysign(self._volt, volt)  # saturated: the sum waits
+
+    def _follow_profile(self) -> float:
+        """Where the wheel should be by now: fast, but never too fast to stop in time."""
+        fastest, quickest = float(self.profile[0]), self.profile[1] / 256.0  # per 10 ms, per 10 ms·ms
+        way = self._target - self._reference
+        wanted = math.copysign(min(fastest, math.sqrt(0.2 * quickest * 10.0 * abs(way))), way)
+        self._pace += max(-quickest, min(quickest, wanted - self._pace))
+        step = self._pace / 10.0
+        if abs(way) <= max(abs(step), 0.5):
+            self._reference, self._pace = float(self._target), 0.0
+        else:
+            self._reference += step
+        return self._reference
