@@ -62,7 +62,7 @@ def serve(
     """
     import signal
 
-    from realitygap.twin.server import serving
+    from realitygap.twin.server import Settings, serving
 
     arena, start = _arena(arena_name)
     if pose is not None:
@@ -74,7 +74,7 @@ def serve(
         settings["pose"] = (start.x, start.y, start.heading)
     for number in (signal.SIGTERM, signal.SIGHUP):  # its folder is removed however it is ended
         signal.signal(number, signal.default_int_handler)
-    with serving(settings) as server:
+    with serving(Settings(**settings)) as server:
         if json_output:
             print_json({"device": server.device, "clock_channel": server.channel, **settings})
         else:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Protocol
 
 from realitygap.errors import UsageError
@@ -36,10 +37,9 @@ def drive(
 ) -> Recording:
     """Let a controller drive a body, a step each of its periods.
 
-    A step that begins late is recorded as late; the time-table moves on with one that is late by more
-    than a whole step, so that the robot never has to catch up. Whatever ends the drive, an exception,
-    Ctrl-C, Ctrl-Z, SIGTERM or a lost line, the wheels are stopped first; then the recording is closed.
-    Give a `recorder` to have the steps of a drive that did not end well.
+    The time-table moves on with a step that is late by more than a whole one: the robot never has to
+    catch up. Whatever ends the drive, an exception, Ctrl-C, Ctrl-Z, SIGTERM or a lost line, the wheels
+    are stopped first; then the recording is closed. Its steps are the `recorder`'s, however it ends.
 
     Args:
         seconds: length of the trial: whole steps, one at least.
@@ -57,40 +57,34 @@ def drive(
     if steps < 1 or abs(steps * period - seconds) > 1e-6:
         raise UsageError(f"a trial lasts whole steps of {period:g} s, one at least; got {seconds:g} s")
     recorder = Recorder() if recorder is None else recorder
-    ended = "finished"
-    with Stopping(NUMBERS if clock.waits else MOVING) as stopping:
-        try:
-            controller.reset()
-            _steps(body, controller, clock, inputs, recorder, steps)
-        except BaseException as error:
-            ended = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-            raise
-        finally:
-            with stopping.held():
-                _finish(body, recorder, ended)
+    with Stopping(NUMBERS if clock.waits else MOVING) as stopping, _closing(body, recorder, stopping):
+        controller.reset()
+        start = due = clock.now()
+        for _ in range(steps):
+            clock.sleep_until(due)
+            now = clock.now()
+            readings = body.sense()
+            fed = inputs(readings)
+            command = controller.decide(fed)
+            body.act(command)
+            recorder.add(Step(now - start, max(0.0, now - due), readings, fed, command, odometry_of(body)))
+            due += period if now - due <= period else period + (now - due)
+        clock.sleep_until(due)
     return recorder.recording()
 
 
-def _steps(
-    body: Body,
-    controller: Controller,
-    clock: Clock,
-    inputs: Callable[[Readings], list[int]],
-    recorder: Recorder,
-    steps: int,
-) -> None:
-    period = body.period_s
-    start = due = clock.now()
-    for _ in range(steps):
-        clock.sleep_until(due)
-        now = clock.now()
-        readings = body.sense()
-        fed = inputs(readings)
-        command = controller.decide(fed)
-        body.act(command)
-        recorder.add(Step(now - start, max(0.0, now - due), readings, fed, command, odometry_of(body)))
-        due += period if now - due <= period else period + (now - due)
-    clock.sleep_until(due)
+@contextmanager
+def _closing(body: Body, recorder: Recorder, stopping: Stopping) -> Iterator[None]:
+    """At the end stop the body, undisturbed, and say in the recording what ended the drive."""
+    ended = "finished"
+    try:
+        yield
+    except BaseException as error:
+        ended = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+        raise
+    finally:
+        with stopping.held():
+            _finish(body, recorder, ended)
 
 
 def _finish(body: Body, recorder: Recorder, ended: str) -> None:

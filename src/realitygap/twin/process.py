@@ -9,15 +9,15 @@ import subprocess
 import sys
 import weakref
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from realitygap.errors import RobotError, UsageError
-from realitygap.robots.khepera.protocol import BAUD_RATES
-from realitygap.twin.server import BODY
+from realitygap.twin.server import Settings
 from realitygap.values import Closing, Pose
 
-__all__ = ["TwinProcess", "end_process", "start_twin"]
+__all__ = ["TwinProcess", "end_process", "launch", "start_twin"]
 
 CHANNEL_S = 60.0
 LEAVE_S = 5.0
@@ -34,7 +34,7 @@ class TwinProcess(Closing):
     def __init__(self, process: subprocess.Popen[bytes], device: str, channel: str) -> None:
         self.device = device
         self.channel = channel
-        self._process = process
+        self.pid = process.pid
         self._hand: socket.socket | None = None
         self._finalizer = weakref.finalize(self, end_process, process)
 
@@ -52,11 +52,6 @@ class TwinProcess(Closing):
         Drivers and clocks of before must be closed.
         """
         self._tell(f"renew {seed}")
-
-    @property
-    def pid(self) -> int:
-        """Of the twin's process."""
-        return self._process.pid
 
     def close(self) -> None:
         """End the twin."""
@@ -85,55 +80,40 @@ class TwinProcess(Closing):
             raise RobotError(f"the twin refused {line.split()[0]!r}: {rest}")
 
 
-def start_twin(
-    arena: Mapping[str, Any],
-    *,
-    unit: int,
-    noise: float = 1.0,
-    seed: int = 0,
-    clock: str = "virtual",
-    baud: int = 38400,
-    pose: Pose | None = None,
-    body: str = BODY,
-) -> TwinProcess:
+def start_twin(arena: Mapping[str, Any], *, pose: Pose | None = None, **settings: Any) -> TwinProcess:
     """Start a twin in a process of its own; it ends when closed, or with this process.
 
     Args:
-        arena: the room in plain numbers, as the twin takes it (size_cm, cylinders, walls, lamps; cm).
-        unit: which robot of the population.
-        noise: the twin's noise scale.
-        seed: of its noise.
-        clock: "virtual", or "real" time.
-        baud: the robot's jumper.
+        arena: the room in plain numbers.
         pose: where it stands at first; None leaves it to the body.
-        body: the physics, "module:class".
+        settings: the others of `Settings` (`realitygap.twin.server`), `unit` at least.
 
     Raises:
         UsageError: a setting that the twin refuses.
     """
-    if clock not in ("virtual", "real"):
-        raise UsageError(f'a twin\'s clock is "virtual" or "real"; got {clock!r}')
-    if baud not in BAUD_RATES:
-        raise UsageError(f"the robot's baud rates are {', '.join(map(str, BAUD_RATES))}; got {baud}")
-    settings: dict[str, Any] = {"arena": dict(arena), "unit": unit, "noise": noise, "seed": seed}
-    settings |= {"clock": clock, "baud": baud, "body": body}
-    if pose is not None:
-        settings["pose"] = (pose.x, pose.y, pose.heading)
-    process = subprocess.Popen(
-        [sys.executable, "-m", "realitygap.twin.server"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        start_new_session=True,
-    )
-    assert process.stdin is not None and process.stdout is not None
-    with contextlib.suppress(BrokenPipeError):
-        process.stdin.write(json.dumps(settings).encode() + b"\n")
-        process.stdin.flush()
-    said = json.loads(process.stdout.readline() or b"{}")
+    where = None if pose is None else (pose.x, pose.y, pose.heading)
+    order = asdict(Settings(arena=dict(arena), pose=where, **settings))
+    process, line = launch("realitygap.twin.server", order, start_new_session=True)
+    said = json.loads(line or b"{}")
     if "device" not in said:
         end_process(process)
         raise UsageError(f"the twin did not start: {said.get('error', 'its own message is above')}")
     return TwinProcess(process, said["device"], said["channel"])
+
+
+def launch(module: str, order: Mapping[str, Any], **settings: Any) -> tuple[subprocess.Popen[bytes], bytes]:
+    """Start a module as a process and hand it a line of JSON.
+
+    Returns:
+        The process, and the line that it answers: empty if it ended instead.
+    """
+    command = [sys.executable, "-m", module]
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, **settings)
+    assert process.stdin is not None and process.stdout is not None
+    with contextlib.suppress(BrokenPipeError):
+        process.stdin.write(json.dumps(order).encode() + b"\n")
+        process.stdin.flush()
+    return process, process.stdout.readline()
 
 
 def end_process(process: subprocess.Popen[bytes]) -> None:

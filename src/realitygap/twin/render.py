@@ -24,7 +24,7 @@ from realitygap.twin.drawing import (
     MIDDLE_RADIUS,
 )  # fmt: skip
 from realitygap.twin.lens import HEIGHT, WIDTH, Lens, hang_camera
-from realitygap.twin.process import end_process
+from realitygap.twin.process import end_process, launch
 
 __all__ = ["Renderer", "open_renderer"]
 
@@ -119,20 +119,11 @@ def open_renderer(arena: Mapping[str, Any], unit: int, lens: Lens) -> Renderer |
         path = os.pathsep.join(filter(None, sys.path))
         environment = {**os.environ, "MUJOCO_GL": library, "PYTHONPATH": path}
         environment.pop("PYOPENGL_PLATFORM", None)
-        process = subprocess.Popen(
-            [sys.executable, "-m", "realitygap.twin.render"],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment,
-        )  # fmt: skip
-        renderer = Renderer(process, library, lens)
-        assert process.stdin is not None and process.stdout is not None
-        try:
-            process.stdin.write(json.dumps({"arena": dict(arena), "unit": unit}).encode() + b"\n")
-            process.stdin.flush()
-            if process.stdout.readline() == b"ready\n":
-                return renderer
-        except BrokenPipeError:
-            pass
-        renderer.close()
+        order = {"arena": dict(arena), "unit": unit}
+        process, said = launch("realitygap.twin.render", order, stderr=subprocess.DEVNULL, env=environment)
+        if said == b"ready\n":
+            return Renderer(process, library, lens)
+        end_process(process)
     return None
 
 

@@ -22,15 +22,17 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
 from realitygap import temporary
 from realitygap.errors import RealityGapError, UsageError
+from realitygap.robots.khepera.protocol import BAUD_RATES
 from realitygap.twin.firmware import Firmware, RobotBody
 from realitygap.twin.port import Port
 
-__all__ = ["BODY", "FILM_MS", "Server"]
+__all__ = ["Server", "Settings", "serving"]
 
 BODY = "realitygap.twin.body:TwinBody"
 """The robot's physics: any class with this one's interface may take its place."""
@@ -40,6 +42,40 @@ TICK_S = 0.01
 """How often the physics is brought to the present under the real clock."""
 
 CHUNK = 4096
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """How a twin is started.
+
+    Args:
+        arena: the room in plain numbers, as the twin takes it (size_cm, cylinders, walls, lamps; cm).
+        unit: which robot of the population.
+        noise: the twin's noise scale.
+        seed: of its noise.
+        clock: "virtual", or "real" time.
+        baud: the robot's jumper.
+        pose: x, y (cm) and heading (rad) at first; None leaves it to the body.
+        body: the physics, "module:class".
+
+    Raises:
+        UsageError: another clock, or no rate of the robot's.
+    """
+
+    arena: Mapping[str, Any]
+    unit: int
+    noise: float = 1.0
+    seed: int = 0
+    clock: str = "virtual"
+    baud: int = 38400
+    pose: tuple[float, float, float] | None = None
+    body: str = BODY
+
+    def __post_init__(self) -> None:
+        if self.clock not in ("virtual", "real"):
+            raise UsageError(f'a twin\'s clock is "virtual" or "real"; got {self.clock!r}')
+        if self.baud not in BAUD_RATES:
+            raise UsageError(f"the robot's baud rates are {', '.join(map(str, BAUD_RATES))}; got {self.baud}")
 
 
 class Server:
@@ -185,21 +221,22 @@ class Server:
 
 
 @contextmanager
-def serving(settings: Mapping[str, Any]) -> Iterator[Server]:
-    """A server of a twin's settings: arena, unit, noise, seed, baud, clock, pose, body."""
-    unit = int(settings["unit"])
-    banner = (f"Khepera, twin unit {unit}: pseudo-reality, no robot", "bios 5.02, serial protocol 5.01")
-
-    module, name = settings.get("body", BODY).split(":")
+def serving(settings: Settings) -> Iterator[Server]:
+    """A server of the twin that has these settings."""
+    banner = (
+        f"Khepera, twin unit {settings.unit}: pseudo-reality, no robot",
+        "bios 5.02, serial protocol 5.01",
+    )
+    module, name = settings.body.split(":")
     make = getattr(importlib.import_module(module), name)
 
     def switch_on(seed: int) -> Firmware:
-        body: RobotBody = make(settings["arena"], unit=unit, noise=float(settings["noise"]), seed=seed)
-        if settings.get("pose"):
-            body.place(*settings["pose"])
-        return Firmware(body, baud=int(settings["baud"]), banner=banner)
+        body: RobotBody = make(settings.arena, unit=settings.unit, noise=settings.noise, seed=seed)
+        if settings.pose:
+            body.place(*settings.pose)
+        return Firmware(body, baud=settings.baud, banner=banner)
 
-    with Server(switch_on, seed=int(settings["seed"]), virtual=settings["clock"] == "virtual") as server:
+    with Server(switch_on, seed=settings.seed, virtual=settings.clock == "virtual") as server:
         yield server
 
 
@@ -211,9 +248,8 @@ def _main() -> int:
     order = sys.stdin.buffer.readline()
     if not order.endswith(b"\n"):
         return 0  # whoever started it is gone already
-    settings = json.loads(order)
     try:
-        with serving(settings) as server:
+        with serving(Settings(**json.loads(order))) as server:
             _say({"device": server.device, "channel": server.channel})
             server.serve(leash=sys.stdin.fileno())
     except UsageError as error:
