@@ -27,7 +27,7 @@ CONVERT = {
     # descriptors are in the degrees that people can just tell apart
     "correspondence/descriptors.py": (3, "turn rates and bearings, deg/s and deg"),
     "correspondence/distances.py": (1, "a constant, written in degrees"),
-    "correspondence/heading.py": (1, "a heading that was given in radians is recognised"),
+    "correspondence/reading.py": (1, "a heading that was given in radians is recognised"),
     # libraries that ask for degrees
     "report/robots.py": (2, "matplotlib's wedges"),
     "report/arenas.py": (1, "points round a compass"),

@@ -1,4 +1,4 @@
-"""Draws docs/correspondence.md's figure, prints its tables: `python docs/figures/correspondence.py`."""
+"""Draws docs/correspondence.md's figure, prints its tables: `python -m docs.figures.correspondence`."""
 
 from __future__ import annotations
 
@@ -7,17 +7,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from realitygap.correspondence.exemplars.kinds import KINDS, exemplar
-from realitygap.correspondence.exemplars.ladders import behaviours, ladders_of
-from realitygap.correspondence.exemplars.validation import (
+from tests.correspondence.ladders import (
     Ladder,
     against,
+    behaviours,
     climb,
     held_out,
+    ladders_of,
     order_of_phrases,
     phrase_scores,
 )
+
+from realitygap.correspondence.exemplars.kinds import KINDS, exemplar
 from realitygap.correspondence.words import PAPER_SCORES
 from realitygap.report.style import PAGE, new_figure, styled
 

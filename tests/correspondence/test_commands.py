@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from realitygap.correspondence.exemplars.ladders import Behaviour
-from realitygap.correspondence.heading import agreement
+from realitygap.correspondence.exemplars.kinds import Behaviour
 from realitygap.correspondence.judging import Pair, blind_pairs
+from realitygap.correspondence.reading import agreement
 from realitygap.correspondence.setting import setting_of
 from tests.correspondence.tracks import write
 

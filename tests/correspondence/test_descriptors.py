@@ -7,7 +7,7 @@ import pytest
 
 from realitygap.correspondence.descriptors import describe_all
 from realitygap.correspondence.reading import read_transfer
-from realitygap.correspondence.surroundings import fits
+from realitygap.correspondence.setting import fits
 from realitygap.correspondence.trials import STEP_S, Trial
 from realitygap.tasks.load import load_task
 from realitygap.world.profile import load_profile

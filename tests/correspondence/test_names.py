@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from realitygap.correspondence.exemplars.kinds import KINDS, exemplar, shows
-from realitygap.correspondence.exemplars.validation import held_out, setting_for
 from realitygap.correspondence.names import NONE, common_name, namer
 from realitygap.tasks.load import load_task
 from realitygap.values import Command
+from tests.correspondence.ladders import held_out, setting_for
 from tests.correspondence.tracks import mirrored, random_walker, standing
 
 TASKS = pytest.mark.parametrize("task", KINDS)

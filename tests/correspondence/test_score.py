@@ -10,18 +10,10 @@ import pytest
 from realitygap.controller.handmade import braitenberg
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import decode
-from realitygap.correspondence.behaviour import behaviour_score, ends_of
 from realitygap.correspondence.distances import Distances, matched_starts
-from realitygap.correspondence.exemplars.ladders import Behaviour, behaviours, ladders_of
-from realitygap.correspondence.exemplars.validation import (
-    against,
-    climb,
-    order_of_phrases,
-    phrase_scores,
-    setting_for,
-)
+from realitygap.correspondence.exemplars.kinds import Behaviour
 from realitygap.correspondence.scale import exemplar_scale
-from realitygap.correspondence.score import compare
+from realitygap.correspondence.score import behaviour_score, compare, ends_of
 from realitygap.correspondence.statistics import correlation, parting_s, transferability
 from realitygap.correspondence.trials import resampled, trial_of
 from realitygap.correspondence.words import differences, noisiness
@@ -31,6 +23,15 @@ from realitygap.tasks.load import load_task
 from realitygap.track import Track
 from realitygap.transfer import paths
 from realitygap.world.profile import load_profile
+from tests.correspondence.ladders import (
+    against,
+    behaviours,
+    climb,
+    ladders_of,
+    order_of_phrases,
+    phrase_scores,
+    setting_for,
+)
 from tests.correspondence.tracks import half_round, in_mirror, mirrored, turned
 
 EACH = pytest.mark.parametrize("robot", behaviours(0), ids=lambda b: f"{b.task[:5]} {b.kind}")

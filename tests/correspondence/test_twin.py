@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from realitygap.correspondence.exemplars.kinds import KINDS, Ruled, shows
-from realitygap.correspondence.exemplars.validation import setting_for
 from realitygap.correspondence.names import namer
 from realitygap.correspondence.reading import read_trials
 from realitygap.robots.clock import VirtualClock
@@ -19,6 +18,7 @@ from realitygap.tasks.load import load_task
 from realitygap.twin.process import start_twin
 from realitygap.values import Readings
 from realitygap.world.profile import load_profile
+from tests.correspondence.ladders import setting_for
 
 UNITS = (1, 2)
 DRAWS = 20

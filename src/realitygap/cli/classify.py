@@ -35,7 +35,7 @@ def classify(tracks: str, task: str | None, json_output: bool) -> None:
     warnings = doubts_of(trials)
     named = namer(setting).name(trials, setting)
     if json_output:
-        entries = [name.to_dict() for name in named]
+        entries = [name._asdict() for name in named]
         found = {"task": setting.name, "name": common_name(named), "tracks": entries}
         print_json({**found, "warnings": warnings})
     else:

@@ -72,7 +72,7 @@ def track(film: str, camera: str, disk: str | None, out: Path, tails: Path | Non
 
 def _doubts(tracked: Tracked, source: str) -> tuple[str, ...]:
     """Whether the robot went where its disk says that it looks; nothing of a film that shows too little."""
-    from realitygap.correspondence.heading import doubt_of_disk
+    from realitygap.correspondence.reading import doubt_of_disk
     from realitygap.correspondence.trials import resampled
 
     try:

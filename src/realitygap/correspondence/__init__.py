@@ -5,11 +5,10 @@ from __future__ import annotations
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {
-    "behaviour": "behaviour_score",
     "judging": "agreement blind_pairs read_marks",
     "names": "Name Namer namer",
     "reading": "read_transfer read_trials",
-    "score": "Comparison compare",
+    "score": "Comparison behaviour_score compare",
     "setting": "Setting setting_of",
     "trials": "Trial trial_of",
 })  # fmt: skip

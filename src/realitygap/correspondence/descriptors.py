@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.correspondence.surroundings import Around, around
+from realitygap.correspondence.setting import Around, around
 from realitygap.correspondence.trials import STEP_S, Trial
 from realitygap.world.arena import Arena
 

@@ -17,6 +17,7 @@ from realitygap.correspondence.statistics import Correlation, correlation
 from realitygap.correspondence.trials import Trial
 from realitygap.errors import TrackError
 from realitygap.table import read_table
+from realitygap.world.arena import Arena
 
 __all__ = ["Agreement", "Pair", "agreement", "blind_pairs", "page", "read_marks"]
 
@@ -85,7 +86,7 @@ def blind_pairs(
         left, right = ([_film(two[side]) for two in both] for side in (swapped, not swapped))
         shown.append({"pair": number, "left": left, "right": right})
         key.append({"pair": number, "name": pair.name, "left": "b" if swapped else "a", "score": pair.score})
-    return {"arena": _room(setting), "rate": FRAMES_HZ, "pairs": shown}, key
+    return {"arena": _room(setting.arena), "rate": FRAMES_HZ, "pairs": shown}, key
 
 
 def page(data: dict[str, Any]) -> str:
@@ -174,13 +175,11 @@ def _film(trial: Trial) -> dict[str, list[float]]:
     return {"x": x.tolist(), "y": y.tolist(), "h": heading.tolist()}
 
 
-def _room(setting: Setting) -> dict[str, Any]:
-    arena = setting.arena
-    if arena is None:
-        return {"size": None, "cylinders": [], "walls": [], "lamps": []}
+def _room(arena: Arena | None) -> dict[str, Any]:
+    cylinders, walls, lamps = (arena.cylinders, arena.walls, arena.lamps) if arena else ((), (), ())
     return {
-        "size": list(arena.size_cm),
-        "cylinders": [[c.x_cm, c.y_cm, c.radius_cm] for c in arena.cylinders],
-        "walls": [list(wall) for wall in arena.walls],
-        "lamps": [[lamp.x_cm, lamp.y_cm] for lamp in arena.lamps],
+        "size": list(arena.size_cm) if arena else None,
+        "cylinders": [[c.x_cm, c.y_cm, c.radius_cm] for c in cylinders],
+        "walls": [list(wall) for wall in walls],
+        "lamps": [[lamp.x_cm, lamp.y_cm] for lamp in lamps],
     }

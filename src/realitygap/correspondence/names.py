@@ -45,10 +45,6 @@ class Name(NamedTuple):
     confidence: float
     unit: str = ""
 
-    def to_dict(self) -> dict[str, object]:
-        """Ready for JSON."""
-        return self._asdict()
-
 
 class Namer:
     """Names trials of one task by exemplars.

@@ -1,4 +1,7 @@
-"""Trials from the files that a person has: CSV tables, JSON of `realitygap simulate`, folders of them."""
+"""Trials from the files that a person has: CSV tables, JSON of `realitygap simulate`, folders of them.
+
+A track's heading has to agree with its way: a robot with two wheels goes where it looks, or back.
+"""
 
 from __future__ import annotations
 
@@ -6,26 +9,42 @@ import csv
 import json
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from realitygap.correspondence.heading import with_doubts
-from realitygap.correspondence.surroundings import RADIUS_CM
-from realitygap.correspondence.trials import Trial, resampled
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.correspondence.trials import RADIUS_CM, Trial, resampled
 from realitygap.errors import ConfigError, TrackError
 from realitygap.text import as_path
 from realitygap.track import COLUMNS, Track, read_tracks
 from realitygap.world.profile import load_profile
 
-__all__ = ["doubts_of", "read_transfer", "read_trials"]
+__all__ = ["agreement", "doubt_of_disk", "doubts_of", "read_transfer", "read_trials"]
+
+Floats = NDArray[np.float64]
 
 SIMULATED, SITUATED = "simulated.csv", "situated.csv"
 TRANSFER = "transfer.toml"
 """A folder that holds this is a trial of `realitygap transfer`, in which several files have tracks."""
+MOVES_CM, ENOUGH_CM = 0.5, 20.0
+"""Ways over two steps that show a direction, and how much of them says anything."""
+CONTRADICTS, EXPLAINS, BETTER = 0.3, 0.9, 0.1
+"""Agreement below which a heading is doubted; and another reading of it is believed that agrees so well, and
+so much better. Of 132 tracks, simulated and filmed on the twin, the lowest agreement is 0.45 (a robot that
+slid along walls), and no other reading that agrees so well was better at all."""
+READINGS: dict[str, Callable[[Floats], Floats]] = {
+    "is it in radians? Convert it to degrees": np.degrees,
+    "does y run downwards, or heading_deg clockwise? Turn the sign of one of them": np.negative,
+    "is heading_deg 0 where the robot looks along y? Subtract it from 90": lambda h: np.pi / 2 - h,
+    "is heading_deg that of the axle? Turn it by 90": lambda h: h + np.pi / 2,
+}
+"""Mistakes by their cure, and the heading (rad) as it should have been read."""
 
 
 def read_trials(path: str | Path) -> list[Trial]:
@@ -82,6 +101,31 @@ def doubts_of(trials: Iterable[Trial]) -> list[str]:
     return list(dict.fromkeys(trial.doubt for trial in trials if trial.doubt))
 
 
+def agreement(trials: Sequence[Trial]) -> tuple[float, float, str]:
+    """How well headings agree with ways: 1 along them, −1 across.
+
+    Returns:
+        The agreement as it stands; that of the best other reading of the heading; and its cure.
+    """
+    as_is, way = _agreement(trials, np.asarray)
+    if way < ENOUGH_CM:
+        return 1.0, 0.0, ""
+    cure, best = max(
+        ((cure, _agreement(trials, other)[0]) for cure, other in READINGS.items()), key=lambda pair: pair[1]
+    )
+    return as_is, best, cure
+
+
+def doubt_of_disk(trial: Trial) -> tuple[str, ...]:
+    """What to ask where a tracker's own heading contradicts the way that it saw."""
+    if agreement([trial])[0] >= CONTRADICTS:
+        return ()
+    return (
+        f"{trial.source}: heading_deg contradicts the way from row to row: does the disk sit turned on the "
+        "robot, or was the camera calibrated with other headings?",
+    )
+
+
 def _read_in(place: Path, file: Path) -> list[Trial]:
     """A file's trials, named after where in a folder it is."""
     own = (file.parent / TRANSFER).exists()
@@ -116,11 +160,11 @@ def _is_track(path: Path) -> bool:
 
 def _read_file(path: Path, *, start: str, unit: str) -> list[Trial]:
     if path.suffix.lower() == ".json":
-        return with_doubts([_from_json(path, start, unit)])
+        return _with_doubts([_from_json(path, start, unit)])
     tracks = read_tracks(path, start=start, unit=unit)
     if not tracks:
         raise TrackError(f"{path}: expected rows below its first line, got none. Film again.")
-    return with_doubts([
+    return _with_doubts([
         resampled(track, start=start, unit=unit, source=str(path)) for (start, unit), track in tracks.items()
     ])  # fmt: skip
 
@@ -153,3 +197,31 @@ def _head(path: Path) -> list[str]:
         return [cell.strip() for cell in re.split("[,;\t]", head) if head]
     except (OSError, UnicodeDecodeError, csv.Error):
         return []
+
+
+def _with_doubts(trials: Sequence[Trial]) -> list[Trial]:
+    """The trials of one file, with a word about a heading that seems wrong.
+
+    Raises:
+        TrackError: the heading contradicts the way, and another reading of it does not.
+    """
+    as_is, best, cure = agreement(trials)
+    told = f"{trials[0].source}: heading_deg contradicts the way from row to row"
+    if best > EXPLAINS and best > as_is + BETTER:
+        raise TrackError(f"{told}: {cure}.")
+    if as_is >= CONTRADICTS:
+        return list(trials)
+    return [replace(trial, doubt=f"{told}: is it the robot's, in degrees?") for trial in trials]
+
+
+def _agreement(trials: Sequence[Trial], read: Callable[[Floats], Floats]) -> tuple[float, float]:
+    """Mean cosine of twice the angle between heading and way, weighted by the way; and the way, cm."""
+    total = way = 0.0
+    for trial in trials:
+        dx, dy = trial.x[2:] - trial.x[:-2], trial.y[2:] - trial.y[:-2]
+        length = np.hypot(dx, dy)
+        apart = np.arctan2(dy, dx) - read(trial.heading[1:-1])
+        seen = length > MOVES_CM
+        total += float((length * np.cos(2.0 * apart))[seen].sum())
+        way += float(length[seen].sum())
+    return total / max(way, 1e-9), way / 2.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from importlib.resources import files
 
 import numpy as np
@@ -64,10 +64,6 @@ class Scale:
         """
         behaviour, layout = (self.part(name, distances[name]) for name in ("behaviour", "layout"))
         return PARTS["behaviour"] * behaviour + PARTS["layout"] * min(behaviour, layout)
-
-    def to_dict(self) -> dict[str, float | str]:
-        """Ready for JSON."""
-        return asdict(self)
 
 
 def scale_of(

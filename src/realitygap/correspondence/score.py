@@ -1,23 +1,27 @@
-"""How alike two sets of trials are: the correspondence score, and what is said beside it."""
+"""The two scores: how alike two sets of trials are, with what is said beside it; and how good they are."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from realitygap.correspondence.distances import Distances, matched_starts
 from realitygap.correspondence.scale import PARTS, Scale, scale_of
 from realitygap.correspondence.setting import Setting
 from realitygap.correspondence.statistics import parting_s, resampled_weights, transferability, two_sample_p
-from realitygap.correspondence.trials import SHORTEST_S, Trial, require_trials
+from realitygap.correspondence.trials import SHORTEST_S, STEP_S, Trial, require_trials
 from realitygap.correspondence.words import differences, signed
-from realitygap.errors import TrackError
+from realitygap.errors import TrackError, UsageError
+from realitygap.tasks.task import Task
 from realitygap.text import must_be
+from realitygap.world.profile import Profile
 
-__all__ = ["Comparison", "comparable", "compare"]
+__all__ = ["Comparison", "behaviour_score", "comparable", "compare", "ends_of"]
 
 NEARLY = 0.9
 """Rates of rows are as good as one from this share on."""
@@ -58,15 +62,14 @@ class Comparison:
     transferability: float | None
     p: float
     distances: dict[str, float]
-    scale: Scale
     setting: str
     trials: tuple[int, int]
     notes: tuple[str, ...]
+    scale: Scale
 
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON."""
-        kept = {key: getattr(self, key) for key in self.__dataclass_fields__ if key != "scale"}
-        return {**kept, "scale": self.scale.to_dict()}
+        return asdict(self)
 
 
 def compare(
@@ -182,3 +185,45 @@ def _median(times: Sequence[float | None]) -> float | None:
         return None
     middle = float(np.median([np.inf if t is None else t for t in times]))
     return round(middle, 2) if np.isfinite(middle) else None
+
+
+def behaviour_score(scores: Sequence[float] | NDArray[np.float64], ends: tuple[float, float]) -> float:
+    """How near to the best that can be done, 0 to 10: the mean share of the way from worst to best.
+
+    The paper's judges marked "how close they came to the ideal strategy", "on the grounds of how robust
+    and optimal they proved to be in simulation after repeated testing" (§6, §7.1).
+
+    Each trial counts for itself and within the ends, so that a robot that often fails cannot make up
+    for it by luck.
+
+    Args:
+        scores: of many trials, at the noise that the controller was evolved with.
+        ends: the score of doing nothing, and of the ideal (`ends_of`).
+    """
+    values = np.asarray(scores, np.float64).ravel()
+    low, high = ends
+    if len(values) == 0 or not np.isfinite(values).all() or not low < high:
+        raise UsageError("behaviour score: expected finite trial scores, and ends that grow.")
+    return 10 * float(np.clip((values - low) / (high - low), 0, 1).mean())
+
+
+def ends_of(task: Task, profile: Profile) -> tuple[float, float]:
+    """The scores of a robot that stands and of an ideal one, for a task with the paper's scores.
+
+    The ideal drives at top speed all the time: straight to the lamp and stays there (light), or
+    straight for ever (obstacles; no arena allows it, so that nobody reaches 10).
+
+    Raises:
+        UsageError: another task; give its ends yourself.
+    """
+    room, n = task.room(profile), task.steps
+    if task.name == "obstacle-avoidance":
+        return 0.0, 1.0
+    if task.name != "light-seeking":
+        raise UsageError(
+            f"behaviour score: the ideal of task {task.name!r} is not known; expected its ends, the score "
+            "of a robot that stands and of an ideal one."
+        )
+    away = min(math.hypot(x - task.start.x_cm, y - task.start.y_cm) for x, y in room.lamps)
+    far = np.maximum(room.radius, away - room.top_speed * STEP_S * np.arange(1, n + 1))
+    return 1 / (n * away**2), float(1 / (far**2).sum())

@@ -9,18 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.correspondence.distances import Distances
-from realitygap.correspondence.trials import STEP_S, Trial
+from realitygap.correspondence.trials import RADIUS_CM, STEP_S, Trial
 from realitygap.errors import UsageError
 
 __all__ = [
-    "PART_CM", "Correlation", "correlation", "parting_s", "ranks", "resampled_weights", "transferability",
+    "Correlation", "correlation", "parting_s", "ranks", "resampled_weights", "transferability",
     "two_sample_p",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
 
-PART_CM = 2.9
-"""Two robots have parted when their centres are a body's radius apart."""
 NEIGHBOURS = 3
 
 
@@ -83,11 +81,11 @@ def two_sample_p(distances: Distances, *, permutations: int = 199, seed: int = 0
 
 
 def parting_s(a: Sequence[Trial], b: Sequence[Trial]) -> list[float | None]:
-    """When each pair of trials of one start has parted, s; None: never while both lasted."""
+    """When each pair of trials of one start was a body's radius apart, s; None: never while both lasted."""
     found: list[float | None] = []
     for one, other in _pairs(a, b):
         n = min(len(one), len(other))
-        apart = np.hypot(one.x[:n] - other.x[:n], one.y[:n] - other.y[:n]) > PART_CM
+        apart = np.hypot(one.x[:n] - other.x[:n], one.y[:n] - other.y[:n]) > RADIUS_CM
         found.append(float(apart.argmax()) * STEP_S if apart.any() else None)
     return found
 

@@ -9,15 +9,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.correspondence.surroundings import RADIUS_CM
 from realitygap.errors import TrackError
 from realitygap.text import must_be
 from realitygap.track import Track, Trajectory
 
-__all__ = ["LONGEST_GAP_S", "RATE_HZ", "SHORTEST_S", "STEP_S", "Trial", "resampled", "trial_of"]
+__all__ = ["RADIUS_CM", "SHORTEST_S", "STEP_S", "Trial", "require_trials", "resampled", "trial_of"]
 
 Floats = NDArray[np.float64]
 
+RADIUS_CM = 2.9
+"""A Khepera's body (§3.1), as the scale's exemplars have it."""
 RATE_HZ = 10.0
 """Every track is brought to the simulation's own rate."""
 STEP_S = 1.0 / RATE_HZ

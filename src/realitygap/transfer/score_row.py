@@ -164,7 +164,7 @@ class Job:
 
     def _behaviour(self) -> float | None:
         """From the run's fresh trials at its own noise, for the paper's own tasks."""
-        from realitygap.correspondence.behaviour import behaviour_score, ends_of
+        from realitygap.correspondence.score import behaviour_score, ends_of
 
         scores = self.run.tests.get((self.individual, self.run.noise))
         if scores is None or self.bench.task.source is not None:

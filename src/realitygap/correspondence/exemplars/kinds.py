@@ -13,7 +13,7 @@ that they are tried on.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +21,14 @@ from numpy.typing import NDArray
 from realitygap.correspondence.exemplars.avoiders import AVOIDERS, Draw, Rule, turning
 from realitygap.correspondence.exemplars.seekers import SEEKERS
 from realitygap.correspondence.trials import Trial
+from realitygap.kernels.rng import substream
 from realitygap.simulation.body import SimulatedBody
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
 from realitygap.values import Command, Pose, Readings
 from realitygap.world.profile import Profile, load_profile
 
-__all__ = ["KINDS", "NOBODIES", "Ruled", "another_unit", "exemplar", "kinds_of", "live", "shows"]
+__all__ = ["KINDS", "Behaviour", "Ruled", "exemplar", "kinds_of", "live", "shows"]
 
 KINDS = {"obstacle-avoidance": AVOIDERS, "light-seeking": SEEKERS}
 """The paper's kinds of behaviour, by task (tables 1 and 2)."""
@@ -36,6 +37,15 @@ DRAWS = 50
 EVIDENCE_STEPS = 5
 """Half a second of commands."""
 
+DONE: dict[str, Callable[[float, float], bool]] = {
+    "forward": lambda left, right: left + right > 0,
+    "back": lambda left, right: left + right < 0,
+    "straight": lambda left, right: left == right > 0,
+    "turn": lambda left, right: left != right,
+    "left": lambda left, right: right > left,
+    "right": lambda left, right: left > right,
+}
+"""What a step's commands do, by name."""
 EVIDENCE: dict[str, dict[str, tuple[str, ...]]] = {
     "obstacle-avoidance": {
         "one way turner": ("straight", "turn"),
@@ -196,21 +206,42 @@ def exemplar(task: str, kind: str, seed: int, noise: float, *, marked: bool = Tr
     )  # fails a maker's check, not a user's
 
 
+@dataclass(frozen=True, kw_only=True)
+class Behaviour:
+    """One hand-written robot: a task, a kind and the seed of its numbers."""
+
+    task: str
+    kind: str
+    seed: int = 0
+
+    def trials(
+        self, count: int = 12, *, profile: Profile | None = None, noise: float = 1.0, again: int = 0,
+        starts: int = 0,
+    ) -> list[Trial]:  # fmt: skip
+        """Its trials from `count` starts, always the same ones for one number `starts`.
+
+        Args:
+            count: how many starts.
+            profile: the robot, by default the paper's.
+            noise: the simulation's.
+            again: another number, other noise.
+            starts: another number, other starts.
+        """
+        task = load_task(self.task)
+        simulation = Simulation(task, profile or load_profile("paper"), noise)
+        controller = Ruled(kinds_of(self.task)[self.kind], self.seed, task.feeds)
+        noises = np.uint64(substream(np.uint64(again), self.seed))
+        made = []
+        for k in range(count):
+            pose = simulation.start(int(substream(np.uint64(1000 + starts), k)))
+            stream = int(substream(noises, k))
+            made.append(live(simulation, controller, stream=stream, pose=pose, start=str(k + 1)))
+        return made
+
+
 def shows(task: str, kind: str, commands: Sequence[Command]) -> bool:
     """Whether a trial's commands hold all that makes its kind."""
-    wheels = np.array([(c.left, c.right) for c in commands], np.float64).reshape(-1, 2)
-    done = _done(wheels[:, 0], wheels[:, 1])
-    return all(int(done[thing].sum()) >= EVIDENCE_STEPS for thing in EVIDENCE[task].get(kind, ()))
-
-
-def _done(left: NDArray[np.float64], right: NDArray[np.float64]) -> dict[str, NDArray[np.bool_]]:
-    """Which steps do what, by name, [n] each."""
-    ahead = left + right
-    return {
-        "forward": ahead > 0,
-        "back": ahead < 0,
-        "straight": (left == right) & (ahead > 0),
-        "turn": left != right,
-        "left": right > left,
-        "right": left > right,
-    }
+    wheels = [(c.left, c.right) for c in commands]
+    return all(
+        sum(DONE[thing](*pair) for pair in wheels) >= EVIDENCE_STEPS for thing in EVIDENCE[task].get(kind, ())
+    )

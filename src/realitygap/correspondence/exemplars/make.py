@@ -17,8 +17,7 @@ import numpy as np
 
 from realitygap.correspondence.descriptors import chosen, table
 from realitygap.correspondence.distances import Distances
-from realitygap.correspondence.exemplars.kinds import KINDS, exemplar, kinds_of
-from realitygap.correspondence.exemplars.ladders import Behaviour
+from realitygap.correspondence.exemplars.kinds import KINDS, Behaviour, exemplar, kinds_of
 from realitygap.correspondence.scale import PARTS
 from realitygap.correspondence.trials import Trial
 from realitygap.tasks.load import load_task
@@ -32,6 +31,8 @@ FIRST_SEED = 100_000
 LEVELS = (0.0, 1.0, 2.0)
 ROBOTS, STARTS = 8, 12
 """Of each kind, for the scales."""
+LIVES = ((1, 9), (2, 9), (4, 9), (3, 10))
+"""A robot's trials, again, once more, and from other starts: numbers of noise and of starts."""
 FLOOR, CEILING = 0.99, 0.05
 """Quantiles: what the same robot again hardly exceeds; what hardly any other behaviour undercuts.
 Of layout's other behaviours the middle: many fill an arena alike."""
@@ -67,7 +68,7 @@ def scales() -> dict[str, dict[str, dict[str, float]]]:
     for task, kinds in KINDS.items():
         seeds = range(FIRST_SEED, FIRST_SEED + ROBOTS)
         robots = [Behaviour(task=task, kind=kind, seed=seed) for kind in kinds for seed in seeds]
-        lives = {robot: _lives(robot) for robot in robots}
+        lives = {r: [r.trials(STARTS, again=j, starts=s) for j, s in LIVES] for r in robots}
         measured[task] = _measured(lives, load_task(task).arena)
         measured[f"motion, {task}"] = _measured(lives, None)
     both = {
@@ -87,11 +88,6 @@ class Measured(NamedTuple):
     """The same robot from other starts."""
     other: list[list[float]]
     """Two robots of different kinds."""
-
-
-def _lives(robot: Behaviour) -> list[list[Trial]]:
-    """A robot's trials, again, once more, and from other starts."""
-    return [robot.trials(STARTS, again=j, starts=s) for j, s in ((1, 9), (2, 9), (4, 9), (3, 10))]
 
 
 def _measured(lives: dict[Behaviour, list[list[Trial]]], arena: Arena | None) -> Measured:

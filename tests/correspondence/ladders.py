@@ -1,18 +1,22 @@
-"""What shows that a score is right: known differences, and what it makes of them.
+"""Known differences, to try a score on: one robot against itself with one thing made worse, by steps.
 
-Nothing here sets anything: it is run by the tests and by the command that draws the figures of
-docs/correspondence.md.
+Infrared gain 1 → 0.15 makes a robot less responsive, and so does light gain where a controller waits for
+a certain light; noise × 1 → × 8 makes it noisier. Controllers that only compare two sides do not heed a
+light gain. Steering does for all light seekers what the gain does for these: of the turn that it means
+to make, the robot makes 1 → 0.15.
+
+Nothing here sets anything: it serves the tests and docs/figures/correspondence.py.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from realitygap.correspondence.exemplars.ladders import GAINS, NOISES, Behaviour
+from realitygap.correspondence.exemplars.kinds import KINDS, Behaviour
 from realitygap.correspondence.names import NONE, namer
 from realitygap.correspondence.scale import exemplar_scale
 from realitygap.correspondence.score import Comparison, compare
@@ -21,10 +25,26 @@ from realitygap.correspondence.statistics import correlation
 from realitygap.correspondence.trials import Trial
 from realitygap.correspondence.words import ANOTHER, PAPER_SCORES
 from realitygap.tasks.load import load_task
-
-__all__ = ["Ladder", "against", "climb", "held_out", "order_of_phrases", "phrase_scores"]
+from realitygap.world.profile import Profile, load_profile
 
 STARTS = 12
+GAINS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15)
+NOISES = (1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 8.0)
+"""Factors on the observed noise."""
+COMPARERS = ("two way turner", "bobber")
+"""Light seekers that compare two sides: their gain is no ladder."""
+
+
+def behaviours(seed: int = 0) -> list[Behaviour]:
+    """One robot of each of the paper's kinds, by task."""
+    return [Behaviour(task=task, kind=kind, seed=seed) for task, kinds in KINDS.items() for kind in kinds]
+
+
+def ladders_of(behaviour: Behaviour) -> tuple[str, ...]:
+    """What a behaviour's ladders are made of: "noise", and "gain" and "steering" where it heeds them."""
+    if behaviour.task == "obstacle-avoidance":
+        return ("gain", "noise")
+    return ("steering", "noise") if behaviour.kind in COMPARERS else ("gain", "steering", "noise")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,12 +80,27 @@ def climb(behaviour: Behaviour, what: str, *, starts: int = STARTS) -> Ladder:
     ours = behaviour.trials(starts)
     rungs = []
     for step in steps:
-        worse = {"noise": 1.0, "gain": 1.0, "steering": 1.0, what: step}
-        theirs = behaviour.trials(
-            starts, again=5, noise=worse["noise"], gain=worse["gain"], steering=worse["steering"]
-        )
+        profile = WORSE[what](load_profile("paper"), step) if what in WORSE else None
+        noise = step if what == "noise" else 1.0
+        theirs = behaviour.trials(starts, profile=profile, again=5, noise=noise)
         rungs.append(against(behaviour, ours, theirs))
     return Ladder(behaviour=behaviour, what=what, steps=steps, rungs=tuple(rungs))
+
+
+def with_steering(profile: Profile, share: float) -> Profile:
+    """The robot with a wider track, so that it makes a `share` of the turn that its wheels mean."""
+    return replace(profile, wheels=replace(profile.wheels, track_cm=profile.wheels.track_cm / share))
+
+
+def with_gain(profile: Profile, gain: float) -> Profile:
+    """The robot with all infrared and light sensors' gains changed."""
+    infrared, ambient = profile.infrared, profile.ambient
+    near = tuple(replace(s, a=s.a * gain, b=s.b * gain) for s in infrared.sensors)
+    lit = tuple(replace(s, gain=s.gain * gain) for s in ambient.sensors)
+    return replace(profile, infrared=replace(infrared, sensors=near), ambient=replace(ambient, sensors=lit))
+
+
+WORSE = {"gain": with_gain, "steering": with_steering}
 
 
 def against(behaviour: Behaviour, a: Sequence[Trial], b: Sequence[Trial]) -> Comparison:
@@ -98,8 +133,6 @@ def order_of_phrases(said: dict[str, tuple[float, int]], *, least: int = 3) -> f
 
 def held_out(task: str, trials: dict[str, Sequence[Trial]]) -> dict[str, float]:
     """Share of trials of each kind that get their kind's name (a kind of nobody: "none of these")."""
-    from realitygap.correspondence.exemplars.kinds import KINDS
-
     setting = setting_for(task)
     names = namer(setting)
     return {
