@@ -136,8 +136,8 @@ def test_a_robot_may_wear_a_disk_of_its_own(study, robot, camera, arena, tmp_pat
 
     Its patches are the shipped disk's, exchanged: a tracker of that one would see the robot look back.
     """
-    heights, (body, disk, middle, front), colours = drawing.LOOKS
-    monkeypatch.setattr(drawing, "LOOKS", (heights, (body, disk, front, middle), colours))
+    heights, (body, disk, middle, front), colours = drawing.LOOK
+    monkeypatch.setattr(drawing, "LOOK", drawing.Look(heights, (body, disk, front, middle), colours))
     video, mine = seen_from_above(tmp_path / "eye.mp4", arena), tmp_path / "mine.toml"
     mine.write_text("centre_radius_cm = 0.45\nfront_radius_cm = 0.7\n")
     port, carry = robot

@@ -18,7 +18,7 @@ from realitygap.twin.body import TwinBody
 from realitygap.twin.camera import OverheadCamera
 from realitygap.twin.drawing import DISK_HEIGHT, FRONT_AHEAD, FRONT_RADIUS, MIDDLE_RADIUS
 from realitygap.twin.lens import HEIGHT, WIDTH, hang_camera
-from realitygap.twin.states import States
+from realitygap.twin.states import States, heading_of
 from realitygap.twin.unit import draw_unit
 
 ARENAS = {name: load_arena(name) for name in ("obstacle-avoidance", "light-seeking")}
@@ -139,8 +139,8 @@ def test_states_from_a_file(tmp_path: Path) -> None:
     path.write_text("t_s,x_cm,y_cm,heading_deg,led_0\n0.020,10,20,90,0\n0.040,11,21,-170,1\n")
     states = States.from_file(path)
     assert states.time_ms.tolist() == [20, 40]
-    assert states.x_cm == pytest.approx([10, 11])
-    assert np.degrees(states.heading) == pytest.approx([90, -170])
+    assert states.pose[:, 0] * 100 == pytest.approx([10, 11])
+    assert np.degrees(heading_of(states.pose)) == pytest.approx([90, -170])
     path.write_text("t_s,x_cm,y_cm,heading_deg\n0,1,2,3\n0,1,oops,3\n")
     with pytest.raises(ConfigError, match="line 3"):
         States.from_file(path)

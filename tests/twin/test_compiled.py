@@ -36,7 +36,7 @@ def lived(body: TwinBody, milliseconds: int) -> Numbers:
         order(body)
         for part in (1, milliseconds, 3):
             body.advance(part)
-            asked = body.pulses(), body.speeds(), body.errors(), body.on_target()
+            asked = body.pulses(), body.speeds(), body.on_target()
             known.append((body.time_ms, *asked, body.proximity(), body.ambient(), body.truth()))
     states = body.states()
     return [*known, (states.time_ms.tobytes(), states.pose.tobytes())]
@@ -53,7 +53,7 @@ def test_answers_are_whole_numbers() -> None:
     body = TwinBody(CROWDED, unit=1)
     body.set_speed(5, 5)
     body.advance(30)
-    for number in (*body.pulses(), *body.speeds(), *body.errors()):
+    for number in (*body.pulses(), *body.speeds()):
         assert type(number) is int
 
 

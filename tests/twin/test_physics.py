@@ -10,6 +10,7 @@ import pytest
 from realitygap.errors import ConfigError
 from realitygap.twin import model
 from realitygap.twin.body import TwinBody
+from realitygap.twin.states import heading_of
 from tests.twin.rooms import CROWDED, OPEN
 
 PULSES_PER_CM = 120
@@ -188,4 +189,5 @@ def test_states_for_the_camera() -> None:
     body.advance(500)
     states = body.states()
     assert np.array_equal(states.time_ms, np.r_[0, np.arange(10, 501, 10)])
-    assert (states.x_cm[-1], states.y_cm[-1], states.heading[-1]) == pytest.approx(body.truth())
+    x, y, heading = *(states.pose[-1, :2] * 100.0), heading_of(states.pose[-1])
+    assert (x, y, heading) == pytest.approx(body.truth())

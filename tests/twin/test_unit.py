@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ POPULATION = [draw_unit(k) for k in range(300)]
 def test_a_number_is_a_robot() -> None:
     """The same number is the same robot; another number another, in every constant."""
     assert draw_unit(7) == draw_unit(7)
-    first, second = draw_unit(7).to_dict(), draw_unit(8).to_dict()
+    first, second = asdict(draw_unit(7)), asdict(draw_unit(8))
     assert all(first[key] != second[key] for key in first)
     json.dumps(first)
 

@@ -59,18 +59,26 @@ def drive(
     recorder = Recorder() if recorder is None else recorder
     with Stopping(NUMBERS if clock.waits else MOVING) as stopping, _closing(body, recorder, stopping):
         controller.reset()
-        start = due = clock.now()
-        for _ in range(steps):
-            clock.sleep_until(due)
-            now = clock.now()
-            readings = body.sense()
-            fed = inputs(readings)
-            command = controller.decide(fed)
-            body.act(command)
-            recorder.add(Step(now - start, max(0.0, now - due), readings, fed, command, odometry_of(body)))
-            due += period if now - due <= period else period + (now - due)
-        clock.sleep_until(due)
+        for step in _steps(body, controller, clock, inputs, steps):
+            recorder.add(step)
     return recorder.recording()
+
+
+def _steps(
+    body: Body, controller: Controller, clock: Clock, inputs: Callable[[Readings], list[int]], steps: int
+) -> Iterator[Step]:
+    period = body.period_s
+    start = due = clock.now()
+    for _ in range(steps):
+        clock.sleep_until(due)
+        now = clock.now()
+        readings = body.sense()
+        fed = inputs(readings)
+        command = controller.decide(fed)
+        body.act(command)
+        yield Step(now - start, max(0.0, now - due), readings, fed, command, odometry_of(body))
+        due += period if now - due <= period else period + (now - due)
+    clock.sleep_until(due)
 
 
 @contextmanager
@@ -84,15 +92,10 @@ def _closing(body: Body, recorder: Recorder, stopping: Stopping) -> Iterator[Non
         raise
     finally:
         with stopping.held():
-            _finish(body, recorder, ended)
-
-
-def _finish(body: Body, recorder: Recorder, ended: str) -> None:
-    """Stop; then close the recording, whether the robot confirmed or not."""
-    try:
-        body.stop()
-    except BaseException as error:
-        ended = f"{ended}; {type(error).__name__}: {error}"
-        raise
-    finally:
-        recorder.finish(ended)
+            try:
+                body.stop()
+            except BaseException as error:
+                ended = f"{ended}; {type(error).__name__}: {error}"
+                raise
+            finally:  # whether the robot confirmed or not
+                recorder.finish(ended)

@@ -37,6 +37,8 @@ LARGEST = 1e12
 """No number of a drive goes further."""
 _GROUPS = ("proximity", "ambient", "input")
 _PAIRS = ("command", "counter", "speed")
+ALWAYS = ["t_s", "late_s", *(f"{name}_{side}" for name in _PAIRS for side in ("left", "right"))]
+"""The columns that every recording has."""
 
 
 class Step(NamedTuple):
@@ -68,7 +70,7 @@ class Step(NamedTuple):
         """Names of the columns: units in the names, where there are any."""
         counts = (len(self.readings.proximity), len(self.readings.ambient), len(self.inputs))
         groups = [f"{name}_{i}" for name, n in zip(_GROUPS, counts, strict=True) for i in range(n)]
-        return ["t_s", "late_s", *groups, *_pair_columns()]
+        return [*ALWAYS[:2], *groups, *ALWAYS[2:]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,22 +106,18 @@ class Recording:
         """From a file's columns."""
         table = np.array(rows, np.float64).reshape(len(rows), len(columns))
         names = np.array([name.rsplit("_", 1)[0] for name in columns], str)
-
-        def pick(name: str) -> NDArray[np.float64]:
-            return np.ascontiguousarray(table[:, names == name])
-
-        def pair(name: str) -> NDArray[np.float64]:
-            return pick(name).reshape(len(rows), 2)
-
+        found = {
+            name: np.ascontiguousarray(table[:, names == name]) for name in ("t", "late", *_GROUPS, *_PAIRS)
+        }
         return cls(
-            t=pick("t").reshape(len(rows)),
-            late=pick("late").reshape(len(rows)),
-            proximity=pick("proximity"),
-            ambient=pick("ambient"),
-            inputs=pick("input").astype(np.int64),
-            commands=pair("command").astype(np.int64),
-            counters=pair("counter"),
-            speeds=pair("speed"),
+            t=found["t"].reshape(len(rows)),
+            late=found["late"].reshape(len(rows)),
+            proximity=found["proximity"],
+            ambient=found["ambient"],
+            inputs=found["input"].astype(np.int64),
+            commands=found["command"].reshape(len(rows), 2).astype(np.int64),
+            counters=found["counter"].reshape(len(rows), 2),
+            speeds=found["speed"].reshape(len(rows), 2),
             ended=ended,
             facts=facts,
         )
@@ -138,10 +136,9 @@ class Recording:
         ended = str(facts.pop("end", {}).get("ended", KILLED))
         text = read_text(steps_file, UsageError, "It holds the steps.") if steps_file.is_file() else ""
         lines = text[: text.rfind("\n") + 1].splitlines()
-        always = ["t_s", "late_s", *_pair_columns()]
-        columns = next(csv.reader(lines[:1]), always)
-        if [columns.count(name) for name in always] != [1] * len(always):
-            raise UsageError(f"{steps_file}, line 1: expected columns {', '.join(always)} and others")
+        columns = next(csv.reader(lines[:1]), ALWAYS)
+        if [columns.count(name) for name in ALWAYS] != [1] * len(ALWAYS):
+            raise UsageError(f"{steps_file}, line 1: expected columns {', '.join(ALWAYS)} and others")
         rows = [_row(line, columns, f"{steps_file}, line {k}") for k, line in enumerate(lines[1:], 2)]
         return cls.from_rows(columns, rows, ended=ended, facts=facts)
 
@@ -157,7 +154,7 @@ class Recorder:
         self.facts = dict(facts or {})
         self.folder = Path(folder) if folder is not None else None
         self.ended = KILLED
-        self._columns: list[str] = ["t_s", "late_s", *_pair_columns()]
+        self._columns = ALWAYS
         self._rows: list[list[float]] = []
         self._file: IO[str] | None = None
         if self.folder is not None:
@@ -200,10 +197,6 @@ class Recorder:
             with whole.named(self._file.name):
                 self._file.write(",".join(words) + "\n")
                 self._file.flush()
-
-
-def _pair_columns() -> list[str]:
-    return [f"{name}_{side}" for name in _PAIRS for side in ("left", "right")]
 
 
 def _row(line: str, columns: Sequence[str], where: str) -> list[float]:

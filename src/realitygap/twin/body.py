@@ -183,10 +183,6 @@ class TwinBody:
         """Whether each wheel has what it was asked for."""
         return self._wheels[0].on_target, self._wheels[1].on_target
 
-    def errors(self) -> tuple[int, int]:
-        """What is missing to the wanted speed or place."""
-        return self._wheels[0].error, self._wheels[1].error
-
     # sensors
 
     def _seen(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

@@ -17,7 +17,7 @@ from realitygap.twin.arena import WALL_HALF
 from realitygap.twin.arithmetic import cos_sin, hypot
 from realitygap.twin.lens import HEIGHT, WIDTH, Lens
 from realitygap.twin.model import BODY_RADIUS, BODY_TOP, WALL_HEIGHT
-from realitygap.twin.painting import paint_robot
+from realitygap.twin.painting import Look, Still, paint_robot
 
 __all__ = [
     "DISK_HEIGHT", "DISK_RADIUS", "FRONT_AHEAD", "FRONT_RADIUS", "MIDDLE_RADIUS", "WHOLE",
@@ -45,12 +45,11 @@ WHITE = np.array([243, 243, 241], np.float32)
 LAYERS = 5
 SIDES = [0.003 + (BODY_TOP - 0.003) * layer / (LAYERS - 1) for layer in range(LAYERS)]
 """Heights at which the body's side is drawn (m), as far as the camera sees it."""
-LOOKS = (
+LOOK = Look(
     np.array([*SIDES, DISK_HEIGHT], np.float32),
     (BODY_RADIUS, DISK_RADIUS, MIDDLE_RADIUS, FRONT_RADIUS),
     np.array([BODY, BLACK, WHITE, WHITE]),
 )
-"""The robot: the heights of its sides and of its disk, radii, colours; the body first, then the marks."""
 SPREAD, EDGE = 1.05, 2
 """The robot's box in the picture: its radius over the middle of the floor, with this factor for what is
 higher or nearer and so many pixels more."""
@@ -116,14 +115,14 @@ class Drawing:
             picture[hypot(x - cx, y - cy) < 0.008] = LAMP
         return picture
 
-    def _about(self, x: float, y: float, window: Window) -> list[tuple[int, int]]:
+    def _about(self, x: float, y: float, window: Window) -> tuple[tuple[int, int], ...]:
         """Rows and columns (first, end) of a window in which the robot may be seen."""
         ends = self._lens.pixels(np.array([(x, y, SIDES[0]), (x, y, DISK_HEIGHT)]))
         reach = math.ceil(SPREAD * self._samples / SUB * BODY_RADIUS) + EDGE
         first = (np.rint(ends.min(axis=0)).astype(int) - reach).tolist()
         end = (np.rint(ends.max(axis=0)).astype(int) + reach).tolist()
         sides = zip(window, reversed(first), reversed(end), strict=True)
-        return [(max(side.start, low), min(side.stop, high)) for side, low, high in sides]
+        return tuple((max(side.start, low), min(side.stop, high)) for side, low, high in sides)
 
     def frame(self, x: float, y: float, heading: float, window: Window = WHOLE) -> Array:
         """The picture with the robot at x, y (m): grey levels as floats, without the camera's noise.
@@ -134,8 +133,7 @@ class Drawing:
         picture = self.background[window].copy()
         c, s = cos_sin(heading)
         ahead = x + FRONT_AHEAD * float(c), y + FRONT_AHEAD * float(s)
-        rows, columns = self._about(x, y, window)
         corner = window[0].start, window[1].start
-        still = self._floor, self._slope, self._fine, self._over
-        paint_robot(picture, corner, rows, columns, still, (x, y), ahead, SUB, self._samples, *LOOKS)
+        still = Still(self._floor, self._slope, self._fine, self._over, SUB, self._samples)
+        paint_robot(picture, corner, self._about(x, y, window), still, (x, y, *ahead), LOOK)
         return picture

@@ -152,11 +152,6 @@ class Firmware:
         """When something happens next, ns."""
         return min(self._arrives(), self.next_out())
 
-    def place(self, x_cm: float, y_cm: float, heading: float) -> None:
-        """The experimenter's hand puts the robot down."""
-        self.catch_up()
-        self.body.place(x_cm, y_cm, heading)
-
     def _arrives(self) -> int:
         return self._inbox[0].at if self._inbox else NEVER
 
@@ -194,13 +189,8 @@ class Firmware:
 
     def _drive(self, mode: int, asked: Request, order: Callable[[int, int], None]) -> tuple[int, ...]:
         left, right = asked.arguments
-        order(left, right)
         self._mode, self._target = mode, (left, right)
-        return ()
-
-    def _set(self, asked: Request, order: Callable[..., None]) -> tuple[int, ...]:
-        order(*asked.arguments)
-        return ()
+        return _set(order, asked)
 
     def _led(self, number: int, action: int) -> tuple[int, ...]:
         leds = list(self.body.leds)
@@ -208,26 +198,32 @@ class Firmware:
         self.body.leds = leds
         return ()
 
-    def _turret(self, asked: Request) -> tuple[int, ...]:
-        """No turret is mounted: what the robot says then no source tells; we let it refuse."""
-        raise RefusedError(PROTOCOL_ERROR)
+
+def _set(order: Callable[..., None], asked: Request) -> tuple[int, ...]:
+    order(*asked.arguments)
+    return ()
+
+
+def _refuse(firmware: Firmware, asked: Request) -> tuple[int, ...]:
+    """No turret is mounted: what the robot says then no source tells; we let it refuse."""
+    raise RefusedError(PROTOCOL_ERROR)
 
 
 _ACTIONS: dict[str, Callable[[Firmware, Request], tuple[object, ...]]] = {
-    "A": lambda f, asked: f._set(asked, f.body.set_speed_gains),
+    "A": lambda f, asked: _set(f.body.set_speed_gains, asked),
     "B": lambda f, asked: (BIOS, PROTOCOL),
     "C": lambda f, asked: f._drive(POSITION, asked, f.body.set_position),
     "D": lambda f, asked: f._drive(SPEED, asked, f.body.set_speed),
     "E": lambda f, asked: f.body.speeds(),
-    "F": lambda f, asked: f._set(asked, f.body.set_position_gains),
-    "G": lambda f, asked: f._set(asked, f.body.set_pulses),
+    "F": lambda f, asked: _set(f.body.set_position_gains, asked),
+    "G": lambda f, asked: _set(f.body.set_pulses, asked),
     "H": lambda f, asked: f.body.pulses(),
     "I": lambda f, asked: (f.body.analog(asked.arguments[0]),),
-    "J": lambda f, asked: f._set(asked, f.body.set_profile),
+    "J": lambda f, asked: _set(f.body.set_profile, asked),
     "K": lambda f, asked: f._motion(),
     "L": lambda f, asked: f._led(*asked.arguments),
     "N": lambda f, asked: tuple(f.body.proximity()),
     "O": lambda f, asked: tuple(f.body.ambient()),
     "P": lambda f, asked: f._drive(SPEED, asked, f.body.set_pwm),
-    "T": lambda f, asked: f._turret(asked),
+    "T": _refuse,
 }

@@ -40,14 +40,14 @@ def _gravity(unit: Unit) -> str:
     return f"{9.81 * x:.9g} {9.81 * y:.9g} -9.81"
 
 
-def _arena(arena: Mapping[str, Any], contact: str) -> str:
+def _arena(arena: Mapping[str, Any]) -> str:
     """Floor, walls, partitions, cylinders and lamps."""
     w, h = (v / 100.0 for v in arena["size_cm"])
     z = WALL_HEIGHT / 2
-    box = f'type="box" material="wall" contype="2" conaffinity="2" friction="0.3 0 0" {contact}'
+    box = f'type="box" material="wall" contype="2" conaffinity="2" friction="0.3 0 0" {CONTACT}'
     rows = [
         f'<geom name="floor" type="plane" pos="{w / 2} {h / 2} 0" size="{w / 2 + 0.3} {h / 2 + 0.3} 0.1" '
-        f'material="floor" contype="1" conaffinity="1" friction="1 0 0" {contact}/>'
+        f'material="floor" contype="1" conaffinity="1" friction="1 0 0" {CONTACT}/>'
     ]
     sides = ((w / 2, -0.005, w / 2 + 0.01, 0.005), (w / 2, h + 0.005, w / 2 + 0.01, 0.005),
              (-0.005, h / 2, 0.005, h / 2), (w + 0.005, h / 2, 0.005, h / 2))  # fmt: skip
@@ -69,23 +69,23 @@ def _arena(arena: Mapping[str, Any], contact: str) -> str:
     return "\n    ".join(rows)
 
 
-def _wheel(side: str, y: float, unit: Unit, radius: float, contact: str) -> str:
+def _wheel(side: str, y: float, unit: Unit, radius: float) -> str:
     return f"""
       <body name="{side}" pos="0 {y} {radius}">
         <joint name="{side}" type="hinge" axis="0 1 0" armature="{ROTOR}"/>
         <geom name="{side}" type="ellipsoid" size="{radius} {WHEEL_HALF_WIDTH} {radius}" mass="{WHEEL_MASS}"
               material="tyre" contype="0" conaffinity="1" friction="{unit.friction} 0 0" priority="1"
-              {contact}/>
+              {CONTACT}/>
       </body>"""
 
 
-def _robot(unit: Unit, contact: str) -> str:
+def _robot(unit: Unit) -> str:
     bottom = 0.0035
     half = (BODY_TOP - bottom) / 2
     mass = BODY_MASS - 2 * WHEEL_MASS
     left, right = unit.wheel_radius
     caster = (f'type="sphere" size="{CASTER_RADIUS}" mass="0" contype="0" conaffinity="1" priority="1" '
-              f'friction="0.08 0 0" group="1" rgba="0.3 0.3 0.3 1" {contact}')  # fmt: skip
+              f'friction="0.08 0 0" group="1" rgba="0.3 0.3 0.3 1" {CONTACT}')  # fmt: skip
     z = CLEARANCE + CASTER_RADIUS
     inertia = f"{mass * (3 * BODY_RADIUS**2 + 4 * half**2) / 12}"
     return f"""
@@ -93,11 +93,11 @@ def _robot(unit: Unit, contact: str) -> str:
       <freejoint name="robot"/>
       <inertial pos="0 0 0.012" mass="{mass}" diaginertia="{inertia} {inertia} {mass * BODY_RADIUS**2 / 2}"/>
       <geom name="body" type="cylinder" pos="0 0 {bottom + half}" size="{BODY_RADIUS} {half}" group="1"
-            material="body" contype="2" conaffinity="2" friction="0.3 0 0" {contact}/>
+            material="body" contype="2" conaffinity="2" friction="0.3 0 0" {CONTACT}/>
       <geom {caster} pos="{CASTER_X} 0 {z}"/>
       <geom {caster} pos="{-CASTER_X} 0 {z}"/>
-      {{disk}}{_wheel("left", unit.track / 2, unit, left, contact)}
-      {_wheel("right", -unit.track / 2, unit, right, contact)}
+      {{disk}}{_wheel("left", unit.track / 2, unit, left)}
+      {_wheel("right", -unit.track / 2, unit, right)}
     </body>"""
 
 
@@ -118,8 +118,8 @@ def build_xml(arena: Mapping[str, Any], unit: Unit, *, timestep: float = 0.001, 
     <material name="tyre" rgba="0.1 0.1 0.1 1" specular="0"/>
   </asset>
   <worldbody>
-    {_arena(arena, CONTACT)}
-    {extra}{_robot(unit, CONTACT).replace("{disk}", disk)}
+    {_arena(arena)}
+    {extra}{_robot(unit).replace("{disk}", disk)}
   </worldbody>
   <actuator>
     <dcmotor name="left" joint="left" {motor}/>

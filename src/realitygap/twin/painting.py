@@ -8,13 +8,43 @@ are; the front patch's place has double precision.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from realitygap.twin.arithmetic import jit, step
 
-__all__ = ["paint_robot"]
+__all__ = ["Look", "Still", "paint_robot"]
+
+
+class Still(NamedTuple):
+    """What a camera sees without the robot, a value a sample: [2, ...] x and y where its ray meets the
+    floor and their change with height, [3, ...] colours, [...] whether something higher stands there;
+    `sub` samples along a pixel's side, `samples` a metre."""
+
+    floor: Any
+    slope: Any
+    fine: Any
+    over: Any
+    sub: int
+    samples: float
+
+
+class Look(NamedTuple):
+    """The robot: heights of its sides and last of its disk, radii and colours of body and three marks."""
+
+    heights: Any
+    radii: Any
+    colours: Any
+
+
+class Row(NamedTuple):
+    """What a row of samples is worked out in."""
+
+    body: Any
+    offs: Any
+    exact: Any
+    shares: Any
 
 
 @step
@@ -24,13 +54,12 @@ def _length(x: Any, y: Any) -> Any:
 
 
 @step
-def _cover_body(
-    row: int, first: int, still: Any, x: Any, y: Any, heights: Any, radius: Any, body: Any
-) -> None:
+def _cover_body(row: int, first: int, still: Any, place: Any, look: Any, body: Any) -> None:
     """Whether samples show the body's side: squares tell, but for those on its very edge."""
     end = first + body.shape[0]
-    floor_x, floor_y = still[0][0, row, first:end], still[0][1, row, first:end]
-    slope_x, slope_y = still[1][0, row, first:end], still[1][1, row, first:end]
+    floor_x, floor_y = still.floor[0, row, first:end], still.floor[1, row, first:end]
+    slope_x, slope_y = still.slope[0, row, first:end], still.slope[1, row, first:end]
+    x, y, heights, radius = np.float32(place[0]), np.float32(place[1]), look.heights, look.radii[0]
     square, near = np.float32(radius * radius), np.float32(1e-5 * radius * radius)
     body[:] = 0
     for layer in range(heights.shape[0] - 1):
@@ -70,34 +99,33 @@ def _cover_mark(x: Any, y: Any, radius: Any, samples: Any, share: Any) -> None:
 
 
 @step
-def _cover_marks(row: int, first: int, still: Any, x: Any, y: Any, ahead: Any, z: Any, radii: Any,
-                 samples: Any, offs: Any, exact: Any, shares: Any) -> None:  # fmt: skip
+def _cover_marks(row: int, first: int, still: Any, place: Any, look: Any, work: Any) -> None:
     """How much of samples the disk and its two patches cover, into `shares`."""
+    radii, samples, shares = look.radii, still.samples, work.shares
     end = first + shares.shape[1]
-    floor_x, floor_y = still[0][0, row, first:end], still[0][1, row, first:end]
-    slope_x, slope_y = still[1][0, row, first:end], still[1][1, row, first:end]
-    off_x, off_y, exact_x, exact_y = offs[0], offs[1], exact[0], exact[1]
+    floor_x, floor_y = still.floor[0, row, first:end], still.floor[1, row, first:end]
+    slope_x, slope_y = still.slope[0, row, first:end], still.slope[1, row, first:end]
+    off_x, off_y, exact_x, exact_y = work.offs[0], work.offs[1], work.exact[0], work.exact[1]
+    x, y, z = np.float32(place[0]), np.float32(place[1]), look.heights[-1]
     for k in range(shares.shape[1]):
         there_x = slope_x[k] * z + floor_x[k]
         there_y = slope_y[k] * z + floor_y[k]
         off_x[k], off_y[k] = there_x - x, there_y - y
-        exact_x[k], exact_y[k] = there_x - ahead[0], there_y - ahead[1]
+        exact_x[k], exact_y[k] = there_x - place[2], there_y - place[3]
     _cover_mark(off_x, off_y, np.float32(radii[1]), samples, shares[0])
     _cover_mark(off_x, off_y, np.float32(radii[2]), samples, shares[1])
     _cover_mark(exact_x, exact_y, radii[3], samples, shares[2])
 
 
 @step
-def _colour(row: int, first: int, still: Any, colours: Any, body: Any, shares: Any, shown: Any) -> None:
+def _colour(row: int, first: int, still: Any, colours: Any, work: Any, shown: Any) -> None:
     """The samples' colours into `shown`."""
-    end = first + body.shape[0]
-    disk, patch, front = shares[0], shares[1], shares[2]
+    body, end = work.body, first + work.body.shape[0]
+    disk, patch, front = work.shares[0], work.shares[1], work.shares[2]
     for colour in range(3):
-        fine, over = still[2][colour, row, first:end], still[3][row, first:end]
+        fine, over = still.fine[colour, row, first:end], still.over[row, first:end]
         into = shown[colour]
-        side, black, white = (
-            colours[0, colour], colours[1, colour], colours[2, colour],
-        )  # fmt: skip
+        side, black, white = colours[0, colour], colours[1, colour], colours[2, colour]
         for k in range(body.shape[0]):
             value = side if body[k] else fine[k]
             value += (black - value) * disk[k]
@@ -107,31 +135,28 @@ def _colour(row: int, first: int, still: Any, colours: Any, body: Any, shares: A
 
 
 @jit
-def paint_robot(picture: Any, corner: Any, rows: Any, columns: Any, still: Any, place: Any, ahead: Any,
-                sub: int, samples: Any, heights: Any, radii: Any, colours: Any) -> None:  # fmt: skip
+def paint_robot(picture: Any, corner: Any, about: Any, still: Any, place: Any, look: Any) -> None:
     """The robot into a window of the picture: each pixel the mean of its samples.
 
     Args:
         picture: [rows, columns, 3] of the window, without the robot.
         corner: its first row and column in the whole picture.
-        rows, columns: first and end of what is painted anew.
-        still: floor, slope, fine, over, as `Drawing` keeps them.
-        place: x, y (m).
-        ahead: of the front patch (m).
-        sub: samples along a pixel's side.
-        samples: a metre.
-        heights, radii, colours: of the body and the marks, as `drawing.LOOKS` has them.
+        about: first and end of the rows, and of the columns, that are painted anew.
+        still: as `Drawing` keeps it.
+        place: x, y of the robot and of its front patch (m).
+        look: `drawing.LOOK`.
     """
+    rows, columns = about
+    sub = still.sub
     first, count = columns[0] * sub, max(columns[1] - columns[0], 0) * sub
-    x, y, part = np.float32(place[0]), np.float32(place[1]), np.float32(1.0 / sub**2)
-    body, offs, exact = np.empty(count, np.uint8), np.empty((2, count), np.float32), np.empty((2, count))
-    shares, shown = np.empty((3, count), np.float32), np.empty((sub, 3, count), np.float32)
+    part, shown = np.float32(1.0 / sub**2), np.empty((sub, 3, count), np.float32)
+    offs, shares = np.empty((2, count), np.float32), np.empty((3, count), np.float32)
+    work = Row(np.empty(count, np.uint8), offs, np.empty((2, count)), shares)
     for row in range(rows[0], rows[1]):
         for k in range(sub):
-            at = row * sub + k
-            _cover_body(at, first, still, x, y, heights, radii[0], body)
-            _cover_marks(at, first, still, x, y, ahead, heights[-1], radii, samples, offs, exact, shares)
-            _colour(at, first, still, colours, body, shares, shown[k])
+            _cover_body(row * sub + k, first, still, place, look, work.body)
+            _cover_marks(row * sub + k, first, still, place, look, work)
+            _colour(row * sub + k, first, still, look.colours, work, shown[k])
         for column in range(count // sub):
             for colour in range(3):
                 total = np.float32(0.0)

@@ -172,7 +172,8 @@ class Server:
                 return self._allow(until, written, lines)
             if word == "place":
                 x_cm, y_cm, heading = map(float, rest.split())
-                self.firmware.place(x_cm, y_cm, heading)
+                self.firmware.catch_up()
+                self.firmware.body.place(x_cm, y_cm, heading)
                 return "ok"
             if word == "film":
                 self._end_film()

@@ -30,21 +30,6 @@ class States(NamedTuple):
     time_ms: NDArray[np.int64]
     pose: NDArray[np.float64]
 
-    @property
-    def x_cm(self) -> NDArray[np.float64]:
-        """[n] cm."""
-        return self.pose[:, 0] * 100.0
-
-    @property
-    def y_cm(self) -> NDArray[np.float64]:
-        """[n] cm."""
-        return self.pose[:, 1] * 100.0
-
-    @property
-    def heading(self) -> NDArray[np.float64]:
-        """[n] rad, counter-clockwise from +x."""
-        return heading_of(self.pose)
-
     @classmethod
     def standing(cls, time_ms: ArrayLike, x_cm: ArrayLike, y_cm: ArrayLike, heading: ArrayLike) -> States:
         """States of a robot that stands upright: x, y in cm, heading in rad, [n] each."""

@@ -7,7 +7,7 @@ Lengths in metres, angles in radians, as everywhere inside the twin.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from realitygap.errors import ConfigError
@@ -26,8 +26,6 @@ WHEEL_RADIUS = 0.050 / (2 * math.pi)
 """600 pulses a turn at 12 pulses a millimetre (Player's encoder_res 1/12): a way of 50 mm a turn."""
 TRACK = 0.053
 """Between the wheels: 53 mm (KiKS, KIKS_ROBOT_DISTANCE_BETWEEN_WHEELS)."""
-
-_EIGHT = 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,9 +60,31 @@ class Unit:
     lamp_height: float
     camera: CameraUnit
 
-    def to_dict(self) -> dict[str, Any]:
-        """Every constant, JSON-ready: for the sealed file, not for a score."""
-        return asdict(self)
+
+_DRAWN: dict[str, tuple[float, float, int]] = {
+    "proximity_gain": (1.0, 0.2, 8),  # wall.sam: the eight sensors of one robot, sd 20 to 25 %
+    "ambient_gain": (1.0, 0.2, 8),
+    "direction": (0.0, math.radians(5.0), 8),  # wall.sam: fitted directions err by 3° to 11°
+    "dark": (482.0, 4.0, 8),  # light.sam: 480 to 490
+    "floor": (60.0, 4.0, 8),  # light.sam: 50 to 65
+    "wheel_radius": (WHEEL_RADIUS, 0.004 * WHEEL_RADIUS, 2),
+    "track": (TRACK, 0.0003, 1),
+    "axle_phase": (math.pi, 1.8, 2),
+    "friction": (0.8, 0.06, 1),  # rubber on painted board
+    "tilt": (0.0, math.radians(0.1), 2),  # a table, levelled by eye
+    "lamp_power": (1.0, 0.06, 1),
+    "lamp_height": (0.05, 0.004, 1),
+}
+_HUNG: dict[str, tuple[float, float, int]] = {
+    "offset_share": (0.0, 0.005, 2),
+    "height_share": (1.0, 0.007, 1),
+    "tilt": (0.0, math.radians(0.7), 2),
+    "roll": (0.0, math.radians(0.5), 1),
+    "k1": (-0.12, 0.025, 1),
+    "k2": (0.03, 0.01, 1),
+    "gain": (1.0, 0.04, 1),
+}
+"""Mean, deviation and how many of each constant, in the order in which they are drawn."""
 
 
 def draw_unit(number: int) -> Unit:
@@ -78,37 +98,11 @@ def draw_unit(number: int) -> Unit:
     # NumPy's normal draws: those within three deviations are the same on every processor
     generator = draws(number, 7)
 
-    def around(mean: float, deviation: float) -> float:
+    def around(mean: float, deviation: float, count: int) -> Any:
         """Normal, held within three deviations: no maker delivers worse."""
-        return mean + deviation * max(-3.0, min(3.0, float(generator.standard_normal())))
+        drawn = [max(-3.0, min(3.0, float(generator.standard_normal()))) for _ in range(count)]
+        return tuple(mean + deviation * one for one in drawn) if count > 1 else mean + deviation * drawn[0]
 
-    def several(mean: float, deviation: float, n: int = _EIGHT) -> tuple[float, ...]:
-        return tuple(around(mean, deviation) for _ in range(n))
-
-    def two(mean: float, deviation: float) -> tuple[float, float]:
-        return around(mean, deviation), around(mean, deviation)
-
-    return Unit(
-        number=number,
-        proximity_gain=several(1.0, 0.2),  # wall.sam: the eight sensors of one robot, sd 20 to 25 %
-        ambient_gain=several(1.0, 0.2),
-        direction=several(0.0, math.radians(5.0)),  # wall.sam: fitted directions err by 3° to 11°
-        dark=several(482.0, 4.0),  # light.sam: 480 to 490
-        floor=several(60.0, 4.0),  # light.sam: 50 to 65
-        wheel_radius=two(WHEEL_RADIUS, 0.004 * WHEEL_RADIUS),
-        track=around(TRACK, 0.0003),
-        axle_phase=two(math.pi, 1.8),
-        friction=around(0.8, 0.06),  # rubber on painted board
-        tilt=two(0.0, math.radians(0.1)),  # a table, levelled by eye
-        lamp_power=around(1.0, 0.06),
-        lamp_height=around(0.05, 0.004),
-        camera=CameraUnit(
-            offset_share=two(0.0, 0.005),
-            height_share=around(1.0, 0.007),
-            tilt=two(0.0, math.radians(0.7)),
-            roll=around(0.0, math.radians(0.5)),
-            k1=around(-0.12, 0.025),
-            k2=around(0.03, 0.01),
-            gain=around(1.0, 0.04),
-        ),
-    )
+    constants = {name: around(*law) for name, law in _DRAWN.items()}
+    camera = CameraUnit(**{name: around(*law) for name, law in _HUNG.items()})
+    return Unit(number=number, camera=camera, **constants)

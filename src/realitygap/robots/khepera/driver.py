@@ -13,7 +13,7 @@ from realitygap.robots.khepera.line import GIVE_UP_S, Answer, Line, nothing
 from realitygap.robots.khepera.protocol import BAUD_RATES, Request, request
 from realitygap.values import Closing
 
-__all__ = ["Khepera", "Motion", "Versions"]
+__all__ = ["Khepera", "Versions"]
 
 BANNER_S = 0.25
 """How long a robot that has just been reset may take for its two lines."""
@@ -37,14 +37,6 @@ class Versions(NamedTuple):
 
     bios: str
     protocol: str
-
-
-class Motion(NamedTuple):
-    """One wheel: whether it is on its target, 0 speed or 1 position, and the error."""
-
-    on_target: bool
-    mode: int
-    error: int
 
 
 class Khepera(Closing):
@@ -117,10 +109,6 @@ class Khepera(Closing):
         """Eight ambient light readings, counts: the brighter, the lower."""
         return self._read("O")
 
-    def analog(self, channel: int) -> int:
-        """An analogue input 0..5, counts."""
-        return self._read("I", channel)[0]
-
     def command(self, left: int, right: int) -> None:
         """Wheel speeds, Khepera units (pulses per 10 ms)."""
         self.line.ask(request("D", left, right))
@@ -138,16 +126,6 @@ class Khepera(Closing):
     def set_counters(self, left: int = 0, right: int = 0) -> None:
         """Set the position counters, pulses."""
         self.line.ask(request("G", left, right))
-
-    def go_to(self, left: int, right: int) -> None:
-        """Turn the wheels until the counters show these pulses."""
-        self.line.ask(request("C", left, right))
-
-    def motion(self) -> tuple[Motion, Motion]:
-        """How the left and the right wheel are doing."""
-        values = self._read("K")
-        left, right = (Motion(bool(t), m, e) for t, m, e in (values[:3], values[3:]))
-        return left, right
 
     def led(self, number: int, on: bool) -> None:
         """Switch LED 0 (at the side) or 1 (in front)."""
