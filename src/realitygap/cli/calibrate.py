@@ -43,8 +43,9 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended")
     help="What .sam tables show: wall, cylinder:RADIUS_CM or lamp; once for all, or once for each.",
 )  # fmt: skip
 @click.option(
-    "--base", default="paper", show_default=True, metavar="P",
-    help="Profile that supplies what the recordings do not cover; the form paper has the printed laws.",
+    "--base", metavar="P",
+    help="Profile that supplies what the recordings do not cover; the form paper has the printed laws "
+    "[default: what the recorded robot names, or paper].",
 )  # fmt: skip
 @click.option(
     "--out",
@@ -67,7 +68,7 @@ def calibrate(
     form: str,
     light: str | None,
     objects: tuple[str, ...],
-    base: str,
+    base: str | None,
     out: Path | None,
     page: Path | None,
     no_report: bool,
@@ -98,8 +99,8 @@ def calibrate(
 
     if page is None and not no_report:
         page = _beside(out)
-    start = load_profile(base)
     read = _load(recordings, objects)
+    start = load_profile(base or next((r.facts["base"] for r in read if "base" in r.facts), "paper"))
     with ProgressLine() as line:
         report = partial(line.calibrating, "fit")
         made = fit(read, start, form=form, light=light, on_progress=report).named(out.stem)

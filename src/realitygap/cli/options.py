@@ -122,7 +122,7 @@ def twin_noise_option(*aliases: str) -> Callable[[Decorated], Decorated]:
         "twin_noise",
         type=Finite(0, LARGEST_SCALE),
         metavar="X",
-        help="Noise scale of a twin, 0 to 10 [default: 1].",
+        help="Noise scale of a twin or of Enki, 0 to 10 [default: 1].",
     )
 
 

@@ -29,8 +29,8 @@ PLANS = ("infrared", "ambient", "wheels", "all")
     type=RobotKind(),
     required=True,
     metavar="R",
-    help="twin or twin:UNIT (placed by the program), serial:PORT (placed by you), or a body of your own, "
-    "file.py:Class.",
+    help="twin:UNIT or enki:MODEL:UNIT (placed by the program), serial:PORT (placed by you), or a body of "
+    "your own, file.py:Class.",
 )
 @click.option("--plan", type=click.Choice(PLANS), required=True, help="What to record.")
 @click.option("--out", required=True, metavar="DIR", help="Folder to write; several recordings fit into it.")
@@ -92,7 +92,9 @@ def record(
     if object_name is not None and plan not in ("infrared", "all"):
         raise click.UsageError(f"--object belongs to the infrared's plan, not to {plan!r}; leave it out.")
     if robot.unit is None and twin_noise is not None:
-        raise click.UsageError("--twin-noise is the twin's; a robot has its own noise. Leave it out.")
+        raise click.UsageError(
+            "--twin-noise: expected a twin, or a robot of Enki's; this one has its own noise. Leave it out."
+        )
     if robot.kind == "own" and base is None:
         raise click.UsageError(
             f"--base: expected the rough profile of {robot}: its radius, heights, top command and speed."

@@ -48,7 +48,7 @@ def robot() -> None:
     "address",
     type=RobotKind(),
     metavar="R",
-    help="khepera:PORT, twin:UNIT, or a body of your own, file.py:Class.",
+    help="khepera:PORT, twin:UNIT, enki:MODEL:UNIT, or a body of your own, file.py:Class.",
 )
 @click.option("--port", metavar="P", help="The same as --robot serial:P.")
 @baud_option()

@@ -1,6 +1,7 @@
 """Robots by their address, and how each is opened.
 
 twin, twin:UNIT                    a unit of the twin (pseudo-reality)
+enki, enki:MODEL, enki:MODEL:UNIT  a unit of a robot in EPFL's simulator Enki: khepera, epuck, thymio2
 khepera:PORT, serial:PORT          a Khepera on a serial port
 file.py:Class, module:Class        a body of your own (`robots/body.py` says what that is)
 """
@@ -20,10 +21,11 @@ if TYPE_CHECKING:
 
 __all__ = ["BAUD_RATES", "FORMS", "Address"]
 
-FORMS = "twin, twin:UNIT, khepera:PORT, serial:PORT, file.py:Class or module:Class"
+FORMS = "twin, twin:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT, file.py:Class or module:Class"
 
 OPENERS = {
     "twin": "realitygap.robots.khepera.twin:opened",
+    "enki": "realitygap.robots.enki:opened",
     "khepera": "realitygap.robots.khepera.body:opened",
     "serial": "realitygap.robots.khepera.body:opened",
 }
@@ -34,11 +36,13 @@ BAUD = 38400
 BAUD_RATES = (9600, 19200, 38400, 57600, 115200)
 """Of a serial line."""
 LARGEST_UNIT = 2**63 - 1
+MODELS = ("khepera", "epuck", "thymio2")
+"""Enki's robots; the first is meant where none is named."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Address:
-    """Which robot: `kind` is the prefix ("twin", "khepera", "serial", or "own"), `rest` what follows it."""
+    """Which robot: `kind` is the prefix (one of OPENERS, or "own"), `rest` what follows it."""
 
     kind: str
     rest: str
@@ -52,12 +56,13 @@ class Address:
         """
         kind, colon, rest = text.partition(":")
         if kind == "twin":
-            unit = rest if colon else "1"
-            if not (unit.isascii() and unit.isdecimal() and int(unit) <= LARGEST_UNIT):
-                raise UsageError(
-                    f"robot: a twin's unit is a whole number from 0 on, got {rest!r} in {text!r}."
-                )
-            return cls(kind=kind, rest=str(int(unit)))
+            return cls(kind=kind, rest=_unit(rest if colon else "1", "a twin's", text))
+        if kind == "enki":
+            model, more, unit = (rest if colon else MODELS[0]).partition(":")
+            if model not in MODELS:
+                raise UsageError(f"robot: Enki's robots are {', '.join(MODELS)}, got {model!r} in {text!r}.")
+            number = _unit(unit if more else "1", "an Enki robot's", text)
+            return cls(kind=kind, rest=f"{model}:{number}")
         if kind in OPENERS and rest:
             return cls(kind=kind, rest=rest)
         if kind in OPENERS or not re.fullmatch(r".+:[^\W\d]\w*", text):
@@ -66,19 +71,19 @@ class Address:
 
     @property
     def unit(self) -> int | None:
-        """Of the twin; None for another robot."""
-        return int(self.rest) if self.kind == "twin" else None
+        """Of a simulated one, a twin or Enki's; None for another robot."""
+        return int(self.rest.rpartition(":")[2]) if self.kind in ("twin", "enki") else None
 
     @property
     def port(self) -> str | None:
         """Where a robot's line is; None for one without."""
-        return self.rest if self.kind not in ("twin", "own") else None
+        return self.rest if self.unit is None and self.kind != "own" else None
 
     def __str__(self) -> str:
         return self.rest if self.kind == "own" else f"{self.kind}:{self.rest}"
 
     def folder(self, twin_noise: float = 1.0) -> str:
-        """Name of its folder: twin-1, twin-1-noise-2 (its scale of noise), serial-ttyUSB0, mine-Five."""
+        """Name of its folder: twin-1, enki-epuck-1-noise-2 (its noise scale), serial-ttyUSB0, mine-Five."""
         if self.unit is None:
             place, _, name = self.rest.rpartition(":")
             words = (
@@ -87,7 +92,8 @@ class Address:
             return re.sub(r"[^A-Za-z0-9._-]", "-", words)
         short = f"{twin_noise:g}"
         scale = short if float(short) == twin_noise else repr(twin_noise)
-        return f"twin-{self.unit}" if twin_noise == 1 else f"twin-{self.unit}-noise-{scale}"
+        name = f"{self.kind}-{self.rest}".replace(":", "-")
+        return name if twin_noise == 1 else f"{name}-noise-{scale}"
 
     def open(self, **settings: Any) -> Body:
         """The body there.
@@ -104,3 +110,10 @@ class Address:
         opener: Any = getattr(importlib.import_module(module), name)
         body: Body = opener(self.rest, **settings)
         return body
+
+
+def _unit(number: str, whose: str, text: str) -> str:
+    """A unit's number as it is written everywhere."""
+    if not (number.isascii() and number.isdecimal() and int(number) <= LARGEST_UNIT):
+        raise UsageError(f"robot: {whose} unit is a whole number from 0 on, got {number!r} in {text!r}.")
+    return str(int(number))

@@ -31,7 +31,9 @@ class BodyContract:
     """
 
     pulses_per_unit: float | None = None
-    """Counter pulses a second at command 1; None: only the ratio of the two wheels is tested."""
+    """Counter pulses a second at command `scale`; None: only the ratio of the two wheels is tested."""
+    scale: int = 1
+    """So many of the robot's units are one of the test's, which drives at up to 5: 4 cm/s of a Khepera."""
 
     def opened(self) -> AbstractContextManager[tuple[Body, Clock]]:
         """A body in an arena of 50 by 50 cm that is free in the middle, and its clock."""
@@ -40,7 +42,7 @@ class BodyContract:
     def test_a_reset_body_stands_with_counters_at_zero(self) -> None:
         """After a drive, too."""
         with self.opened() as (body, clock):
-            body.act(Command(left=5, right=5))
+            body.act(self._command(5, 5))
             clock.sleep_until(clock.now() + 0.3)
             body.reset(MIDDLE)
             body.sense()
@@ -63,7 +65,7 @@ class BodyContract:
         """Two units ahead on the left, three back on the right, for two seconds."""
         with self.opened() as (body, clock):
             body.reset(MIDDLE)
-            left, right = _pace(body, clock, Command(left=2, right=-3), 2.0)
+            left, right = _pace(body, clock, self._command(2, -3), 2.0)
         unit = self.pulses_per_unit or (left - right) / 5
         assert unit > 0 and abs(left - 2 * unit) < 0.4 * unit and abs(right + 3 * unit) < 0.6 * unit
 
@@ -71,7 +73,7 @@ class BodyContract:
         """Its counters do not change any more."""
         with self.opened() as (body, clock):
             body.reset(MIDDLE)
-            body.act(Command(left=4, right=-4))
+            body.act(self._command(4, -4))
             clock.sleep_until(clock.now() + 0.5)
             body.stop()
             clock.sleep_until(clock.now() + 0.3)
@@ -87,8 +89,11 @@ class BodyContract:
         with self.opened() as (body, clock):
             for _ in range(2):
                 body.reset(MIDDLE)
-                gone.append(_pace(body, clock, Command(left=5, right=5), 1.5))
+                gone.append(_pace(body, clock, self._command(5, 5), 1.5))
         assert np.allclose(gone[0], gone[1], rtol=0.15)
+
+    def _command(self, left: int, right: int) -> Command:
+        return Command(left=self.scale * left, right=self.scale * right)
 
 
 class _Constant:

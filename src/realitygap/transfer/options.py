@@ -64,7 +64,7 @@ class Transfer:
         twins = any(robot.unit is not None for robot in self.bodies)
         if self.twin_noise is not None and not twins:
             raise UsageError(
-                "--twin-noise scales the noise of a twin; a robot has its own noise. Leave it out."
+                "--twin-noise scales a twin's noise, or Enki's; a robot has its own noise. Leave it out."
             )
         self._check_eye(real)
         if real and self.film and self.eye is None:

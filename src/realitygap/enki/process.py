@@ -1,0 +1,167 @@
+"""Enki in a process of its own: a line of text in, a line of numbers out, a limit to every wait."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import subprocess
+import weakref
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.enki.build import program
+from realitygap.enki.unit import draw_unit
+from realitygap.errors import RobotError, UsageError
+
+__all__ = ["STEP_S", "EnkiProcess", "Moment"]
+
+STEP_S = 0.02
+"""Enki's step, s, as `enki.cpp` has it: a part of the model, for its wheels' noise is drawn each step."""
+PATIENCE_S = 10.0
+"""How long an answer may take, which takes microseconds."""
+LEAVE_S = 2.0
+CHUNK = 1 << 16
+GONE = "Enki's process is gone; begin again"
+
+
+class Moment(NamedTuple):
+    """What came of some steps.
+
+    Attributes:
+        poses: [steps, 3] x, y (cm) and heading (rad) after each step.
+        ways: of the left wheel and the right one since the robot was set down, cm.
+        speeds: of both, cm/s.
+        values: [n] what the sensors read.
+    """
+
+    poses: NDArray[np.float64]
+    ways: NDArray[np.float64]
+    speeds: NDArray[np.float64]
+    values: NDArray[np.float64]
+
+
+class EnkiProcess:
+    """One robot in one room after another. It ends when closed, or with this process.
+
+    Raises:
+        UsageError: Enki is not installed, or cannot be compiled.
+    """
+
+    def __init__(self) -> None:
+        pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "bufsize": 0}
+        path = program()
+        try:
+            self._process = subprocess.Popen([path], start_new_session=True, **pipes)
+        except OSError as error:
+            raise UsageError(
+                f"enki: its program {path} cannot be started: {error.strerror}. Remove it, or name another "
+                "folder by XDG_CACHE_HOME."
+            ) from None
+        self._rest = b""
+        self._finalizer = weakref.finalize(self, _end, self._process)
+
+    @property
+    def pid(self) -> int:
+        """The process's number."""
+        return self._process.pid
+
+    def enter(
+        self, room: Mapping[str, Any], *, model: str, unit: int, noise: float, seed: int
+    ) -> NDArray[np.float64]:
+        """Be a unit in a new room.
+
+        Args:
+            room: plain numbers, cm: size_cm, cylinders, walls; Enki's robots see no lamps.
+            model: "khepera", "epuck" or "thymio2".
+            unit: its number; 0 is the published model.
+            noise: the scale of Enki's noise.
+            seed: of that noise.
+
+        Returns:
+            What is published: axle, top speed, wheels' noise, radius (cm, cm/s, share, cm), and of each
+            sensor x, y, direction (rad), its most and its noise (counts).
+
+        Raises:
+            RobotError: the process is gone.
+        """
+        who = draw_unit(model, unit)
+        things = (room.get("cylinders", ()), room.get("walls", ()))
+        numbers = (
+            seed, noise, who.track, *who.wheels, len(who.gains), *who.gains, *who.turns, *room["size_cm"],
+            *(number for rows in things for number in (len(rows), *(v for row in rows for v in row))),
+        )  # fmt: skip
+        return self._ask(f"enter {model}", numbers)
+
+    def place(self, x_cm: float, y_cm: float, heading: float) -> Moment:
+        """Set the robot down; it stands for a step."""
+        return self._moment(1, self._ask("place", (x_cm, y_cm, heading)))
+
+    def run(self, steps: int, left_cm_s: float, right_cm_s: float) -> Moment:
+        """Let so many steps pass with these speeds of the wheels."""
+        return self._moment(steps, self._ask("run", (steps, left_cm_s, right_cm_s)))
+
+    def close(self) -> None:
+        """End the process."""
+        self._finalizer()
+
+    def _moment(self, steps: int, told: NDArray[np.float64]) -> Moment:
+        poses, rest = told[: 3 * steps].reshape(steps, 3), told[3 * steps :]
+        return Moment(poses, rest[:2], rest[2:4], rest[4:])
+
+    def _ask(self, word: str, numbers: Iterable[float]) -> NDArray[np.float64]:
+        pipes = self._process.stdin, self._process.stdout
+        if pipes[0] is None or pipes[1] is None or pipes[0].closed:
+            raise RobotError(GONE)
+        try:
+            _write(pipes[0].fileno(), " ".join([word, *map(str, map(_plain, numbers))]).encode() + b"\n")
+            answer = self._answer(pipes[1].fileno())
+        except OSError as error:
+            self.close()
+            raise RobotError(f"{GONE}: {error.strerror}") from None
+        except BaseException:
+            self.close()  # its next answer would be to this question
+            raise
+        if answer.startswith(b"error"):
+            raise RobotError(f"Enki does not understand {word!r}: {answer.decode('utf-8', 'replace')[:200]}")
+        return np.array(answer.split(), np.float64)
+
+    def _answer(self, source: int) -> bytes:
+        while b"\n" not in self._rest:
+            if not select.select([source], [], [], PATIENCE_S)[0]:
+                raise RobotError(f"Enki's process has not answered for {PATIENCE_S:g} s; begin again")
+            data = os.read(source, CHUNK)
+            if not data:
+                raise RobotError(GONE)
+            self._rest += data
+        answer, self._rest = self._rest.split(b"\n", 1)
+        return answer
+
+
+def _plain(number: float) -> float | int:
+    """A number as Python writes it exactly, NumPy's too."""
+    return number if isinstance(number, int) else float(number)
+
+
+def _write(target: int, line: bytes) -> None:
+    """All of a line: a pipe takes so much at once."""
+    while line:
+        if not select.select([], [target], [], PATIENCE_S)[1]:
+            raise RobotError(f"Enki's process has taken nothing for {PATIENCE_S:g} s; begin again")
+        line = line[os.write(target, line[:4096]) :]
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """Close its input, which ends it; insist if need be."""
+    for pipe in (process.stdin, process.stdout):
+        if pipe is not None:
+            with contextlib.suppress(OSError):
+                pipe.close()
+    try:
+        process.wait(LEAVE_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
