@@ -24,6 +24,9 @@ __all__ = [
 OnProgress = Callable[[int, int, str], None]
 """Called with parts done, parts in all, and the name of the next one."""
 
+FEW = 12
+"""So many figures are drawn sooner than processes that draw them have loaded matplotlib."""
+
 GLYPHS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "X": "✖"}
 
 
@@ -135,7 +138,7 @@ def draw_all(figures: Figures, folder: Path | None, step: Steps) -> dict[str, st
         step(message[0])
         drawn[message[0]] = message[1]
 
-    with opened(figures.workers) as pool:
+    with opened(1 if len(figures) <= FEW else figures.workers) as pool:
         pool.work(Setup(Drawing, (folder,)), figures, heard)
     return drawn
 
