@@ -184,8 +184,8 @@ def test_a_camera_gets_a_state_each_step(tmp_path):
         body.film(None)
     states = States.from_file(tmp_path / "sealed.csv")
     assert states.time_ms.tolist() == list(range(0, 1001, 20))
-    assert (states.x_cm[0], states.y_cm[0]) == pytest.approx((20, 30))
-    assert (states.x_cm[-1], states.y_cm[-1]) == pytest.approx((end.x, end.y), abs=1e-4)
+    assert tuple(100 * states.pose[0, :2]) == pytest.approx((20, 30))
+    assert tuple(100 * states.pose[-1, :2]) == pytest.approx((end.x, end.y), abs=1e-4)
 
 
 def test_a_killed_process_is_said_and_nothing_is_left():
