@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.film.calibrate import Calibration, calibrate_camera
+from realitygap.film.calibrate import Calibration, KnownFrame, calibrate_camera
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
-from realitygap.film.frames import KnownFrame
 from realitygap.film.video import FilmWriter
 from realitygap.values import Pose
 from tests.film.scene import Lens, Renderer, Scene, wander
@@ -22,14 +21,16 @@ STRIDE = 4
 def pinhole(radial: tuple[float, float] = (-0.05, 0.01), plane_cm: float = 3.0) -> CameraModel:
     """The tests' camera, looking through its picture's middle, as its construction says."""
     lens = Lens()
-    return CameraModel.from_pinhole(
+    inside = np.array([[lens.focal, 0, 319.5], [0, lens.focal, 239.5], [0, 0, 1.0]])
+    turn = lens.rotation()
+    shift = turn @ (np.array([0, 0, plane_cm]) - lens.place)
+    return CameraModel(
         width_px=640,
         height_px=480,
-        focal_px=lens.focal,
-        lens_cm=lens.place,
-        rotation=lens.rotation(),
+        homography=inside @ np.column_stack([turn[:, 0], turn[:, 1], shift]),
         radial=radial,
         plane_cm=plane_cm,
+        lens_cm=lens.place,
     )
 
 

@@ -11,11 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from realitygap.errors import FilmError
-from realitygap.film.calibrate import calibrate_camera
+from realitygap.film.calibrate import calibrate_camera, read_frames
 from realitygap.film.camera import load_camera
 from realitygap.film.disk import Disk
 from realitygap.film.fit import lens_place
-from realitygap.film.frames import read_frames
 from realitygap.values import Pose
 from tests.film.conftest import pinhole
 from tests.film.scene import Lens

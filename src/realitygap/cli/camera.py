@@ -54,9 +54,8 @@ def calibrate(
     Example:
         realitygap camera calibrate --frames frames --poses poses.csv --out camera.json
     """
-    from realitygap.film.calibrate import calibrate_camera
+    from realitygap.film.calibrate import calibrate_camera, read_frames
     from realitygap.film.disk import load_disk
-    from realitygap.film.frames import read_frames
 
     worn, known = load_disk(disk), read_frames(frames, poses)
     with FilmLine("calibrating") as line:

@@ -1,4 +1,5 @@
-"""Calibrates the overhead camera from frames in which the robot's pose is known.
+"""Calibrates the overhead camera from frames in which the robot's pose is known: a folder of pictures and
+a table of poses.
 
 The disk is first looked for without any camera, at every scale; the two patches of every frame are
 then points whose places are known, and a camera is fitted to them; with that camera the frames are
@@ -10,42 +11,40 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import FilmError
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
-from realitygap.film.finder import KNOWN_AGAIN, Finder, Sighting
+from realitygap.film.finder import KNOWN_AGAIN, Finder, first_look
 from realitygap.film.fit import fit_camera, lens_place
-from realitygap.film.frames import KnownFrame
+from realitygap.table import read_table
 from realitygap.values import Pose
 
-__all__ = ["Calibration", "Residual", "calibrate_camera"]
+__all__ = ["Calibration", "KnownFrame", "Residual", "calibrate_camera", "read_frames"]
 
-Picture = NDArray[np.uint8]
-
-LEAST_FRAMES = 4
-"""Frames needed for a homography."""
-
-LEAST_FOR_RADIAL = 6
-"""Frames needed to say how the lens bends."""
+LEAST_FRAMES, LEAST_FOR_RADIAL = 4, 6
+"""Frames needed for a homography, and to say how the lens bends."""
 
 _LEAST_SPREAD = 0.15
 """How broad the poses must lie across their longest direction, as a part of it."""
 
-_TOLERANCE_CM = 0.6
-_TOLERANCE_DEG = 15.0
+_TOLERANCE_CM, _TOLERANCE_DEG = 0.6, 15.0
 """A pose farther off than this from what the others say is left out."""
 
-_SCALES = 1.1
-_LEAST_FRONT_PX = 1.4
-"""Step between the scales that are tried, and the smallest front patch's radius worth trying."""
 
-_LOOSE = 0.6
-"""Slack of the front patch's ring (radii of the patch) while the scale is known only roughly."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KnownFrame:
+    """A picture [height, width] in which the robot stood at a known pose."""
+
+    name: str
+    picture: NDArray[np.uint8]
+    pose: Pose
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,6 +87,56 @@ class Calibration:
         }
 
 
+def read_frames(folder: str | Path, poses: str | Path) -> list[KnownFrame]:
+    """The frames that a table of poses names, from a folder of pictures.
+
+    Args:
+        folder: pictures, PNG, JPEG or the like.
+        poses: CSV with columns frame (a picture's name, its ending may be left out), x_cm, y_cm
+            and heading_deg.
+
+    Raises:
+        FilmError: whatever is missing or wrong, with file and line.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise FilmError(f"{folder}: no such folder. Give the folder that holds the frames.")
+    known: dict[str, int] = {}
+    frames: list[KnownFrame] = []
+    table = read_table(poses, FilmError, needs=("frame", "x_cm", "y_cm", "heading_deg"))
+    columns = (table.numbers(name) for name in ("x_cm", "y_cm", "heading_deg"))
+    for line, frame, *pose in zip(table.lines, table.texts("frame"), *columns, strict=True):
+        path = _picture_file(folder, frame, f"{poses}, line {line}")
+        if path.name in known:
+            raise FilmError(
+                f"{poses}, line {line}: {path.name} was already given in line {known[path.name]}. "
+                "Leave one of them out."
+            )
+        known[path.name] = line
+        frames.append(KnownFrame(name=path.name, picture=_read(path), pose=Pose.from_degrees(*pose)))
+    return frames
+
+
+def _picture_file(folder: Path, name: str, where: str) -> Path:
+    """The picture of that name, with or without its ending."""
+    if name and (folder / name).is_file():
+        return folder / name
+    alike = [path for path in sorted(folder.iterdir()) if path.stem == name and path.is_file()]
+    if len(alike) != 1:
+        what = f"{len(alike)} pictures are called so" if alike else f"there is no such picture in {folder}"
+        raise FilmError(f"{where}: frame {name!r}: {what}. Give the picture's file name.")
+    return alike[0]
+
+
+def _read(path: Path) -> NDArray[np.uint8]:
+    """A picture in grey."""
+    data = np.fromfile(path, np.uint8)
+    picture = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
+    if picture is None:
+        raise FilmError(f"{path}: not a picture. Give frames as PNG or JPEG.")
+    return np.asarray(picture, np.uint8)
+
+
 def calibrate_camera(
     frames: list[KnownFrame],
     disk: Disk,
@@ -108,26 +157,26 @@ def calibrate_camera(
         FilmError: too few frames or poses in a line, frames of different sizes, no disk found,
             poses that no camera explains.
     """
-    size = _checked(frames, disk, lens_height_cm)
+    _check(frames, disk, lens_height_cm)
     report = on_progress or (lambda done, total: None)
-    seen = _first_look(frames, disk, lambda done: report(done, 2 * len(frames)))
-    camera = _fitted(frames, seen, disk, size, None)
+    total = 2 * len(frames)
+    seen = first_look([frame.picture for frame in frames], disk, lambda done: report(done, total))
+    camera = _fitted(frames, seen, disk, 2 * _TOLERANCE_CM)
     for turn in range(2):
         finder = Finder(camera, disk)
-        again = []
+        seen = []
         for done, frame in enumerate(frames):
-            again.append(_closely(finder, frame))
-            report(len(frames) + (turn * len(frames) + done + 1) // 2, 2 * len(frames))
-        seen = [None if one is None else _pixels_of(camera, one) for one in again]
-        camera = _fitted(frames, seen, disk, size, camera)
-    residuals = tuple(_residual(camera, frame, one) for frame, one in zip(frames, seen, strict=True))
+            seen.append(_closely(finder, frame))
+            report(len(frames) + (turn * len(frames) + done + 1) // 2, total)
+        camera = _fitted(frames, seen, disk, _TOLERANCE_CM)
+    residuals = tuple(_residual(camera, disk, frame, one) for frame, one in zip(frames, seen, strict=True))
     if lens_height_cm is not None:
         camera = replace(camera, lens_cm=lens_place(camera, lens_height_cm))
     return Calibration(camera=camera, residuals=residuals)
 
 
-def _checked(frames: list[KnownFrame], disk: Disk, lens_height_cm: float | None) -> tuple[int, int]:
-    """The size of the frames, if they can be calibrated with."""
+def _check(frames: list[KnownFrame], disk: Disk, lens_height_cm: float | None) -> None:
+    """Refuse frames that nothing can be calibrated with."""
     if len(frames) < LEAST_FRAMES:
         raise FilmError(
             f"expected at least {LEAST_FRAMES} frames with known poses (better 12 or more, all over the "
@@ -145,7 +194,6 @@ def _checked(frames: list[KnownFrame], disk: Disk, lens_height_cm: float | None)
                 f"has {first.picture.shape[1]} × {first.picture.shape[0]}. Take all frames with one camera."
             )
     _check_spread([frame.pose for frame in frames], "poses")
-    return first.picture.shape[1], first.picture.shape[0]
 
 
 def _check_spread(poses: list[Pose], what: str) -> None:
@@ -160,90 +208,39 @@ def _check_spread(poses: list[Pose], what: str) -> None:
         )
 
 
-def _first_look(
-    frames: list[KnownFrame], disk: Disk, report: Callable[[int], None]
-) -> list[NDArray[Any] | None]:
-    """Both patches of every frame in pixels [2, 2], found without knowing the camera."""
-    height, width = frames[0].picture.shape
-    scale, largest = _LEAST_FRONT_PX / disk.front_radius_cm, min(height, width) / (4 * disk.radius_cm)
-    scales = []
-    while scale < largest:
-        scales.append(scale)
-        scale *= _SCALES
-    few = [frames[i].picture for i in np.unique(np.linspace(0, len(frames) - 1, 4).astype(int))]
-    sums = [sum(q**4 for q, _ in _at_scale(few, disk, scale)) for scale in scales]
-    best = int(np.argmax(sums)) if sums else 0
-    pictures = [frame.picture for frame in frames]
-    looks = [_at_scale(pictures, disk, scale, report) for scale in scales[max(best - 1, 0) : best + 2]]
-    chosen = [max(looks_at_one, key=lambda look: look[0]) for looks_at_one in zip(*looks, strict=True)]
-    seen = [pixels if quality >= KNOWN_AGAIN else None for quality, pixels in chosen]
-    found = sum(one is not None for one in seen)
-    if found < LEAST_FRAMES:
-        raise FilmError(
-            f"the disk is seen in {found} of {len(frames)} frames, "
-            f"{LEAST_FRAMES} are needed. Check that the robot carries the disk, and the disk's sizes."
-        )
-    return seen
-
-
-def _at_scale(
-    pictures: list[Picture], disk: Disk, scale: float, report: Callable[[int], None] = lambda done: None
-) -> list[tuple[float, NDArray[Any] | None]]:
-    """The best disk of each picture at a scale (px/cm): quality and both patches in pixels."""
-    height, width = pictures[0].shape
-    flat = CameraModel(
-        width_px=width, height_px=height, homography=np.diag([scale, scale, 1.0]), plane_cm=disk.height_cm
-    )
-    finder = Finder(flat, disk, slack=_LOOSE)
-    looks: list[tuple[float, NDArray[Any] | None]] = []
-    for done, picture in enumerate(pictures):
-        seen = finder.anywhere(picture)
-        looks.append((0.0, None) if seen is None else (seen.quality, _pixels_of(flat, seen)))
-        report(done + 1)
-    return looks
-
-
-def _pixels_of(camera: CameraModel, seen: Sighting) -> NDArray[Any]:
-    """Both patches in the picture, [2, 2] px."""
-    return camera.to_pixels([seen.centre, seen.front])
-
-
-def _closely(finder: Finder, frame: KnownFrame) -> Sighting | None:
-    """The disk of a frame where the first camera expects it, or wherever it is."""
-    place = np.array([frame.pose.x, frame.pose.y])
-    seen = finder.near(frame.picture, place)
+def _closely(finder: Finder, frame: KnownFrame) -> NDArray[Any] | None:
+    """The disk of a frame, in pixels, where the first camera expects it, or wherever it is."""
+    seen = finder.near(frame.picture, np.array([frame.pose.x, frame.pose.y]))
     if seen is None or seen.quality < KNOWN_AGAIN:
         seen = finder.anywhere(frame.picture)
-    return seen if seen is not None and seen.quality >= KNOWN_AGAIN else None
+    if seen is None or seen.quality < KNOWN_AGAIN:
+        return None
+    return finder.camera.to_pixels(seen.points)
 
 
 def _fitted(
-    frames: list[KnownFrame],
-    seen: list[NDArray[Any] | None],
-    disk: Disk,
-    size: tuple[int, int],
-    before: CameraModel | None,
+    frames: list[KnownFrame], seen: list[NDArray[Any] | None], disk: Disk, tolerance_cm: float
 ) -> CameraModel:
     """The camera that explains what was seen."""
     pairs = [(frame, pixels) for frame, pixels in zip(frames, seen, strict=True) if pixels is not None]
     if len(pairs) < LEAST_FRAMES:
         raise FilmError(
-            f"the disk is seen in {len(pairs)} frames only, {LEAST_FRAMES} are needed. Take more frames."
+            f"the disk is seen in {len(pairs)} of {len(frames)} frames, {LEAST_FRAMES} are needed. Check that "
+            "the robot carries the disk, and the disk's sizes, or take more frames."
         )
     _check_spread([frame.pose for frame, _ in pairs], "poses of the frames in which the disk is seen")
-    places = np.concatenate([_patches(frame.pose, disk) for frame, _ in pairs])
-    pixels = np.concatenate([pixels for _, pixels in pairs])
-    px_per_cm = float(np.median([math.dist(*pixels) for _, pixels in pairs])) / disk.front_distance_cm
+    scale = np.median([math.dist(*pixels[:2]) for _, pixels in pairs]) / math.dist(*disk.points[:2])
+    height, width = frames[0].picture.shape
     camera = fit_camera(
-        places,
-        pixels,
-        size,
+        np.concatenate([_on_floor(disk.points, frame.pose) for frame, _ in pairs]),
+        np.concatenate([pixels for _, pixels in pairs]),
+        (width, height),
         plane_cm=disk.height_cm,
         radial=len(pairs) >= LEAST_FOR_RADIAL,
-        tolerance_px=(_TOLERANCE_CM if before is not None else 2 * _TOLERANCE_CM) * px_per_cm,
+        tolerance_px=tolerance_cm * float(scale),
     )
     if camera is not None:
-        near = [_residual(camera, frame, one).used for frame, one in pairs]
+        near = [_residual(camera, disk, frame, one).used for frame, one in pairs]
         if sum(near) >= max(LEAST_FRAMES, len(near) / 2):
             return camera
     raise FilmError(
@@ -253,25 +250,19 @@ def _fitted(
     )
 
 
-def _patches(pose: Pose, disk: Disk) -> NDArray[np.float64]:
-    """Where both patches are, [2, 2] cm."""
-    ahead = disk.front_distance_cm * np.array([math.cos(pose.heading), math.sin(pose.heading)])
-    centre = np.array([pose.x, pose.y])
-    return np.stack([centre, centre + ahead])
+def _on_floor(points: NDArray[np.float64], pose: Pose) -> NDArray[np.float64]:
+    """Where points of a robot at a pose are, [n, 2] cm."""
+    c, s = math.cos(pose.heading), math.sin(pose.heading)
+    ahead, left = points.T
+    return np.stack([pose.x + (c * ahead - s * left), pose.y + (s * ahead + c * left)], 1)
 
 
-def _residual(camera: CameraModel, frame: KnownFrame, pixels: NDArray[Any] | None) -> Residual:
+def _residual(camera: CameraModel, disk: Disk, frame: KnownFrame, pixels: NDArray[Any] | None) -> Residual:
     """How far off the disk of a frame is seen through a camera."""
     if pixels is None:
         return Residual(frame=frame.name, x_mm=None, y_mm=None, heading_deg=None, used=False)
-    centre, front = camera.to_floor(pixels)
-    turned = math.atan2(front[1] - centre[1], front[0] - centre[0]) - frame.pose.heading
-    heading = Pose(x=0, y=0, heading=turned).heading_deg
-    x, y = 10 * (float(centre[0]) - frame.pose.x), 10 * (float(centre[1]) - frame.pose.y)
-    return Residual(
-        frame=frame.name,
-        x_mm=x,
-        y_mm=y,
-        heading_deg=heading,
-        used=math.hypot(x, y) <= 10 * _TOLERANCE_CM and abs(heading) <= _TOLERANCE_DEG,
-    )
+    pose, true = disk.pose_of(camera.to_floor(pixels)), frame.pose
+    x, y = 10 * (pose.x - true.x), 10 * (pose.y - true.y)
+    heading = Pose(x=0, y=0, heading=pose.heading - true.heading).heading_deg
+    used = math.hypot(x, y) <= 10 * _TOLERANCE_CM and abs(heading) <= _TOLERANCE_DEG
+    return Residual(frame=frame.name, x_mm=x, y_mm=y, heading_deg=heading, used=used)

@@ -1,7 +1,10 @@
 """The overhead camera: from places on the floor (cm) to places in the picture (px) and back.
 
 A homography takes the plane in which the disk moves to an ideal picture; two radial terms bend
-that as the lens does (`lens.py`).
+that as the lens does (Brown 1966, without the tangential ones):
+
+    bent = v (1 + k1 |v|² + k2 |v|⁴),   v from the picture's middle in half diagonals
+
 The homography holds at one height above the floor. Things at another height are moved along the
 ray to the lens first, for which the lens's place must be known.
 Pixels are counted from the middle of the picture's upper left one: x to the right, y down.
@@ -20,7 +23,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from realitygap import whole
 from realitygap.errors import FilmError
-from realitygap.film.lens import bend, straightened
 from realitygap.text import read_json, refuse_unknown
 
 __all__ = ["CameraModel", "load_camera"]
@@ -82,42 +84,6 @@ class CameraModel:
         matrix.setflags(write=False)
         object.__setattr__(self, "homography", matrix)
 
-    @classmethod
-    def from_pinhole(
-        cls,
-        *,
-        width_px: int,
-        height_px: int,
-        focal_px: float,
-        lens_cm: ArrayLike,
-        rotation: ArrayLike,
-        radial: tuple[float, float] = (0.0, 0.0),
-        plane_cm: float = 0.0,
-    ) -> CameraModel:
-        """The model of a camera whose construction is known.
-
-        Args:
-            width_px, height_px: size of its pictures; it looks through their middle.
-            focal_px: focal length.
-            lens_cm: (x, y, height) of the lens.
-            rotation: [3, 3], from the room's axes to the camera's (x right, y down, z forward).
-            radial: k1 and k2 as in this module's equation.
-            plane_cm: height of the plane that the homography shall hold for.
-        """
-        turn, lens = np.asarray(rotation, float), np.asarray(lens_cm, float)
-        inside = np.array(
-            [[focal_px, 0, (width_px - 1) / 2], [0, focal_px, (height_px - 1) / 2], [0, 0, 1.0]]
-        )
-        shift = turn @ (np.array([0, 0, plane_cm]) - lens)
-        return cls(
-            width_px=width_px,
-            height_px=height_px,
-            homography=inside @ np.column_stack([turn[:, 0], turn[:, 1], shift]),
-            radial=radial,
-            plane_cm=plane_cm,
-            lens_cm=(float(lens[0]), float(lens[1]), float(lens[2])),
-        )
-
     @property
     def middle(self) -> tuple[float, float]:
         """The middle of the picture, px."""
@@ -143,14 +109,18 @@ class CameraModel:
         columns = (h[0, 0] * x + h[0, 1] * y + h[0, 2]) / depth
         rows = (h[1, 0] * x + h[1, 1] * y + h[1, 2]) / depth
         if self.radial != (0.0, 0.0):
-            columns, rows = self._bent(columns, rows)
+            (middle_x, middle_y), half = self.middle, self.half_diagonal
+            x, y = (columns - middle_x) / half, (rows - middle_y) / half
+            factor = _bend(x * x + y * y, *self.radial)
+            columns, rows = middle_x + half * (x * factor), middle_y + half * (y * factor)
+            seen = seen & ~np.isnan(factor)
         if not seen.all():
             columns, rows = (np.where(seen, side, OUTSIDE) for side in (columns, rows))
         return columns, rows
 
     def to_floor(self, pixels: ArrayLike, height_cm: float | None = None) -> Array:
         """The places [..., 2] (cm) at a height (default: the plane's) that pixels [..., 2] show."""
-        v = straightened((np.asarray(pixels, float) - self.middle) / self.half_diagonal, *self.radial)
+        v = _straightened((np.asarray(pixels, float) - self.middle) / self.half_diagonal, *self.radial)
         ideal = self.middle + self.half_diagonal * v
         inverse = np.linalg.inv(self.homography)
         flat = ideal @ inverse[:2, :2].T + inverse[:2, 2]
@@ -198,15 +168,9 @@ class CameraModel:
 
     def to_dict(self) -> dict[str, Any]:
         """The camera as its JSON file has it."""
-        return {
-            "format": FORMAT,
-            "width_px": self.width_px,
-            "height_px": self.height_px,
-            "homography": self.homography.tolist(),
-            "radial": list(self.radial),
-            "plane_cm": self.plane_cm,
-            "lens_cm": None if self.lens_cm is None else list(self.lens_cm),
-        }
+        lens = None if self.lens_cm is None else list(self.lens_cm)
+        lists = {"homography": self.homography.tolist(), "radial": list(self.radial), "lens_cm": lens}
+        return {"format": FORMAT, **vars(self), **lists}
 
     def save(self, path: str | Path) -> None:
         """Write the camera as JSON."""
@@ -216,28 +180,16 @@ class CameraModel:
         self, sides: tuple[Array, Array], from_cm: float | None, to_cm: float | None
     ) -> tuple[Array, Array]:
         """x and y of places at one height, moved along the rays to the lens to another height."""
-        low = self.plane_cm if from_cm is None else from_cm
-        high = self.plane_cm if to_cm is None else to_cm
+        low, high = (self.plane_cm if height is None else height for height in (from_cm, to_cm))
         if abs(low - high) <= 1e-9:
             return sides
-        self.check_height(low if to_cm == self.plane_cm else high)
+        self.check_height(low if high == self.plane_cm else high)
         assert self.lens_cm is not None
         (x, y), (lens_x, lens_y, above) = sides, self.lens_cm
         return (
             lens_x + (x - lens_x) * (above - high) / (above - low),
             lens_y + (y - lens_y) * (above - high) / (above - low),
         )
-
-    def _bent(self, columns: Array, rows: Array) -> tuple[Array, Array]:
-        """What the lens makes of ideal pixels."""
-        (middle_x, middle_y), half = self.middle, self.half_diagonal
-        x, y = (columns - middle_x) / half, (rows - middle_y) / half
-        factor = bend(x * x + y * y, *self.radial)
-        x, y = middle_x + half * (x * factor), middle_y + half * (y * factor)
-        folded = np.isnan(factor)
-        if folded.any():
-            x, y = np.where(folded, OUTSIDE, x), np.where(folded, OUTSIDE, y)
-        return x, y
 
 
 def _can_be_inverted(matrix: Array) -> bool:
@@ -272,3 +224,31 @@ def load_camera(path: str | Path) -> CameraModel:
         raise FilmError(f"{path}: {error.args[0]}: missing. {cure}") from None
     except (TypeError, ValueError, IndexError, OverflowError) as error:
         raise FilmError(f"{path}: a value of the wrong kind ({error}). {cure}") from None
+
+
+def _bend(square: Array, k1: float, k2: float) -> Array:
+    """What the lens multiplies points with whose squared distances these are; NaN beyond its fold."""
+    factor = 1 + k1 * square + k2 * square * square
+    limit = _turning_point(k1, k2)
+    return np.asarray(factor if math.isinf(limit) else np.where(square < limit, factor, np.nan))
+
+
+def _straightened(v: Array, k1: float, k2: float) -> Array:
+    """The ideal points that the lens puts at points [..., 2]: Newton's steps on the distance."""
+    far = np.sqrt(np.einsum("...i,...i->...", v, v))
+    limit = math.sqrt(min(_turning_point(k1, k2), 1e6))
+    r = np.minimum(far, 0.999 * limit)
+    for _ in range(20):
+        square = r * r
+        slope = np.maximum(1 + 3 * k1 * square + 5 * k2 * square * square, 0.05)
+        r = np.clip(r - (r * (1 + k1 * square + k2 * square * square) - far) / slope, 0, limit)
+    return np.asarray(v * np.where(far > 0, r / np.where(far > 0, far, 1.0), 1.0)[..., None])
+
+
+def _turning_point(k1: float, k2: float) -> float:
+    """The squared distance at which the lens would fold the picture back; infinite if it never does."""
+    spread = 9 * k1 * k1 - 20 * k2  # of 1 + 3 k1 s + 5 k2 s², the slope of the bent distance
+    if spread < 0:
+        return math.inf
+    below = (-3 * k1 + math.sqrt(spread), -3 * k1 - math.sqrt(spread))
+    return min((2 / b for b in below if b > 1e-9), default=math.inf)

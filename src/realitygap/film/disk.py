@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-import tomllib
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from importlib.resources import files
 from numbers import Real
 from pathlib import Path
-from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from realitygap.errors import FilmError
 from realitygap.text import refuse_unknown
 from realitygap.toml import read_toml
+from realitygap.values import Pose
 
 __all__ = ["Disk", "load_disk"]
 
@@ -55,9 +57,19 @@ class Disk:
                 f"front patch's far edge), got {self.radius_cm:g}. Make the disk larger or the patch smaller."
             )
 
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """The middles of both patches, [2, 2] cm ahead and to the left of the robot's centre."""
+        return np.array([(0.0, 0.0), (self.front_distance_cm, 0.0)])
+
+    def pose_of(self, points: NDArray[np.float64]) -> Pose:
+        """The pose of a robot whose patches are seen at these places, [2, 2] cm."""
+        (x, y), (front_x, front_y) = points.tolist()
+        return Pose(x=x, y=y, heading=math.atan2(front_y - y, front_x - x))
+
     def to_dict(self) -> dict[str, float]:
         """The disk as a dictionary ready for JSON, keys as in its file."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
+        return asdict(self)
 
 
 def load_disk(path: str | Path | None = None) -> Disk:
@@ -66,15 +78,10 @@ def load_disk(path: str | Path | None = None) -> Disk:
     Raises:
         FilmError: unreadable file, broken TOML, unknown key, or a value that is refused.
     """
-    if path is None:
-        return _built(tomllib.loads(files("realitygap.film").joinpath("disk.toml").read_text("utf-8")))
+    path = str(files("realitygap.film").joinpath("disk.toml")) if path is None else path
     table = read_toml(path, FilmError, "Give the path of a disk's .toml file.")
     try:
-        return _built(table)
+        refuse_unknown(table, [field.name for field in fields(Disk)], FilmError)
+        return Disk(**table)
     except FilmError as error:
         raise FilmError(f"{path}: {error}") from None
-
-
-def _built(table: dict[str, Any]) -> Disk:
-    refuse_unknown(table, [field.name for field in fields(Disk)], FilmError)
-    return Disk(**table)

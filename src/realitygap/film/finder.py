@@ -21,19 +21,17 @@ from numpy.typing import NDArray
 from realitygap.errors import FilmError
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
-from realitygap.film.masks import OUTER, Picture, correlation, pattern_of, peak, responses
+from realitygap.film.masks import OUTER, Grey, Picture, correlation, pattern_of, peak, responses
+from realitygap.values import Pose
 
-__all__ = ["FOUND_ANEW", "KNOWN_AGAIN", "Finder", "Look", "Sighting"]
+__all__ = ["FOUND_ANEW", "KNOWN_AGAIN", "Finder", "Look", "Sighting", "first_look"]
 
-Look = Callable[[tuple[slice, slice] | None], NDArray[np.uint8]]
+Look = Callable[[tuple[slice, slice] | None], Grey]
 """Shows a picture [height, width]: right in a window (rows, columns), whatever stands elsewhere; or,
 asked for None, the whole picture."""
 
-REACH_CM = 1.5
-"""How far from the expected place the disk's centre is looked for."""
-
-_CLOSE_CM = 0.7
-"""The same about a place that the masks found in the whole picture."""
+REACH_CM, _CLOSE_CM = 1.5, 0.7
+"""How far from the expected place the disk's centre is looked for, and from one that the masks found."""
 
 RING_SLACK = 0.35
 """How far off its ring about the centre the front patch may seem, in radii of the front patch."""
@@ -49,25 +47,25 @@ a cable stays above 0.94 (measured on rendered pictures)."""
 SMALLEST_PX = 0.5
 """A patch of this radius is one pixel."""
 
-_CANDIDATES, _CLOSER_LOOKS, _PEAKS = 40, 6, 5
-_GOOD = 0.95
-"""A quality so good that no other candidate is looked at."""
+_CANDIDATES, _CLOSER_LOOKS, _PEAKS, _GOOD = 40, 6, 5, 0.95
+"""Places looked at, tops about a place, and the quality from which on no other candidate is looked at."""
+
+_SCALES, _LEAST_FRONT_PX = 1.1, 1.4
+"""Step between the scales that a first look tries, and the smallest front patch's radius worth trying."""
+
+_LOOSE = 0.6
+"""`RING_SLACK` while the scale is known only roughly."""
 
 _ANGLES = np.arange(72) * (math.tau / 72)
 _RING = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], 1)
 
 
 class Sighting(NamedTuple):
-    """The disk as it was seen: its centre and its front patch on its plane (cm), quality 0 to 1."""
+    """The disk as it was seen: its two points on its plane [2, 2] (cm), the robot's pose, quality 0 to 1."""
 
-    centre: tuple[float, float]
-    front: tuple[float, float]
+    points: NDArray[np.float64]
+    pose: Pose
     quality: float
-
-    @property
-    def heading(self) -> float:
-        """Where it looks, rad."""
-        return math.atan2(self.front[1] - self.centre[1], self.front[0] - self.centre[0])
 
 
 class Finder:
@@ -99,7 +97,7 @@ class Finder:
         self._shrink = max(1, int(front * self._scale / 2.5))
 
     def near(
-        self, picture: NDArray[np.uint8] | Look, place: NDArray[np.float64], reach_cm: float = REACH_CM
+        self, picture: Grey | Look, place: NDArray[np.float64], reach_cm: float = REACH_CM
     ) -> Sighting | None:
         """The disk whose centre lies within `reach_cm` of a place (cm), or None."""
         disk, step = self.disk, self._step
@@ -115,10 +113,14 @@ class Finder:
                 continue
             quality = self._quality(fine, centre, front)
             if best is None or quality > best.quality:
-                best = Sighting(self._place(centre, place, half), self._place(front, place, half), quality)
-        return best if best is not None and self._visible(best) else None
+                points = place + (np.array([centre, front]) - half) * step
+                best = Sighting(points, disk.pose_of(points), quality)
+        if best is None:
+            return None
+        pixels = self.camera.to_pixels(best.points, disk.height_cm)
+        return best if self.camera.shows(pixels, 1.0).all() else None
 
-    def anywhere(self, picture: NDArray[np.uint8]) -> Sighting | None:
+    def anywhere(self, picture: Grey) -> Sighting | None:
         """The likeliest disk in the whole picture, or None."""
         best: Sighting | None = None
         for place in self._candidates(picture):
@@ -129,7 +131,7 @@ class Finder:
                     break
         return best
 
-    def _laid_out(self, picture: NDArray[np.uint8] | Look, place: NDArray[np.float64], half: int) -> Picture:
+    def _laid_out(self, picture: Grey | Look, place: NDArray[np.float64], half: int) -> Picture:
         """A square of the disk's plane about a place, `half` steps to each side."""
         axis = np.arange(-half, half + 1) * self._step
         x, y = place[0] + axis, (place[1] + axis)[:, None]
@@ -177,19 +179,7 @@ class Finder:
         seen = _sampled(fine, spots[:, :1], spots[:, 1:])
         return correlation(seen[:, 0].astype(np.float64), self._pattern)
 
-    def _place(self, spot: tuple[float, float], place: NDArray[np.float64], half: int) -> tuple[float, float]:
-        """A spot of the laid out square as a place in cm."""
-        return (
-            float(place[0] + (spot[0] - half) * self._step),
-            float(place[1] + (spot[1] - half) * self._step),
-        )
-
-    def _visible(self, seen: Sighting) -> bool:
-        """Whether both patches lie in the picture."""
-        pixels = self.camera.to_pixels([seen.centre, seen.front], self.disk.height_cm)
-        return bool(self.camera.shows(pixels, 1.0).all())
-
-    def _candidates(self, picture: NDArray[np.uint8]) -> NDArray[np.float64]:
+    def _candidates(self, picture: Grey) -> NDArray[np.float64]:
         """Places (cm) where both masks respond together, the likeliest first, [n, 2]."""
         shrink = self._shrink
         height, width = (n // shrink for n in picture.shape)
@@ -210,6 +200,43 @@ class Finder:
         together = np.minimum(for_centre[tops[:, 0], tops[:, 1]], 1.5 * fronts)
         order = np.argsort(-together, kind="stable")[:_CLOSER_LOOKS]
         return np.asarray(places[order[together[order] > 0]])
+
+
+def first_look(
+    pictures: list[Grey], disk: Disk, report: Callable[[int], None]
+) -> list[NDArray[np.float64] | None]:
+    """Where the disk's points are in each picture, [2, 2] px, found without knowing the camera.
+
+    `report` is given the number of pictures done.
+    """
+    height, width = pictures[0].shape
+    scale, largest = _LEAST_FRONT_PX / disk.front_radius_cm, min(height, width) / (4 * disk.radius_cm)
+    scales = []
+    while scale < largest:
+        scales.append(scale)
+        scale *= _SCALES
+    few = [pictures[i] for i in np.unique(np.linspace(0, len(pictures) - 1, 4).astype(int))]
+    sums = [sum(q**4 for q, _ in _at_scale(few, disk, scale)) for scale in scales]
+    best = int(np.argmax(sums)) if sums else 0
+    looks = [_at_scale(pictures, disk, scale, report) for scale in scales[max(best - 1, 0) : best + 2]]
+    chosen = [max(looks_at_one, key=lambda look: look[0]) for looks_at_one in zip(*looks, strict=True)]
+    return [pixels if quality >= KNOWN_AGAIN else None for quality, pixels in chosen]
+
+
+def _at_scale(
+    pictures: list[Grey], disk: Disk, scale: float, report: Callable[[int], None] = lambda done: None
+) -> list[tuple[float, NDArray[np.float64] | None]]:
+    """The best disk of each picture at a scale (px/cm): quality and both points in pixels."""
+    height, width = pictures[0].shape
+    matrix = np.diag([scale, scale, 1.0])
+    flat = CameraModel(width_px=width, height_px=height, homography=matrix, plane_cm=disk.height_cm)
+    finder = Finder(flat, disk, slack=_LOOSE)
+    looks: list[tuple[float, NDArray[np.float64] | None]] = []
+    for done, picture in enumerate(pictures):
+        seen = finder.anywhere(picture)
+        looks.append((0.0, None) if seen is None else (seen.quality, flat.to_pixels(seen.points)))
+        report(done + 1)
+    return looks
 
 
 def _sampled(picture: NDArray[Any], columns: Picture, rows: Picture) -> NDArray[Any]:

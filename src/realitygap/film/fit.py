@@ -47,25 +47,21 @@ def fit_camera(
     middle, half = np.array([(size[0] - 1) / 2, (size[1] - 1) / 2]), math.hypot(*size) / 2
     about, spread = places.mean(0), max(float(places.std()), 1e-9)
     p, q = (places - about) / spread, (pixels - middle) / half
-    cv2.setRNGSeed(1)
-    matrix, votes = cv2.findHomography(p, q, cv2.RANSAC, tolerance_px / half, maxIters=5000)
-    if matrix is None or int(votes.sum()) < 4:
+    start, agree = _vote(p, q, tolerance_px / half)
+    if agree.sum() < 4:
         return None
-    agree = votes.ravel() > 0
-    start = np.append(np.asarray(matrix, float).ravel()[:8] / matrix[2, 2], [0.0, 0.0] if radial else [])
-    agreeing = start
+    agreeing = np.append(start, [0.0, 0.0] if radial else [])
     for _ in range(3):  # the lens's bend may have kept good points out of the vote
         agreeing = _least_squares(partial(_misses, p=p[agree], q=q[agree], half=half), agreeing)
         far = np.hypot(*(_seen(agreeing, p) - q).T) * half
         agree = far <= max(tolerance_px / 3, 4 * float(np.median(far)))
-    back = np.diag([half, half, 1.0])
-    back[:2, 2] = middle
+    back = np.array([[half, 0, middle[0]], [0, half, middle[1]], [0, 0, 1.0]])
     onto = np.array([[1 / spread, 0, -about[0] / spread], [0, 1 / spread, -about[1] / spread], [0, 0, 1]])
-    k1, k2 = (float(agreeing[8]), float(agreeing[9])) if radial else (0.0, 0.0)
+    matrix, k1, k2 = _parts(agreeing)
     return CameraModel(
         width_px=size[0],
         height_px=size[1],
-        homography=back @ np.append(agreeing[:8], 1.0).reshape(3, 3) @ onto,
+        homography=back @ matrix @ onto,
         radial=(k1, k2),
         plane_cm=plane_cm,
     )
@@ -97,14 +93,27 @@ def _pinhole(camera: CameraModel, focal: float) -> Array:
     return np.array([place[0], place[1], abs(place[2])])
 
 
+def _vote(p: Array, q: Array, tolerance: float) -> tuple[Array, NDArray[np.bool_]]:
+    """The first eight numbers of the homography that most points agree on, and which do; maybe none."""
+    cv2.setRNGSeed(1)
+    matrix, votes = cv2.findHomography(p, q, cv2.RANSAC, tolerance, maxIters=5000)
+    if matrix is None:
+        return np.zeros(8), np.zeros(len(p), bool)
+    return np.asarray(matrix, float).ravel()[:8] / matrix[2, 2], votes.ravel() > 0
+
+
+def _parts(values: Array) -> tuple[Array, float, float]:
+    """Homography and radial terms, which are 0 where they are not fitted."""
+    k1, k2 = [*values[8:].tolist(), 0.0, 0.0][:2]
+    return np.append(values[:8], 1.0).reshape(3, 3), k1, k2
+
+
 def _seen(values: Array, p: Array) -> Array:
     """Where the places are in the picture, both in the units of the fit."""
-    h = np.append(values[:8], 1.0).reshape(3, 3)
+    h, k1, k2 = _parts(values)
     ideal = (p @ h[:2, :2].T + h[:2, 2]) / (p @ h[2, :2] + h[2, 2])[:, None]
-    if len(values) == 8:
-        return np.asarray(ideal)
     square = (ideal**2).sum(1, keepdims=True)
-    return np.asarray(ideal * (1 + values[8] * square + values[9] * square * square))
+    return np.asarray(ideal * (1 + k1 * square + k2 * square * square))
 
 
 def _misses(values: Array, p: Array, q: Array, half: float) -> Array:
@@ -117,22 +126,18 @@ def _least_squares(misses: Callable[[Array], Array], values: Array, rounds: int 
     damping, off = 1e-3, misses(values)
     for _ in range(rounds):
         steps = 1e-6 * np.maximum(np.abs(values), 1e-2)
-        columns = [
-            (misses(values + step) - misses(values - step)) / (2 * size)
-            for size, step in zip(steps, np.diag(steps), strict=True)
-        ]
-        jacobian = np.column_stack(columns)
+        rows = [misses(values + step) - misses(values - step) for step in np.diag(steps)]
+        jacobian = np.stack(rows, 1) / (2 * steps)
         normal, slope = jacobian.T @ jacobian, jacobian.T @ off
         trial = values - np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), slope)
         tried = misses(trial)
-        better = float(tried @ tried) < float(off @ off)
-        if better:
-            gain = float(off @ off) - float(tried @ tried)
+        gain = float(off @ off) - float(tried @ tried)
+        if gain > 0:
             values, off, damping = trial, tried, damping / 5
             if gain < 1e-10 * float(off @ off) + 1e-18:
                 break
         else:
             damping *= 8
-            if damping > 1e12:
-                break
+        if damping > 1e12:
+            break
     return values

@@ -9,7 +9,7 @@ from __future__ import annotations
 import multiprocessing
 import signal
 import time
-from collections.abc import Callable
+from contextlib import closing
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,17 +24,11 @@ from realitygap.values import Closing
 
 __all__ = ["Filmed", "LiveCamera"]
 
-OPEN_S = 30.0
-"""How long a camera may take to open."""
+OPEN_S, ANSWER_S, MISSED_S = 40.0, 10.0, 1.0
+"""How long a camera may take to open, how long to give a picture, and how long one may show none."""
 
 FALLBACK_FPS = 25.0
 """The rate of a source that does not state its own."""
-
-MISSED_S = 1.0
-"""A live camera may fail to give a picture for so long."""
-
-ANSWER_S = 10.0
-"""How long a live camera may take to give a picture."""
 
 
 class Filmed(NamedTuple):
@@ -64,12 +58,11 @@ class LiveCamera(Closing):
         self.source = str(source)
         context = multiprocessing.get_context("spawn")
         self._pipe, there = context.Pipe()
-        arguments = (there, self.source, size)
-        self._process: Any = context.Process(target=_serve, args=arguments, daemon=True)
+        self._process: Any = context.Process(target=_serve, args=(there, self.source, size), daemon=True)
         self._process.start()
         there.close()
         try:
-            self._answer(OPEN_S + ANSWER_S)
+            self._ask(patience_s=OPEN_S)
         except BaseException:
             self.close()
             raise
@@ -88,7 +81,8 @@ class LiveCamera(Closing):
         Raises:
             FilmError: the film could not be written.
         """
-        return Filmed(*self._ask("finish", until))
+        filmed: Filmed = self._ask("finish", until)
+        return filmed
 
     def close(self) -> None:
         """Release the camera."""
@@ -102,41 +96,32 @@ class LiveCamera(Closing):
         self._process.close()
         self._process = None
 
-    def _ask(self, *order: Any) -> Any:
+    def _ask(self, *order: Any, patience_s: float = ANSWER_S) -> Any:
+        """What comes of an order; of none, what comes by itself."""
         try:
-            self._pipe.send(order)
-        except OSError:
-            raise self._gone() from None
-        return self._answer(ANSWER_S)
-
-    def _answer(self, patience_s: float) -> Any:
-        try:
+            if order:
+                self._pipe.send(order)
             if not self._pipe.poll(patience_s):
                 raise FilmError(
                     f"live camera {self.source!r}: no answer in {patience_s:g} s. Check the camera."
                 )
             answer = self._pipe.recv()
         except (EOFError, OSError):
-            raise self._gone() from None
+            ended = "its process ended. Check the camera and try again."
+            raise FilmError(f"live camera {self.source!r}: {ended}") from None
         if isinstance(answer, FilmError):
             raise answer
         return answer
-
-    def _gone(self) -> FilmError:
-        return FilmError(f"live camera {self.source!r}: its process ended. Check the camera and try again.")
 
 
 def _serve(pipe: Connection, source: str, size: tuple[int, int] | None) -> None:
     """In the process of its own: serve one camera until nobody listens."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the driver's: it must stop the robot first
     try:
-        camera = _Opened(source, size)
-        try:
+        with closing(_Opened(source, size)) as camera:
             pipe.send("open")
             while True:
                 _attend(pipe, camera)
-        finally:
-            camera.close()
     except FilmError as error:
         pipe.send(error)
     except (EOFError, OSError):
@@ -149,13 +134,8 @@ def _attend(pipe: Connection, camera: _Opened) -> None:
         camera.take()
         return
     order, *rest = pipe.recv()
-    orders: dict[str, Callable[..., Any]] = {
-        "look": camera.look,
-        "film": camera.film,
-        "finish": camera.finish,
-    }
     try:
-        pipe.send(orders[order](*rest))
+        pipe.send(getattr(camera, order)(*rest))
     except FilmError as error:
         pipe.send(error)
 
@@ -213,15 +193,15 @@ class _Opened:
         except FilmError as error:
             self._trouble = str(error)
 
-    def finish(self, until: float) -> tuple[float, int, str | None]:
-        """End the film; when it began, frames, trouble."""
+    def finish(self, until: float) -> Filmed:
+        """End the film."""
         if self._writer is None:
             raise FilmError(f"live camera {self._source!r}: there is no film to finish.")
         while self._times[-1] < until and self._trouble is None:
             self.take()
         writer, self._writer = self._writer, None
         writer.__exit__(None)
-        return self._times[0], len(self._times), self._trouble
+        return Filmed(self._times[0], len(self._times), self._trouble)
 
     def _add(self, at: float, picture: Image) -> None:
         assert self._writer is not None
@@ -233,12 +213,10 @@ class _Opened:
         """The next frame and when it came."""
         if self._trouble is not None:
             raise FilmError(self._trouble)
+        at = time.monotonic()
         if self._writer is not None and self._times and not self._live:
-            due = self._times[0] + len(self._times) / self._rate  # a file plays at its own rate
-            time.sleep(max(0.0, due - time.monotonic()))
-            at = due
-        else:
-            at = time.monotonic()
+            at = self._times[0] + len(self._times) / self._rate  # a file plays at its own rate
+            time.sleep(max(0.0, at - time.monotonic()))
         give_up = at + (MISSED_S if self._live else 0.0)
         while True:
             got = self._video.grab()

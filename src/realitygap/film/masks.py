@@ -18,7 +18,7 @@ from realitygap.film.disk import Disk
 
 __all__ = ["INNER", "OUTER", "Pattern", "blurred", "correlation", "pattern_of", "peak", "responses"]
 
-Picture = NDArray[np.float32]
+Grey, Picture = NDArray[np.uint8], NDArray[np.float32]
 
 INNER = 0.56
 OUTER = 0.90
@@ -28,11 +28,9 @@ responds most to a disc of just that radius (a Laplacian of width r / √2 does)
 _HIDDEN = 0.25
 """Part of the disk's black face that may be hidden by something bright."""
 
-_RIM = 1.0
-"""The disk's outermost part, into which the floor blurs, is not compared; in radii of the front patch."""
-
-_GRAIN = 0.25
-"""How far apart compared places are, in radii of the front patch."""
+_RIM, _GRAIN = 1.0, 0.25
+"""In radii of the front patch: how much of the disk's rim, into which the floor blurs, is not compared,
+and how far apart compared places are."""
 
 
 class Pattern(NamedTuple):
@@ -104,7 +102,10 @@ def correlation(seen: NDArray[np.float64], pattern: Pattern) -> float:
     quarter is left out, whatever it is, so that a hand or a cable may lie there. Light that grows
     evenly across the disk, as a lamp's reflection does, is taken away first.
     """
-    seen = seen - _slope(seen, pattern)
+    use = _unhidden(seen, pattern)
+    terms = np.column_stack([np.ones(int(use.sum())), pattern.white[use], pattern.places[use]])
+    slope = np.linalg.solve(terms.T @ terms, terms.T @ seen[use])[2:]
+    seen = seen - pattern.places @ slope
     use = _unhidden(seen, pattern)
     worst = 1.0
     for part in (pattern.inner & use, ~pattern.inner & use):
@@ -128,14 +129,6 @@ def _quantile(values: NDArray[np.float64], share: float) -> float:
     ranked = np.partition(values, (below, above))
     low, high, part = float(ranked[below]), float(ranked[above]), place - below
     return low + (high - low) * part if part < 0.5 else high - (high - low) * (1 - part)
-
-
-def _slope(seen: NDArray[np.float64], pattern: Pattern) -> NDArray[np.float64]:
-    """The part of the light that grows evenly across the disk, at the pattern's places."""
-    use = _unhidden(seen, pattern)
-    terms = np.column_stack([np.ones(int(use.sum())), pattern.white[use], pattern.places[use]])
-    parts = np.linalg.solve(terms.T @ terms, terms.T @ seen[use])
-    return np.asarray(pattern.places @ parts[2:])
 
 
 def _soft_disc(distance: NDArray[np.float64], radius: float, sigma: float) -> NDArray[np.float64]:

@@ -18,11 +18,10 @@ from realitygap import whole
 from realitygap.errors import FilmError
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
+from realitygap.film.video import Image
 from realitygap.track import Track
 
 __all__ = ["draw_tails", "save_tails"]
-
-Picture = NDArray[np.uint8]
 
 _WIDE_PX = 1200
 """Narrower pictures are drawn larger, by a whole factor, so that the lines are fine."""
@@ -34,7 +33,7 @@ _SHIFT = 4
 """OpenCV draws between pixels in units of 1 / 2^shift."""
 
 
-def draw_tails(frame: Picture, track: Track, camera: CameraModel, disk: Disk) -> Picture:
+def draw_tails(frame: Image, track: Track, camera: CameraModel, disk: Disk) -> Image:
     """A frame [height, width, 3] under the white lines of a track, one for each frame in which the
     robot was found; larger than the frame if that is small. The frame is darkened where its floor
     is so bright that white would not show.
@@ -60,7 +59,7 @@ def draw_tails(frame: Picture, track: Track, camera: CameraModel, disk: Disk) ->
     return np.asarray(np.rint(picture + (255 - picture) * part), np.uint8)
 
 
-def save_tails(path: str | Path, picture: Picture) -> None:
+def save_tails(path: str | Path, picture: Image) -> None:
     """Write a picture [height, width, 3] as PNG.
 
     Raises:
@@ -82,10 +81,8 @@ def _strokes(track: Track, camera: CameraModel, disk: Disk) -> NDArray[np.float6
     return camera.to_pixels(np.stack([centre, edge], 1), disk.height_cm)
 
 
-def _floor_under(frame: Picture, strokes: NDArray[np.float64]) -> float:
-    """How bright the picture is along the path."""
-    spots = np.rint(strokes[:, 0]).astype(int)
-    if not len(spots):
-        return 0.0
-    columns, rows = spots[:, 0].clip(0, frame.shape[1] - 1), spots[:, 1].clip(0, frame.shape[0] - 1)
-    return float(np.quantile(frame[rows, columns].mean(axis=1), 0.75))
+def _floor_under(frame: Image, strokes: NDArray[np.float64]) -> float:
+    """How bright the picture is along the path; 0 if there is none."""
+    height, width = frame.shape[:2]
+    columns, rows = np.rint(strokes[:, 0]).astype(int).clip(0, (width - 1, height - 1)).T
+    return float(np.quantile(frame[rows, columns].mean(axis=1), 0.75)) if len(rows) else 0.0

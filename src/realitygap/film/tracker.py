@@ -15,21 +15,19 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.errors import FilmError
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
 from realitygap.film.finder import FOUND_ANEW, KNOWN_AGAIN, Finder, Look, Sighting
-from realitygap.film.video import FilmReader
+from realitygap.film.video import FilmReader, Image
 from realitygap.track import Track
 from realitygap.values import Pose
 
 __all__ = ["Tracked", "Tracker", "track_film"]
 
-Picture = NDArray[np.uint8]
-Row = tuple[float, float, float, float, float]
-"""Time, x, y, heading, quality."""
+Row = tuple[float, tuple[Pose, float] | None]
+"""A frame's time (s), and pose and quality if the robot is seen."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,12 +36,12 @@ class Tracked:
     wrong with the film (None: nothing)."""
 
     track: Track
-    last_frame: Picture
+    last_frame: Image
     trouble: str | None
 
 
 class Tracker:
-    """Follows one disk from frame to frame; `pose` and `quality` are the last frame's.
+    """Follows one disk from frame to frame.
 
     Args:
         camera: which took the frames.
@@ -52,26 +50,24 @@ class Tracker:
 
     def __init__(self, camera: CameraModel, disk: Disk) -> None:
         self._finder = Finder(camera, disk)
-        self._last: Sighting | None = None
+        self._last: Pose | None = None
         self.best_quality = 0.0
 
-    def see(self, picture: Picture | Look) -> tuple[Pose, float] | None:
+    def see(self, picture: Image | Look) -> tuple[Pose, float] | None:
         """The disk's pose in a picture [height, width], or what shows one, and its quality, or None."""
-        seen = None
-        if self._last is not None:
-            seen = self._believed(self._finder.near(picture, np.array(self._last.centre)), KNOWN_AGAIN)
+        seen, last = None, self._last
+        if last is not None:
+            seen = self._believed(self._finder.near(picture, np.array([last.x, last.y])), KNOWN_AGAIN)
         if seen is None:
             whole = picture(None) if callable(picture) else picture
             seen = self._believed(self._finder.anywhere(whole), FOUND_ANEW)
-        self._last = seen
-        if seen is None:
-            return None
-        return Pose(x=seen.centre[0], y=seen.centre[1], heading=seen.heading), seen.quality
+        self._last = None if seen is None else seen.pose
+        return None if seen is None else (seen.pose, seen.quality)
 
-    def follow(self, frames: Iterable[tuple[float, Picture | Look]]) -> Track:
+    def follow(self, frames: Iterable[tuple[float, Image | Look]]) -> Track:
         """The track of pictures with their times (s), one after the other; none is kept."""
         with _one_thread():
-            return _track([(t_s, *_row(self.see(picture))) for t_s, picture in frames])
+            return _track([(t_s, self.see(picture)) for t_s, picture in frames])
 
     def _believed(self, seen: Sighting | None, least: float) -> Sighting | None:
         self.best_quality = max(self.best_quality, 0.0 if seen is None else seen.quality)
@@ -95,22 +91,19 @@ def track_film(
     Raises:
         FilmError: not a film, a film of another size, or one in which no disk is seen.
     """
-    tracker = Tracker(camera, disk)
-    rows: list[Row] = []
+    tracker, rows = Tracker(camera, disk), list[Row]()
+    report = on_progress or (lambda done, total: None)
     with FilmReader(film) as reader:
         for frame in reader:
             if not rows:
                 camera.check_size(frame.grey.shape[1], frame.grey.shape[0], str(film))
             elif frame.grey.shape != (camera.height_px, camera.width_px):
                 raise FilmError(f"{film}: its pictures change size at {frame.t_s:.2f} s. Cut the film there.")
-            seen = None if frame.damaged else tracker.see(frame.grey)
-            rows.append((frame.t_s, *_row(seen)))
-            if on_progress is not None and len(rows) % 10 == 0:
-                on_progress(len(rows), reader.frames_expected)
+            rows.append((frame.t_s, None if frame.damaged else tracker.see(frame.grey)))
+            if len(rows) % 10 == 0:
+                report(len(rows), reader.frames_expected)
         last = frame.colour()
-        trouble = reader.trouble
-    if on_progress is not None:
-        on_progress(len(rows), len(rows))
+    report(len(rows), len(rows))
     track = _track(rows)
     if not track.found.any():
         raise FilmError(
@@ -118,7 +111,7 @@ def track_film(
             f"{tracker.best_quality:.2f}, needed {FOUND_ANEW:g}). Check that the robot carries the disk, "
             "that the camera was calibrated for this film, and that the disk is given in its true size."
         )
-    return Tracked(track=track, last_frame=last, trouble=trouble)
+    return Tracked(track=track, last_frame=last, trouble=reader.trouble)
 
 
 @contextmanager
@@ -132,13 +125,9 @@ def _one_thread() -> Iterator[None]:
         cv2.setNumThreads(threads)
 
 
-def _row(seen: tuple[Pose, float] | None) -> tuple[float, float, float, float]:
-    if seen is None:
-        return math.nan, math.nan, math.nan, 0.0
-    pose, quality = seen
-    return pose.x, pose.y, pose.heading, quality
-
-
 def _track(rows: list[Row]) -> Track:
-    t, x, y, heading, quality = np.array(rows).T
+    lost = Pose(x=math.nan, y=math.nan, heading=math.nan), 0.0
+    seen = [(t_s, *(one or lost)) for t_s, one in rows]
+    columns = np.array([(t_s, pose.x, pose.y, pose.heading, quality) for t_s, pose, quality in seen]).T
+    t, x, y, heading, quality = columns
     return Track(t=t, x=x, y=y, heading=heading, quality=quality, seen_by="camera")

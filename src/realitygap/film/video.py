@@ -101,9 +101,9 @@ class FilmReader(Closing):
             raise FilmError(f"{self.path}: a folder; give the path of a film.")
         try:
             container: Any = av.open(str(self.path), metadata_errors="replace")
-        except (FFmpegError, ValueError, OSError) as error:
-            if isinstance(error, PermissionError):
-                raise FilmError(f"{self.path}: cannot be read. Check the file's rights.") from None
+        except PermissionError:
+            raise FilmError(f"{self.path}: cannot be read. Check the file's rights.") from None
+        except (FFmpegError, ValueError, OSError):
             raise FilmError(
                 f"{self.path}: not a film, or cut off so early that its table of contents is missing. "
                 "Give a film as a camera writes it (MP4, MOV, MKV, AVI …)."

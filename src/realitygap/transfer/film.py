@@ -97,10 +97,9 @@ def calibrated(file: Path, arena: Arena, *, unit: int, noise: float, radius_cm: 
     Raises:
         FilmError: no camera explains what is seen.
     """
-    from realitygap.film.calibrate import calibrate_camera
+    from realitygap.film.calibrate import KnownFrame, calibrate_camera
     from realitygap.film.camera import load_camera
     from realitygap.film.disk import load_disk
-    from realitygap.film.frames import KnownFrame
     from realitygap.twin.camera import OverheadCamera
     from realitygap.twin.states import States
 

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.recorder.wheel_plans import camera_places
-from realitygap.film.calibrate import calibrate_camera
+from realitygap.film.calibrate import KnownFrame, calibrate_camera
 from realitygap.film.disk import load_disk
-from realitygap.film.frames import KnownFrame
 from realitygap.film.tracker import Tracker
 from realitygap.twin.camera import OverheadCamera
 from realitygap.twin.states import States
