@@ -225,8 +225,8 @@ def _fitted(
     pairs = [(frame, pixels) for frame, pixels in zip(frames, seen, strict=True) if pixels is not None]
     if len(pairs) < LEAST_FRAMES:
         raise FilmError(
-            f"the disk is seen in {len(pairs)} of {len(frames)} frames, {LEAST_FRAMES} are needed. Check that "
-            "the robot carries the disk, and the disk's sizes, or take more frames."
+            f"the disk is seen in {len(pairs)} of {len(frames)} frames, {LEAST_FRAMES} are needed. Check "
+            "that the robot carries the disk, and the disk's sizes, or take more frames."
         )
     _check_spread([frame.pose for frame, _ in pairs], "poses of the frames in which the disk is seen")
     scale = np.median([math.dist(*pixels[:2]) for _, pixels in pairs]) / math.dist(*disk.points[:2])
