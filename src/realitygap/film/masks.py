@@ -18,7 +18,8 @@ from realitygap.film.disk import Disk
 
 __all__ = ["INNER", "OUTER", "Pattern", "blurred", "correlation", "pattern_of", "peak", "responses"]
 
-Grey, Picture = NDArray[np.uint8], NDArray[np.float32]
+Grey = NDArray[np.uint8]
+Picture = NDArray[np.float32]
 
 INNER = 0.56
 OUTER = 0.90
