@@ -10,7 +10,9 @@ import pytest
 from realitygap.errors import ConfigError
 from realitygap.kernels import params
 from realitygap.kernels.params import LANES, RAYS
+from realitygap.world.body import Body
 from realitygap.world.profile import Profile, largest_pole, load_profile, profile_names
+from realitygap.world.sensors import UNLIT
 
 
 @pytest.fixture(scope="module")
@@ -134,7 +136,7 @@ def test_everything_is_shown(paper):
     ("old", "new", "told"),
     [
         ("radius_cm = 2.9", "radus_cm = 2.9", "body.radus_cm: unknown key. Did you mean 'radius_cm'?"),
-        ("radius_cm = 2.9", "", "body.radius_cm: missing."),
+        ("radius_cm = 2.9", "", "body.radius_cm: expected more than 0, got 0.0. Or give outline_cm."),
         ("radius_cm = 2.9", "radius_cm = -2.9", "body.radius_cm: expected more than 0, got -2.9."),
         ("radius_cm = 2.9", "radius_cm = nan", "body.radius_cm: expected a finite number, got nan."),
         ("radius_cm = 2.9", "radius_cm = true", "body.radius_cm: expected a number, got True."),
@@ -244,3 +246,46 @@ def test_no_constant_goes_by_its_place(monkeypatch):
     assert (before.noise_wheel, before.noise_friction) == (noise.wheel, noise.friction)
     assert (before.kp, before.kd, before.friction) == (wheels.kp, wheels.kd, wheels.friction_cm_s2)
     assert (before.ambient_low, before.ambient_high) == profile.ambient.bands
+
+
+SQUARE = "outline_cm = [[-2, -2], [3, -2], [3, 2], [-2, 2]]"
+
+
+@pytest.mark.parametrize(
+    ("outline", "told"),
+    [
+        ("outline_cm = [[0, 1], [1, 0]]", "three corners or more"),
+        (
+            "outline_cm = [[-2, 2], [3, 2], [3, -2], [-2, -2]]",
+            "clockwise, got [-2.0, 2.0]. Turn their",
+        ),
+        (
+            "outline_cm = [[-2, -2], [3, -2], [1, 0], [3, 2], [-2, 2]]",
+            "outline_cm[2]: expected a corner",
+        ),
+        ("outline_cm = [[1, -2], [3, -2], [3, 2], [1, 2]]", "the axle's middle (0, 0) inside"),
+        ("outline_cm = [[-8, -0.5], [8, -0.5], [8, 0.5], [-8, 0.5]]", "a body at least 2 cm wide"),
+        (
+            f"{SQUARE}\nradius_cm = 2.9",
+            "radius_cm: expected 3.60555, of the circle about the outline",
+        ),
+    ],
+)
+def test_outlines_that_are_none_are_refused(refused, outline, told):
+    """Too few corners, the wrong way round, a dent, the axle outside, a needle, another radius."""
+    message = refused("radius_cm = 2.9", outline)
+    assert message.startswith("body.") and told in message
+
+
+def test_an_outline_gives_the_radius_and_reads_back(tmp_path):
+    """The radius is that of the circle about the corners; sensors may lie on the edge, none beyond it."""
+    paper = load_profile("paper")
+    eyes = tuple(replace(s, x_cm=3.0, y_cm=0.1 * k) for k, s in enumerate(paper.infrared.sensors))
+    body = Body(outline_cm=((-2, -2), (3, -2), (3, 2), (-2, 2)))
+    square = replace(paper, body=body, ambient=UNLIT, infrared=replace(paper.infrared, sensors=eyes))
+    (tmp_path / "square.toml").write_text(square.to_toml(), "utf-8")
+    assert load_profile(tmp_path / "square.toml") == square
+    assert square.body.radius_cm == pytest.approx(13**0.5) and square.body.depth_cm(2.5, 1) == 0.5
+    beyond = (replace(eyes[0], x_cm=3.01), *eyes[1:])
+    with pytest.raises(ConfigError, match="a place inside the body"):
+        replace(square, infrared=replace(square.infrared, sensors=beyond))

@@ -160,7 +160,7 @@ def checked_pose(numbers: Numbers, arena: Arena, profile: Profile) -> Pose:
 
     x, y, heading = numbers[0], numbers[1], math.fmod(numbers[2], 360.0)
     radius = profile.body.radius_cm
-    obstacle = arena.obstacle_at(x, y, radius)
+    obstacle = arena.obstacle_at(x, y, 0.0 if profile.body.outline_cm else radius)
     if obstacle is not None:
         raise click.BadParameter(
             f"a robot of radius {radius:g} cm at ({x:g}, {y:g}) overlaps {obstacle}; choose a free place.",

@@ -48,7 +48,8 @@ class Scene:
         room = loaded.arena if arena is None else load_arena(arena)
         place = checked_pose(pose, room, robot)
         note_dark(loaded, room)
-        start = Start(x_cm=place.x, y_cm=place.y)  # the task's own starts need not be free here
+        faces = (place.heading_deg, place.heading_deg)
+        start = Start(x_cm=place.x, y_cm=place.y, heading_deg=faces)  # the task's own need not be free here
         begun = replace(loaded.of(robot), arena=room, start=start)
         return cls(task=begun, profile=robot, noise=noise, pose=place)
 

@@ -1,10 +1,10 @@
 """What is called from Python: many trials, one trial in full, readings at a place."""
 
 from realitygap.kernels.ambient import ambient
-from realitygap.kernels.geometry import stands_clear
 from realitygap.kernels.infrared import infrared
 from realitygap.kernels.jit import kernel, step
 from realitygap.kernels.network import output, think
+from realitygap.kernels.outline import body_clear
 from realitygap.kernels.params import Path
 from realitygap.kernels.rng import normals, substream
 from realitygap.kernels.trial import (
@@ -114,6 +114,6 @@ def probe(world, streams, work, noise, proximity, ambients):
 
 
 @kernel
-def is_clear(robot, arena, x, y):
-    """True if the robot's body at (x, y) overlaps nothing."""
-    return stands_clear(arena, x, y, robot.radius)
+def is_clear(robot, arena, x, y, heading):
+    """True if the robot's body at a pose overlaps nothing."""
+    return body_clear(robot, arena, x, y, heading)

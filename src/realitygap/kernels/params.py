@@ -34,6 +34,10 @@ class Robot(NamedTuple):
     """
 
     radius: float
+    """Of the disc, or of the circle about the outline whose middle is the axle's."""
+    outline: F
+    """[V, 4] corners (x forward, y left), and the outward normal of the edge from each to the next,
+    counter-clockwise; V = 0: a disc."""
     track: float
     speed_per_unit: F
     """[2] cm/s that one Khepera unit asks of the left and the right wheel."""

@@ -10,8 +10,9 @@ from realitygap.kernels.contact import ground_speeds, settle
 from realitygap.kernels.infrared import infrared
 from realitygap.kernels.jit import step
 from realitygap.kernels.network import LIMIT, output, think, wake
+from realitygap.kernels.outline import settle_outline
 from realitygap.kernels.rng import normals, sin_cos, uniform
-from realitygap.kernels.wheels import FASTEST, bound_wheel, drive_arc, turn_wheel
+from realitygap.kernels.wheels import FASTEST, Arc, bound_wheel, drive_arc, turn_wheel
 from realitygap.kernels.work import DRAWS, MOTOR_NOISE, noise_blocks
 
 PROXIMITY, AMBIENT = 0, 1
@@ -123,7 +124,11 @@ def move(robot, arena, work):
     left = work.wheel[0, 0]
     right = work.wheel[1, 0]
     arc = drive_arc(robot.track, left, right, work.pose[3], work.pose[4])
-    x, y, touched = settle(arena, robot.radius, work.pose[0], work.pose[1], arc.dx, arc.dy)
+    if robot.outline.shape[0] == 0:
+        x, y, touched = settle(arena, robot.radius, work.pose[0], work.pose[1], arc.dx, arc.dy)
+    else:
+        x, y, turn, touched = settle_outline(arena, robot, work.pose, arc.dx, arc.dy, arc.turn)
+        arc = Arc(arc.dx, arc.dy, turn, arc.share, arc.cos_mean, arc.sin_mean)
     work.ground[2] = 1.0 if touched else 0.0
     if touched:
         left, right = ground_speeds(x - work.pose[0], y - work.pose[1], arc, robot.track)

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from realitygap.kernels.params import Arena, Robot
 from realitygap.report import style
 from realitygap.report.arenas import draw_arena
-from realitygap.report.robots import draw_robot
+from realitygap.report.robots import draw_robot, front
 from realitygap.report.style import PAGE, SIMULATED, Look, new_figure, noise_styles
 from realitygap.tasks.task import Task
 from realitygap.track import Track, Trajectory
@@ -78,7 +78,7 @@ def draw_path(
         labels: whether axes have names.
     """
     draw_arena(ax, scene.arena, labels=labels)
-    strokes = tail(trajectory, scene.robot.radius)
+    strokes = tail(trajectory, front(scene.robot))
     ax.plot(
         *strokes.T, color=colour, linewidth=look.tail_width, linestyle=look.line, alpha=look.tail_alpha,
         solid_capstyle="butt", zorder=3, scalex=False, scaley=False,

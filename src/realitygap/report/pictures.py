@@ -20,7 +20,7 @@ from realitygap.kernels.params import STEP_S
 from realitygap.report import style
 from realitygap.report.arenas import draw_arena
 from realitygap.report.paths import Scene, draw_path, tail
-from realitygap.report.robots import draw_robot
+from realitygap.report.robots import draw_robot, front
 from realitygap.report.style import new_figure, styled
 from realitygap.tasks.task import Task
 from realitygap.track import Trajectory
@@ -125,7 +125,7 @@ def frames(task: Task, profile: Profile, trajectory: Trajectory, title: str = ""
     with styled():
         figure, room, bars, text = _stage(task, profile, trajectory, title)
         canvas = FigureCanvasAgg(figure)
-        strokes = tail(trajectory, robot.radius).reshape(-1, 3, 2)
+        strokes = tail(trajectory, front(robot)).reshape(-1, 3, 2)
         draw_arena(room, arena)
         canvas.draw()
         stroke = room.plot([], [], color=style.INK, linewidth=0.9, animated=True, zorder=3)[0]

@@ -17,7 +17,7 @@ from realitygap.kernels.params import STEP_S
 from realitygap.report.gather import PER_CONDITION, Paths, TaskPart, chosen, individual
 from realitygap.report.network import network_drawing
 from realitygap.report.player_tracks import Inside, activity, poses_of, track
-from realitygap.report.robots import WHEEL_CM
+from realitygap.report.robots import WHEEL_CM, front
 from realitygap.report.style import noise_styles
 from realitygap.report.tables import NoiseClass, Row, number
 from realitygap.report.transfers import Pair, robots_of
@@ -62,7 +62,10 @@ def player_data(
     tasks = [
         gather.task(part, pairs[part.task.name]) for part in parts if any(c.begun for c in part.conditions)
     ]
-    robot = {"radius": float(body.radius), "track": float(body.track), "wheel": list(WHEEL_CM)}
+    robot = {
+        "radius": float(body.radius), "front": front(body), "outline": body.outline[:, :2].tolist(),
+        "track": float(body.track), "wheel": list(WHEEL_CM),
+    }  # fmt: skip
     return {"step_s": STEP_S, "robot": robot, "tasks": tasks} if tasks else None
 
 

@@ -17,7 +17,7 @@ from realitygap.report import style
 from realitygap.report.style import SIMULATED, Look, new_figure
 from realitygap.world.profile import Profile
 
-__all__ = ["WHEEL_CM", "draw_robot", "light_rays", "robot_figure"]
+__all__ = ["WHEEL_CM", "draw_robot", "front", "light_rays", "robot_figure"]
 
 F = NDArray[np.float64]
 
@@ -36,8 +36,9 @@ def draw_robot(
     """A robot to scale: body, wheels, and a line to its leading edge; its artists are returned."""
     x, y, heading = pose
     cos, sin = math.cos(heading), math.sin(heading)
-    body = Circle((x, y), robot.radius, facecolor=look.body, edgecolor=edge, linestyle=look.line)
-    body.set(linewidth=1.1, zorder=5)
+    turned = robot.outline[:, :2] @ np.array([[cos, sin], [-sin, cos]]) + (x, y)
+    body = Polygon(turned, closed=True) if len(turned) else Circle((x, y), robot.radius)
+    body.set(facecolor=look.body, edgecolor=edge, linestyle=look.line, linewidth=1.1, zorder=5)
     length, width = WHEEL_CM[0] / 2, WHEEL_CM[1] / 2
     artists: list[Patch | Line2D] = [ax.add_patch(body)]
     for side in (1, -1):
@@ -45,9 +46,16 @@ def draw_robot(
         corners = np.array([[length, inner], [length, outer], [-length, outer], [-length, inner]])
         turned = corners @ np.array([[cos, sin], [-sin, cos]]) + (x, y)
         artists.append(ax.add_patch(Polygon(turned, closed=True, facecolor=edge, linewidth=0, zorder=5.1)))
-    tip = (x + robot.radius * cos, y + robot.radius * sin)
+    ahead = front(robot)
+    tip = (x + ahead * cos, y + ahead * sin)
     artists += ax.plot([x, tip[0]], [y, tip[1]], color=edge, linewidth=1.3, zorder=5.2, solid_capstyle="butt")
     return artists
+
+
+def front(robot: Robot) -> float:
+    """How far ahead of the axle's middle the body's edge is, cm."""
+    x, y, nx, ny = robot.outline[robot.outline[:, 2] > 0].T
+    return float(((nx * x + ny * y) / nx).min(initial=robot.radius))
 
 
 def robot_figure(profile: Profile) -> Figure:

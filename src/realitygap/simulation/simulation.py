@@ -159,7 +159,7 @@ class Simulation:
             raise UsageError(f"pose: expected a Pose, got {shown(pose)}. {cure}")
         if not all(math.isfinite(value) for value in (pose.x, pose.y, pose.heading)):
             raise UsageError(f"pose: expected finite numbers, got {pose.x} {pose.y} {pose.heading_deg}.")
-        if not batch.is_clear(self._cores.robot, self._cores.arena, pose.x, pose.y):
+        if not batch.is_clear(self._cores.robot, self._cores.arena, pose.x, pose.y, pose.heading):
             radius = self.profile.body.radius_cm
             arena = self.task.arena
             where = arena.obstacle_at(pose.x, pose.y, radius) or "an obstacle"

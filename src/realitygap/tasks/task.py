@@ -127,19 +127,26 @@ class Task:
         start = self.start
         body = profile.body.radius_cm
         obstacle = self.arena.obstacle_at(start.x_cm, start.y_cm, start.radius_cm + body)
-        if obstacle:
+        low, high = (math.radians(angle) for angle in start.heading_deg)
+        if obstacle and not (low == high and start.radius_cm == 0 and self._fits(profile, low)):
             raise TaskError(
                 f"task {self.name!r}: start: a robot of radius {body:g} cm that starts within "
                 f"{start.radius_cm:g} cm of ({start.x_cm:g}, {start.y_cm:g}) may overlap {obstacle}. "
                 "Move the start, or make its disc smaller."
             )
-        low, high = (math.radians(angle) for angle in start.heading_deg)
         return params.Trial(
             steps=self.steps,
             feed=FEEDS.index(self.feeds),
             channels=np.array(sensors, dtype=np.int64),
             start=np.array([start.x_cm, start.y_cm, start.radius_cm, low, high]),
         )
+
+    def _fits(self, profile: Profile, heading: float) -> bool:
+        """Whether the robot's very outline is free at the start's middle."""
+        from realitygap.kernels.batch import is_clear
+
+        place = (self.start.x_cm, self.start.y_cm, heading)
+        return bool(is_clear(profile.to_kernel(), self.arena.to_kernel(), *place))
 
     def room(self, profile: Profile) -> params.Room:
         """What the score sees of the world besides the path."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.kernels import batch
 from realitygap.kernels.params import STEP_S
 from realitygap.kernels.params import Path as Ground
 from realitygap.track import Track, settled
@@ -95,8 +96,10 @@ def score(path: Track, task: Task, profile: Profile) -> float:
     along = np.diff(x) * np.cos(mean) + np.diff(y) * np.sin(mean)
     forward = along / (np.sinc(turn / (2.0 * np.pi)) * STEP_S)
     apart = turn * profile.wheels.track_cm / (2.0 * STEP_S)
-    reach = profile.body.radius_cm + TOUCH_CM
-    touches = [task.arena.obstacle_at(*place, reach) is not None for place in zip(x[1:], y[1:], strict=True)]
+    grown, arena = profile.body.grown(TOUCH_CM), task.arena.to_kernel()
+    robot = profile.to_kernel()._replace(radius=grown.radius_cm, outline=grown.edges())
+    places = zip(x[1:], y[1:], heading[1:], strict=True)
+    touches = [not batch.is_clear(robot, arena, *place) for place in places]
     ground = Ground(
         x=np.ascontiguousarray(x[1:]),
         y=np.ascontiguousarray(y[1:]),

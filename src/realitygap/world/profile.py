@@ -13,13 +13,13 @@ import numpy as np
 from realitygap.kernels import params
 from realitygap.kernels.params import MAX_DELAY, STEP_S, UPDATES
 from realitygap.toml import to_toml
+from realitygap.world.body import Body
 from realitygap.world.files import Value, load, require, shipped
 from realitygap.world.provenance import Provenance
 from realitygap.world.rays import RAY_ANGLES_DEG
 from realitygap.world.sensors import UNLIT, Ambient, Infrared
 
 __all__ = [
-    "Body",
     "Noise",
     "Profile",
     "Wheels",
@@ -31,20 +31,10 @@ __all__ = [
 FEEDS = ("proximity", "ambient")
 TRACK = (0.2, 15.0)
 """The track's least and most, in radii of the body."""
+ON_EDGE = 1e-6
+"""A sensor may lie on the outline, as rounded, cm."""
 TOP_INPUT = 10
 """Inputs of a network are −10 … 10 (§5.3)."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Body(Value):
-    """A disc, and how high its top is above the floor; 0: endlessly, as in the paper's two dimensions."""
-
-    radius_cm: float
-    height_cm: float = 0.0
-
-    def _check(self) -> None:
-        require(self.radius_cm > 0, "radius_cm", "more than 0", self.radius_cm)
-        require(self.height_cm >= 0, "height_cm", "0 (no end) or more", self.height_cm)
 
 
 def largest_pole(kp: float, ki: float, kd: float, divisor: float) -> float:
@@ -157,12 +147,13 @@ class Profile(Value):
                 value = getattr(self.noise, key)
                 require(value <= top, f"noise.{key}", f"at most the converter's range, {top:g} counts", value)
             for i, sensor in enumerate(there):
-                key, depth = f"{part}.sensors[{i}]", radius - math.hypot(sensor.x_cm, sensor.y_cm)
                 place = (sensor.x_cm, sensor.y_cm)
-                require(depth > 0, key, f"a place inside the body (radius {radius:g} cm)", place)
+                key, depth = f"{part}.sensors[{i}]", self.body.depth_cm(*place)
+                require(depth >= -ON_EDGE, key, f"a place inside the body (radius {radius:g} cm)", place)
                 offset = getattr(sensor, "offset_cm", 0.0)
                 cure = "The sensor's distance to what the body touches would be 0."
-                require(offset > -depth, f"{key}.offset_cm", f"more than {-depth:.3g}", offset, cure)
+                fits = offset >= 0 or offset > -depth
+                require(fits, f"{key}.offset_cm", f"more than {-depth:.3g}", offset, cure)
 
     def to_kernel(self) -> params.Robot:
         """The robot as the kernels' arrays."""
@@ -170,6 +161,7 @@ class Profile(Value):
         sensors = {**self.infrared.to_kernel(), **self.ambient.to_kernel(self.body.height_cm)}
         return params.Robot(
             radius=self.body.radius_cm,
+            outline=self.body.edges(),
             track=wheels.track_cm,
             speed_per_unit=np.array(wheels.speed_per_unit_cm_s),
             kp=wheels.kp,
@@ -231,6 +223,8 @@ class Profile(Value):
         for key, unsaid in (("provenance", Provenance()), ("ambient", UNLIT)):
             if getattr(self, key) == unsaid:
                 del table[key]
+        if not self.body.outline_cm:
+            del table["body"]["outline_cm"]
         return table
 
 

@@ -103,7 +103,7 @@ function line(stage, x0, y0, x1, y1) {
 }
 
 // The paper's tail: a line from the centre to the leading edge for each step so far.
-function drawTail(stage, track, position, look, radius) {
+function drawTail(stage, track, position, look, front) {
   const { pen, x, y } = stage;
   pen.strokeStyle = look.colour;
   pen.globalAlpha = look.alpha;
@@ -114,7 +114,7 @@ function drawTail(stage, track, position, look, radius) {
     const pose = track.pose(k);
     if (pose === null) continue;
     pen.moveTo(x(pose.x), y(pose.y));
-    pen.lineTo(x(pose.x + radius * Math.cos(pose.heading)), y(pose.y + radius * Math.sin(pose.heading)));
+    pen.lineTo(x(pose.x + front * Math.cos(pose.heading)), y(pose.y + front * Math.sin(pose.heading)));
   }
   pen.stroke();
   pen.setLineDash([]);
@@ -156,7 +156,9 @@ function drawRobot(stage, robot, pose, look, paint) {
   pen.translate(stage.x(pose.x), stage.y(pose.y));
   pen.rotate(-pose.heading);
   pen.beginPath();
-  pen.arc(0, 0, robot.radius * scale, 0, 2 * Math.PI);
+  if (robot.outline.length) robot.outline.forEach(([x, y]) => pen.lineTo(x * scale, -y * scale));
+  else pen.arc(0, 0, robot.radius * scale, 0, 2 * Math.PI);
+  pen.closePath();
   pen.fillStyle = look.body;
   pen.fill();
   pen.lineWidth = 2;
@@ -171,7 +173,7 @@ function drawRobot(stage, robot, pose, look, paint) {
   }
   pen.beginPath();
   pen.moveTo(0, 0);
-  pen.lineTo(robot.radius * scale, 0);
+  pen.lineTo(robot.front * scale, 0);
   pen.stroke();
   pen.restore();
 }

@@ -55,7 +55,9 @@ function makeNetwork(svg, network, robot) {
   const [wide, low] = [reach((n) => Math.abs(n.x) + n.r), reach((n) => n.y + n.r)];
   const high = reach((n) => n.r - n.y);
   svg.setAttribute("viewBox", `${-wide} ${-high} ${2 * wide} ${high + low}`);
-  made("svg:circle", { r: robot.radius, class: "hull" }, svg);
+  const corners = robot.outline.map(([x, y]) => `${-y},${-x}`).join(" ");
+  if (corners) made("svg:polygon", { points: corners, class: "hull" }, svg);
+  else made("svg:circle", { r: robot.radius, class: "hull" }, svg);
   const lines = links.map((link) => {
     const kind = (link.weight < 0 ? "inhibits" : "excites") + (link.works ? "" : " idle");
     const group = made("svg:g", { class: `link ${kind}` }, svg);

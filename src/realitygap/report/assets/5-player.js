@@ -263,7 +263,7 @@ function drawScene(canvas, scene, side, position, paint) {
   const readings = track.readings(Math.floor(at));
   if (pose && byId("player-rays").checked) drawRays(stage, task.arena, task.sensors, pose, readings, paint);
   drawCourse(stage, track, look, paint);
-  if (byId("player-tails").checked) drawTail(stage, track, at, look, robot.radius);
+  if (byId("player-tails").checked) drawTail(stage, track, at, look, robot.front);
   if (pose === null) return;
   drawRobot(stage, robot, pose, look, paint);
   drawSensors(stage, task.sensors, pose, readings, paint);
