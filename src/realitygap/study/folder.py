@@ -20,7 +20,6 @@ from realitygap.study.reader import DATABASE, Reader
 from realitygap.study.schema import told
 from realitygap.study.settings import difference
 from realitygap.study.sources import EDITED, changed, inside, refuse_edited
-from realitygap.study.store import create
 from realitygap.study.trust import agree_to, refuse_strange, strange
 from realitygap.toml import to_toml
 from realitygap.world.profile import Profile, load_profile
@@ -63,6 +62,8 @@ def open_folder(folder: Path, requested: Materials | None, *, resume: bool) -> M
         StudyError: there is a study but `resume` is not set, or it was made with another
             configuration, or there is none to resume, or the folder holds something else.
     """
+    from realitygap.study.store import create  # the engine too: nobody who only reads a study needs it
+
     if exists(folder):
         if not resume:
             open_to_begin(folder)
