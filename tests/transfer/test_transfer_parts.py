@@ -18,13 +18,13 @@ from realitygap.report.gather import chosen, parts_of
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.track import Track, read_track
-from realitygap.transfer.choice import shown_runs
 from realitygap.transfer.film import known_poses
 from realitygap.transfer.paths import (
     of_counters,
     of_track,
     score,
 )
+from realitygap.transfer.plan import shown_runs
 from realitygap.values import Pose
 from realitygap.world.arena import load_arena
 from realitygap.world.profile import load_profile

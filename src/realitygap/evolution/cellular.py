@@ -8,6 +8,7 @@ of an individual.
 from __future__ import annotations
 
 import operator
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -28,15 +29,15 @@ LARGEST = 4096
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Cellular:
+class _Cellular(ABC):
     """Random individuals, cell by cell, until all cells are full; then one offspring at a time."""
 
     encoding: Variation
 
     @property
+    @abstractmethod
     def cells(self) -> int:
         """How many individuals live at a time."""
-        raise NotImplementedError
 
     def init(self, stream: np.uint64) -> Population:
         """Empty cells."""
@@ -69,12 +70,13 @@ class _Cellular:
         """The state that was written down."""
         return Population.from_bytes(data)
 
-    def _event(self, state: Population, event: np.uint64) -> tuple[int, int, int]:
-        """The cell that breeds, its mate, and the cell that the offspring takes."""
-        raise NotImplementedError
-
+    @abstractmethod
     def _next(self, state: Population, event: np.uint64) -> Batch:
-        cell, mate, replaced = self._event(state, event)
+        """One individual more, when all cells are full."""
+
+    def _offspring(self, state: Population, event: np.uint64, places: tuple[int, int, int]) -> Batch:
+        """A child of the cell that breeds and its mate, for the cell that it takes."""
+        cell, mate, replaced = places
         stream = np.uint64(substream(event, OFFSPRING))
         genes = self.encoding.offspring(state.genes[cell], state.genes[mate], stream)
         second = state.numbers[mate] if self.encoding.crosses(stream) else NOBODY
@@ -103,9 +105,8 @@ class DistributedGA(_Cellular):
         """How many individuals live on the grid."""
         return self.rows * self.columns
 
-    def _event(self, state: Population, event: np.uint64) -> tuple[int, int, int]:
-        drawn: tuple[int, int, int] = torus_event(state.fitness, self.rows, self.columns, event)
-        return drawn
+    def _next(self, state: Population, event: np.uint64) -> Batch:
+        return self._offspring(state, event, torus_event(state.fitness, self.rows, self.columns, event))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,9 +123,8 @@ class Panmictic(_Cellular):
         """How many individuals the population has."""
         return self.size
 
-    def _event(self, state: Population, event: np.uint64) -> tuple[int, int, int]:
-        drawn: tuple[int, int, int] = panmictic_event(state.fitness, event)
-        return drawn
+    def _next(self, state: Population, event: np.uint64) -> Batch:
+        return self._offspring(state, event, panmictic_event(state.fitness, event))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,17 +11,17 @@ from pathlib import Path
 from typing import Self
 
 from realitygap.errors import ConfigError, StudyError
-from realitygap.study.config import LARGEST, StudyConfig
+from realitygap.study.config import StudyConfig
 from realitygap.study.folder import exists, open_to_begin, own_config
 from realitygap.study.load import Study
 from realitygap.study.lock import lock
 from realitygap.study.schema import told
-from realitygap.study.settings import difference, whole
+from realitygap.study.settings import LARGEST, refuse_difference, whole
 from realitygap.tasks import load_task
 from realitygap.toml import read_toml, to_toml
-from realitygap.transfer.choice import shown_runs
 from realitygap.transfer.load import Transferred, load_transfers
 from realitygap.transfer.options import Transfer
+from realitygap.transfer.plan import shown_runs
 from realitygap.transfer.run import run_transfer
 from realitygap.whole import write
 from realitygap.work.progress import OnProgress
@@ -64,6 +64,11 @@ class Reproduction(Value):
         whole("evaluations", self.evaluations, 1, 10**9)
         whole("seed", self.seed, 0, LARGEST)
         whole("starts", self.starts, 1, 10**6)
+
+    def study(self, profile: str) -> StudyConfig:
+        """The paper's study with these numbers and a robot."""
+        plain = StudyConfig.reproduction(runs=self.runs, evaluations=self.evaluations, seed=self.seed)
+        return replace(plain, profile=profile)
 
     @classmethod
     def from_toml(cls, path: Path) -> Self:
@@ -124,19 +129,12 @@ def configured(
         elif not resume:
             open_to_begin(folder)
         if not profile:
+            place, seed = folder / CALIBRATION, requested.seed
             made = calibrated_unit(
-                folder / CALIBRATION,
-                unit=UNIT,
-                noise=1.0,
-                seed=requested.seed,
-                workers=workers,
-                on_progress=on_progress,
+                place, unit=UNIT, noise=1.0, seed=seed, workers=workers, on_progress=on_progress
             )
             profile = str(made)
-    study = StudyConfig.reproduction(
-        runs=requested.runs, evaluations=requested.evaluations, seed=requested.seed
-    )
-    return replace(study, profile=profile)
+    return requested.study(profile)
 
 
 def transferred(
@@ -192,10 +190,5 @@ def _begin(folder: Path, requested: Reproduction, *, resume: bool) -> None:
             f"{folder}: a reproduction was begun there. Resume it (--resume) or choose another --out."
         )
     there = Reproduction.from_toml(path)
-    found = difference({**there.to_dict(), "starts": 0}, {**requested.to_dict(), "starts": 0})
-    if found is not None:
-        key, here, asked = found
-        raise StudyError(
-            f"{folder}: the reproduction was begun with {key} = {here!r}, not {asked!r}. "
-            "Leave it as it was, or choose another --out."
-        )
+    made, asked = ({**one.to_dict(), "starts": 0} for one in (there, requested))
+    refuse_difference(f"{folder}: the reproduction was begun", made, asked)

@@ -17,18 +17,15 @@ from realitygap.controller.layout import Layout
 from realitygap.controller.operators import Variation
 from realitygap.errors import ConfigError
 from realitygap.study.parts import NAMED, Condition, Encoding, Evolution, TaskSettings, with_own
-from realitygap.study.settings import apply, whole
+from realitygap.study.settings import LARGEST, apply, whole
 from realitygap.tasks.load import reference
 from realitygap.tasks.task import Task
 from realitygap.toml import read_toml
-from realitygap.toml import to_toml as write_toml
 from realitygap.user_code import place_of, placed
 from realitygap.world.files import Value, build, require
 from realitygap.world.noise import NOISE_LEVELS, noise_level
 
 __all__ = ["Condition", "Encoding", "Evolution", "StudyConfig", "TaskSettings"]
-
-LARGEST = 2**63 - 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,7 +183,3 @@ class StudyConfig(Value):
             "encoding": self.encoding.to_dict(),
             "arenas": dict(self.arenas),
         }
-
-    def to_toml(self) -> str:
-        """The configuration as a file, which reads back to an equal one."""
-        return write_toml(self.to_dict())

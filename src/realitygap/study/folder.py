@@ -18,8 +18,8 @@ from realitygap.study.machine import processor
 from realitygap.study.materials import Materials, gather, own, program_files
 from realitygap.study.reader import DATABASE, Reader
 from realitygap.study.schema import told
-from realitygap.study.settings import difference
-from realitygap.study.sources import EDITED, changed, inside, refuse_edited
+from realitygap.study.settings import refuse_difference, refuse_edited_settings
+from realitygap.study.sources import changed, inside, refuse_edited
 from realitygap.study.trust import agree_to, refuse_strange, strange
 from realitygap.toml import to_toml
 from realitygap.world.profile import Profile, load_profile
@@ -133,12 +133,7 @@ def read_config(folder: Path) -> StudyConfig:
     sources = Reader(folder / DATABASE).sources()
     if sources is not None:
         made = StudyConfig.from_dict(tomllib.loads(sources[CONFIG].decode()))
-        found = difference(_decisive(made.to_dict()), _decisive(there.to_dict()))
-        if found is not None:
-            key, was, now = found
-            raise StudyError(
-                f"{path} was edited since the study was made: {key} was {was!r}, now {now!r}. {EDITED}"
-            )
+        refuse_edited_settings(path, _decisive(made.to_dict()), _decisive(there.to_dict()))
     return there
 
 
@@ -221,10 +216,8 @@ def _refuse_difference(folder: Path, requested: Materials) -> None:
     own_config(folder)  # who edited the study's own copies is told of those
     config, files = requested.copies()
     cure = "Leave it as it was, or choose another --out."
-    found = difference(_decisive(read_config(folder).to_dict()), _decisive(config.to_dict()))
-    if found is not None:
-        key, here, there = found
-        raise StudyError(f"{folder}: the study was made with {key} = {here!r}, not {there!r}. {cure}")
+    there = _decisive(read_config(folder).to_dict())
+    refuse_difference(f"{folder}: the study was made", there, _decisive(config.to_dict()), cure)
     for name, content in files.items():
         path = inside(folder, name)
         with told(path):

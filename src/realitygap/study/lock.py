@@ -12,7 +12,7 @@ from realitygap.errors import StudyBusyError
 from realitygap.study.reader import DATABASE
 from realitygap.study.schema import told
 from realitygap.study.sources import refuse_links
-from realitygap.work.lock import locked
+from realitygap.whole import locked
 
 __all__ = ["LOCK", "lock"]
 

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
-from realitygap.errors import ConfigError
+from realitygap.errors import ConfigError, StudyError
 from realitygap.text import refuse_unknown
 from realitygap.toml import parse_toml
 
-__all__ = ["apply", "difference", "whole"]
+__all__ = ["EDITED", "LARGEST", "apply", "difference", "refuse_difference", "refuse_edited_settings", "whole"]
+
+LARGEST = 2**63 - 1
+"""The largest seed."""
+
+EDITED = "Put it back as it was, or begin another study with it, in a folder of its own."
 
 
 def whole(key: str, value: object, low: int, high: int) -> None:
@@ -67,6 +73,43 @@ def difference(here: Mapping[str, Any], there: Mapping[str, Any]) -> tuple[str, 
         if left.get(key) != right.get(key):
             return key, left.get(key), right.get(key)
     return None
+
+
+def refuse_difference(
+    what: str,
+    there: Mapping[str, Any],
+    requested: Mapping[str, Any],
+    cure: str = "Leave it as it was, or choose another --out.",
+) -> None:
+    """Refuse to go on with other settings than those that something was made with.
+
+    Args:
+        what: where it is and how it came about: "FOLDER: the study was made".
+        there: its settings.
+        requested: those of now.
+        cure: what to do.
+
+    Raises:
+        StudyError: names the first key that differs, and both values.
+    """
+    found = difference(there, requested)
+    if found is not None:
+        key, here, asked = found
+        raise StudyError(f"{what} with {key} = {here!r}, not {asked!r}. {cure}")
+
+
+def refuse_edited_settings(file: Path, made: Mapping[str, Any], now: Mapping[str, Any]) -> None:
+    """Refuse a file of settings that are not those that its study was made with.
+
+    Raises:
+        StudyError: names the file, the first key that differs, and both values.
+    """
+    found = difference(made, now)
+    if found is not None:
+        key, was, shown = found
+        raise StudyError(
+            f"{file} was edited since the study was made: {key} was {was!r}, now {shown!r}. {EDITED}"
+        )
 
 
 def _flat(table: Mapping[str, Any], path: str) -> Iterator[tuple[str, Any]]:

@@ -10,11 +10,9 @@ from typing import Any
 
 from realitygap.errors import StudyError
 from realitygap.study.schema import told
-from realitygap.study.settings import difference
+from realitygap.study.settings import EDITED, difference
 
-__all__ = ["EDITED", "changed", "inside", "refuse_edited", "refuse_links"]
-
-EDITED = "Put it back as it was, or begin another study with it, in a folder of its own."
+__all__ = ["changed", "inside", "refuse_edited", "refuse_links"]
 
 
 def inside(folder: Path, name: str) -> Path:

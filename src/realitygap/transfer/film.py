@@ -16,7 +16,6 @@ import numpy as np
 from realitygap import whole
 from realitygap.toml import to_toml
 from realitygap.values import Pose
-from realitygap.work.lock import locked
 
 if TYPE_CHECKING:
     from realitygap.film.camera import CameraModel
@@ -104,7 +103,7 @@ def calibrated(file: Path, arena: Arena, *, unit: int, noise: float, radius_cm: 
     from realitygap.twin.states import States
 
     file.parent.mkdir(parents=True, exist_ok=True)
-    with locked(file.with_name(f".{file.stem}.lock"), wait=True):
+    with whole.locked(file.with_name(f".{file.stem}.lock"), wait=True):
         if file.is_file():
             return load_camera(file)
         frames = []

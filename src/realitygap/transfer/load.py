@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from realitygap.errors import StudyError
-from realitygap.study.settings import difference
+from realitygap.study.settings import refuse_difference
 from realitygap.text import as_path, refuse_unknown
 from realitygap.toml import read_toml
 from realitygap.track import Track, read_track
@@ -117,13 +117,8 @@ def is_done(folder: Path, one: Situation) -> bool:
     for key in ("disk", "baud"):  # no camera looked for it, or will; any rate will do
         if key not in there or key not in requested:
             there.pop(key, None), requested.pop(key, None)
-    found = difference(requested, there)
-    if found is not None:
-        key, asked, here = found
-        raise StudyError(
-            f"{file.parent}: the trial was made with {key} = {here!r}, not {asked!r}. "
-            "Leave that as it was, or move the folder away."
-        )
+    cure = "Leave that as it was, or move the folder away."
+    refuse_difference(f"{file.parent}: the trial was made", there, requested, cure)
     there_from = table.get("situated_from")
     return there_from in SOURCES and SOURCES.index(there_from) >= SOURCES.index(one.source)
 

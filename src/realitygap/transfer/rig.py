@@ -124,10 +124,13 @@ def driven(
     attend(body)
     body.sense()
     last = odometry_of(body).counters or (np.nan, np.nan)
+    return Driven(made, np.vstack([made.counters, last]), _cm_per_pulse(body, profile), tuple(poses))
+
+
+def _cm_per_pulse(body: Body, profile: Profile) -> tuple[float, float] | None:
+    """As the calibration measured it, else as the body says; None if nobody knows."""
     told, nominal = profile.provenance, getattr(body, "pulses_per_mm", None)
-    known = told.pulses_per_mm or nominal is not None
-    lengths = told.cm_per_pulse(nominal or 1.0) if known else None
-    return Driven(made, np.vstack([made.counters, last]), lengths, tuple(poses))
+    return told.cm_per_pulse(nominal or 1.0) if told.pulses_per_mm or nominal is not None else None
 
 
 class Rig(Closing):
@@ -140,7 +143,9 @@ class Rig(Closing):
         twin_noise: the twin's noise scale.
         folder_for_camera: keeps the camera's calibration, under a name of its own for each rig.
         baud: of the line.
-        camera_file: keeps it instead.
+
+    Attributes:
+        camera_file: keeps the camera's calibration; another may be named before the first drive.
     """
 
     def __init__(
@@ -152,13 +157,12 @@ class Rig(Closing):
         twin_noise: float = 1.0,
         folder_for_camera: str | Path = ".",
         baud: int | None = BAUD,
-        camera_file: Path | None = None,
     ) -> None:
         self.task, self.profile, self.baud = task, profile, baud
         self.robot = Address.parse(robot) if isinstance(robot, str) else robot
         self.twin_noise = twin_noise
         name = f"camera-{task.name}-{self.robot.folder(twin_noise)}.json"
-        self.camera_file = Path(folder_for_camera) / name if camera_file is None else camera_file
+        self.camera_file = Path(folder_for_camera) / name
         self._arena = task.arena.plain()
         self._body: Body | None = None
         self._watcher: Watcher | None = None

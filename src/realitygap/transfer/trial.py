@@ -63,14 +63,10 @@ class Stage:
         """The arena of a trial and a robot that places itself there; one for all trials of both."""
         key = (one.task, one.robot, one.twin_noise, one.baud)
         if key not in self._rigs:
-            self._rigs[key] = Rig(
-                self.study.task(one.task),
-                self.study.profile,
-                robot=one.robot,
-                twin_noise=one.twin_noise,
-                baud=one.baud,
-                camera_file=self.camera_file(one),
-            )
+            task, profile = self.study.task(one.task), self.study.profile
+            rig = Rig(task, profile, robot=one.robot, twin_noise=one.twin_noise, baud=one.baud)
+            rig.camera_file = self.camera_file(one)
+            self._rigs[key] = rig
         return self._rigs[key]
 
     def calibrate(self, one: Situation) -> None:

@@ -47,7 +47,7 @@ class Value:
 
     def to_toml(self) -> str:
         """The value as a TOML file, which reads back to an equal value."""
-        return to_toml(asdict(self))
+        return to_toml(self.to_dict())
 
 
 def require(fact: bool, key: str, expected: str, got: object, cure: str = "") -> None:

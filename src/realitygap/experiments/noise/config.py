@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
 from realitygap.errors import ConfigError, StudyError
 from realitygap.robots.address import Address
-from realitygap.study.settings import whole
+from realitygap.study.settings import LARGEST, whole
 from realitygap.tasks.load import TASKS, load_task
 from realitygap.toml import read_toml
-from realitygap.toml import to_toml as write_toml
 from realitygap.user_code import place_of, placed
 from realitygap.world.files import Value, build, require
 from realitygap.world.noise import noise_level
@@ -23,7 +22,6 @@ __all__ = ["CONFIG", "NoiseConfig", "levels_of", "tasks_of"]
 CONFIG = "noise-study.toml"
 """In the study's folder."""
 
-LARGEST_SEED = 2**63 - 1
 LOUDEST = 10.0
 
 
@@ -66,7 +64,7 @@ class NoiseConfig(Value):
         for key, largest in (("runs", 10**4), ("seed_sets", 100), ("units", 100), ("evaluations", 10**9)):
             whole(key, getattr(self, key), 1, largest)
         whole("starts", self.starts, 2, 1000)  # one start is not enough to compare by
-        whole("seed", self.seed, 0, LARGEST_SEED)
+        whole("seed", self.seed, 0, LARGEST)
         object.__setattr__(self, "levels", tuple(sorted(noise_level(level) for level in self.levels)))
         different = len(set(self.levels)) == len(self.levels) >= 2
         require(different, "levels", "two or more, all different", list(self.levels))
@@ -118,13 +116,7 @@ class NoiseConfig(Value):
 
     def to_dict(self) -> dict[str, Any]:
         """The settings, keys as in their file; what is None is left out."""
-        plain = {f.name: getattr(self, f.name) for f in fields(self)}
-        listed = {key: list(v) if isinstance(v, tuple) else v for key, v in plain.items()}
-        return {key: value for key, value in listed.items() if value is not None}
-
-    def to_toml(self) -> str:
-        """The settings as a file, which reads back to equal ones."""
-        return write_toml(self.to_dict())
+        return {key: value for key, value in super().to_dict().items() if value is not None}
 
     @classmethod
     def from_dict(cls, table: Mapping[str, Any]) -> Self:

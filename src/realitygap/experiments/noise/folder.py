@@ -14,8 +14,7 @@ from realitygap.experiments.noise.plan import Controller
 from realitygap.study.folder import versions
 from realitygap.study.lock import LOCK
 from realitygap.study.schema import told
-from realitygap.study.settings import difference
-from realitygap.study.sources import EDITED
+from realitygap.study.settings import refuse_difference, refuse_edited_settings
 from realitygap.toml import read_toml, to_toml
 
 __all__ = ["RESULTS", "Seconds", "command_of", "missing", "open_folder"]
@@ -54,11 +53,8 @@ def open_folder(folder: Path, requested: NoiseConfig | None, *, resume: bool) ->
         done = "a finished" if (folder / RESULTS / "study.toml").is_file() else "an unfinished"
         cure = "Go on with it (--resume) or choose another --out."
         raise StudyError(f"{folder} already holds {done} study of the level of noise. {cure}")
-    found = None if requested is None else difference(there.to_dict(), requested.to_dict())
-    if found is not None:
-        key, here, other = found
-        cure = "Leave it as it was, or choose another --out."
-        raise StudyError(f"{folder}: the study was made with {key} = {here!r}, not {other!r}. {cure}")
+    if requested is not None:
+        refuse_difference(f"{folder}: the study was made", there.to_dict(), requested.to_dict())
     return there
 
 
@@ -109,12 +105,7 @@ def _refuse_edited(folder: Path, there: NoiseConfig) -> None:
     if not (folder / MADE).is_file():
         return
     made = NoiseConfig.from_dict(read_toml(folder / MADE, StudyError, "", broken="Restore it from a copy."))
-    found = difference(made.to_dict(), there.to_dict())
-    if found is not None:
-        key, was, now = found
-        raise StudyError(
-            f"{folder / CONFIG} was edited since the study was made: {key} was {was!r}, now {now!r}. {EDITED}"
-        )
+    refuse_edited_settings(folder / CONFIG, made.to_dict(), there.to_dict())
 
 
 def _refuse_strangers(folder: Path) -> None:
