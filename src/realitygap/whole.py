@@ -1,7 +1,7 @@
 """Files that appear whole or not at all, whatever ends the process, the power included.
 
 A file is written under another name beside its place, brought to the disk, and renamed over what was
-there. Whatever the system says of it names the file. A lock on a file ends with its process.
+there. Whatever the system says of it names the file.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 
-__all__ = ["locked", "move", "named", "new", "together", "write"]
+__all__ = ["move", "named", "new", "together", "write"]
 
 _together: ContextVar[Path | None] = ContextVar("together", default=None)
 
@@ -85,33 +85,6 @@ def named(path: str | Path) -> Iterator[Path]:
         yield Path(path)
     except OSError as error:
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error
-
-
-@contextmanager
-def locked(file: Path, *, wait: bool) -> Iterator[None]:
-    """Hold a file against other processes.
-
-    Args:
-        file: made if need be.
-        wait: for whoever holds it, instead of an error.
-
-    Raises:
-        BlockingIOError: another process holds it.
-        OSError: it cannot be made, or its file system has no locks.
-    """
-    from filelock import FileLock, Timeout
-
-    held = FileLock(file, timeout=-1 if wait else 0)
-    try:
-        held.acquire()
-    except Timeout:
-        raise BlockingIOError(11, "held by another process", str(file)) from None
-    except NotImplementedError as error:
-        raise OSError(95, f"this file system has no locks ({error})", str(file)) from None
-    try:
-        yield
-    finally:
-        held.release()
 
 
 def _sync(path: Path) -> None:

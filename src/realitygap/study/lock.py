@@ -12,9 +12,8 @@ from realitygap.errors import StudyBusyError
 from realitygap.study.reader import DATABASE
 from realitygap.study.schema import told
 from realitygap.study.sources import refuse_links
-from realitygap.whole import locked
 
-__all__ = ["LOCK", "lock"]
+__all__ = ["LOCK", "lock", "locked"]
 
 LOCK = "study.lock"
 
@@ -47,6 +46,33 @@ def lock(folder: Path) -> Iterator[None]:
                 with suppress(OSError):  # something is in it
                     folder.rmdir()
             raise
+
+
+@contextmanager
+def locked(file: Path, *, wait: bool) -> Iterator[None]:
+    """Hold a file against other processes.
+
+    Args:
+        file: made if need be.
+        wait: for whoever holds it, instead of an error.
+
+    Raises:
+        BlockingIOError: another process holds it.
+        OSError: it cannot be made, or its file system has no locks.
+    """
+    from filelock import FileLock, Timeout
+
+    held = FileLock(file, timeout=-1 if wait else 0)
+    try:
+        held.acquire()
+    except Timeout:
+        raise BlockingIOError(11, "held by another process", str(file)) from None
+    except NotImplementedError as error:
+        raise OSError(95, f"this file system has no locks ({error})", str(file)) from None
+    try:
+        yield
+    finally:
+        held.release()
 
 
 def _holder(folder: Path) -> str:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from realitygap import whole
+from realitygap.study.lock import locked
 from realitygap.toml import to_toml
 from realitygap.values import Pose
 
@@ -103,7 +104,7 @@ def calibrated(file: Path, arena: Arena, *, unit: int, noise: float, radius_cm: 
     from realitygap.twin.states import States
 
     file.parent.mkdir(parents=True, exist_ok=True)
-    with whole.locked(file.with_name(f".{file.stem}.lock"), wait=True):
+    with locked(file.with_name(f".{file.stem}.lock"), wait=True):
         if file.is_file():
             return load_camera(file)
         frames = []
