@@ -184,7 +184,7 @@ def test_wheels_come_back(driven):
 def test_slip_is_that_of_one_step(driven):
     """Slip that hangs together over steps is measured over one, where a camera saw each."""
     made = driven(slip=0.06, each=True, keep=0.5, speed_per_unit_cm_s=(0.84, 0.83))
-    every, rare = measure_odometry(made, 120.0, 5.3), measure_odometry(_seldom(made), 120.0, 5.3)
+    every, rare = measure_odometry(made, 5.3), measure_odometry(_seldom(made), 5.3)
     assert every is not None and every.slip == pytest.approx(0.06, rel=0.1)
     assert rare is not None and rare.slip > 0.075
 

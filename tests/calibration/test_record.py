@@ -300,7 +300,7 @@ def test_a_slow_line_cannot_carry_the_wheels(bench: Bench):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("--robot", "ant", "--plan", "all"), "twin:UNIT, khepera:PORT, serial:PORT"),
+        (("--robot", "ant", "--plan", "all"), "twin:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT"),
         (("--robot", "twin:", "--plan", "all"), "whole number"),
         (("--robot", "twin", "--plan", "sonar"), "sonar"),
         (("--robot", "twin", "--plan", "wheels", "--object", "wall"), "--object"),

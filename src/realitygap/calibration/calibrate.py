@@ -21,7 +21,7 @@ from realitygap.calibration.recordings.recording import (
     WheelRecording,
     count_unit,
 )
-from realitygap.calibration.wheels.fit import PULSES_PER_CM, WheelFit, fit_wheels
+from realitygap.calibration.wheels.fit import WheelFit, fit_wheels
 from realitygap.errors import CalibrationError
 from realitygap.text import must_be
 from realitygap.world.profile import Profile, load_profile
@@ -224,8 +224,7 @@ def _provenance(base: Profile, made: Calibration) -> Provenance:
     if wheels is not None:
         fits.append(FittedChannel(channel="wheels", form=wheels.form, rmse=wheels.rmse[wheels.form]))
         constants += [_constant("wheels", c) for c in wheels.constants]
-        per_pulse = wheels.odometry.cm_per_pulse if wheels.odometry else (1 / PULSES_PER_CM,) * 2
-        pulses = tuple(0.1 / length for length in per_pulse)
+        pulses = wheels.pulses_per_mm
     return Provenance(
         base=base.name,
         date=datetime.now(UTC).date().isoformat(),
@@ -278,7 +277,7 @@ def _warnings(made: Calibration, base: Profile) -> list[str]:
     if wheels.odometry is None:
         seen = "a camera saw too little" if wheels.camera else "no camera saw the robot"
         out.append(
-            f"wheels: {seen}: {PULSES_PER_CM / 10:g} pulses per mm are assumed, track and noise of the "
+            f"wheels: {seen}: {wheels.pulses_per_mm[0]:g} pulses per mm are assumed, track and noise of the "
             "wheels are the base profile's"
         )
     better = wheels.rmse["printed"] / max(wheels.rmse["refitted"], 1e-9)

@@ -27,7 +27,7 @@ from realitygap.calibration.wheels.checks import (
     refuse_lengths,
     refuse_still,
 )
-from realitygap.calibration.wheels.fit import PULSES_PER_CM, measured_speeds
+from realitygap.calibration.wheels.fit import measured_speeds
 from realitygap.calibration.wheels.odometry import Odometry, enough_pictures, measure_odometry
 from realitygap.errors import CalibrationError
 from realitygap.world.profile import Profile
@@ -171,8 +171,8 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
         raise CalibrationError(
             f"{recording.source}: no counters: nothing tells how far the wheels turned. Leave it out."
         )
-    odometry = measure_odometry(recording, PULSES_PER_CM, profile.wheels.track_cm)
-    per_pulse = profile.provenance.cm_per_pulse(PULSES_PER_CM / 10)
+    odometry = measure_odometry(recording, profile.wheels.track_cm)
+    per_pulse = profile.provenance.cm_per_pulse(recording.pulses_per_mm)
     measured = measured_speeds(recording, odometry.cm_per_pulse if odometry else per_pulse)
     refuse_few_steps(recording, measured)
     model = wheel_speeds(profile, recording)
@@ -200,7 +200,7 @@ def _wheel_doubts(recording: WheelRecording, profile: Profile, odometry: Odometr
         refuse_counters(recording)
         if odometry is not None:
             refuse_lengths(recording, odometry, profile)
-        elif enough_pictures(recording, PULSES_PER_CM, profile.wheels.track_cm):
+        elif enough_pictures(recording, profile.wheels.track_cm):
             refuse_camera(recording)
     except CalibrationError as error:
         said.append(str(error))

@@ -122,7 +122,11 @@ def _about(where: Address, body: Body) -> dict[str, Any]:
     """Which robot it is."""
     from realitygap.robots.body import facts_of
 
-    known = {name: fact for name, fact in facts_of(body).items() if name not in ("units", "robot")}
+    known = {
+        name: fact
+        for name, fact in facts_of(body).items()
+        if name not in ("units", "robot", "base", "pulses_per_mm")
+    }
     baud = getattr(body, "baud", None)
     return {"robot": str(where), **known, **({} if baud is None else {"baud": baud})}
 

@@ -23,7 +23,8 @@ What a body has besides is found by its name:
     pose        where it truly is (`Seen`): the path of a transfer, if no camera sees it; else the
                 path is reckoned from its counters
     pulses_per_mm   of its counters, roughly: where the profile has none that were measured
-    profile     the shipped profile of what is known of it beforehand: where no base is named
+    facts       what its recordings say of it: "robot", its name; and if it is no Khepera "units" of its
+                commands, "base", the shipped profile of what is known of it, and "pulses_per_mm"
     attend      attend(kinds, turns) says which channels are read from now on (`Attentive`): of a
                 body that cannot read all of them in one period
 """

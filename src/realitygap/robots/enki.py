@@ -40,7 +40,6 @@ class EnkiBody:
     def __init__(self, model: str, unit: int, *, noise: float = 1.0) -> None:
         self.model, self.unit, self.noise = model, unit, noise
         self._is = MODELS[model]
-        self.profile = self._is.profile
         self.channels = (Channel(name="proximity", sensors=self._is.sensors, high=self._is.full_scale),)
         self.counts_turns = self._is.pulses_per_mm is not None
         self.pulses_per_mm = self._is.pulses_per_mm
@@ -51,8 +50,10 @@ class EnkiBody:
     @property
     def facts(self) -> dict[str, Any]:
         """What a recording says of it."""
+        pulses = {"pulses_per_mm": self.pulses_per_mm} if self.counts_turns else {}
         return {
             "units": self._is.commands, "robot": self._is.words, "unit": self.unit, "twin_noise": self.noise,
+            "base": self._is.profile, **pulses,
         }  # fmt: skip
 
     @property

@@ -58,8 +58,8 @@ class Wanted:
         repeats: readings at each place; standing starts of each size.
         seed: of what is random in a plan, and of the noise of a robot that places itself.
         notes: kept with it.
-        base: what is known of the robot before: its radius, heights, top command and speed; None: what
-            the robot names itself, or of a Khepera.
+        base: what is known of the robot before: its radius, heights, top command and speed; None:
+            the robot's own base, or a Khepera.
     """
 
     plan: str
@@ -112,9 +112,8 @@ def record(
         RecordingError: a recording is there already, or another one.
         UsageError: the robot lacks the sensors, or has others than `base`.
     """
-    own = getattr(body, "profile", None)
-    if wanted.base is None and own is not None:
-        wanted = replace(wanted, base=load_profile(own))
+    if wanted.base is None and "base" in (own := facts_of(body)):
+        wanted = replace(wanted, base=load_profile(own["base"]))
     parts = _parts(wanted, body)
     names = [part.name if isinstance(part, SensorPlan) else "wheels" for part in parts]
     places = [Path(folder)] if len(parts) == 1 else [Path(folder) / name for name in names]
@@ -146,8 +145,7 @@ class _Work(NamedTuple):
         wanted, known = self.wanted, dict(facts_of(body))
         units = UNITS.format(known.pop("units", OWN_UNITS))
         asked = {"notes": wanted.notes, "repeats": wanted.repeats, "seed": wanted.seed, "places": places}
-        base = {"base": body.profile} if hasattr(body, "profile") else {}
-        return {"plan": wanted.plan, "units": units, **known, **base, **asked}
+        return {"plan": wanted.plan, "units": units, **known, **asked}
 
 
 def _parts(wanted: Wanted, body: Body) -> list[SensorPlan | tuple[Trial, ...]]:

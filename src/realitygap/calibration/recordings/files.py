@@ -16,6 +16,7 @@ from realitygap.calibration.recordings.recording import (
     BODY_RADIUS_CM,
     HEIGHTS_CM,
     KINDS,
+    PULSES_PER_MM,
     STEP_KINDS,
     Recording,
     SensorRecording,
@@ -50,7 +51,7 @@ WHEEL_COUNTS = ("counter_left", "counter_right", "speed_left", "speed_right")
 KNOWN = (
     "kind", "object", "sensors", "full_scale", "body_radius_cm", *HEIGHTS_CM, "arena", "units", "notes",
     "robot", "unit", "twin_noise", "port", "bios", "protocol", "plan", "seed", "repeats", "places", "date",
-    "base",
+    "base", "pulses_per_mm",
 )  # fmt: skip
 """Keys of recording.toml: the first nine a calibration reads, the others are its history."""
 DRIVE = "end"
@@ -159,7 +160,7 @@ def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> S
         table.refuse(distance < 0, "distance_cm", "0 or more", distance, "It counts from the body's edge.")
         table.refuse(np.abs(bearing) > 360, "bearing_deg", "degrees from −360 to 360", bearing)
     counts = np.stack([table.numbers(sensor) for sensor in sensors], 1)
-    full_scale = _full_scale(folder, facts)
+    full_scale = _number(folder, facts, "full_scale", "the highest count")
     _check_counts(table, sensors, counts, full_scale)
     warned = check_readings(
         table, kind=kind, distance_cm=distance, bearing_deg=bearing, counts=counts, full_scale=full_scale
@@ -195,6 +196,7 @@ def _wheels(folder: Path, facts: Mapping[str, Any]) -> WheelRecording:
         return np.stack([table.numbers(f"{name}_{side}") for side in ("left", "right")], 1)
 
     unknown = np.full((len(t), 2), math.nan)
+    pulses = _number(folder, facts, "pulses_per_mm", "pulses of a counter in a millimetre of way")
     return WheelRecording(
         t_s=t,
         commands=pair("command"),
@@ -202,6 +204,7 @@ def _wheels(folder: Path, facts: Mapping[str, Any]) -> WheelRecording:
         speeds=pair("speed") if counting else unknown,
         trial=trial,
         kind=kind,
+        pulses_per_mm=pulses or PULSES_PER_MM,
         pose=_pose(table, empty=True) if set(POSE) <= set(table.columns) else None,
         warnings=(
             *(check_steps(pair("command"), pair("counter")) if counting else ()),
@@ -234,12 +237,12 @@ def _sensor_columns(table: Table, facts: Mapping[str, Any]) -> list[str]:
     return [f"s{i}" for i in range(expected)]
 
 
-def _full_scale(folder: Path, facts: Mapping[str, Any]) -> float | None:
-    value = facts.get("full_scale")
-    if value is None:
+def _number(folder: Path, facts: Mapping[str, Any], key: str, what: str) -> float | None:
+    """A fact above 0; None where it is not said."""
+    if (value := facts.get(key)) is None:
         return None
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < LARGEST:
-        raise RecordingError(f"{folder / FACTS}: full_scale: expected the highest count, got {value!r}.")
+        raise RecordingError(f"{folder / FACTS}: {key}: expected {what}, got {value!r}.")
     return float(value)
 
 

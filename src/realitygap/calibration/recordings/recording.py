@@ -36,6 +36,7 @@ __all__ = [
     "BODY_RADIUS_CM",
     "HEIGHTS_CM",
     "KINDS",
+    "PULSES_PER_MM",
     "STEP_KINDS",
     "Recording",
     "SensorRecording",
@@ -51,6 +52,8 @@ KINDS = ("infrared", "ambient", "wheels")
 STEP_KINDS = ("step", "start", "straight", "turn")
 
 BODY_RADIUS_CM = 2.75
+PULSES_PER_MM = 12.0
+"""Of a Khepera by most sources (0.08 mm per pulse by others): what is taken where nothing measured it."""
 """Half the diameter that the robot's maker states (55 mm); distances count from this edge."""
 HEIGHTS_CM = {"body_height_cm": 3.0, "sensor_height_cm": 1.2}
 """Of the robot's top, as its maker states it (30 mm), and of its sensors, by a ruler, above the floor."""
@@ -176,12 +179,13 @@ class WheelRecording(Recorded):
 
     Attributes:
         t_s: [n] time since the trial's start.
-        commands: [n, 2] left and right, Khepera units, given at t_s after the rest was read.
+        commands: [n, 2] left and right, the robot's units, given at t_s after the rest was read.
         counters: [n, 2] pulses; NaN where wheels do not count.
-        speeds: [n, 2] as the robot measures them, Khepera units; NaN where it does not.
+        speeds: [n, 2] as the robot measures them, its units; NaN where it does not.
         trial: [n] its number.
         kind: [n] one of `STEP_KINDS`.
         pose: [n, 3] x, y (cm) and heading (rad) from the camera; NaN where it took no picture.
+        pulses_per_mm: what one knows of the counters beforehand.
     """
 
     t_s: Array
@@ -191,6 +195,7 @@ class WheelRecording(Recorded):
     trial: NDArray[np.int64]
     kind: NDArray[np.str_]
     pose: Array | None = None
+    pulses_per_mm: float = PULSES_PER_MM
 
     def __post_init__(self) -> None:
         n = len(self.t_s)

@@ -22,8 +22,8 @@ FEWEST_STEPS = 30
 AGAINST, OTHERS = -0.3, 0.2
 """Cosine of pulses and commands below which a counter runs against its command; and how much better both
 follow the other wheel's command where columns are swapped."""
-PULSES_PER_MM = (6.0, 25.0)
-"""Half and twice what a Khepera counts."""
+PULSES_SHARE = (0.5, 25.0 / 12.0)
+"""Of what is known of the counters beforehand: what a camera may find."""
 TRACK_SHARE = 0.3
 EXPLAINED = 0.5
 
@@ -103,7 +103,7 @@ def refuse_lengths(recording: WheelRecording, odometry: Odometry, base: Profile)
         CalibrationError: says which, and what was expected.
     """
     cure = "Are x_cm and y_cm in cm, heading_deg in degrees, and counters in pulses?"
-    low, high = PULSES_PER_MM
+    low, high = (share * recording.pulses_per_mm for share in PULSES_SHARE)
     for side, length in zip(SIDES, odometry.cm_per_pulse, strict=True):
         pulses = 0.1 / length if length else np.inf
         if not low <= pulses <= high:
@@ -143,6 +143,6 @@ def refuse_wheels(
             )
     for key, value in bounded.items():
         raise CalibrationError(
-            f"{recording.source}: {key}: {value:g} cm/s per unit, the utmost that is tried: no wheel of a "
-            "Khepera. Are commands in Khepera units, and counters in pulses?"
+            f"{recording.source}: {key}: {value:g} cm/s per unit, the utmost that is tried: no wheel of this "
+            "robot. Are commands in its units, as --base has them, and counters in pulses?"
         )

@@ -31,16 +31,14 @@ from realitygap.calibration.wheels.odometry import Odometry, enough_pictures, me
 from realitygap.kernels.params import STEP_S
 from realitygap.world.profile import Profile, largest_pole
 
-__all__ = ["PULSES_PER_CM", "WHEEL_FORMS", "WheelFit", "fit_wheels", "measured_speeds"]
+__all__ = ["WHEEL_FORMS", "WheelFit", "fit_wheels", "measured_speeds"]
 
 Array = NDArray[np.float64]
 
-PULSES_PER_CM = 120.0
-"""12 pulses per mm by most sources (0.08 mm per pulse by others): what is taken where nothing measured it."""
 WHEEL_FORMS = ("printed", "refitted")
 """The paper's gains; gains of one's own, a lag, and play at turning round. Both fit the speed per unit."""
-SPEED_KEYS, SPEED_BOUNDS = ("speed_left", "speed_right"), (0.05, 20.0)
-"""Speeds per unit, cm/s: a Khepera's is 0.8."""
+SPEED_KEYS, SPEED_BOUNDS = ("speed_left", "speed_right"), (0.0625, 25.0)
+"""Speeds per unit, in those of the base."""
 GAINS = ("kp", "ki", "kd", "lag")
 PRINTED = {"kp": 3800.0, "ki": 800.0, "kd": 100.0, "divisor": 50000.0, "lag": 0.0, "play_cm": 0.0}
 """§3.2.2, whatever the base has; lag and play are beyond the paper."""
@@ -63,6 +61,7 @@ class WheelFit:
         friction: from the standing starts.
         odometry: what the camera told; None without one, or where it saw too little.
         camera: whether there are any pictures at all.
+        pulses_per_mm: of both counters, as measured, or as they were known beforehand.
         measured, model: [n, 2] speeds of the wheels in the step after each row, cm/s.
     """
 
@@ -74,6 +73,7 @@ class WheelFit:
     friction: Friction | None
     odometry: Odometry | None
     camera: bool
+    pulses_per_mm: tuple[float, ...]
     measured: Array = field(repr=False)
     model: Array = field(repr=False)
 
@@ -104,7 +104,7 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
     refuse_fast(recording, base)
     refuse_counters(recording)
     odometry = _seen(recording, base)
-    per_pulse = odometry.cm_per_pulse if odometry else (1.0 / PULSES_PER_CM,) * 2
+    per_pulse = odometry.cm_per_pulse if odometry else (0.1 / recording.pulses_per_mm,) * 2
     measured = measured_speeds(recording, per_pulse)
     refuse_few_steps(recording, measured)
     friction = measure_friction(recording, measured)
@@ -121,23 +121,25 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
         low, high = friction.low, friction.high
         constants += (Constant(key="friction_cm_s2", value=threshold, low=low, high=high, told=low > 0),)
     model = wheel_speeds(profile, recording)
-    bounded = {c.key: c.value for c in constants if c.key in SPEED_KEYS and at_bound(c.value, *SPEED_BOUNDS)}
+    bounded = {
+        c.key: c.value for c in constants if c.key in SPEED_KEYS and at_bound(c.value, *_speed_bounds(base))
+    }
     refuse_wheels(recording, measured, model, bounded)
     off = {name: wheel_speeds(made, recording) - measured for name, (made, _, _) in fits.items()}
     return WheelFit(
         profile=profile, form=form, constants=constants, alike=alike,
         rmse={name: _rmse(left) for name, left in off.items()}, friction=friction, odometry=odometry,
         camera=recording.pose is not None and bool(np.isfinite(recording.pose).any()),
-        measured=measured, model=model,
+        pulses_per_mm=tuple(0.1 / length for length in per_pulse), measured=measured, model=model,
     )  # fmt: skip
 
 
 def _seen(recording: WheelRecording, base: Profile) -> Odometry | None:
     """What the camera tells; None where it saw too little to tell anything."""
-    odometry = measure_odometry(recording, PULSES_PER_CM, base.wheels.track_cm)
+    odometry = measure_odometry(recording, base.wheels.track_cm)
     if odometry is not None:
         refuse_lengths(recording, odometry, base)
-    elif enough_pictures(recording, PULSES_PER_CM, base.wheels.track_cm):
+    elif enough_pictures(recording, base.wheels.track_cm):
         refuse_camera(recording)
     return odometry
 
@@ -155,8 +157,9 @@ def _fit(form: str, base: Profile, recording: WheelRecording, measured: Array) -
     from scipy.optimize import least_squares
 
     keys = [*SPEED_KEYS] + ([*GAINS, "play_cm"] if form == "refitted" else [])
-    low = np.array([*SPEED_BOUNDS[:1] * 2, 100.0, 0.0, 0.0, 0.0, 0.0][: len(keys)])
-    high = np.array([*SPEED_BOUNDS[1:] * 2, 9500.0, 4000.0, 40000.0, 1.0, 0.5][: len(keys)])
+    slowest, fastest = _speed_bounds(base)
+    low = np.array([slowest, slowest, 100.0, 0.0, 0.0, 0.0, 0.0][: len(keys)])
+    high = np.array([fastest, fastest, 9500.0, 4000.0, 40000.0, 1.0, 0.5][: len(keys)])
     if form == "printed":
         base = replace(base, wheels=replace(base.wheels, **PRINTED))  # type: ignore[arg-type]
     use = _told(recording, measured)
@@ -186,6 +189,12 @@ def _fit(form: str, base: Profile, recording: WheelRecording, measured: Array) -
     trial = np.broadcast_to(recording.trial[:, None], use.shape)[use]
     told = intervals(keys, found.x, (low, high), residuals, trial, robust_at=ROBUST_AT)
     return _Fitted(made(found.x), *told)
+
+
+def _speed_bounds(base: Profile) -> tuple[float, float]:
+    """Between which speeds per unit a wheel's is looked for, cm/s."""
+    usual = sum(base.wheels.speed_per_unit_cm_s) / 2
+    return SPEED_BOUNDS[0] * usual, SPEED_BOUNDS[1] * usual
 
 
 def _told(recording: WheelRecording, measured: Array) -> NDArray[np.bool_]:

@@ -68,11 +68,12 @@ class _Ways:
         )  # fmt: skip
 
 
-def measure_odometry(recording: WheelRecording, pulses_per_cm: float, track_cm: float) -> Odometry | None:
+def measure_odometry(recording: WheelRecording, track_cm: float) -> Odometry | None:
     """Lengths and slip of a recording; None where no camera saw enough of it."""
-    ways = _between_pictures(recording, pulses_per_cm, track_cm, apart=APART)
+    ways = _between_pictures(recording, track_cm, apart=APART)
     if ways is None:
         return None
+    pulses_per_cm = 10.0 * recording.pulses_per_mm
     theta, spread = np.array([1.0, 1.0, pulses_per_cm * track_cm]) / pulses_per_cm, np.zeros((3, 3))
     beyond, slip, camera = _beyond(ways, theta), SLIP, CAMERA_CM
     for _ in range(5):
@@ -88,7 +89,7 @@ def measure_odometry(recording: WheelRecording, pulses_per_cm: float, track_cm: 
     ways, beyond = ways.only(seen), beyond[seen]
     deviation = np.sqrt(np.diag(spread))
     few = 1.0 / math.sqrt(2.0 * beyond.size)
-    told = _of_one_step(recording, pulses_per_cm, theta)
+    told = _of_one_step(recording, theta)
     if told is not None:
         slip, few = told
     names = ("cm_per_pulse_left", "cm_per_pulse_right", "track_cm")
@@ -107,18 +108,18 @@ def measure_odometry(recording: WheelRecording, pulses_per_cm: float, track_cm: 
     )  # fmt: skip
 
 
-def enough_pictures(recording: WheelRecording, pulses_per_cm: float, track_cm: float) -> bool:
+def enough_pictures(recording: WheelRecording, track_cm: float) -> bool:
     """Whether a camera saw so much that lengths should follow from it."""
-    return _between_pictures(recording, pulses_per_cm, track_cm, apart=APART) is not None
+    return _between_pictures(recording, track_cm, apart=APART) is not None
 
 
-def _of_one_step(recording: WheelRecording, pulses_per_cm: float, theta: Array) -> tuple[float, float] | None:
+def _of_one_step(recording: WheelRecording, theta: Array) -> tuple[float, float] | None:
     """Slip over one step, and its relative deviation.
 
     From pictures of a steady drive at every step; None without enough of them. Slip hangs together
     over some steps, so that what it adds up to over many says little about one.
     """
-    ways = _between_pictures(recording, pulses_per_cm, float(theta[2]), apart=1)
+    ways = _between_pictures(recording, float(theta[2]), apart=1)
     if ways is None or ways.steady.sum() < FEWEST_STEPS:
         return None
     ways = ways.only(ways.steady)
@@ -131,9 +132,7 @@ def _of_one_step(recording: WheelRecording, pulses_per_cm: float, theta: Array) 
     return slip, 1.0 / math.sqrt(2.0 * beyond[seen].size)
 
 
-def _between_pictures(
-    recording: WheelRecording, pulses_per_cm: float, track_cm: float, *, apart: int
-) -> _Ways | None:
+def _between_pictures(recording: WheelRecording, track_cm: float, *, apart: int) -> _Ways | None:
     """Ways between pictures that are so many steps apart, or more."""
     if recording.pose is None:
         return None
@@ -147,7 +146,7 @@ def _between_pictures(
                 continue
             x0, y0, h0 = recording.pose[a]
             x1, y1, h1 = recording.pose[b]
-            guess = (pulses[1] - pulses[0]) / pulses_per_cm / track_cm
+            guess = (pulses[1] - pulses[0]) / (10.0 * recording.pulses_per_mm) / track_cm
             turn = guess + math.remainder(h1 - h0 - guess, math.tau)
             half = turn / 2
             mean = h0 + half
