@@ -63,7 +63,15 @@ class Table(NamedTuple):
         return values.astype(np.int64)
 
     def refuse(self, wrong: NDArray[np.bool_], name: str, expected: str, got: Any, cure: str = "") -> None:
-        """Raise for the first row that is wrong."""
+        """Raise for the first row that is wrong.
+
+        Args:
+            wrong: [rows] which are.
+            name: the column's.
+            expected: what, in words.
+            got: [rows] what came.
+            cure: what to do, if it is not the table's.
+        """
         if wrong.any():
             k = int(wrong.argmax())
             shown = f"{got[k]:g}" if isinstance(got[k], float) else repr(str(got[k]))

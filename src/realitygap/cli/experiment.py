@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -97,6 +96,7 @@ def noise(out: Path, workers: Workers, resume: bool, json_output: bool, **option
         realitygap experiment noise --levels 0,1,2 --runs 4 --units 1 --starts 4 --out out/small
         realitygap experiment noise --robot my_robot.py:MyRobot --base my_robot.toml --out out/mine
     """
+    from realitygap.experiments.noise.folder import resuming
     from realitygap.experiments.noise.run import noise_study
     from realitygap.report.noise.report import build_noise_report, noise_summary
 
@@ -110,8 +110,7 @@ def noise(out: Path, workers: Workers, resume: bool, json_output: bool, **option
             results = noise_study(out, config, workers=workers, resume=resume, on_progress=progress.show)
             page = build_noise_report(out, on_progress=progress.report)
     except (KeyboardInterrupt, StudyInterruptedError, RobotStoppedError):
-        robot = f" --robot {shlex.quote(config.robot)}" if config.robot is not None else ""
-        again = f"realitygap experiment noise --out {shlex.quote(str(out))}{robot} --resume"
+        again = resuming(config, out)
         raise StoppedError(f"stopped; what is done is kept in {out}; resume with `{again}`") from None
     summary = noise_summary(out)
     if json_output:

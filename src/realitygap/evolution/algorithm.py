@@ -113,6 +113,12 @@ class Variation(Protocol):
 def check_batch(batch: object, state: State, n: int, one: Genes) -> int:
     """Refuse what is no answer to `ask(state, n)`, of individuals as `one`; how many there are.
 
+    Args:
+        batch: the answer.
+        state: that was asked about.
+        n: as many as were asked for.
+        one: an individual, of the type and shape of all.
+
     Raises:
         UsageError: says what was expected of the algorithm and what came.
     """

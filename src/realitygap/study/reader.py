@@ -93,7 +93,14 @@ class Reader:
             return [row[0] for row in database.execute(query, values)]
 
     def table(self, name: str, kinds: Mapping[str, Any], order: str, run: int | None) -> Table:
-        """Columns of a table, of a run or of all; NaN where there is nothing."""
+        """Columns of a table, of a run or of all; NaN where there is nothing.
+
+        Args:
+            name: the table's.
+            kinds: NumPy types by column.
+            order: SQL, what the rows are ordered by.
+            run: whose rows; all runs' if None.
+        """
         where, values = ("", ()) if run is None else ("WHERE run = ?", (run,))
         with self.reading(name, run) as database:
             count = database.execute(f"SELECT count(*) FROM {name} {where}", values).fetchone()[0]

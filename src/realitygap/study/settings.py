@@ -22,6 +22,11 @@ EDITED = "Put it back as it was, or begin another study with it, in a folder of 
 def whole(key: str, value: object, low: int, high: int) -> None:
     """Refuse what is no whole number from `low` to `high`.
 
+    Args:
+        key: its name in the message.
+        value: what came.
+        low, high: the limits, both allowed.
+
     Raises:
         ConfigError: names the key.
     """

@@ -217,6 +217,12 @@ def keep_film(
 ) -> Track:
     """Track the film in a trial's folder: camera, track, tails and a disk of one's own beside it.
 
+    Args:
+        folder: the trial's.
+        camera: as it was calibrated.
+        disk: what the robot wears.
+        tell: hears frames done, and frames in all if that is known.
+
     Raises:
         FilmError: no film of this camera's, or no disk is seen in it.
     """

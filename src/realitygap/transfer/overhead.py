@@ -115,6 +115,12 @@ def open_overhead(
 ) -> Overhead:
     """The camera over a real robot, opened.
 
+    Args:
+        camera: its calibration, or the file of that.
+        eye: a camera's number, a video file or a stream.
+        disk: what the robot wears.
+        found: asks a person about the start; without one the robot has to be seen.
+
     Raises:
         FilmError: a camera's file that is none, or no camera opens there.
     """

@@ -60,6 +60,12 @@ def of_counters(counters: Floats, start: Pose, *, cm_per_pulse: tuple[float, flo
     """The track that the wheels' counters [steps + 1, 2] tell, from a known start (odometry).
 
     A step's arc is driven at its mean heading; a row of NaN (nothing read) keeps the counters before.
+
+    Args:
+        counters: pulses, NaN where nothing was read.
+        start: where it began.
+        cm_per_pulse: of the left wheel and the right one.
+        axle_cm: from wheel to wheel.
     """
     pulses = counters.copy()
     for k in range(len(pulses)):

@@ -204,7 +204,16 @@ class Rig(Closing):
         recorder: Recorder | None = None,
         sealed: Path | None = None,
     ) -> Driven:
-        """The drive alone; where a twin was goes into the file `sealed`, for the camera."""
+        """The drive alone; where a twin was goes into the file `sealed`, for the camera.
+
+        Args:
+            controller: who drives.
+            stream: names the robot's noise.
+            pose: where it begins.
+            seconds: its length.
+            recorder: keeps the steps.
+            sealed: the file for the camera, if there is one.
+        """
         settings: dict[str, Any] = {"task": self.task, "profile": self.profile, "seconds": seconds}
         try:
             body = self._fresh(int(substream(np.uint64(stream), np.uint64(TWIN_NOISE))))

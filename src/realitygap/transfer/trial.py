@@ -92,7 +92,14 @@ class Stage:
             self._write(one, folder, facts, path, driven)
 
     def by_hand(self, one: Situation, body: Body, carry: Carry, overhead: Overhead | None) -> None:
-        """A whole trial on a robot that a person carries to its start."""
+        """A whole trial on a robot that a person carries to its start.
+
+        Args:
+            one: the trial.
+            body: the robot.
+            carry: the person who carries it.
+            overhead: the camera above, if there is one.
+        """
         with made(self.study.folder / one.folder, one.robot) as folder:
             pose = requested = self.simulation(one).start(one.stream)
             attend(body, self.study.task(one.task).feeds)  # a line that is too slow is refused now

@@ -86,6 +86,13 @@ def on_twins(
 ) -> None:
     """Make trials on robots that place themselves; a twin's results do not depend on the pool.
 
+    Args:
+        study: whose folder they are written in.
+        todo: the trials.
+        done: how many there are already.
+        pool: who makes them.
+        on_progress: called a few times a second.
+
     Raises:
         RealityGapError: the first that fails; the finished ones are kept.
     """
@@ -100,6 +107,12 @@ def on_twins(
 
 def by_hand(study: Study, todo: Sequence[Situation], carry: Carry, overhead: Overhead | None = None) -> None:
     """Make trials on a robot that a person places, one after the other; `overhead` sees it.
+
+    Args:
+        study: whose folder they are written in.
+        todo: trials on one robot, one or more.
+        carry: the person who carries it.
+        overhead: the camera above, if there is one.
 
     Raises:
         UsageError: the port cannot be opened, or its rate is too slow.

@@ -17,7 +17,7 @@ from realitygap.study.schema import told
 from realitygap.study.settings import refuse_difference, refuse_edited_settings
 from realitygap.toml import read_toml, to_toml
 
-__all__ = ["RESULTS", "Seconds", "command_of", "missing", "open_folder"]
+__all__ = ["RESULTS", "Seconds", "command_of", "missing", "open_folder", "resuming"]
 
 RESULTS = "results"
 """Folder of the tables that come out: all that a report needs."""
@@ -27,7 +27,7 @@ MADE = f".{CONFIG}"
 
 _HEADER = """\
 # A study of the level of noise: all that its results depend on.
-# To go on with it: realitygap experiment noise --out THIS_FOLDER --resume
+# To go on with it: {again}
 """
 
 
@@ -45,7 +45,8 @@ def open_folder(folder: Path, requested: NoiseConfig | None, *, resume: bool) ->
         text = to_toml({**requested.to_dict(), "versions": versions()})
         with told(folder):
             whole.write(folder / MADE, text)
-            whole.write(folder / CONFIG, f"{_HEADER}\n{text}")
+            header = _HEADER.format(again=resuming(requested, "THIS_FOLDER"))
+            whole.write(folder / CONFIG, f"{header}\n{text}")
         return requested
     there = NoiseConfig.from_folder(folder)
     _refuse_edited(folder, there)
@@ -66,6 +67,12 @@ def command_of(config: NoiseConfig) -> str:
     changed = {key: value for key, value in config.to_dict().items() if usual.get(key) != value}
     words = [f"--{key.replace('_', '-')} {_typed(value)}" for key, value in changed.items()]
     return " ".join(["realitygap experiment noise", *words])
+
+
+def resuming(config: NoiseConfig, folder: str | Path) -> str:
+    """The command that goes on with a study: a robot of one's own is a program, run only when it is named."""
+    robot = "" if config.robot is None else f" --robot {shlex.quote(config.robot)}"
+    return f"realitygap experiment noise --out {shlex.quote(str(folder))}{robot} --resume"
 
 
 def _typed(value: Any) -> str:

@@ -84,7 +84,14 @@ def homes(config: NoiseConfig) -> Iterator[tuple[int, int]]:
 
 
 def evolution(config: NoiseConfig, seed_set: int, unit: int, profile: Path) -> StudyConfig:
-    """What evolves in the simulation calibrated to a unit, in one seed set."""
+    """What evolves in the simulation calibrated to a unit, in one seed set.
+
+    Args:
+        config: the whole design.
+        seed_set: number of the set.
+        unit: of the twin, that the simulation is calibrated to.
+        profile: the file of that calibration.
+    """
     conditions = (Condition(task=task, noise=level) for task in config.tasks for level in config.levels)
     return StudyConfig(
         title=f"Noise level: seed set {seed_set}, simulation calibrated to unit {unit}",

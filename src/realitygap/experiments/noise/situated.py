@@ -125,7 +125,11 @@ def situate(
 ) -> Situated:
     """Let a controller drive every unit from every start.
 
-    `tell` hears the share of the work that was done since the last time.
+    Args:
+        stage: of the study.
+        rigs: the units.
+        one: who drives.
+        tell: hears the share of the work that was done since the last time.
     """
     config, starts = stage.config, stage.starts(one.task, one.seed_set)
     driver = stage.driver(one)
