@@ -20,7 +20,7 @@ def read_one(value: float, *, feed: int = PROXIMITY, level: float = 0.0, z: floa
     """One noise-free reading through the converter."""
     noise, readings = np.zeros(16), np.array([value])
     noise[MOTOR_NOISE] = z
-    read(ROBOT, feed, level, noise, readings)
+    read(ROBOT, feed, level, 0.0, noise, readings)
     return float(readings[0])
 
 

@@ -12,6 +12,7 @@ from realitygap.kernels.light import (
 )
 from realitygap.kernels.light_beyond import goes_beyond, illuminate_beyond
 from realitygap.kernels.params import RAYS
+from realitygap.kernels.response import respond
 
 
 @step
@@ -37,9 +38,14 @@ def illuminate(robot, arena, enough, work, out):
 def ambient(robot, arena, work, out):
     """Noise-free readings of all ambient sensors into `out` ([A], counts, unrounded).
 
-    V = 55 + 1/√A, clipped at the dark reading; or, linear in the light, V = dark − A, clipped at 55.
+    V = 55 + 1/√A, clipped at the dark reading; or, linear in the light, V = dark − A, clipped at 55; or by
+    each sensor's measured curve.
     """
     illuminate(robot, arena, True, work, out)
+    if robot.ambient_curve.shape[1] > 0:
+        for k in range(out.shape[0]):
+            out[k] = respond(robot.ambient_curve, k, robot.ambient_knee, out[k] * robot.ambient_gain[k])
+        return
     linear = robot.light_linear > 0.0
     for k in range(out.shape[0]):
         total = out[k] * robot.ambient_gain[k]

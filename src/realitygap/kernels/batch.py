@@ -21,6 +21,7 @@ from realitygap.kernels.trial import (
     run_trial,
     sense,
     stand,
+    wheels_speed,
 )
 from realitygap.kernels.work import DRAWS, noise_blocks
 from realitygap.streams import ASIDE
@@ -50,7 +51,8 @@ def sense_aside(world, stream, k, work, aside):
     if world.level > 0.0:
         blocks = noise_blocks(aside.readings.shape[0])
         normals(substream(stream, ASIDE), DRAWS * blocks * k, aside.noise)
-    read(world.robot, PROXIMITY + AMBIENT - feed, world.level, aside.noise, aside.readings)
+    other = PROXIMITY + AMBIENT - feed
+    read(world.robot, other, world.level, wheels_speed(work), aside.noise, aside.readings)
 
 
 @step
@@ -108,9 +110,12 @@ def probe(world, streams, work, noise, proximity, ambients):
         ambient(robot, arena, work, ambients[t])
         if level > 0.0:
             normals(streams[t], 0, noise)
-            read(robot, PROXIMITY, level, noise, proximity[t])
+            read(robot, PROXIMITY, level, 0.0, noise, proximity[t])
             normals(substream(streams[t], ASIDE), 0, noise)
-            read(robot, AMBIENT, level, noise, ambients[t])
+            read(robot, AMBIENT, level, 0.0, noise, ambients[t])
+        else:
+            for i in range(proximity.shape[1]):
+                proximity[t, i] *= 1.0 if proximity[t, i] >= robot.proximity_dead else 0.0
 
 
 @kernel

@@ -17,10 +17,6 @@ TOUCHING = 1e-3
 """Smallest distance that a sensor can see, cm: keeps 1/d finite for sensors on a surface."""
 GRAZE = 1e-6
 """Share by which a ray's end is drawn back before asking what hides it: off its own wall."""
-NARROW = 0.68
-"""sin² 56°, rounded down."""
-CONE = 0.15643446504023087
-"""cos 81°: the outermost rays' angle off the sensor's direction."""
 
 
 class Spot(NamedTuple):
@@ -33,12 +29,14 @@ class Spot(NamedTuple):
 
 
 class Rays(NamedTuple):
-    """The rays of one sensor or more, [n]: unit vectors, 1/d to what they meet, the cosine under which."""
+    """The rays of one sensor or more, [n]: unit vectors, 1/d to what they meet, the cosine under which;
+    and how narrow a cylinder is to meet one side of their fan only."""
 
     x: F
     y: F
     inverse: F
     incidence: F
+    narrow: float
 
 
 @step
@@ -73,7 +71,7 @@ def see_cylinder(qx, qy, radius, rays, incident):
     inverse_k = 1.0 / k
     inverse_radius = 1.0 / radius
     ray_x, ray_y, inverse, incidence = rays.x, rays.y, rays.inverse, rays.incidence
-    if radius * radius < NARROW * square:
+    if radius * radius < rays.narrow * square:
         # Lane RAYS is a pad and looks along the sensor; lane 0 is its rightmost ray.
         leftward = ray_x[RAYS] * qy - ray_y[RAYS] * qx
         a = 2 if leftward > 0.0 else 0

@@ -5,9 +5,10 @@ exactly. Most sensors are in that state most of the time, so it is asked first, 
 side by side, by conditions that are never wrong in saying no.
 """
 
-from realitygap.kernels.geometry import CONE, Rays, Spot, see
+from realitygap.kernels.geometry import Rays, Spot, see
 from realitygap.kernels.jit import step
 from realitygap.kernels.params import LANES
+from realitygap.kernels.response import respond
 
 
 @step
@@ -19,7 +20,7 @@ def notice_walls(robot, arena, work):
     """
     x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
     width, depth = arena.size[0], arena.size[1]
-    fan = work.fan
+    fan, cone = work.fan, robot.proximity_cone
     for k in range(work.noticed.shape[0]):
         reach = robot.proximity_reach[k]
         px = x + c * fan[0, k] - s * fan[1, k]
@@ -30,10 +31,10 @@ def notice_walls(robot, arena, work):
         ay = s * fan[4, k] + c * fan[5, k]
         bx = c * fan[6, k] - s * fan[7, k]
         by = s * fan[6, k] + c * fan[7, k]
-        east = 1.0 if fx > CONE else max(ax, bx)
-        west = 1.0 if fx < -CONE else max(-ax, -bx)
-        north = 1.0 if fy > CONE else max(ay, by)
-        south = 1.0 if fy < -CONE else max(-ay, -by)
+        east = 1.0 if fx > cone else max(ax, bx)
+        west = 1.0 if fx < -cone else max(-ax, -bx)
+        north = 1.0 if fy > cone else max(ay, by)
+        south = 1.0 if fy < -cone else max(-ay, -by)
         near = (width - px < reach * east) | (px < reach * west)
         near = near | (depth - py < reach * north) | (py < reach * south)
         work.noticed[k] = 1 if near else 0
@@ -50,14 +51,14 @@ def notice_cylinder(robot, arena, j, work):
     # The cylinder as the robot sees it: (forward, leftward).
     forward = c * cx + s * cy
     leftward = c * cy - s * cx
-    fan = work.fan
+    fan, cone = work.fan, robot.proximity_cone
     for k in range(work.noticed.shape[0]):
         qx = forward - fan[0, k]
         qy = leftward - fan[1, k]
         square = qx * qx + qy * qy
         reach = robot.proximity_reach[k] + radius
         ahead = qx * fan[2, k] + qy * fan[3, k]
-        inside = (ahead > 0.0) & (ahead * ahead > CONE * CONE * square)
+        inside = (ahead > 0.0) & (ahead * ahead > cone * cone * square)
         first = abs(qx * fan[5, k] - qy * fan[4, k]) < radius
         last = abs(qx * fan[7, k] - qy * fan[6, k]) < radius
         near = (square < reach * reach) & (inside | first | last)
@@ -93,7 +94,28 @@ def reflected(robot, k, rays, t):
     else:
         for i in range(inverse.shape[0]):
             t[i] = robot.proximity_weight[k, i] * (a * (inverse[i] * inverse[i]) + b)
+    return added(t)
+
+
+@step
+def added(t):
+    """The sum of a fan's terms, outermost pairs first."""
     return (t[0] + t[9]) + (t[1] + t[8]) + ((t[2] + t[7]) + (t[3] + t[6])) + (t[4] + t[5])
+
+
+@step
+def gathered(robot, k, rays, t):
+    """What reaches a measured sensor: Σ weight a cos / ((d + offset)² + width²) of rays within its range."""
+    offset, width2, least = robot.proximity_offset[k], robot.proximity_width2, robot.proximity_least
+    a, inverse = robot.proximity_a[k], rays.inverse
+    for i in range(inverse.shape[0]):
+        v = inverse[i] if inverse[i] >= least else 0.0
+        near = 1.0 + offset * v
+        t[i] = robot.proximity_weight[k, i] * (a * (v * v) / (near * near + width2 * (v * v)))
+    if robot.proximity_lambertian > 0.0:
+        for i in range(inverse.shape[0]):
+            t[i] *= rays.incidence[i]
+    return added(t)
 
 
 @step
@@ -113,10 +135,11 @@ def list_noticed(work):
 def infrared(robot, arena, work, out):
     """Noise-free readings of all proximity sensors into `out` ([P], counts, unrounded)."""
     x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
-    rays = Rays(work.ray_x[:LANES], work.ray_y[:LANES], work.inverse[:LANES], work.incidence[:LANES])
+    narrow, measured = robot.proximity_narrow, robot.proximity_curve.shape[1] > 0
+    rays = Rays(work.ray_x[:LANES], work.ray_y[:LANES], work.inverse[:LANES], work.incidence[:LANES], narrow)
     notice(robot, arena, work)
     for k in range(out.shape[0]):
-        out[k] = 0.0
+        out[k] = robot.proximity_curve[k, 0] if measured else 0.0
     for n in range(list_noticed(work)):
         k = work.listed[n]
         px = x + c * robot.proximity_place[k, 0] - s * robot.proximity_place[k, 1]
@@ -125,5 +148,9 @@ def infrared(robot, arena, work, out):
             see(arena, robot.proximity_ray, k, Spot(px, py, c, s), rays, True)
         else:
             see(arena, robot.proximity_ray, k, Spot(px, py, c, s), rays, None)
-        total = reflected(robot, k, rays, work.terms)
-        out[k] = min(max(total, 0.0), robot.proximity_top)
+        if measured:
+            light = gathered(robot, k, rays, work.terms)
+            out[k] = respond(robot.proximity_curve, k, robot.proximity_knee, light)
+        else:
+            total = reflected(robot, k, rays, work.terms)
+            out[k] = min(max(total, 0.0), robot.proximity_top)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from realitygap.kernels.geometry import GRAZE, Rays, Spot, circle_blocks, covers, see, segment_blocks
 from realitygap.kernels.jit import step
-from realitygap.kernels.params import LAMP_POINTS, LANES, RAYS
+from realitygap.kernels.params import LAMP_POINTS, LANES, NARROW, RAYS
 
 
 class View(NamedTuple):
@@ -127,7 +127,7 @@ def follow_fan(robot, arena, k, fan, work):
     px = x + c * robot.ambient_place[k, 0] - s * robot.ambient_place[k, 1]
     py = y + s * robot.ambient_place[k, 0] + c * robot.ambient_place[k, 1]
     a, b = fan * RAYS, fan * RAYS + LANES
-    rays = Rays(work.ray_x[a:b], work.ray_y[a:b], work.inverse[a:b], work.incidence[a:b])
+    rays = Rays(work.ray_x[a:b], work.ray_y[a:b], work.inverse[a:b], work.incidence[a:b], NARROW)
     see(arena, robot.ambient_ray, fan, Spot(px, py, c, s), rays, None)
     for i in range(RAYS):
         work.end_x[a + i] = px

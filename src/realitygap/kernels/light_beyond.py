@@ -224,9 +224,7 @@ def illuminate_beyond(robot, arena, enough, work, out):
         total = 0.0
         for lamp in range(arena.lamp_points.shape[0]):
             total += direct_light(robot, arena, lamp, k, work)
-        span = robot.ambient_dark[k] - robot.ambient_floor[k]
-        full = total * robot.ambient_gain[k] >= span
-        if not (enough and full and robot.light_linear > 0.0):
+        if not (enough and total * robot.ambient_gain[k] >= robot.ambient_full[k]):
             look_round(robot, arena, k, fans, work)
             for lamp in range(arena.lamp_points.shape[0]):
                 light_walls(robot, arena, lamp, k * fans * RAYS, (k + 1) * fans * RAYS, work)

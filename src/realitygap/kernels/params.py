@@ -21,6 +21,10 @@ RAYS = 10
 """Rays of one sensor, in an arc of 180° (§3.2.3)."""
 LANES = 16
 """RAYS padded to whole vector registers; pad lanes point along the sensor with weight 0."""
+NARROW = 0.68
+"""sin² 56°, rounded down."""
+CONE = 0.15643446504023087
+"""cos 81°: the outermost rays' angle off the sensor's direction."""
 MAX_DELAY = 4
 """Longest delay of a link, in updates (§5.3)."""
 LAMP_POINTS = 5
@@ -71,11 +75,28 @@ class Robot(NamedTuple):
     """[P] distance beyond which every ray's term is ≤ 0, √(a/−b) − offset; inf where b ≥ 0."""
     proximity_top: float
     """The converter's highest count."""
+    proximity_cone: float
+    proximity_narrow: float
+    """Of the rays' fan: the outermost's cosine; and sin² of half the angle up to which a cylinder meets rays
+    of its own side and two or three beyond the middle only."""
     proximity_lambertian: float
     """1 = surfaces throw back by the cosine of the angle under which a ray meets them; 0 in the paper."""
     proximity_low: float
     proximity_high: float
     """Readings (counts) that become a network's inputs −10 and +10."""
+
+    # Sensors as measured: curves of no values mean the paper's law.
+    proximity_curve: F
+    proximity_knee: float
+    """[P, n] counts at equal steps of √x / (√x + knee), x = Σ weight a / ((d + offset)² + width²)."""
+    proximity_width2: float
+    proximity_least: float
+    """width², cm²; and 1/d of a ray below which nothing comes back."""
+    proximity_dead: float
+    """Counts below which the sensors read 0."""
+    proximity_noise: F
+    proximity_rise: F
+    """[P, n] deviation at equal steps of the reading, 0 … top; [P] its rise with the wheels' speed, s/cm."""
 
     ambient_place: F
     """[A, 2] as for proximity."""
@@ -90,6 +111,13 @@ class Robot(NamedTuple):
     ambient_floor: F
     ambient_dark: F
     """[A] V = floor + 1/√A clipped at dark, of each sensor: the paper's are all alike (55, 484)."""
+    ambient_full: F
+    """[A] illumination times gain from which on more changes nothing; inf where there is none."""
+    ambient_curve: F
+    ambient_knee: float
+    ambient_noise: F
+    ambient_rise: F
+    """As for proximity, x the illumination times gain."""
     ambient_top: float
     """The converter's highest count."""
     ambient_low: float

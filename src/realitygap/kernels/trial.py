@@ -11,6 +11,7 @@ from realitygap.kernels.infrared import infrared
 from realitygap.kernels.jit import step
 from realitygap.kernels.network import LIMIT, output, think, wake
 from realitygap.kernels.outline import settle_outline
+from realitygap.kernels.response import deviation
 from realitygap.kernels.rng import normals, sin_cos, uniform
 from realitygap.kernels.wheels import FASTEST, Arc, bound_wheel, drive_arc, turn_wheel
 from realitygap.kernels.work import DRAWS, MOTOR_NOISE, noise_blocks
@@ -62,17 +63,28 @@ def draw_noise(level, stream, k, sensors, work):
 
 
 @step
-def read(robot, feed, level, noise, readings):
-    """What the robot's converter makes of noise-free `readings`: noise, whole counts, clipping."""
+def read(robot, feed, level, speed, noise, readings):
+    """What the robot's converter makes of noise-free `readings`: noise, whole counts, clipping, dead zone."""
     lit, dark, top = robot.noise_proximity, robot.noise_proximity_dark, robot.proximity_top
+    table, rise, dead = robot.proximity_noise, robot.proximity_rise, robot.proximity_dead
     if feed == AMBIENT:
         lit, dark, top = robot.noise_ambient, robot.noise_ambient, robot.ambient_top
+        table, rise, dead = robot.ambient_noise, robot.ambient_rise, 0.0
     for i in range(readings.shape[0]):
         value = readings[i]
         if level > 0.0:
-            deviation = lit if value > 0.0 else dark
-            value += level * deviation * noise[MOTOR_NOISE + i]
-        readings[i] = min(max(math.floor(value + 0.5), 0.0), top)
+            size = lit if value > 0.0 else dark
+            if table.shape[1] > 0:
+                size = deviation(table, rise, i, value / top, speed)
+            value += level * size * noise[MOTOR_NOISE + i]
+        value = min(max(math.floor(value + 0.5), 0.0), top)
+        readings[i] = value if value >= dead else 0.0
+
+
+@step
+def wheels_speed(work):
+    """The wheels' mean speed either way, cm/s: what noise of the sensors may rise with."""
+    return 0.5 * (abs(work.wheel[0, 0]) + abs(work.wheel[1, 0]))
 
 
 @step
@@ -89,7 +101,7 @@ def sense(robot, arena, feed, level, work):
         ambient(robot, arena, work, work.readings)
     else:
         infrared(robot, arena, work, work.readings)
-    read(robot, feed, level, work.noise, work.readings)
+    read(robot, feed, level, wheels_speed(work), work.noise, work.readings)
 
 
 @step

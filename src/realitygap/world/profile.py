@@ -29,6 +29,11 @@ __all__ = [
 ]
 
 FEEDS = ("proximity", "ambient")
+MEASURED = {
+    "lobe", "aperture_deg", "width_cm", "range_cm", "curve_cm", "dead", "curve_light",
+    "curve", "noise", "noise_rise",
+}  # fmt: skip
+"""Keys that only sensors as measured have: left out of a file where they are 0 or empty."""
 TRACK = (0.2, 15.0)
 """The track's least and most, in radii of the body."""
 ON_EDGE = 1e-6
@@ -218,13 +223,18 @@ class Profile(Value):
         return to_toml(self._table())
 
     def _table(self) -> dict[str, Any]:
-        """Its keys; provenance and light sensors only where there are any."""
+        """Its keys; provenance, light sensors and what is measured only where there is any."""
         table = super().to_dict()
         for key, unsaid in (("provenance", Provenance()), ("ambient", UNLIT)):
             if getattr(self, key) == unsaid:
                 del table[key]
         if not self.body.outline_cm:
             del table["body"]["outline_cm"]
+        for part in ("infrared", "ambient"):
+            for one in (table[part], *table[part]["sensors"]) if part in table else ():
+                for key in MEASURED & one.keys():
+                    if not one[key]:
+                        del one[key]
         return table
 
 

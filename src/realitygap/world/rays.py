@@ -7,13 +7,17 @@ and C libraries that differ in a cosine's last bit give the same robot.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.kernels.params import LANES, RAYS
 
-__all__ = ["RAY_ANGLES_DEG", "ray_weights", "rays", "unit"]
+__all__ = ["FAN", "RAY_ANGLES_DEG", "fan_weights", "ray_weights", "rays", "unit"]
+
+FAN = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.0, 0.25, 0.5, 0.75, 1.0)
+"""Where the rays of a measured sensor lie, in shares of its aperture: the middle is there twice."""
 
 
 def ray_angles(number: int) -> tuple[float, ...]:
@@ -31,9 +35,13 @@ def unit(direction_deg: float) -> tuple[float, float]:
     return round(math.cos(turned), 15) + 0.0, round(math.sin(turned), 15) + 0.0
 
 
-def rays(directions_deg: list[float], number: int = RAYS) -> NDArray[np.float64]:
-    """Unit vectors [n, 2, LANES] of `number` rays for each sensor; pad lanes point along the sensor."""
-    angles = (*ray_angles(number), *(0.0,) * (LANES - number))
+def rays(
+    directions_deg: list[float], number: int = RAYS, *, aperture_deg: float = 0.0
+) -> NDArray[np.float64]:
+    """Unit vectors [n, 2, LANES] of `number` rays for each sensor, or of a FAN of some aperture; pad lanes
+    point along the sensor."""
+    turned = tuple(share * aperture_deg for share in FAN) if aperture_deg else ray_angles(number)
+    angles = (*turned, *(0.0,) * (LANES - len(turned)))
     out = np.empty((len(directions_deg), 2, LANES))
     for i, direction in enumerate(directions_deg):
         out[i] = np.array([unit(direction + beta) for beta in angles]).T
@@ -47,3 +55,9 @@ def ray_weights(
     angles = [beta + shift_deg for beta in ray_angles(number)]
     row = [factor * round(math.cos(math.radians(beta)) ** exponent, 15) for beta in angles]
     return np.tile(np.array(row + [0.0] * (LANES - number)), (sensors, 1))
+
+
+def fan_weights(sensors: int, lobe: Sequence[float]) -> NDArray[np.float64]:
+    """The rays' weights [sensors, LANES] in a FAN: each share of a lobe belongs to two rays."""
+    halves = [share / 2 for share in lobe]
+    return np.tile(np.array([*halves[::-1], *halves, *(0.0,) * (LANES - RAYS)]), (sensors, 1))

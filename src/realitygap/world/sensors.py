@@ -5,22 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import ConfigError
-from realitygap.kernels.params import LANES, RAYS
+from realitygap.kernels.params import CONE, LANES, NARROW, RAYS
 from realitygap.world.files import Value, require
-from realitygap.world.rays import ray_weights, rays, unit
+from realitygap.world.rays import fan_weights, ray_weights, rays, unit
 
 __all__ = ["RAY_NUMBERS", "RESPONSES", "UNLIT", "Ambient", "AmbientSensor", "Infrared", "ProximitySensor"]
 
 FEWEST_TURNED, OUTWARDS_DEG = 2, 35.0
 """So many sensors that look aside tell radians from degrees; and how nearly a sensor looks outwards."""
-RESPONSES = ("paper", "linear")
+RESPONSES = ("paper", "linear", "measured")
 """Laws from illumination to counts."""
+ONE_SIDED = 0.74
+"""Half of the angle, in apertures, up to which a cylinder meets no ray of a FAN at ¾ or 1 opposite."""
 TURN = "Turn them round: the first becomes input -10, the second +10."
 """The cure for an input range in the wrong order."""
 RAY_NUMBERS = (10, 16, 18, 20, 24, 27, 30, 32, 36, 40, 45, 48, 50, 54, 60)
@@ -37,10 +40,16 @@ class ProximitySensor(Value):
     a: float
     b: float
     offset_cm: float = 0.0
+    curve: tuple[float, ...] = ()
+    noise: tuple[float, ...] = ()
+    noise_rise: float = 0.0
 
     def _check(self) -> None:
         _check_direction(self.direction_deg)
         require(self.a > 0, "a", "more than 0", self.a)
+        _check_tables(self)
+        rising = all(one <= two for one, two in pairwise(self.curve))
+        require(rising, "curve", "counts that never fall", self.curve)
 
     def reach_cm(self) -> float:
         """Distance beyond which no ray adds to the sum: √(a/−b) − offset; none where b ≥ 0."""
@@ -52,7 +61,11 @@ class Infrared(Value):
     """Proximity (§3.2.3): I = Σ cos^m β (a/(d + offset)² + b), clipped to 0 … top.
 
     Beyond the paper: with matt 1 surfaces throw a back by the cosine of the angle under which a ray
-    meets them (Lambert).
+    meets them (Lambert). Sensors with a curve read as measured: x = Σ lobe a / ((d + offset)² + width²)
+    over rays at 0, ¼, ½, ¾ and 1 of `aperture_deg` to either side, none of which sees beyond `range_cm`
+    (0: no end), and a curve holds counts at equal steps of √x / (√x + 1/curve_cm) from 0 to 1; readings
+    below `dead` are 0. A sensor's noise holds deviations at equal steps of the reading, 0 … top, and its
+    rise with the wheels' speed (a share for each cm/s).
     """
 
     exponent: float
@@ -60,27 +73,70 @@ class Infrared(Value):
     bands: tuple[float, float]
     sensors: tuple[ProximitySensor, ...]
     matt: float = 0.0
+    lobe: tuple[float, ...] = ()
+    aperture_deg: float = 0.0
+    width_cm: float = 0.0
+    range_cm: float = 0.0
+    curve_cm: float = 0.0
+    dead: float = 0.0
+
+    @property
+    def measured(self) -> bool:
+        """Whether the sensors read by curves of their own."""
+        return any(sensor.curve for sensor in self.sensors)
 
     def to_kernel(self) -> dict[str, Any]:
         """Its part of the kernels' `Robot`."""
-        sensors = self.sensors
+        sensors, n = self.sensors, len(self.sensors)
+        fan = self.aperture_deg if self.measured else 0.0
+        weight = fan_weights(n, self.lobe) if fan else ray_weights(n, self.exponent)
         return {
             "proximity_place": _places(sensors),
-            "proximity_ray": rays([s.direction_deg for s in sensors]),
-            "proximity_weight": ray_weights(len(sensors), self.exponent),
+            "proximity_ray": rays([s.direction_deg for s in sensors], aperture_deg=fan),
+            "proximity_weight": weight,
+            "proximity_cone": unit(fan)[0] if fan else CONE,
+            "proximity_narrow": min(NARROW, unit(ONE_SIDED * fan)[1] ** 2) if fan else NARROW,
             "proximity_a": np.array([s.a for s in sensors]),
             "proximity_b": np.array([s.b for s in sensors]),
             "proximity_offset": np.array([s.offset_cm for s in sensors]),
-            "proximity_reach": np.array([s.reach_cm() for s in sensors]),
+            "proximity_reach": np.array([self.reach_cm(s) for s in sensors]),
+            "proximity_curve": _table([s.curve for s in sensors]),
+            "proximity_knee": 1.0 / self.curve_cm if self.curve_cm else 0.0,
+            "proximity_width2": self.width_cm**2,
+            "proximity_least": 1.0 / self.range_cm if self.range_cm else 0.0,
+            "proximity_dead": self.dead,
+            "proximity_noise": _table([s.noise for s in sensors]),
+            "proximity_rise": np.array([s.noise_rise for s in sensors]),
             "proximity_top": self.top,
             "proximity_lambertian": self.matt,
             "proximity_low": self.bands[0],
             "proximity_high": self.bands[1],
         }
 
+    def reach_cm(self, sensor: ProximitySensor) -> float:
+        """Distance beyond which a sensor reads what it reads in the dark, whatever is there."""
+        if not sensor.curve:
+            return sensor.reach_cm()
+        steps = len(sensor.curve) - 1
+        flat = next((k for k, one in enumerate(sensor.curve) if one > sensor.curve[0]), steps + 1) - 1
+        least = (flat / max(steps - flat, 1e-9) / self.curve_cm) ** 2
+        most = sensor.a * sum(max(share, 0.0) for share in self.lobe)
+        far = math.sqrt(max(most / least - self.width_cm**2, 0.0)) - sensor.offset_cm if least else math.inf
+        return max(0.0, min(far, self.range_cm or math.inf))
+
     def _check(self) -> None:
         require(self.exponent >= 0, "exponent", "0 or more", self.exponent)
         require(self.top > 0, "top", "more than 0", self.top)
+        _check_alike(self.sensors, self.top)
+        if self.measured:
+            shares = f"{RAYS // 2} shares from the middle outwards, their sum above 0"
+            require(len(self.lobe) == RAYS // 2 and sum(self.lobe) > 0, "lobe", shares, self.lobe)
+            wide = self.aperture_deg
+            require(0 < wide <= 85, "aperture_deg", "degrees above 0, at most 85", wide)
+            require(self.curve_cm > 0, "curve_cm", "more than 0", self.curve_cm)
+        for key in ("width_cm", "range_cm"):
+            require(getattr(self, key) >= 0, key, "0 or more", getattr(self, key))
+        require(0 <= self.dead < self.top, "dead", "counts from 0 to below top", self.dead)
         require(self.matt in (0.0, 1.0), "matt", "0 (as in the paper) or 1", self.matt)
         _check_bands(self.bands)
         far, near = self.bands
@@ -101,10 +157,16 @@ class AmbientSensor(Value):
     gain: float = 1.0
     floor_shift: float = 0.0
     dark_shift: float = 0.0
+    curve: tuple[float, ...] = ()
+    noise: tuple[float, ...] = ()
+    noise_rise: float = 0.0
 
     def _check(self) -> None:
         _check_direction(self.direction_deg)
         require(self.gain > 0, "gain", "more than 0", self.gain)
+        _check_tables(self)
+        falling = all(one >= two for one, two in pairwise(self.curve))
+        require(falling, "curve", "counts that never rise", self.curve)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,6 +199,12 @@ class Ambient(Value):
     matt: float = 0.0
     rays: float = 10.0
     sensor_height_cm: float = 0.0
+    curve_light: float = 0.0
+
+    @property
+    def measured(self) -> bool:
+        """Whether the sensors read by curves of their own."""
+        return self.response == "measured"
 
     def _check(self) -> None:
         require(self.floor >= 0, "floor", "0 or more", self.floor)
@@ -158,6 +226,10 @@ class Ambient(Value):
         require(self.near_cm >= 0, "near_cm", "0 or more", self.near_cm)
         require(self.matt in (0.0, 1.0), "matt", "0 (as in the paper) or 1", self.matt)
         require(self.sensor_height_cm >= 0, "sensor_height_cm", "0 or more", self.sensor_height_cm)
+        _check_alike(self.sensors, self.top)
+        curves = [bool(sensor.curve) for sensor in self.sensors]
+        alike = any(curves) == self.measured and (self.curve_light > 0) == self.measured
+        require(alike, "response", '"measured" with, and only with, curve_light and curves', self.response)
         known = ", ".join(map(str, RAY_NUMBERS))
         require(self.rays in RAY_NUMBERS, "rays", f"10 (as in the paper) or one of {known}", self.rays)
         for i, (floor, dark) in enumerate(self.ranges()):
@@ -178,6 +250,11 @@ class Ambient(Value):
             "ambient_gain": np.array([s.gain for s in sensors]),
             "ambient_floor": floor.copy(),
             "ambient_dark": dark.copy(),
+            "ambient_full": self._full(dark - floor),
+            "ambient_curve": _table([s.curve for s in sensors]),
+            "ambient_knee": math.sqrt(self.curve_light),
+            "ambient_noise": _table([s.noise for s in sensors]),
+            "ambient_rise": np.array([s.noise_rise for s in sensors]),
             "ambient_top": self.top,
             "light_linear": float(self.response == "linear"),
             "light_facing": self.facing,
@@ -192,6 +269,10 @@ class Ambient(Value):
             "ambient_high": self.bands[1],
         }
 
+    def _full(self, span: NDArray[np.float64]) -> NDArray[np.float64]:
+        """[A] the light, times the gain, from which on more changes nothing."""
+        return span if self.response == "linear" else np.full(len(self.sensors), math.inf)
+
     def _clear_share(self, body_height_cm: float) -> float:
         """The share of light's way from the lamp to a surface that is above the body's top."""
         top, rise = body_height_cm - self.sensor_height_cm, self.lamp_height_cm
@@ -205,6 +286,29 @@ class Ambient(Value):
     def ranges(self) -> tuple[tuple[float, float], ...]:
         """Floor and dark reading of each sensor, counts."""
         return tuple((self.floor + s.floor_shift, self.dark + s.dark_shift) for s in self.sensors)
+
+
+def _table(rows: Sequence[Sequence[float]]) -> NDArray[np.float64]:
+    """[sensors, n] one row a sensor."""
+    return np.array(rows, float).reshape(len(rows), len(rows[0]) if rows else 0)
+
+
+def _check_tables(sensor: ProximitySensor | AmbientSensor) -> None:
+    for key in ("curve", "noise"):
+        values = getattr(sensor, key)
+        require(len(values) != 1, key, "two values or more, or none", values)
+        require(all(value >= 0 for value in values), key, "values of 0 or more", values)
+    require(sensor.noise_rise >= 0, "noise_rise", "0 or more", sensor.noise_rise)
+
+
+def _check_alike(sensors: Sequence[ProximitySensor | AmbientSensor], top: float) -> None:
+    """Refuse tables of several lengths, and values above the full scale."""
+    for key in ("curve", "noise"):
+        lengths = {len(getattr(sensor, key)) for sensor in sensors}
+        require(len(lengths) <= 1, f"sensors.{key}", "as many values for every sensor", sorted(lengths))
+        for i, sensor in enumerate(sensors):
+            most = max(getattr(sensor, key), default=0.0)
+            require(most <= top, f"sensors[{i}].{key}", f"at most top ({top:g})", most)
 
 
 def _places(sensors: Sequence[ProximitySensor | AmbientSensor]) -> NDArray[np.float64]:

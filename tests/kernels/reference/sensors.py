@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from realitygap.world.arena import Arena, Cylinder
 from realitygap.world.profile import Profile
 from realitygap.world.sensors import Ambient
@@ -33,6 +35,28 @@ def proximity_sum(profile: Profile, arena: Arena, pose, k: int) -> float:
     return total
 
 
+def gathered(profile: Profile, arena: Arena, pose, k: int) -> float:
+    """x = Σ share a cos / ((d + offset)² + width²) of measured sensor `k`: what reaches it, ray by ray."""
+    law, sensor = profile.infrared, profile.infrared.sensors[k]
+    place, direction = place_and_direction(sensor, pose)
+    total = 0.0
+    for quarters, share in enumerate(law.lobe):
+        for side in (-1, 1):
+            beta = side * math.radians(law.aperture_deg * quarters / 4)
+            ray = (math.cos(direction + beta), math.sin(direction + beta))
+            d = distance(arena, place, ray)
+            if not law.range_cm or d <= law.range_cm:
+                slant = cosine_of_incidence(arena, place, ray, d) if law.matt else 1.0
+                total += share / 2 * sensor.a * slant / ((d + sensor.offset_cm) ** 2 + law.width_cm**2)
+    return total
+
+
+def on_curve(curve, knee: float, x: float) -> float:
+    """Counts on a curve of values at equal steps of √x / (√x + knee), straight between them."""
+    u = math.sqrt(max(x, 0.0)) / (math.sqrt(max(x, 0.0)) + knee)
+    return float(np.interp(u, np.linspace(0.0, 1.0, len(curve)), curve))
+
+
 def cosine_of_incidence(arena: Arena, place: Point, ray: Point, d: float) -> float:
     """Cosine of the angle between a ray of length `d` and the normal of the surface where it ends."""
     normal = normal_at(arena, (place[0] + d * ray[0], place[1] + d * ray[1]), ray)
@@ -41,7 +65,10 @@ def cosine_of_incidence(arena: Arena, place: Point, ray: Point, d: float) -> flo
 
 def proximity(profile: Profile, arena: Arena, pose) -> list[float]:
     """Readings of all proximity sensors: the sum is clipped, not its terms."""
-    top = profile.infrared.top
+    law, top = profile.infrared, profile.infrared.top
+    if law.measured:
+        lit = [gathered(profile, arena, pose, k) for k in range(len(law.sensors))]
+        return [on_curve(s.curve, 1 / law.curve_cm, x) for s, x in zip(law.sensors, lit, strict=True)]
     sums = [proximity_sum(profile, arena, pose, k) for k in range(len(profile.infrared.sensors))]
     return [min(max(total, 0.0), top) for total in sums]
 
@@ -191,7 +218,9 @@ def ambient(profile: Profile, arena: Arena, pose) -> list[float]:
     for k, sensor in enumerate(law.sensors):
         floor, dark = law.floor + sensor.floor_shift, law.dark + sensor.dark_shift
         total = illumination(profile, arena, pose, k)
-        if law.response == "linear":
+        if law.response == "measured":
+            readings.append(on_curve(sensor.curve, math.sqrt(law.curve_light), total))
+        elif law.response == "linear":
             readings.append(max(dark - total, floor))
         else:
             readings.append(min(floor + 1 / math.sqrt(total), dark) if total > 0 else dark)
