@@ -20,7 +20,7 @@ from realitygap.kernels.work import Work, new_work
 from realitygap.world.arena import Arena, Cylinder, Lamp
 from realitygap.world.profile import Profile
 
-__all__ = ["Scene", "illumination", "light_readings", "proximity", "scene_of", "wheel_speeds"]
+__all__ = ["Scene", "illumination", "light_readings", "proximity", "received", "scene_of", "wheel_speeds"]
 
 Array = NDArray[np.float64]
 
@@ -79,6 +79,16 @@ def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Array:
     robot = profile.to_kernel()
     out = np.zeros((len(scene.poses), len(profile.infrared.sensors)))
     sweep_infrared(robot, scene.arena, scene.turned(turn_deg), _work(robot), out)
+    return np.where(out < profile.infrared.dead, 0.0, out)[scene.row]
+
+
+def received(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Array:
+    """What reaches measured proximity sensors [n, P] in a recording's rows, before their curves."""
+    from realitygap.kernels.sweep import sweep_received
+
+    robot = profile.to_kernel()
+    out = np.zeros((len(scene.poses), len(profile.infrared.sensors)))
+    sweep_received(robot, scene.arena, scene.turned(turn_deg), _work(robot), out)
     return out[scene.row]
 
 

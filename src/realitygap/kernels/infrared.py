@@ -132,22 +132,43 @@ def list_noticed(work):
 
 
 @step
+def follow(robot, arena, k, rays, work):
+    """What the rays of proximity sensor `k` meet."""
+    x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
+    px = x + c * robot.proximity_place[k, 0] - s * robot.proximity_place[k, 1]
+    py = y + s * robot.proximity_place[k, 0] + c * robot.proximity_place[k, 1]
+    if robot.proximity_lambertian > 0.0:
+        see(arena, robot.proximity_ray, k, Spot(px, py, c, s), rays, True)
+    else:
+        see(arena, robot.proximity_ray, k, Spot(px, py, c, s), rays, None)
+
+
+@step
+def fan_of(robot, work):
+    """Room for the rays of one proximity sensor."""
+    narrow, n = robot.proximity_narrow, LANES
+    return Rays(work.ray_x[:n], work.ray_y[:n], work.inverse[:n], work.incidence[:n], narrow)
+
+
+@step
+def receive(robot, arena, work, out):
+    """What reaches all measured sensors into `out` ([P]), before their curves."""
+    rays = fan_of(robot, work)
+    for k in range(out.shape[0]):
+        follow(robot, arena, k, rays, work)
+        out[k] = gathered(robot, k, rays, work.terms)
+
+
+@step
 def infrared(robot, arena, work, out):
     """Noise-free readings of all proximity sensors into `out` ([P], counts, unrounded)."""
-    x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
-    narrow, measured = robot.proximity_narrow, robot.proximity_curve.shape[1] > 0
-    rays = Rays(work.ray_x[:LANES], work.ray_y[:LANES], work.inverse[:LANES], work.incidence[:LANES], narrow)
+    rays, measured = fan_of(robot, work), robot.proximity_curve.shape[1] > 0
     notice(robot, arena, work)
     for k in range(out.shape[0]):
         out[k] = robot.proximity_curve[k, 0] if measured else 0.0
     for n in range(list_noticed(work)):
         k = work.listed[n]
-        px = x + c * robot.proximity_place[k, 0] - s * robot.proximity_place[k, 1]
-        py = y + s * robot.proximity_place[k, 0] + c * robot.proximity_place[k, 1]
-        if robot.proximity_lambertian > 0.0:
-            see(arena, robot.proximity_ray, k, Spot(px, py, c, s), rays, True)
-        else:
-            see(arena, robot.proximity_ray, k, Spot(px, py, c, s), rays, None)
+        follow(robot, arena, k, rays, work)
         if measured:
             light = gathered(robot, k, rays, work.terms)
             out[k] = respond(robot.proximity_curve, k, robot.proximity_knee, light)

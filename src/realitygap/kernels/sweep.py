@@ -4,7 +4,7 @@ One kernel each, so that a fit compiles no more than it needs.
 """
 
 from realitygap.kernels.ambient import illuminate
-from realitygap.kernels.infrared import infrared
+from realitygap.kernels.infrared import infrared, receive
 from realitygap.kernels.jit import kernel
 from realitygap.kernels.light_beyond import direct_light
 from realitygap.kernels.trial import stand
@@ -17,6 +17,14 @@ def sweep_infrared(robot, arena, poses, work, out):
     for i in range(poses.shape[0]):
         stand(poses[i], work)
         infrared(robot, arena, work, out[i])
+
+
+@kernel
+def sweep_received(robot, arena, poses, work, out):
+    """What reaches measured sensors at poses [n, 3] into out [n, P], before their curves."""
+    for i in range(poses.shape[0]):
+        stand(poses[i], work)
+        receive(robot, arena, work, out[i])
 
 
 @kernel
