@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +85,7 @@ def columns_of(values: Values, keys: Sequence[str], sensors: Sensors) -> dict[st
     return columns
 
 
-def with_columns(sensors: Sequence[S], columns: Mapping[str, Sequence[float]]) -> tuple[S, ...]:
+def with_columns(sensors: Sequence[S], columns: Mapping[str, Sequence[Any]]) -> tuple[S, ...]:
     """Sensors with fitted constants in place."""
     return tuple(
         replace(sensor, **{key: column[k] for key, column in columns.items()})
