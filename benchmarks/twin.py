@@ -18,8 +18,7 @@ from realitygap.controller.handmade import braitenberg
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import NetworkController
 from realitygap.robots.clock import Clock, RealClock, VirtualClock
-from realitygap.robots.khepera.body import KheperaBody
-from realitygap.robots.khepera.driver import Khepera
+from realitygap.robots.khepera.body import Khepera, KheperaBody
 from realitygap.robots.khepera.twin import TwinBody
 from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recording

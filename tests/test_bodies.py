@@ -16,8 +16,7 @@ from realitygap.errors import UsageError
 from realitygap.kernels.rng import substream
 from realitygap.robots.body import Body
 from realitygap.robots.clock import Clock, VirtualClock
-from realitygap.robots.khepera.body import KheperaBody
-from realitygap.robots.khepera.driver import Khepera
+from realitygap.robots.khepera.body import Khepera, KheperaBody
 from realitygap.robots.loop import drive
 from realitygap.simulation.body import SimulatedBody, network_inputs
 from realitygap.simulation.simulation import Simulation

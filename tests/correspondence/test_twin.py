@@ -10,8 +10,7 @@ from realitygap.correspondence.exemplars.kinds import KINDS, Ruled, shows
 from realitygap.correspondence.names import namer
 from realitygap.correspondence.reading import read_trials
 from realitygap.robots.clock import VirtualClock
-from realitygap.robots.khepera.body import KheperaBody
-from realitygap.robots.khepera.driver import Khepera
+from realitygap.robots.khepera.body import Khepera, KheperaBody
 from realitygap.robots.loop import drive
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task

@@ -19,8 +19,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from realitygap.robots.khepera.body import KheperaBody
-from realitygap.robots.khepera.driver import Khepera
+from realitygap.robots.khepera.body import Khepera, KheperaBody
 from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recorder, Recording
 from realitygap.twin.process import start_twin

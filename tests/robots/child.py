@@ -5,8 +5,7 @@ from __future__ import annotations
 import sys
 
 from realitygap.robots.clock import RealClock
-from realitygap.robots.khepera.body import KheperaBody
-from realitygap.robots.khepera.driver import Khepera
+from realitygap.robots.khepera.body import Khepera, KheperaBody
 from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recorder
 from tests.robots.conftest import STALL_S

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from realitygap.robots.clock import Clock, RealClock, VirtualClock
-from realitygap.robots.khepera.driver import Khepera
+from realitygap.robots.khepera.body import Khepera
 from realitygap.twin.process import TwinProcess, start_twin
 from tests.robots.pump import Faults, Pump
 

@@ -12,8 +12,9 @@ import pytest
 from realitygap.errors import LineError, RobotError, UsageError
 from realitygap.robots.clock import VirtualClock
 from realitygap.robots.khepera.body import KheperaBody
-from realitygap.robots.khepera.line import GIVE_UP_S, Answer
-from realitygap.robots.khepera.protocol import GarbledError, Request, request
+from realitygap.robots.khepera.protocol import KHEPERA
+from realitygap.robots.line.line import GIVE_UP_S, Answer
+from realitygap.robots.line.protocol import GarbledError, Request
 from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recorder, Recording
 from realitygap.twin.process import TwinProcess
@@ -167,5 +168,5 @@ def test_the_robots_own_refusal_is_passed_on(bench: Bench) -> None:
     """A turret that is not there: the robot's words."""
     _, khepera = bench.virtual()
     with pytest.raises(RobotError, match="z,Protocol error"):
-        khepera.ask(request("T", 1, 2))
+        khepera.ask(KHEPERA.request("T", 1, 2))
     assert khepera.counters() == (0, 0)

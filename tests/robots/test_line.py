@@ -12,9 +12,9 @@ from contextlib import nullcontext
 import pytest
 
 from realitygap.errors import LineError
-from realitygap.robots.khepera.driver import Khepera, Versions
-from realitygap.robots.khepera.line import Line
-from realitygap.robots.khepera.protocol import request
+from realitygap.robots.khepera.body import Khepera
+from realitygap.robots.khepera.protocol import KHEPERA
+from realitygap.robots.line.line import Line
 
 LINES = {b"H": b"h,1,2\r\n", b"B": b"b,5.02,5.01\r\n", b"D": b"d\r\n", b"E": b"e,0,0\r\n"}
 
@@ -76,12 +76,12 @@ def told(request: pytest.FixtureRequest) -> Iterator[Told]:
 @pytest.mark.parametrize("told", [{"deaf": 10**6}], indirect=True)
 def test_a_silent_line_is_given_up_within_three_seconds(told: Told) -> None:
     """A question after 1.0 to 1.3 s, and the robot that does not confirm its stop before 3 s are over."""
-    line = Line(told.device, baud=38400, clock=told)
+    line = Line(told.device, KHEPERA, baud=38400, clock=told)
     with pytest.raises(LineError, match="no answer understood"):
-        line.ask(request("H"))
+        line.ask(KHEPERA.request("H"))
     assert 1.0 <= told.now() < 1.3
     with pytest.raises(LineError, match="may still be moving"):
-        Khepera(line, Versions("5.02", "5.01"), ()).stop()
+        Khepera(line, ("5.02", "5.01"), ()).stop()
     assert told.now() < 3.0
     line.close()
 
@@ -89,8 +89,8 @@ def test_a_silent_line_is_given_up_within_three_seconds(told: Told) -> None:
 @pytest.mark.parametrize("told", [{"deaf": 3, "stall_s": 2.0}], indirect=True)
 def test_a_line_is_not_given_up_for_time_alone(told: Told) -> None:
     """The computer stands still for 2 s now and again: three questions lost, the fourth is answered."""
-    line = Line(told.device, baud=38400, clock=told)
-    assert line.ask(request("H")) == [(1, 2)]
+    line = Line(told.device, KHEPERA, baud=38400, clock=told)
+    assert line.ask(KHEPERA.request("H")) == [(1, 2)]
     assert told.now() > 4.0 and line.faults > 0
     line.close()
 
@@ -98,7 +98,7 @@ def test_a_line_is_not_given_up_for_time_alone(told: Told) -> None:
 @pytest.mark.parametrize("told", [{"stall_s": 5.0}], indirect=True)
 def test_an_answer_that_is_there_counts_however_late_it_is_looked_at(told: Told) -> None:
     """It came in time; it was the driver that stood still."""
-    line = Line(told.device, baud=38400, clock=told)
-    assert line.ask(request("H"), request("E")) == [(1, 2), (0, 0)]
+    line = Line(told.device, KHEPERA, baud=38400, clock=told)
+    assert line.ask(KHEPERA.request("H"), KHEPERA.request("E")) == [(1, 2), (0, 0)]
     assert line.faults == 0
     line.close()

@@ -10,8 +10,7 @@ import pytest
 
 from realitygap.errors import BaudError, LineError, UsageError
 from realitygap.robots.clock import RealClock, VirtualClock
-from realitygap.robots.khepera.body import KheperaBody
-from realitygap.robots.khepera.driver import Khepera
+from realitygap.robots.khepera.body import Khepera, KheperaBody
 from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recorder, Recording
 from realitygap.values import Pose
@@ -111,14 +110,14 @@ def test_any_baud_rate_is_found(bench: Bench) -> None:
     clock = VirtualClock(twin.channel)
     with pytest.raises(LineError, match=r"no Khepera answers .* at 9600 baud"):
         bench.khepera(twin.device, clock, baud=9600)
-    assert bench.khepera(twin.device, clock, baud=None).baud == 57600
+    assert bench.khepera(twin.device, clock, baud=None).line.baud == 57600
 
 
 def test_the_banner_of_a_fresh_robot_is_heard(bench: Bench) -> None:
     """Two lines after a reset; none the second time."""
     twin, khepera = bench.virtual(unit=7)
     assert len(khepera.banner) == 2 and "unit 7" in khepera.banner[0]
-    assert khepera.versions == ("5.02", "5.01")
+    assert khepera.versions == {"bios": "5.02", "protocol": "5.01"}
     khepera.abandon()
     assert bench.khepera(twin.device, khepera.clock).banner == ()
 

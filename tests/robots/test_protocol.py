@@ -7,61 +7,65 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from realitygap.errors import BaudError, UsageError
-from realitygap.robots.khepera.budget import step_budget
-from realitygap.robots.khepera.protocol import (
-    COMMANDS,
-    GarbledError,
-    RefusedError,
-    Request,
-    answer,
-    characters,
-    parse_answer,
-    parse_request,
-    request,
-    wire_ms,
-)
+from realitygap.robots.epuck.protocol import EPUCK
+from realitygap.robots.khepera.protocol import KHEPERA
+from realitygap.robots.line.budget import step_budget
+from realitygap.robots.line.protocol import Dialect, GarbledError, RefusedError, Request, answer
+
+ASCII = st.characters(min_codepoint=32, max_codepoint=126)
+DIALECTS = pytest.mark.parametrize("dialect", [KHEPERA, EPUCK], ids=lambda dialect: dialect.robot)
 
 
-@st.composite
-def requests(draw: st.DrawFn) -> Request:
+def requests(dialect: Dialect) -> st.SearchStrategy[Request]:
     """Any command that the robot takes."""
-    letter = draw(st.sampled_from(sorted(COMMANDS)))
-    return Request(letter, tuple(draw(st.integers(s.low, s.high)) for s in COMMANDS[letter].takes))
+
+    def of(letter: str) -> st.SearchStrategy[Request]:
+        takes = [st.integers(span.low, span.high) for span in dialect.commands[letter].takes]
+        return st.tuples(*takes).map(lambda arguments: Request(letter, arguments))
+
+    return st.sampled_from(sorted(dialect.commands)).flatmap(of)
 
 
-@given(requests())
-def test_a_command_reads_back_as_it_was_written(asked: Request) -> None:
+@DIALECTS
+@given(data=st.data())
+def test_a_command_reads_back_as_it_was_written(dialect: Dialect, data: st.DataObject) -> None:
     """What the driver writes is what the robot reads."""
-    assert request(asked.letter, *asked.arguments) == asked
-    assert parse_request(asked.data.decode()) == asked
+    asked = data.draw(requests(dialect))
+    assert dialect.request(asked.letter, *asked.arguments) == asked
+    assert dialect.parse_request(asked.data.decode()) == asked
 
 
-@given(requests(), st.data())
-def test_an_answer_reads_back_as_it_was_written(asked: Request, data: st.DataObject) -> None:
+@DIALECTS
+@given(data=st.data())
+def test_an_answer_reads_back_as_it_was_written(dialect: Dialect, data: st.DataObject) -> None:
     """What the robot answers is what the driver reads."""
-    form = COMMANDS[asked.letter]
+    asked = data.draw(requests(dialect))
+    form = dialect.commands[asked.letter]
     values = tuple(data.draw(st.integers(span.low, span.high)) for span in form.gives)
-    if form.versions:
-        values = ("5.02", "5.01")
-    assert parse_answer(answer(asked.letter, *values).decode().strip(), asked) == values
+    if form.text is not None:
+        values = tuple(data.draw(st.from_regex(form.text, fullmatch=True, alphabet=ASCII)) for _ in values)
+    said = answer(asked.letter, *values).decode().strip("\r\n")
+    assert dialect.parse_answer(said, asked) == values
 
 
-@given(st.text(max_size=20))
-def test_any_text_is_a_command_or_refused_in_the_robots_words(text: str) -> None:
+@DIALECTS
+@given(text=st.text(max_size=20))
+def test_any_text_is_a_command_or_refused_in_the_robots_words(dialect: Dialect, text: str) -> None:
     """Nothing that comes down the line breaks the robot."""
     try:
-        asked = parse_request(text)
+        asked = dialect.parse_request(text)
     except RefusedError as refusal:
-        assert str(refusal) in ("Command not found", "z,Protocol error")
+        assert str(refusal) in (dialect.not_found, dialect.protocol_error)
     else:
-        assert asked.letter in COMMANDS
+        assert asked.letter in dialect.commands
 
 
-@given(st.text(max_size=30))
-def test_any_text_is_an_answer_or_an_error(text: str) -> None:
+@DIALECTS
+@given(text=st.text(max_size=30))
+def test_any_text_is_an_answer_or_an_error(dialect: Dialect, text: str) -> None:
     """Nothing that comes back breaks the driver."""
     try:
-        values = parse_answer(text, Request("N"))
+        values = dialect.parse_answer(text, Request("N"))
     except (GarbledError, RefusedError):
         return
     assert len(values) == 8
@@ -71,14 +75,14 @@ def test_any_text_is_an_answer_or_an_error(text: str) -> None:
 def test_wrong_arguments_are_a_protocol_error(line: str) -> None:
     """Too many, too few, out of range or no numbers."""
     with pytest.raises(RefusedError, match="z,Protocol error"):
-        parse_request(line)
+        KHEPERA.parse_request(line)
 
 
 @pytest.mark.parametrize("line", ["Q", "d,1,1", "hello", "DD,1,1", "+"])
 def test_an_unknown_text_is_not_found(line: str) -> None:
     """A text that begins with no command's letter and comma."""
     with pytest.raises(RefusedError, match="Command not found"):
-        parse_request(line)
+        KHEPERA.parse_request(line)
 
 
 @pytest.mark.parametrize(
@@ -87,30 +91,30 @@ def test_an_unknown_text_is_not_found(line: str) -> None:
 def test_a_wrong_answer_is_garbled(line: str) -> None:
     """Too few values, values that no converter gives, another command's answer."""
     with pytest.raises(GarbledError):
-        parse_answer(line, Request("N"))
+        KHEPERA.parse_answer(line, Request("N"))
 
 
 def test_a_refused_command_names_what_it_takes() -> None:
     """The driver refuses before the robot does."""
     with pytest.raises(UsageError, match=r"command D .* takes -127\.\.127, -127\.\.127; got \[200, 0\]"):
-        request("D", 200, 0)
+        KHEPERA.request("D", 200, 0)
     with pytest.raises(UsageError, match="no command 'Q'"):
-        request("Q")
+        KHEPERA.request("Q")
 
 
 def test_the_longest_answers_are_as_long_as_the_table_says() -> None:
     """Times on the wire are worst cases."""
     asked = Request("N")
-    assert characters(asked) == len(asked.data) + len(answer("N", *[1023] * 8))
+    assert KHEPERA.characters(asked) == len(asked.data) + len(answer("N", *[1023] * 8))
     asked = Request("E")
-    assert characters(asked) >= len(asked.data) + len(answer("E", -127, -127))
-    assert wire_ms(384, 38400) == pytest.approx(110.0)
+    assert KHEPERA.characters(asked) >= len(asked.data) + len(answer("E", -127, -127))
+    assert KHEPERA.wire_ms(384, 38400) == pytest.approx(110.0)
 
 
 def test_9600_baud_is_refused_for_both_kinds_of_sensors() -> None:
     """N + O + D are 103 characters of 11 bits: 118 ms of a step of 100 ms."""
     with pytest.raises(BaudError, match=r"103 × 11 / 9600 s = 118 ms; set the robot to 19200 baud or more"):
-        step_budget(("proximity", "ambient"), 9600)
+        step_budget(KHEPERA, ("proximity", "ambient"), 9600)
 
 
 @pytest.mark.parametrize(
@@ -126,6 +130,6 @@ def test_9600_baud_is_refused_for_both_kinds_of_sensors() -> None:
 )
 def test_a_step_carries_what_fits(kinds: tuple[str, ...], baud: int, reads: str) -> None:
     """Sensors first, then counters, then speeds, within 100 ms; without sensors the counters alone."""
-    budget = step_budget(kinds, baud)
+    budget = step_budget(KHEPERA, kinds, baud)
     assert "".join(read.letter for read in budget.reads) == reads
     assert budget.ms <= 100

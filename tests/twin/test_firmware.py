@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from realitygap.robots.khepera.protocol import COMMANDS
+from realitygap.robots.khepera.protocol import KHEPERA
 from realitygap.twin.firmware import NEVER, Firmware
 from tests.robots.kinematic import KinematicBody
 
@@ -61,7 +61,7 @@ def test_each_command_has_its_answer(text: str, answer: str) -> None:
 def test_every_command_of_the_table_is_carried_out() -> None:
     """None is forgotten: each answers with as many values as the table says."""
     robot = firmware()
-    for letter, form in COMMANDS.items():
+    for letter, form in KHEPERA.commands.items():
         told = says(robot, ",".join([letter, *(str(span.high) for span in form.takes)]) + "\n")
         assert told == "z,Protocol error|" if letter == "T" else told[0] == letter.lower()
         assert letter == "T" or told.count(",") == len(form.gives)

@@ -3,6 +3,8 @@
 twin, twin:UNIT                    a unit of the twin (pseudo-reality)
 enki, enki:MODEL, enki:MODEL:UNIT  a unit of a robot in EPFL's simulator Enki: khepera, epuck, thymio2
 khepera:PORT, serial:PORT          a Khepera on a serial port
+epuck:PORT, epuck2:PORT            an e-puck or e-puck2 on a serial port
+epuck2:HOST, epuck2:HOST:TCPPORT   an e-puck2 over WiFi
 file.py:Class, module:Class        a body of your own (`robots/body.py` says what that is)
 """
 
@@ -21,13 +23,18 @@ if TYPE_CHECKING:
 
 __all__ = ["BAUD_RATES", "FORMS", "Address"]
 
-FORMS = "twin, twin:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT, file.py:Class or module:Class"
+FORMS = (
+    "twin, twin:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT, epuck:PORT, epuck2:HOST, file.py:Class "
+    "or module:Class"
+)
 
 OPENERS = {
     "twin": "realitygap.robots.khepera.twin:opened",
     "enki": "realitygap.robots.enki:opened",
     "khepera": "realitygap.robots.khepera.body:opened",
     "serial": "realitygap.robots.khepera.body:opened",
+    "epuck": "realitygap.robots.epuck.body:opened",
+    "epuck2": "realitygap.robots.epuck.body:opened_second",
 }
 """Who opens a robot, loaded when it is asked for; any other prefix is a user's file or module."""
 OWN = "realitygap.robots.own:opened"

@@ -11,15 +11,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
-from realitygap.robots.khepera.protocol import (
-    BITS_PER_CHARACTER,
-    NOT_FOUND,
-    PROTOCOL_ERROR,
-    RefusedError,
-    Request,
-    answer,
-    parse_request,
-)
+from realitygap.robots.khepera.protocol import KHEPERA
+from realitygap.robots.line.protocol import RefusedError, Request, answer
 
 __all__ = ["BIOS", "PROTOCOL", "Firmware", "RobotBody"]
 
@@ -80,7 +73,7 @@ class Firmware:
         self.body = body
         self.baud = baud
         self.now = body.time_ms * MS
-        self._bit = 1_000_000_000 * BITS_PER_CHARACTER
+        self._bit = 1_000_000_000 * KHEPERA.bits
         self._inbox: deque[_Sent] = deque()
         self._outbox: deque[_Sent] = deque()
         self._half = b""
@@ -169,8 +162,8 @@ class Firmware:
         self.catch_up()
         try:
             if len(line) > LONGEST:
-                raise RefusedError(NOT_FOUND)
-            asked = parse_request(line.decode("ascii", "replace"))
+                raise RefusedError(KHEPERA.not_found)
+            asked = KHEPERA.parse_request(line.decode("ascii", "replace"))
             values = _ACTIONS[asked.letter](self, asked)
         except RefusedError as refusal:
             self._put_out(str(refusal).encode("ascii") + b"\r\n")
@@ -206,7 +199,7 @@ def _set(order: Callable[..., None], asked: Request) -> tuple[int, ...]:
 
 def _refuse(firmware: Firmware, asked: Request) -> tuple[int, ...]:
     """No turret is mounted: what the robot says then no source tells; we let it refuse."""
-    raise RefusedError(PROTOCOL_ERROR)
+    raise RefusedError(KHEPERA.protocol_error)
 
 
 _ACTIONS: dict[str, Callable[[Firmware, Request], tuple[object, ...]]] = {

@@ -28,7 +28,7 @@ from typing import IO, Any
 
 from realitygap import temporary
 from realitygap.errors import RealityGapError, UsageError
-from realitygap.robots.khepera.protocol import BAUD_RATES
+from realitygap.robots.khepera.protocol import KHEPERA
 from realitygap.twin.firmware import Firmware, RobotBody
 from realitygap.twin.port import Port
 
@@ -74,8 +74,10 @@ class Settings:
     def __post_init__(self) -> None:
         if self.clock not in ("virtual", "real"):
             raise UsageError(f'a twin\'s clock is "virtual" or "real"; got {self.clock!r}')
-        if self.baud not in BAUD_RATES:
-            raise UsageError(f"the robot's baud rates are {', '.join(map(str, BAUD_RATES))}; got {self.baud}")
+        if self.baud not in KHEPERA.rates:
+            raise UsageError(
+                f"the robot's baud rates are {', '.join(map(str, KHEPERA.rates))}; got {self.baud}"
+            )
 
 
 class Server:

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from realitygap.robots.clock import VirtualClock
-from realitygap.robots.khepera.body import UNITS, KheperaBody
-from realitygap.robots.khepera.driver import Khepera
+from realitygap.robots.khepera.body import Khepera, KheperaBody
 from realitygap.twin.process import TwinProcess, start_twin
 from realitygap.values import Command, Pose
 
@@ -42,7 +41,12 @@ class TwinBody(KheperaBody):
     @property
     def facts(self) -> dict[str, Any]:
         """What a recording says of it."""
-        return {"units": UNITS, "robot": "twin (pseudo-reality)", "unit": self.unit, "twin_noise": self.noise}
+        return {
+            "units": self.units,
+            "robot": "twin (pseudo-reality)",
+            "unit": self.unit,
+            "twin_noise": self.noise,
+        }
 
     @property
     def twin(self) -> TwinProcess | None:
@@ -61,7 +65,7 @@ class TwinBody(KheperaBody):
         clock = VirtualClock(self._twin.channel)
         self._line.callback(clock.close)
         self._take(Khepera.connect(self._twin.device, baud=self.baud, clock=clock), self._twin.place)
-        self._line.callback(self.khepera.abandon)
+        self._line.callback(self.driver.abandon)
         self._rests = True
         if pose is not None:
             clock.settle()

@@ -2,7 +2,7 @@
 
 A question is asked again until its answer is understood. Before that the line is brought back into
 step: a line end closes whatever half line the robot holds, and the answer to `B`, which nothing
-else asks for, shows that everything older is through.
+else asks for, shows that everything older is through. (`B` is the Khepera's; a dialect names its own.)
 """
 
 from __future__ import annotations
@@ -10,30 +10,18 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from realitygap.errors import LineError, UsageError
 from realitygap.robots.clock import LineClock, RealClock
-from realitygap.robots.khepera.protocol import (
-    BAUD_RATES,
-    COMMANDS,
-    GarbledError,
-    RefusedError,
-    Request,
-    characters,
-    parse_answer,
-    wire_ms,
-)
+from realitygap.robots.line.protocol import Dialect, GarbledError, RefusedError, Request
 
 if TYPE_CHECKING:
     import serial
 
-__all__ = ["GIVE_UP_S", "Answer", "Line"]
+__all__ = ["GIVE_UP_S", "STOP", "Answer", "Line", "nothing"]
 
 Answer = tuple[int, ...] | tuple[str, ...]
-
-PATIENCE_S = 0.1
-"""For an answer, besides its time on the wire (USB converters hold bytes back for up to 16 ms)."""
 
 QUIET_S = 0.03
 """A line that says nothing for so long has no older answer under way."""
@@ -44,13 +32,16 @@ GIVE_UP_S = 1.0
 LEAST_TRIES = 5
 """But not before it was asked so often: time alone says nothing where the computer stands still."""
 
+BANNER_S = 0.25
+"""How long a robot that has just been reset may take for its two lines."""
+
 BATCH_FAILURES = 3
 """So many failures of questions sent together, and the robot is asked one at a time."""
 
 LONGEST = 4096
 """Characters without a line end after which what came is noise."""
 
-_BARRIER = Request("B")
+STOP = Request("D", (0, 0))
 
 
 def nothing() -> None:
@@ -58,31 +49,37 @@ def nothing() -> None:
 
 
 class Line:
-    """One robot's line; `faults` counts the answers that did not come or were not understood;
-    `before` is called before each word that is sent.
+    """One robot's line; `faults` counts the answers that did not come or were not understood, `odd` is the
+    last of these; `before` is called before each word that is sent.
 
     Args:
         device: path of the serial device.
-        baud: its rate; 8 data bits, no parity, 2 stop bits.
+        dialect: what the robot there understands.
+        baud: its rate; 8 data bits, no parity. None: it is no serial one.
         clock: whose time the time-outs are in.
         give_up_s: when a question is given up that was asked five times and more.
     """
 
     def __init__(
-        self, device: str, *, baud: int, clock: LineClock | None = None, give_up_s: float = GIVE_UP_S
+        self,
+        device: str,
+        dialect: Dialect,
+        *,
+        baud: int | None,
+        clock: LineClock | None = None,
+        give_up_s: float = GIVE_UP_S,
     ) -> None:
-        if baud not in BAUD_RATES:
-            raise UsageError(f"the robot's baud rates are {', '.join(map(str, BAUD_RATES))}; got {baud}")
-        self.device = device
+        self.device, self.dialect = device, dialect
         self.baud = baud
         self.clock: LineClock = clock or RealClock()
         self.give_up_s = give_up_s
         self.faults = 0
+        self.odd = ""
         self.together = True
         self.before: Callable[[], None] = nothing
         self._batch_failures = 0
         self._heard = b""
-        self._port = _open(device, baud)
+        self._port: Any = self._opened()
 
     def fileno(self) -> int:
         """The port's file descriptor."""
@@ -114,7 +111,7 @@ class Line:
             return self._first_try(requests)
         except (GarbledError, RefusedError) as error:
             failure: GarbledError | RefusedError = error
-        once = next((r for r in requests if not COMMANDS[r.letter].repeatable), None)
+        once = next((r for r in requests if not self.dialect.commands[r.letter].repeatable), None)
         if once is not None:
             raise LineError(f"{failure}; {once.text!r} is not sent twice: ask the robot how it stands")
         while tries < LEAST_TRIES or self.clock.now() < until:
@@ -153,6 +150,20 @@ class Line:
         """The next line that is not empty, without its end; None if there is none in time."""
         return self._next_line(self.clock.now() + within_s, 1)
 
+    def wake(self) -> list[str]:
+        """Send a blank line, and hear the banner of a robot that has just been reset."""
+        banner: list[str] = []
+        with contextlib.suppress(LineError):
+            self.tell(self.dialect.wake)
+        while len(banner) < 2 and (text := self.hear(BANNER_S)) is not None:
+            banner.append(text)
+        return banner
+
+    @property
+    def halt(self) -> bytes:
+        """What makes the robot stand, whatever it was told before."""
+        return self.dialect.wake + STOP.data
+
     def forget(self) -> None:
         """Drop what has come in."""
         self._heard = b""
@@ -175,13 +186,15 @@ class Line:
     def _exchange(self, requests: Sequence[Request]) -> list[Answer]:
         self.forget()
         self.tell(b"".join(request.data for request in requests))
-        until = self.clock.now() + PATIENCE_S + self._wire_s(requests)
+        until = self.clock.now() + self.dialect.patience_s + self._wire_s(requests)
         answers: list[Answer] = []
         for request in requests:
             line = self._next_line(until, len(requests) - len(answers))
             if line is None:
                 raise GarbledError(f"nothing to {request.text!r}")
-            answers.append(parse_answer(line, request))
+            self.odd = line
+            answers.append(self.dialect.parse_answer(line, request))
+            self.odd = ""
         return answers
 
     def _resynchronise(self) -> None:
@@ -190,17 +203,18 @@ class Line:
         Raises:
             GarbledError: nobody answers.
         """
-        until = self.clock.now() + PATIENCE_S
+        until = self.clock.now() + self.dialect.patience_s
         while self.clock.now() < until and self.hear(QUIET_S) is not None:
             pass
         self.forget()
-        self.tell(b"\n" + _BARRIER.data)
-        until = self.clock.now() + PATIENCE_S + self._wire_s((_BARRIER,))
+        barrier = Request(self.dialect.barrier)
+        self.tell(self.dialect.wake + barrier.data)
+        until = self.clock.now() + self.dialect.patience_s + self._wire_s((barrier,))
         while (line := self._next_line(until, 1)) is not None:
             with contextlib.suppress(GarbledError, RefusedError):
-                parse_answer(line, _BARRIER)
+                self.dialect.parse_answer(line, barrier)
                 return
-        raise GarbledError("nothing to 'B'")
+        raise GarbledError(f"nothing to {barrier.text!r}")
 
     def _next_line(self, until: float, lines: int) -> str | None:
         """A line, or None at `until`; but what has come in by then is read, however late it is looked at."""
@@ -219,32 +233,25 @@ class Line:
             self._heard += heard
 
     def _wire_s(self, requests: Sequence[Request]) -> float:
-        return wire_ms(sum(map(characters, requests)), self.baud) / 1000.0
+        return self.dialect.wire_ms(self.dialect.characters(*requests), self.baud) / 1000.0
 
+    def _opened(self) -> serial.Serial:
+        """The port, for this process alone, never blocking.
 
-def _open(device: str, baud: int) -> serial.Serial:
-    """The port, for this process alone, never blocking.
+        Raises:
+            UsageError: no such device, no right to it, or another program has it.
+        """
+        import serial
 
-    Raises:
-        UsageError: no such device, no right to it, or another program has it.
-    """
-    import serial
-
-    try:
-        port = serial.Serial(
-            device,
-            baud,
-            bytesize=serial.EIGHTBITS,
-            parity=serial.PARITY_NONE,
-            stopbits=serial.STOPBITS_TWO,
-            timeout=0,
-            write_timeout=0.5,
-            exclusive=True,
-        )
-    except (serial.SerialException, OSError) as error:
-        reason = os.strerror(error.errno) if error.errno else str(error)
-        raise UsageError(
-            f"the port {device!r} cannot be opened: {reason}; check the cable, the name, your right to "
-            f"use it (group dialout), and that no other program has it"
-        ) from None
-    return port
+        rates = self.dialect.rates
+        if self.baud not in rates:
+            raise UsageError(f"the robot's baud rates are {', '.join(map(str, rates))}; got {self.baud}")
+        settings = {"stopbits": self.dialect.stop_bits, "timeout": 0, "write_timeout": 0.5, "exclusive": True}
+        try:
+            return serial.Serial(self.device, self.baud, **settings)
+        except (serial.SerialException, OSError) as error:
+            reason = os.strerror(error.errno) if error.errno else str(error)
+            raise UsageError(
+                f"the port {self.device!r} cannot be opened: {reason}; check the cable, the name, your right "
+                f"to use it (group dialout), and that no other program has it"
+            ) from None

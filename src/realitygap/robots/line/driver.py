@@ -1,52 +1,39 @@
-"""A Khepera: what it can be asked and told, and how it is made to stand whatever happens."""
+"""A robot on a line: what it can be asked and told, and how it is made to stand whatever happens."""
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Sequence
-from typing import NamedTuple, cast
+from typing import ClassVar, Self, cast
 
 from realitygap.errors import LineError, RealityGapError, RobotError
 from realitygap.robots.clock import LineClock
 from realitygap.robots.guard import Guard
-from realitygap.robots.khepera.line import GIVE_UP_S, Answer, Line, nothing
-from realitygap.robots.khepera.protocol import BAUD_RATES, Request, request
+from realitygap.robots.line.line import GIVE_UP_S, STOP, Answer, Line, nothing
+from realitygap.robots.line.protocol import Dialect, Request
 from realitygap.values import Closing
 
-__all__ = ["Khepera", "Versions"]
-
-BANNER_S = 0.25
-"""How long a robot that has just been reset may take for its two lines."""
+__all__ = ["Driver"]
 
 STOP_S, STOP_TRIES = 1.4, (2, 4)
 """The robot is told to stand for so long, and at least and at most so often."""
-
-STANDS = 2
-"""Measured speeds up to this, pulses per 10 ms, are a robot that stands."""
 
 STAND_S = 0.5
 """Time that the wheels may take to come to rest."""
 
 ANSWER_S = 0.1
-
-STOP = request("D", 0, 0)
-
-
-class Versions(NamedTuple):
-    """Of the robot's bios and of its serial protocol."""
-
-    bios: str
-    protocol: str
+LOOK_S = 0.02
 
 
-class Khepera(Closing):
-    """The driver. Use `Khepera.connect`; as a context it stops the robot and closes the line."""
+class Driver(Closing):
+    """Use `connect`; as a context it stops the robot and closes the line."""
 
-    def __init__(self, line: Line, versions: Versions, banner: Sequence[str]) -> None:
+    dialect: ClassVar[Dialect]
+
+    def __init__(self, line: Line, versions: Sequence[str], banner: Sequence[str]) -> None:
         self.line = line
-        self.versions = versions
+        self.versions = dict(zip(self.dialect.facts, versions, strict=True))
         self.banner = tuple(banner)
-        self._guard = None if line.clock.waits else Guard(line.fileno(), b"\n" + STOP.data)
+        self._guard = None if line.clock.waits else Guard(line.fileno(), line.halt)
         if self._guard is not None:
             line.before = self._guard.beat
 
@@ -55,42 +42,49 @@ class Khepera(Closing):
         cls,
         port: str,
         *,
-        baud: int | None = 38400,
+        baud: int | None = None,
         clock: LineClock | None = None,
         give_up_s: float = GIVE_UP_S,
-    ) -> Khepera:
-        """Open a port and wake the robot; `baud=None` tries the robot's five rates.
-
-        `give_up_s` is when a question is given up that was not answered.
+    ) -> Self:
+        """Open a port and wake the robot.
 
         Args:
             port: its device.
-            baud: rate, bits a second; None: try all five.
+            baud: rate, bits a second; None: try all of the robot's.
             clock: the line's; None: the computer's.
-            give_up_s: when an unanswered question is given up.
+            give_up_s: when a question that was not answered is given up.
 
         Raises:
             UsageError: the port cannot be opened.
-            LineError: nobody answers: says what to check.
+            LineError: nobody answers, or another robot: says what to check.
         """
-        rates = (38400, 9600, 19200, 57600, 115200) if baud is None else (baud,)
+        usual, others = cls.dialect.usual, cls.dialect.rates
+        rates = (usual, *(rate for rate in others if rate != usual)) if baud is None else (baud,)
+        odd = ""
         for rate in rates:
-            line = Line(port, baud=rate, clock=clock, give_up_s=give_up_s)
+            line = Line(port, cls.dialect, baud=rate, clock=clock, give_up_s=give_up_s)
             try:
-                banner = _wake(line)
-                return cls(line, Versions(*cast("list[str]", _answer(line, "B"))), banner)
+                return cls.awake(line)
             except RobotError:
                 line.close()
+                odd = odd or (line.odd if line.odd.isascii() and line.odd.isprintable() else "")
+        if odd:
+            raise LineError(
+                f"who answers on {port} is no {cls.dialect.robot}: {odd[:80]!r}; "
+                "let the address name the robot that is there"
+            )
         tried = f"{rates[0]} baud" if baud else "any of its rates"
-        raise LineError(
-            f"no Khepera answers on {port} at {tried}; check that it is switched on, its cable, and its "
-            f"jumper ({', '.join(map(str, BAUD_RATES))} baud; 9600 from the factory)"
-        )
+        raise LineError(f"no {cls.dialect.robot} answers on {port} at {tried}; {cls.dialect.check}")
 
-    @property
-    def baud(self) -> int:
-        """Of the line."""
-        return self.line.baud
+    @classmethod
+    def awake(cls, line: Line) -> Self:
+        """The robot at the end of an open line, once it has said which it is.
+
+        Raises:
+            LineError: it does not.
+        """
+        banner = line.wake()
+        return cls(line, cast("Sequence[str]", line.ask(Request(cls.dialect.version))[0]), banner)
 
     @property
     def clock(self) -> LineClock:
@@ -102,37 +96,37 @@ class Khepera(Closing):
         return self.line.ask(*requests)
 
     def proximity(self) -> tuple[int, ...]:
-        """Eight proximity readings, counts."""
+        """Proximity readings, counts."""
         return self._read("N")
 
     def ambient(self) -> tuple[int, ...]:
-        """Eight ambient light readings, counts: the brighter, the lower."""
+        """Ambient light readings, counts: the brighter, the lower."""
         return self._read("O")
 
     def command(self, left: int, right: int) -> None:
-        """Wheel speeds, Khepera units (pulses per 10 ms)."""
-        self.line.ask(request("D", left, right))
+        """Wheel speeds, the robot's own units."""
+        self.line.ask(self.dialect.request("D", left, right))
 
     def speeds(self) -> tuple[int, int]:
-        """Measured wheel speeds, Khepera units."""
+        """Wheel speeds as the robot says them, its own units."""
         left, right = self._read("E")
         return left, right
 
     def counters(self) -> tuple[int, int]:
         """Position counters, pulses."""
-        left, right = self._read("H")
+        left, right = self._read(self.dialect.counters)
         return left, right
 
     def set_counters(self, left: int = 0, right: int = 0) -> None:
         """Set the position counters, pulses."""
-        self.line.ask(request("G", left, right))
+        self.line.ask(self.dialect.request(self.dialect.set_counters, left, right))
 
     def led(self, number: int, on: bool) -> None:
-        """Switch LED 0 (at the side) or 1 (in front)."""
+        """Switch an LED."""
         again = 3
         while True:
             try:
-                self.line.ask(request("L", number, int(on)))
+                self.line.ask(self.dialect.request("L", number, int(on)))
                 return
             except LineError:  # the line does not repeat L: 2 would change it twice; 0 and 1 would not
                 again -= 1
@@ -160,11 +154,12 @@ class Khepera(Closing):
         while tries < least or (tries < most and self.clock.now() < until):
             tries += 1
             try:
-                self.line.tell(b"\n" + STOP.data)
+                self.line.tell(self.line.halt)
                 self.line.hear(ANSWER_S)  # its answer, so that it is not taken for the next one's
                 self.line.ask(STOP, give_up_s=self.line.give_up_s / 2)
                 if self._stands():
-                    self._rest()
+                    if self._guard is not None:
+                        self._guard.rest()
                     return
                 failure = RobotError("its wheels turn on")
             except RobotError as error:
@@ -190,30 +185,16 @@ class Khepera(Closing):
             self._guard = None
 
     def _read(self, letter: str, *arguments: int) -> tuple[int, ...]:
-        return cast("tuple[int, ...]", self.line.ask(request(letter, *arguments))[0])
-
-    def _rest(self) -> None:
-        if self._guard is not None:
-            self._guard.rest()
+        return cast("tuple[int, ...]", self.line.ask(self.dialect.request(letter, *arguments))[0])
 
     def _stands(self) -> bool:
         until = self.clock.now() + STAND_S
         while self.clock.now() < until:
-            if max(map(abs, self.speeds())) <= STANDS:
+            if self.is_still():
                 return True
-            self.clock.sleep_until(self.clock.now() + 0.02)
+            self.clock.sleep_until(self.clock.now() + LOOK_S)
         return False
 
-
-def _answer(line: Line, letter: str) -> Answer:
-    return line.ask(request(letter))[0]
-
-
-def _wake(line: Line) -> list[str]:
-    """Send a blank line, and hear the banner of a robot that has just been reset."""
-    banner: list[str] = []
-    with contextlib.suppress(LineError):
-        line.tell(b"\n")
-    while len(banner) < 2 and (text := line.hear(BANNER_S)) is not None:
-        banner.append(text)
-    return banner
+    def is_still(self) -> bool:
+        """Whether its wheels do not turn, as far as it can tell."""
+        raise NotImplementedError

@@ -1,0 +1,98 @@
+"""An e-puck or e-puck2 as a body, on a serial line or over WiFi."""
+
+from __future__ import annotations
+
+import re
+from functools import partial
+from typing import Any
+
+from realitygap.errors import LineError, RobotError
+from realitygap.robots.body import KINDS, Channel, Odometry
+from realitygap.robots.epuck.protocol import EPUCK, FULL, PULSES_PER_MM, SENSORS
+from realitygap.robots.epuck.wifi import PacketLine
+from realitygap.robots.line.body import LineBody
+from realitygap.robots.line.driver import LOOK_S, Driver
+from realitygap.values import Readings
+
+__all__ = ["Epuck", "EpuckBody", "opened", "opened_second"]
+
+COUNTS = 2**16
+"""Its counters begin again after so many steps: 8 m."""
+
+
+class Epuck(Driver):
+    """The driver."""
+
+    dialect = EPUCK
+
+    def is_still(self) -> bool:
+        """By its step counters, which do not change."""
+        before = self.counters()
+        self.clock.sleep_until(self.clock.now() + LOOK_S)
+        return self.counters() == before
+
+    @classmethod
+    def over_wifi(cls, place: str) -> Epuck:
+        """The e-puck2 at HOST or HOST:PORT.
+
+        Raises:
+            UsageError: nothing there takes the connection.
+            LineError: nobody answers, or not as an e-puck2 does.
+        """
+        line = PacketLine(place)
+        try:
+            line.ask(EPUCK.request("Q"))
+            return cls.awake(line)
+        except RobotError as error:
+            line.close()
+            raise LineError(
+                f"no e-puck2 answers at {place}: {error}; is it another robot's address?"
+            ) from None
+
+
+class EpuckBody(LineBody):
+    """Its commands are steps per second; measured speeds it does not tell."""
+
+    dialect = EPUCK
+    units = "e-puck units (steps/s)"
+    pulses_per_mm = PULSES_PER_MM
+    channels = tuple(Channel(name=kind, sensors=SENSORS, high=FULL) for kind in KINDS)
+    profile = "e-puck"
+    _turned = (0, 0)
+
+    def sense(self) -> Readings:
+        """All of a step's questions, sent together; counters go on where the robot's begin again."""
+        readings = super().sense()
+        if self._odometry.counters is not None:
+            left, right = (
+                before + (now - before + COUNTS // 2) % COUNTS - COUNTS // 2
+                for before, now in zip(self._turned, self._odometry.counters, strict=True)
+            )
+            self._turned = left, right
+            self._odometry = Odometry(self._turned)
+        return readings
+
+    def _zero(self) -> None:
+        super()._zero()
+        self._turned = (0, 0)
+
+
+def opened(port: str, *, kinds: tuple[str, ...] = ("proximity",), **_: Any) -> EpuckBody:
+    """The e-puck or e-puck2 on a serial port, told to stand.
+
+    Raises:
+        UsageError: the port cannot be opened.
+        LineError: nobody answers.
+    """
+    return EpuckBody.standing(partial(Epuck.connect, port), kinds)
+
+
+def opened_second(place: str, *, kinds: tuple[str, ...] = ("proximity",), **_: Any) -> EpuckBody:
+    """The e-puck2 on a serial port (a path, or COM3), or over WiFi at HOST or HOST:PORT, told to stand.
+
+    Raises:
+        UsageError: the port cannot be opened, or nothing takes the connection.
+        LineError: nobody answers.
+    """
+    serial = "/" in place or re.fullmatch(r"COM\d+", place)
+    return EpuckBody.standing(partial(Epuck.connect if serial else Epuck.over_wifi, place), kinds)

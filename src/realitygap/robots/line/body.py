@@ -1,0 +1,142 @@
+"""A robot on a line as a body."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ClassVar, Self, cast
+
+import numpy as np
+
+from realitygap.robots.body import KINDS, Channel, Odometry
+from realitygap.robots.clock import LineClock
+from realitygap.robots.line.budget import STEP_MS, step_budget
+from realitygap.robots.line.driver import Driver
+from realitygap.robots.line.protocol import Dialect
+from realitygap.values import Command, Pose, Readings
+
+__all__ = ["LineBody"]
+
+LED_S = 0.2
+
+
+class LineBody:
+    """From `act` to `stop` something has to be asked or told twice a second, or the guard stops the robot.
+
+    Args:
+        driver: the robot's; `close` closes it.
+        kinds: the sensors that are read at each step: "proximity", "ambient" or both.
+        carry: the experimenter's hand, which brings the robot to a pose; without it `reset` takes
+            the robot where it stands.
+
+    Raises:
+        BaudError: the line is too slow for these sensors in a loop of 100 ms.
+    """
+
+    dialect: ClassVar[Dialect]
+    units: ClassVar[str]
+    """Of its commands and speeds."""
+    pulses_per_mm: ClassVar[float]
+    channels: ClassVar[tuple[Channel, ...]]
+    """Of each kind, whichever of them are read."""
+    period_s = STEP_MS / 1000.0
+    counts_turns = True
+
+    def __init__(
+        self,
+        driver: Driver,
+        *,
+        kinds: tuple[str, ...] = ("proximity",),
+        carry: Callable[[Pose], None] | None = None,
+    ) -> None:
+        self._take(driver, carry)
+        self.attend(kinds, turns=True)
+
+    def _take(self, driver: Driver, carry: Callable[[Pose], None] | None) -> None:
+        self.driver, self._carry, self.baud = driver, carry, driver.line.baud
+
+    @property
+    def clock(self) -> LineClock:
+        """The line's."""
+        return self.driver.clock
+
+    @property
+    def odometry(self) -> Odometry:
+        """As read with the last `sense`; what a slow line has no room for is None."""
+        return self._odometry
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What a recording says of it."""
+        port = {"robot": self.dialect.robot, "port": self.driver.line.device}
+        return {"units": self.units, **port, **self.driver.versions}
+
+    @property
+    def wire_ms(self) -> float | None:
+        """The time that a step takes on a serial line, at most."""
+        return self.budget.ms if self.baud else None
+
+    def attend(self, kinds: tuple[str, ...], turns: bool) -> None:
+        """Read these kinds of sensors from now on, and what of counters and speeds a step has room for."""
+        self.budget = step_budget(self.dialect, kinds, self.baud, turns=turns)
+        self.kinds = tuple(kind for kind in KINDS if kind in kinds)
+        self._odometry = Odometry()
+
+    def reset(self, pose: Pose | None = None) -> None:
+        """Stand, be carried to `pose`, counters at zero."""
+        self.driver.stop()
+        if pose is not None and self._carry is not None:
+            self.clock.settle()
+            self._carry(pose)
+        self._zero()
+
+    def _zero(self) -> None:
+        self.driver.set_counters(0, 0)
+        self._odometry = Odometry()
+
+    def sense(self) -> Readings:
+        """All of a step's questions, sent together."""
+        answers = self.driver.ask(*self.budget.reads)
+        said = {read.letter: answer for read, answer in zip(self.budget.reads, answers, strict=True)}
+        pairs = cast("dict[str, tuple[int, int]]", said)
+        self._odometry = Odometry(pairs.get(self.dialect.counters), pairs.get("E"))
+        return Readings(
+            proximity=np.array(said.get("N", ()), np.float64),
+            ambient=np.array(said.get("O", ()), np.float64),
+        )
+
+    def act(self, command: Command) -> None:
+        """Wheel speeds from now on, in the robot's own units."""
+        self.driver.watch()
+        self.driver.command(command.left, command.right)
+
+    def stop(self) -> None:
+        """Stand, and be sure of it."""
+        self.driver.stop()
+
+    def close(self) -> None:
+        """Stand, and close the line."""
+        self.driver.close()
+        self.clock.close()
+
+    def inspect(self) -> dict[str, Any]:
+        """Switch its LEDs on and off; and count what had to be asked for again so far."""
+        for on in (True, False):
+            for number in range(self.dialect.leds):
+                self.driver.led(number, on)
+            self.clock.sleep_until(self.clock.now() + LED_S)
+        return {"leds": "answered", "faults": self.driver.line.faults}
+
+    def abandon(self) -> None:
+        """Close the line without a word to the robot."""
+        self.driver.abandon()
+
+    @classmethod
+    def standing(cls, connect: Callable[[], Driver], kinds: tuple[str, ...]) -> Self:
+        """The body of a robot that is connected now and told to stand."""
+        driver = connect()
+        try:
+            driver.stop()
+            return cls(driver, kinds=kinds)
+        except BaseException:
+            driver.abandon()  # it was told to stand first
+            raise
