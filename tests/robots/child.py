@@ -1,9 +1,11 @@
-"""A driver in a process of its own, to be stopped and killed: child.py DEVICE FOLDER."""
+"""A driver in a process of its own, to be stopped and killed: child.py ADDRESS|DEVICE FOLDER."""
 
 from __future__ import annotations
 
 import sys
+from contextlib import ExitStack, closing
 
+from realitygap.robots.address import Address
 from realitygap.robots.clock import RealClock
 from realitygap.robots.khepera.body import Khepera, KheperaBody
 from realitygap.robots.loop import drive
@@ -21,10 +23,13 @@ def main(device: str, folder: str) -> None:
                 print("driving", flush=True)
             return super().decide([])
 
-    clock = RealClock()
-    with Khepera.connect(device, clock=clock, give_up_s=STALL_S) as khepera:
-        body = KheperaBody(khepera)
-        drive(body, Talking(3, 4), seconds=60, clock=clock, inputs=bands, recorder=Recorder(folder))
+    with ExitStack() as stack:
+        if ":" in device:
+            body = stack.enter_context(closing(Address.parse(device).open()))
+        else:
+            connected = Khepera.connect(device, clock=RealClock(), give_up_s=STALL_S)
+            body = KheperaBody(stack.enter_context(connected))
+        drive(body, Talking(3, 4), seconds=60, inputs=bands, recorder=Recorder(folder))
 
 
 if __name__ == "__main__":

@@ -29,8 +29,8 @@ PLANS = ("infrared", "ambient", "wheels", "all")
     type=RobotKind(),
     required=True,
     metavar="R",
-    help="twin:UNIT or enki:MODEL:UNIT (placed by the program), serial:PORT (placed by you), or a body of "
-    "your own, file.py:Class.",
+    help="twin:UNIT or enki:MODEL:UNIT (placed by the program), serial:PORT, epuck:PORT or "
+    "epuck2:HOST (placed by you), or a body of your own, file.py:Class.",
 )
 @click.option("--plan", type=click.Choice(PLANS), required=True, help="What to record.")
 @click.option("--out", required=True, metavar="DIR", help="Folder to write; several recordings fit into it.")

@@ -28,7 +28,7 @@ MOVE_CM_S, MOVE_S = 4.0, 0.5
 ROOM_CM = 60.0
 """Side of the empty room in which a robot that places itself is checked."""
 
-SAID = {"leds": "both LEDs, on and off", "faults": "answers that had to be requested again"}
+SAID = {"leds": "all, on and off", "faults": "answers that had to be requested again"}
 """What a robot finds out by itself, in words."""
 
 
@@ -48,7 +48,8 @@ def robot() -> None:
     "address",
     type=RobotKind(),
     metavar="R",
-    help="khepera:PORT, twin:UNIT, enki:MODEL:UNIT, or a body of your own, file.py:Class.",
+    help="khepera:PORT, epuck:PORT, epuck2:HOST, twin:UNIT, enki:MODEL:UNIT, or a body of your own, "
+    "file.py:Class.",
 )
 @click.option("--port", metavar="P", help="The same as --robot serial:P.")
 @baud_option()

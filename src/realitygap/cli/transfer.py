@@ -64,8 +64,8 @@ SIDES = (
     multiple=True,
     required=True,
     metavar="R",
-    help="twin:UNIT, enki:MODEL:UNIT, khepera:PORT or serial:PORT, or a body of your own, file.py:Class; "
-    "may be repeated.",
+    help="twin:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT, epuck:PORT, epuck2:HOST, or a "
+    "body of your own, file.py:Class; may be repeated.",
 )
 @click.option(
     "--starts",

@@ -50,8 +50,8 @@ WHEEL_COUNTS = ("counter_left", "counter_right", "speed_left", "speed_right")
 """Columns that only wheels with counters have."""
 KNOWN = (
     "kind", "object", "sensors", "full_scale", "body_radius_cm", *HEIGHTS_CM, "arena", "units", "notes",
-    "robot", "unit", "twin_noise", "port", "bios", "protocol", "plan", "seed", "repeats", "places", "date",
-    "base", "pulses_per_mm",
+    "robot", "unit", "twin_noise", "port", "bios", "protocol", "firmware", "plan", "seed", "repeats",
+    "places", "date", "base", "pulses_per_mm",
 )  # fmt: skip
 """Keys of recording.toml: the first nine a calibration reads, the others are its history."""
 DRIVE = "end"

@@ -45,36 +45,35 @@ class Epuck(Driver):
             return cls.awake(line)
         except RobotError as error:
             line.close()
-            raise LineError(
-                f"no e-puck2 answers at {place}: {error}; is it another robot's address?"
-            ) from None
+            why = f"it says {line.odd}" if line.odd else error
+            raise LineError(f"no e-puck2 answers at {place}: {why}; is it another's address?") from None
 
 
 class EpuckBody(LineBody):
-    """Its commands are steps per second; measured speeds it does not tell."""
+    """Its commands are steps per second; its speeds are its counters' since the last `sense`."""
 
     dialect = EPUCK
     units = "e-puck units (steps/s)"
     pulses_per_mm = PULSES_PER_MM
     channels = tuple(Channel(name=kind, sensors=SENSORS, high=FULL) for kind in KINDS)
     profile = "e-puck"
-    _turned = (0, 0)
+    _turned, _then = (0, 0), 0.0
 
     def sense(self) -> Readings:
         """All of a step's questions, sent together; counters go on where the robot's begin again."""
-        readings = super().sense()
+        readings, now = super().sense(), self.clock.now()
         if self._odometry.counters is not None:
-            left, right = (
-                before + (now - before + COUNTS // 2) % COUNTS - COUNTS // 2
-                for before, now in zip(self._turned, self._odometry.counters, strict=True)
-            )
-            self._turned = left, right
-            self._odometry = Odometry(self._turned)
+            pairs = zip(self._turned, self._odometry.counters, strict=True)
+            left, right = ((count - old + COUNTS // 2) % COUNTS - COUNTS // 2 for old, count in pairs)
+            self._turned = self._turned[0] + left, self._turned[1] + right
+            passed = max(now - self._then, 1e-3)
+            self._odometry = Odometry(self._turned, (round(left / passed), round(right / passed)))
+        self._then = now
         return readings
 
     def _zero(self) -> None:
         super()._zero()
-        self._turned = (0, 0)
+        self._turned, self._then = (0, 0), self.clock.now()
 
 
 def opened(port: str, *, kinds: tuple[str, ...] = ("proximity",), **_: Any) -> EpuckBody:

@@ -26,6 +26,7 @@ class Budget(NamedTuple):
 def step_budget(dialect: Dialect, kinds: tuple[str, ...], baud: int | None, *, turns: bool = True) -> Budget:
     """The commands of one step: the sensors, then (if `turns`) counters and measured speeds where they fit.
 
+    Without sensors it is the counters alone: one question, which takes a body no further in its time.
     Times are the worst case: command and answer one after the other, every number at its longest.
 
     Raises:
@@ -51,7 +52,8 @@ def step_budget(dialect: Dialect, kinds: tuple[str, ...], baud: int | None, *, t
             f"{dialect.bits} bits, {count} × {dialect.bits} / {baud} s = {ms(baud, *reads):.0f} ms; "
             f"set the robot to {enough} baud or more{one}"
         )
-    for tell in map(Request, (dialect.counters, *dialect.measured) if turns else ()):
+    tells = (dialect.counters, *dialect.measured) if kinds else (dialect.counters,)
+    for tell in map(Request, tells if turns else ()):
         if ms(baud, *reads, tell) <= STEP_MS:
             reads = (*reads, tell)
     return Budget(reads, ms(baud, *reads))
