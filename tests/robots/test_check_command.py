@@ -8,7 +8,6 @@ import pytest
 from click.testing import CliRunner
 
 from realitygap.cli.robot import robot
-from realitygap.cli.twin import plain_arena
 from realitygap.errors import LineError
 from realitygap.world.arena import load_arena
 from tests.robots.conftest import Bench
@@ -47,6 +46,6 @@ def test_a_check_of_nobody_says_what_to_look_at(bench: Bench) -> None:
 @pytest.mark.parametrize("name", ["obstacle-avoidance", "light-seeking"])
 def test_an_arena_goes_to_the_twin_as_plain_numbers(name: str) -> None:
     """No name, no law of light: sizes and places in cm."""
-    plain = plain_arena(load_arena(name))
+    plain = load_arena(name).plain()
     assert json.loads(json.dumps(plain)) == plain
     assert set(plain) == {"size_cm", "cylinders", "walls", "lamps"}

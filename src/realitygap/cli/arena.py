@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from realitygap.cli.options import as_json
+from realitygap.cli.option import as_json
 from realitygap.cli.output import print_json
 
 __all__ = ["arena"]

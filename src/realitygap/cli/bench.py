@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from realitygap.cli import option
 from realitygap.cli.kinds import Finite
-from realitygap.cli.options import as_json, noise_option, profile_option
-from realitygap.cli.output import print_json, print_table
+from realitygap.cli.output import Figure, print_json, print_table
 
 if TYPE_CHECKING:
     from realitygap.kernels.params import Networks
@@ -27,17 +27,12 @@ TRIALS = 4
 
 
 @click.command()
-@profile_option()
-@noise_option()
+@option.profile()
+@option.noise()
 @click.option(
-    "--seconds",
-    type=Finite(low=0.01, high=3600),
-    default=3.0,
-    show_default=True,
-    metavar="S",
-    help="Measuring time for each figure.",
+    "--seconds", type=Finite(0.01, 3600), default=3.0, metavar="S", help="Measuring time for each figure."
 )
-@as_json
+@option.as_json
 def bench(profile: str, noise: float, seconds: float, json_output: bool) -> None:
     """Measure simulation steps per second.
 
@@ -55,7 +50,7 @@ def bench(profile: str, noise: float, seconds: float, json_output: bool) -> None
         print_json({**figures, "cores": cores(), "profile": profile, "noise": noise})
         return
     head = ("task", "steps/s, one core", f"steps/s, {cores()} cores")
-    rows = [[task, *(Thousands(rate) for rate in rates.values())] for task, rates in figures.items()]
+    rows = [[task, *(Figure(rate, ",.0f") for rate in rates.values())] for task, rates in figures.items()]
     print_table(head, rows)
 
 
@@ -134,10 +129,3 @@ def _batch(simulation: Simulation, networks: Networks, key: int) -> int:
     )
     simulation.scores(networks, streams)
     return int(streams.size) * round(simulation.task.seconds * 10)
-
-
-class Thousands(float):
-    """A number that shows groups of three digits."""
-
-    def __str__(self) -> str:
-        return f"{float(self):,.0f}"

@@ -11,7 +11,7 @@ import click
 
 from realitygap import whole
 from realitygap.cli.kinds import FileToWrite
-from realitygap.cli.options import as_json
+from realitygap.cli.option import as_json
 from realitygap.cli.output import print_json, print_table, warn
 from realitygap.cli.progress import ProgressLine
 
@@ -28,13 +28,7 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended")
 
 @click.command()
 @click.argument("recordings", nargs=-1, required=True, metavar="RECORDING...", type=click.Path())
-@click.option(
-    "--form",
-    type=click.Choice(FORMS),
-    default="extended",
-    show_default=True,
-    help="Which constants are free.",
-)
+@click.option("--form", type=click.Choice(FORMS), default="extended", help="Which constants are free.")
 @click.option(
     "--light", type=click.Choice(LIGHT_FORMS), help="Form for ambient light [default: that of --form]."
 )
@@ -49,17 +43,13 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended")
 )  # fmt: skip
 @click.option(
     "--out",
-    type=FileToWrite(".toml"),
-    metavar="TOML",
+    type=FileToWrite(".toml", name="TOML"),
     help="The profile to write; its report is saved beside it.",
 )
 @click.option(
-    "--report",
-    "page",
-    type=FileToWrite(".html", ".htm"),
-    metavar="HTML",
+    "--report", "page", type=FileToWrite(".html", ".htm", name="HTML"),
     help="Where to write the report instead.",
-)
+)  # fmt: skip
 @click.option("--no-report", is_flag=True, help="Write no report.")
 @click.option("--check", is_flag=True, help="Judge a profile (last argument) by the recordings before it.")
 @as_json

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from realitygap.cli import option
 from realitygap.cli.kinds import FileToWrite, Finite
-from realitygap.cli.options import as_json
-from realitygap.cli.output import print_json, print_table
-from realitygap.cli.track import FilmLine
+from realitygap.cli.output import Figure, print_json, print_table
+from realitygap.cli.progress import FILM_AFTER_S, ProgressLine
 
 if TYPE_CHECKING:
     from realitygap.film.calibrate import Calibration
@@ -31,17 +32,15 @@ def camera() -> None:
 @camera.command()
 @click.option("--frames", required=True, metavar="DIR", help="Folder of pictures with the robot in them.")
 @click.option("--poses", required=True, metavar="FILE", help="CSV: frame, x_cm, y_cm, heading_deg.")
-@click.option(
-    "--out", type=FileToWrite(".json"), required=True, metavar="FILE", help="Write the camera there (.json)."
-)
-@click.option("--disk", metavar="FILE", help="The disk's TOML file [default: the shipped disk].")
+@click.option("--out", type=FileToWrite(".json"), required=True, help="Write the camera there (.json).")
+@option.disk
 @click.option(
     "--lens-height",
     type=Finite(low=0),
     metavar="CM",
     help="Height of the lens above the floor; needed to track disks of other heights.",
 )
-@as_json
+@option.as_json
 def calibrate(
     frames: str, poses: str, out: Path, disk: str | None, lens_height: float | None, json_output: bool
 ) -> None:
@@ -58,8 +57,9 @@ def calibrate(
     from realitygap.film.disk import load_disk
 
     worn, known = load_disk(disk), read_frames(frames, poses)
-    with FilmLine("calibrating") as line:
-        made = calibrate_camera(known, worn, lens_height_cm=lens_height, on_progress=line.frames)
+    with ProgressLine(FILM_AFTER_S) as line:
+        report = partial(line.frames, "calibrating")
+        made = calibrate_camera(known, worn, lens_height_cm=lens_height, on_progress=report)
     made.camera.save(out)
     if json_output:
         print_json({"camera": str(out), **made.to_dict()})
@@ -72,7 +72,7 @@ def _print(made: Calibration) -> None:
     """The residuals, frame by frame, and their summary."""
     rows = []
     for r in made.residuals:
-        numbers = (_shown(value) for value in (r.x_mm, r.y_mm, r.distance_mm, r.heading_deg))
+        numbers = (Figure(value, ".2f") for value in (r.x_mm, r.y_mm, r.distance_mm, r.heading_deg))
         rows.append((r.frame, *numbers, _remark(r.used, r.x_mm)))
     print_table(("frame", "x mm", "y mm", "off mm", "heading deg", ""), rows)
     facts = made.to_dict()
@@ -83,18 +83,7 @@ def _print(made: Calibration) -> None:
     )
 
 
-def _shown(value: float | None) -> Number:
-    return Number("nan" if value is None else value)
-
-
 def _remark(used: bool, x_mm: float | None) -> str:
     if x_mm is None:
         return "no disk seen"
     return "" if used else "left out: check this pose"
-
-
-class Number(float):
-    """A number with two decimals; a dash if there is none."""
-
-    def __str__(self) -> str:
-        return "–" if self != self else f"{float(self):.2f}"

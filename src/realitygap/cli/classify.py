@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from realitygap.cli.options import as_json
+from realitygap.cli import option
 from realitygap.cli.output import print_json, print_table, warn
 
 __all__ = ["classify"]
@@ -12,8 +12,8 @@ __all__ = ["classify"]
 
 @click.command()
 @click.argument("tracks", type=click.Path())
-@click.option("--task", metavar="TASK", help="Task whose arena the tracks were made in [default: guessed].")
-@as_json
+@option.task
+@option.as_json
 def classify(tracks: str, task: str | None, json_output: bool) -> None:
     """Name the behaviour in TRACKS.
 

@@ -8,16 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from realitygap.cli import option
 from realitygap.cli.estimate import consider
-from realitygap.cli.options import (
-    as_json,
-    evaluations_option,
-    noise_option,
-    profile_option,
-    runs_option,
-    seed_option,
-    workers_option,
-)
 from realitygap.cli.scene import note_dark
 from realitygap.cli.studies import carry_out, interrupted_config
 
@@ -30,11 +22,11 @@ __all__ = ["evolve"]
 
 @click.command()
 @click.argument("task")
-@noise_option(None, " May be repeated: so many conditions. [default: observed]", several=True)
-@profile_option(None, " [default: paper]")
-@seed_option(None, " [default: 1995]")
-@runs_option("Runs [default: 1].")
-@evaluations_option
+@option.noise(None, " May be repeated: so many conditions. [default: observed]", several=True)
+@option.profile(None, " [default: paper]")
+@option.seed(None, " [default: 1995]")
+@option.runs("Runs [default: 1].")
+@option.evaluations
 @click.option(
     "--out", type=click.Path(path_type=Path), metavar="DIR", help="The study's folder [default: out/TASK]."
 )
@@ -46,22 +38,19 @@ __all__ = ["evolve"]
     metavar="KEY=VALUE",
     help="Change one setting, such as evolution.rows=10, variation.mutation=0.1 or task.seconds=10.",
 )
-@workers_option
-@click.option("--resume", is_flag=True, help="Continue an interrupted study to exactly the same result.")
-@as_json
+@option.workers
+@option.resume
+@option.as_json
 def evolve(
     task: str,
     noise: tuple[float, ...],
-    profile: str | None,
-    seed: int | None,
-    runs: int | None,
-    evaluations: int | None,
     out: Path | None,
     config: Path | None,
     settings: tuple[str, ...],
     workers: Workers,
     resume: bool,
     json_output: bool,
+    **options: Any,
 ) -> None:
     """Evolve controllers for TASK and make the report.
 
@@ -85,8 +74,7 @@ def evolve(
         begun = interrupted_config(folder, resume) or StudyConfig.single(task)
     arenas = {key: arena for key, arena in begun.arenas.items() if key == name}
     begun = replace(begun, conditions=_conditions(begun, task, noise), arenas=arenas).with_settings(settings)
-    given: dict[str, Any] = {"profile": profile, "seed": seed, "runs": runs, "evaluations": evaluations}
-    chosen = replace(begun, **{key: value for key, value in given.items() if value is not None})
+    chosen = replace(begun, **option.given(options))
     if not resume:
         _notes(chosen, task, workers)
     words = f"evolve {shlex.quote(task)}"

@@ -7,17 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from realitygap.cli import option
 from realitygap.cli.estimate import consider
 from realitygap.cli.failure import StoppedError
-from realitygap.cli.kinds import SECONDS, Whole
-from realitygap.cli.options import (
-    as_json,
-    evaluations_option,
-    runs_option,
-    seed_option,
-    twin_noise_option,
-    workers_option,
-)
+from realitygap.cli.kinds import Whole
 from realitygap.cli.output import print_json
 from realitygap.cli.progress import ProgressLine
 from realitygap.errors import RobotStoppedError, StudyInterruptedError
@@ -40,46 +33,31 @@ def experiment() -> None:
 
 
 @experiment.command()
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    default=Path("out/noise"),
-    show_default=True,
-    metavar="DIR",
-    help="The study's folder.",
-)
+@option.out("out/noise")
 @click.option(
     "--levels",
     metavar="L,L,…",
     help="Noise levels (1 = observed) to evolve at and to compare with [default: 0,0.5,1,2,4].",
 )
-@runs_option("Runs of each task at each level, over all seed sets [default: 40].")
+@option.runs("Runs of each task at each level, over all seed sets [default: 40].")
 @click.option(
-    "--seed-sets",
-    type=Whole(1, 100),
-    metavar="N",
-    help="Independent sets of runs, each with its own seeds [default: 2].",
+    "--seed-sets", type=Whole(1, 100), help="Independent sets of runs, each with its own seeds [default: 2]."
 )
 @click.option(
     "--robot", metavar="R",
     help="twin, or a body of your own that places itself, file.py:Class: the only unit [default: twin].",
 )  # fmt: skip
-@click.option(
-    "--base", metavar="P",
-    help="Robot of your own: its rough profile, a TOML file: radius, heights, top command and speed.",
-)  # fmt: skip
-@click.option("--units", type=Whole(1, 100), metavar="N", help="Units of the twin [default: 3].")
-@click.option(
-    "--starts", type=Whole(2, 1000), metavar="N", help="Trials of each controller on each unit [default: 8]."
-)
-@evaluations_option
-@twin_noise_option()
-@seed_option(None, " [default: 1995]")
+@option.base
+@click.option("--units", type=Whole(1, 100), help="Units of the twin [default: 3].")
+@click.option("--starts", type=Whole(2, 1000), help="Trials of each controller on each unit [default: 8].")
+@option.evaluations
+@option.twin_noise()
+@option.seed(None, " [default: 1995]")
 @click.option("--tasks", metavar="TASK|both", help="obstacle-avoidance or light-seeking [default: both].")
-@click.option("--seconds", type=SECONDS, metavar="S", help="Length of a trial [default: the task's own].")
-@workers_option
-@click.option("--resume", is_flag=True, help="Continue an interrupted study to exactly the same result.")
-@as_json
+@option.seconds
+@option.workers
+@option.resume
+@option.as_json
 def noise(out: Path, workers: Workers, resume: bool, json_output: bool, **options: Any) -> None:
     """Ask which noise level crosses the reality gap best.
 
@@ -126,20 +104,20 @@ def _config(out: Path, resume: bool, options: dict[str, Any]) -> NoiseConfig:
     from realitygap.experiments.noise.config import CONFIG, NoiseConfig, levels_of, tasks_of
 
     begun = NoiseConfig.from_folder(out) if resume and (out / CONFIG).is_file() else NoiseConfig()
-    given = {key: value for key, value in options.items() if value is not None}
-    if given.get("robot") == "twin":
-        del given["robot"]
-    if "robot" in given:
+    asked = option.given(options)
+    if asked.get("robot") == "twin":
+        del asked["robot"]
+    if "robot" in asked:
         for key in ("units", "twin_noise"):
-            if key in given:
+            if key in asked:
                 name = f"--{key.replace('_', '-')}"
                 raise click.UsageError(f"{name} is the twin's; with a robot of your own leave it out.")
-        given["units"] = 1
+        asked["units"] = 1
     elif begun.robot is not None:
         raise click.UsageError(
             f"--robot: expected {begun.robot}, the robot of this experiment: a program, run when you name it."
         )
     for key, read in (("levels", levels_of), ("tasks", tasks_of)):
-        if key in given:
-            given[key] = read(given[key])
-    return replace(begun, **given)
+        if key in asked:
+            asked[key] = read(asked[key])
+    return replace(begun, **asked)

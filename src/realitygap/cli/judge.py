@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from realitygap import whole
+from realitygap.cli import option
 from realitygap.cli.kinds import SEED, FileToWrite
-from realitygap.cli.options import as_json
 from realitygap.cli.output import print_json, warn
 from realitygap.errors import TrackError
 
@@ -34,18 +34,13 @@ def judge() -> None:
 
 @judge.command()
 @click.argument("pairs", type=click.Path(exists=True, file_okay=False))
-@click.option("--task", metavar="TASK", help="Task whose arena the tracks were made in [default: guessed].")
-@click.option("--out", type=FileToWrite(".html"), required=True, metavar="FILE", help="Write the page there.")
+@option.task
+@click.option("--out", type=FileToWrite(".html"), required=True, help="Write the page there.")
 @click.option(
-    "--key",
-    type=FileToWrite(".json"),
-    required=True,
-    metavar="FILE",
+    "--key", type=FileToWrite(".json"), required=True,
     help="Write there which pair is which; keep it from the judges.",
-)
-@click.option(
-    "--seed", type=SEED, default=0, show_default=True, metavar="S", help="Random seed of order and sides."
-)
+)  # fmt: skip
+@click.option("--seed", type=SEED, default=0, help="Random seed of order and sides.")
 def page(pairs: str, task: str | None, out: Path, key: Path, seed: int) -> None:
     """Make a page of the pairs in a folder PAIRS.
 
@@ -72,13 +67,10 @@ def page(pairs: str, task: str | None, out: Path, key: Path, seed: int) -> None:
 @judge.command()
 @click.argument("files", nargs=-1, required=True, type=click.Path(exists=True))
 @click.option(
-    "--key",
-    required=True,
-    type=click.Path(exists=True, dir_okay=False),
-    metavar="FILE",
+    "--key", required=True, type=click.Path(exists=True, dir_okay=False), metavar="FILE",
     help="The key file of the page.",
-)
-@as_json
+)  # fmt: skip
+@option.as_json
 def marks(files: tuple[str, ...], key: str, json_output: bool) -> None:
     """Compare ratings with the score.
 

@@ -10,7 +10,9 @@ import click
 
 from realitygap.errors import UsageError
 
-__all__ = ["FILM", "PICTURE", "SECONDS", "SEED", "FileToWrite", "Finite", "Noise", "RobotKind", "Whole"]
+__all__ = [
+    "FILM", "MOST", "PICTURE", "SECONDS", "SEED", "FileToWrite", "Finite", "Noise", "RobotKind", "Whole",
+]  # fmt: skip
 
 STEP_S = 0.1
 """Length of one step (the kernels' own constant would load them)."""
@@ -19,43 +21,41 @@ STEP_S = 0.1
 class Finite(click.ParamType):
     """A finite number, from `low` to `high` if those are given."""
 
-    name = "number"
+    name = expected = "number"
+    digits = "g"
 
     def __init__(self, low: float = -math.inf, high: float = math.inf) -> None:
         self.low, self.high = low, high
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+    def read(self, text: str) -> float:
+        """The number that is written; a ValueError where none is."""
+        return float(text)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         try:
-            number = float(value)
+            number = self.read(str(value))
         except ValueError:
-            self.fail(f"expected a number, got {value!r}.", param, ctx)
+            self.fail(f"expected a {self.expected}, got {value!r}.", param, ctx)
         if not math.isfinite(number):
             self.fail(f"expected a finite number, got {value}.", param, ctx)
         if number < self.low:
-            self.fail(f"expected {self.low:g} or more, got {value}.", param, ctx)
+            self.fail(f"expected {self.low:{self.digits}} or more, got {value}.", param, ctx)
         if number > self.high:
-            self.fail(f"expected at most {self.high:g}, got {value}.", param, ctx)
+            self.fail(f"expected at most {self.high:{self.digits}}, got {value}.", param, ctx)
         return number
 
 
-class Whole(click.ParamType):
-    """A whole number from `low` to `high`."""
+class Whole(Finite):
+    """A whole number from `low` to `high`; `name` stands for it in the help."""
 
-    name = "whole number"
+    expected, digits = "whole number", "d"
 
-    def __init__(self, low: int, high: int) -> None:
-        self.low, self.high = low, high
+    def __init__(self, low: int, high: int, name: str = "N") -> None:
+        self.low, self.high, self.name = low, high, name
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        try:
-            number = int(str(value), 10)
-        except ValueError:
-            self.fail(f"expected a whole number, got {value!r}.", param, ctx)
-        if number < self.low:
-            self.fail(f"expected {self.low} or more, got {value}.", param, ctx)
-        if number > self.high:
-            self.fail(f"expected at most {self.high}, got {value}.", param, ctx)
-        return number
+    def read(self, text: str) -> int:
+        """The number in decimal digits."""
+        return int(text, 10)
 
 
 class NumberOrPool(Whole):
@@ -78,11 +78,13 @@ class NumberOrPool(Whole):
 class Seconds(Finite):
     """The length of a trial: whole steps, one at least."""
 
+    name = "S"
+
     def __init__(self) -> None:
         super().__init__(low=STEP_S, high=100_000)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        seconds = super().convert(value, param, ctx)
+        seconds: float = super().convert(value, param, ctx)
         if abs(seconds / STEP_S - round(seconds / STEP_S)) > 1e-6:
             self.fail(f"expected a multiple of {STEP_S:g} s (one step), got {value}.", param, ctx)
         return seconds
@@ -91,7 +93,7 @@ class Seconds(Finite):
 class Noise(click.ParamType):
     """A noise level by name or as a number."""
 
-    name = "zero|observed|double|number"
+    name = "level"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         from realitygap.world.noise import noise_level
@@ -105,10 +107,8 @@ class Noise(click.ParamType):
 class FileToWrite(click.ParamType):
     """A file that is to be written, of one of the named kinds; checked before any work is done."""
 
-    name = "file"
-
-    def __init__(self, *kinds: str) -> None:
-        self.kinds = kinds
+    def __init__(self, *kinds: str, name: str = "file") -> None:
+        self.kinds, self.name = kinds, name
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         path = Path(value)
@@ -121,7 +121,8 @@ class FileToWrite(click.ParamType):
         return path
 
 
-SEED = Whole(0, 2**63 - 1)
+MOST = 2**63 - 1
+SEED = Whole(0, MOST, "S")
 PICTURE = FileToWrite(".png", ".svg", ".pdf")
 SECONDS = Seconds()
 FILM = FileToWrite(".gif", ".mp4")
@@ -130,7 +131,7 @@ FILM = FileToWrite(".gif", ".mp4")
 class RobotKind(click.ParamType):
     """A robot by its address, as `robots/address.py` has it."""
 
-    name = "robot"
+    name = "R"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         from realitygap.robots.address import Address

@@ -6,11 +6,11 @@ import json
 import math
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, Self
 
 import click
 
-__all__ = ["at_terminal", "plain", "print_json", "print_table", "warn"]
+__all__ = ["Figure", "at_terminal", "plain", "print_json", "print_table", "shown", "warn"]
 
 
 def plain(value: Any) -> Any:
@@ -35,6 +35,26 @@ def warn(warnings: Iterable[str]) -> None:
     """What a person should know, a line each on stderr."""
     for warning in warnings:
         click.echo(f"warning: {warning}", err=True)
+
+
+class Figure(float):
+    """A number of a table as it is shown, such as ".2f"; a dash if there is none."""
+
+    def __new__(cls, value: float | None, form: str) -> Self:
+        """Like a float, which it is."""
+        made = super().__new__(cls, math.nan if value is None else value)
+        made.form = form
+        return made
+
+    form: str
+
+    def __str__(self) -> str:
+        return "–" if math.isnan(self) else format(float(self), self.form)
+
+
+def shown(value: float | None) -> str:
+    """Three significant digits, or a dash."""
+    return str(Figure(value, ".3g"))
 
 
 def print_table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> None:

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 
+from realitygap.cli import option
 from realitygap.cli.kinds import Whole
-from realitygap.cli.options import (
-    arena_option,
-    as_json,
-    noise_option,
-    pose_option,
-    profile_option,
-    seed_option,
-)
 from realitygap.cli.output import print_json, print_table
 from realitygap.cli.scene import Scene
 
@@ -21,25 +16,14 @@ __all__ = ["probe"]
 
 @click.command()
 @click.argument("task")
-@pose_option()
-@profile_option()
-@arena_option
-@noise_option()
-@seed_option()
-@click.option(
-    "--repeat", type=Whole(1, 10**6), default=1, show_default=True, metavar="N", help="Read N times."
-)
-@as_json
-def probe(
-    task: str,
-    pose: tuple[float, float, float],
-    profile: str,
-    arena: str | None,
-    noise: float,
-    seed: int,
-    repeat: int,
-    json_output: bool,
-) -> None:
+@option.pose()
+@option.profile()
+@option.arena
+@option.noise()
+@option.seed()
+@click.option("--repeat", type=Whole(1, 10**6), default=1, help="Read N times.")
+@option.as_json
+def probe(seed: int, repeat: int, json_output: bool, **scene_of: Any) -> None:
     """Read a robot's sensors at a place in TASK's arena.
 
     Readings are whole counts, as the robot's converter gives them; at noise zero they are shown
@@ -49,7 +33,7 @@ def probe(
     Example: what the paper's model reads facing a cylinder, without noise
         realitygap probe avoidance --pose 25 15 180 --noise zero
     """
-    scene = Scene.load(task=task, profile=profile, noise=noise, pose=pose, arena=arena)
+    scene = Scene.load(**scene_of)
     assert scene.pose is not None
     proximity, ambient = scene.simulation().probe(scene.pose, stream=seed, repeat=repeat)
     if json_output:

@@ -12,16 +12,26 @@ import click
 if TYPE_CHECKING:
     from realitygap.work.progress import Progress
 
-__all__ = ["ProgressLine", "clock"]
+__all__ = ["FILM_AFTER_S", "ProgressLine", "clock"]
 
 PLAIN_EVERY_S = 5.0
 """Time between two lines of one phase where stderr is no terminal."""
+FILM_AFTER_S = 2.0
+"""Shorter work on a film shows no progress."""
 
 
 class ProgressLine:
-    """A context in which progress becomes something to look at."""
+    """A context in which progress becomes something to look at.
 
-    def __init__(self) -> None:
+    Attributes:
+        after_s: nothing is shown before the first progress that is told so long after the beginning;
+            None: something is shown from the beginning on.
+    """
+
+    def __init__(self, after_s: float | None = None) -> None:
+        self.after_s = after_s
+        self._begun = time.monotonic()
+        self._open = False
         self._bar: Any = None
         self._job: Any = None
         self._phase = ""
@@ -29,6 +39,12 @@ class ProgressLine:
         self._next = 0.0
 
     def __enter__(self) -> Self:
+        if self.after_s is None:
+            self._begin()
+        return self
+
+    def _begin(self) -> None:
+        self._open = True
         if sys.stderr.isatty():
             from rich.console import Console
             from rich.progress import BarColumn, Progress, TextColumn
@@ -42,7 +58,6 @@ class ProgressLine:
             self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
             self._bar.start()
             self._job = self._bar.add_task("starting", total=1, says="")
-        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -77,11 +92,20 @@ class ProgressLine:
         """Show how far the scoring is."""
         self._show("scoring behaviour", done, total, "runs", done == total)
 
+    def frames(self, phase: str, done: int, total: int | None) -> None:
+        """Show how many frames of a film are done; None: nobody knows how many it has."""
+        whole = max(total or done, done)
+        self._show(phase, done, whole, "frames", done == whole)
+
     def report(self, done: int, total: int, name: str) -> None:
         """Show how far a report is."""
         self._show("making the report", done, total, "figures", done == total)
 
     def _show(self, phase: str, done: int, total: int, says: str, finished: bool) -> None:
+        if not self._open:
+            if time.monotonic() - self._begun < (self.after_s or 0.0):
+                return
+            self._begin()
         if self._bar is not None:
             self._bar.update(self._job, description=phase, completed=done, total=max(total, 1), says=says)
             return

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from realitygap.cli import option
 from realitygap.cli.failure import StoppedError
 from realitygap.cli.kinds import RobotKind, Whole
-from realitygap.cli.options import as_json, baud_option, seed_option, twin_noise_option
 from realitygap.cli.output import print_json
 from realitygap.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
-    from realitygap.calibration.recorder.record import Made, Progress
+    from realitygap.calibration.recorder.record import Made, Progress, Wanted
     from realitygap.robots.address import Address
 
 __all__ = ["record"]
@@ -28,46 +28,35 @@ PLANS = ("infrared", "ambient", "wheels", "all")
     "--robot",
     type=RobotKind(),
     required=True,
-    metavar="R",
     help="twin:UNIT or enki:MODEL:UNIT (placed by the program), serial:PORT, epuck:PORT or "
     "epuck2:HOST (placed by you), or a body of your own, file.py:Class.",
 )
 @click.option("--plan", type=click.Choice(PLANS), required=True, help="What to record.")
 @click.option("--out", required=True, metavar="DIR", help="Folder to write; several recordings fit into it.")
 @click.option(
-    "--object", "object_name", metavar="O",
+    "--object", metavar="O",
     help="wall or cylinder:RADIUS_CM: the infrared's one object [default: a wall, then a cylinder of 4 cm].",
 )  # fmt: skip
 @click.option(
-    "--repeats", type=Whole(1, 1000), default=10, show_default=True, metavar="N",
-    help="Readings at each place, which measure the noise.",
-)  # fmt: skip
-@seed_option(says=" It does not change a twin's constants: those depend on its unit alone.")
-@twin_noise_option()
-@baud_option()
+    "--repeats", type=Whole(1, 1000), default=10, help="Readings at each place, which measure the noise."
+)
+@option.seed(says=" It does not change a twin's constants: those depend on its unit alone.")
+@option.twin_noise()
+@option.baud()
+@option.base
 @click.option(
-    "--base", metavar="P",
-    help="Robot of your own: its rough profile, a TOML file: radius, heights, top command and speed.",
-)  # fmt: skip
-@click.option(
-    "--notes", default="", metavar="TEXT", help="Kept with the recording: which robot, where, by whom."
+    "--notes",
+    default="",
+    show_default=False,
+    metavar="TEXT",
+    help="Kept with the recording: which robot, where, by whom.",
 )
 @click.option("--resume", is_flag=True, help="Continue interrupted recordings.")
-@as_json
+@option.as_json
 def record(
-    robot: Address,
-    plan: str,
-    out: str,
-    object_name: str | None,
-    repeats: int,
-    seed: int,
-    twin_noise: float | None,
-    baud: str,
-    base: str | None,
-    notes: str,
-    resume: bool,
-    json_output: bool,
-) -> None:
+    robot: Address, out: str, twin_noise: float | None, baud: int | None, resume: bool, json_output: bool,
+    **words: Any,
+) -> None:  # fmt: skip
     """Record a robot at known places, for a calibration.
 
     Infrared: a wall and a cylinder at all bearings, 0.5 to 8 cm away. Ambient: poses all over the arena of
@@ -83,13 +72,10 @@ def record(
         realitygap record --robot my_robot.py:MyRobot --base my_robot.toml --plan all --out mine
     """
     from realitygap.calibration.recorder.record import Wanted
-    from realitygap.calibration.recorder.record import record as make
-    from realitygap.errors import RobotStoppedError
-    from realitygap.robots.body import Placing, facts_of
-    from realitygap.robots.signals import Stopping
     from realitygap.world.profile import load_profile
 
-    if object_name is not None and plan not in ("infrared", "all"):
+    plan, base = words["plan"], words.pop("base")
+    if words["object"] is not None and plan not in ("infrared", "all"):
         raise click.UsageError(f"--object belongs to the infrared's plan, not to {plan!r}; leave it out.")
     if robot.unit is None and twin_noise is not None:
         raise click.UsageError(
@@ -99,28 +85,9 @@ def record(
         raise click.UsageError(
             f"--base: expected the rough profile of {robot}: its radius, heights, top command and speed."
         )
-    wanted = Wanted(
-        plan=plan, object=object_name, repeats=repeats, seed=seed, notes=notes,
-        base=load_profile(base) if base is not None else None,
-    )  # fmt: skip
-    with ExitStack() as stack:
-        if robot.unit is None:
-            stack.enter_context(Stopping())
-        noise = 1.0 if twin_noise is None else twin_noise
-        body = stack.enter_context(
-            closing(robot.open(baud=None if baud == "any" else int(baud), noise=noise))
-        )
-        facts = {name: fact for name, fact in facts_of(body).items() if name != "units"}
-        report: Progress = (
-            stack.enter_context(ProgressLine()).places if isinstance(body, Placing) else _written
-        )
-        if robot.unit is not None:
-            report = _stoppable(stack, report)
-        try:
-            made = make(wanted, out, body, ask=_ask, resume=resume, on_progress=report)
-        except (RobotStoppedError, KeyboardInterrupt) as stopped:
-            said = f": {stopped}" if str(stopped) else ""
-            raise StoppedError(f"stopped{said}; finished places are kept, --resume goes on") from None
+    wanted = Wanted(base=load_profile(base) if base is not None else None, **words)
+    settings = {"baud": baud, "noise": 1.0 if twin_noise is None else twin_noise}
+    made, facts = _recorded(robot, settings, wanted, out, resume)
     if json_output:
         print_json(_facts(made, plan, out, facts))
         return
@@ -128,6 +95,32 @@ def record(
         click.echo(f"{one.folder}: {one.kind}, {one.done} of {one.places} places, {one.seconds:.1f} s")
     if not all(one.finished for one in made):
         click.echo("not finished: the same command with --resume goes on")
+
+
+def _recorded(
+    robot: Address, settings: dict[str, Any], wanted: Wanted, out: str, resume: bool
+) -> tuple[list[Made], dict[str, Any]]:
+    """What was recorded, and the facts of the robot."""
+    from realitygap.calibration.recorder.record import record as make
+    from realitygap.errors import RobotStoppedError
+    from realitygap.robots.body import Placing, facts_of
+    from realitygap.robots.signals import Stopping
+
+    with ExitStack() as stack:
+        if robot.unit is None:
+            stack.enter_context(Stopping())
+        body = stack.enter_context(closing(robot.open(**settings)))
+        facts = {name: fact for name, fact in facts_of(body).items() if name != "units"}
+        report: Progress = (
+            stack.enter_context(ProgressLine()).places if isinstance(body, Placing) else _written
+        )
+        if robot.unit is not None:
+            report = _stoppable(stack, report)
+        try:
+            return make(wanted, out, body, ask=_ask, resume=resume, on_progress=report), facts
+        except (RobotStoppedError, KeyboardInterrupt) as stopped:
+            said = f": {stopped}" if str(stopped) else ""
+            raise StoppedError(f"stopped{said}; finished places are kept, --resume goes on") from None
 
 
 def _stoppable(stack: ExitStack, report: Progress) -> Progress:
@@ -166,20 +159,14 @@ def _written(name: str, done: int, total: int) -> None:
 def _facts(made: list[Made], plan: str, out: str, facts: dict[str, Any]) -> dict[str, Any]:
     recordings = [
         {
-            "folder": str(one.folder),
-            "kind": one.kind,
-            "places": one.places,
-            "done": one.done,
-            "finished": one.finished,
-            "seconds": round(one.seconds, 3),
+            "folder": str(one.folder), "kind": one.kind, "places": one.places, "done": one.done,
+            "finished": one.finished, "seconds": round(one.seconds, 3),
         }
         for one in made
-    ]
+    ]  # fmt: skip
     return {
-        "out": out,
-        "plan": plan,
-        **facts,
+        "out": out, "plan": plan, **facts,
         "finished": all(one.finished for one in made),
         "seconds": round(sum(one.seconds for one in made), 3),
         "recordings": recordings,
-    }
+    }  # fmt: skip

@@ -7,21 +7,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from realitygap.cli.kinds import FILM, PICTURE, SECONDS
-from realitygap.cli.options import (
-    as_json,
-    checked_pose,
-    noise_option,
-    pose_option,
-    profile_option,
-    seed_option,
-)
+from realitygap.cli import option
+from realitygap.cli.kinds import FILM
 from realitygap.cli.output import print_json
 from realitygap.cli.scene import Scene, print_path
-from realitygap.cli.trust import ask_trust, trust_option
+from realitygap.cli.trust import ask_trust
 
 if TYPE_CHECKING:
-    from realitygap.cli.options import Numbers
+    from realitygap.cli.option import Numbers
     from realitygap.controller.layout import Genes
     from realitygap.study.load import Run, Study
 
@@ -34,19 +27,18 @@ __all__ = ["replay"]
 @click.option(
     "--individual",
     default="champion",
-    show_default=True,
     metavar="WHO",
     help="champion (retested), fittest (as in the paper), or the number of an evaluation.",
 )
-@profile_option(None, " [default: the study's own]")
-@noise_option(None, " [default: the run's own]")
-@seed_option()
-@pose_option(required=False)
-@click.option("--seconds", type=SECONDS, metavar="S", help="Length of the trial [default: the task's own].")
-@click.option("--picture", type=PICTURE, metavar="FILE", help="Draw the path to FILE (.png, .svg or .pdf).")
-@click.option("--animation", type=FILM, metavar="FILE", help="Animate the trial to FILE (.gif or .mp4).")
-@trust_option
-@as_json
+@option.profile(None, " [default: the study's own]")
+@option.noise(None, " [default: the run's own]")
+@option.seed()
+@option.pose(required=False)
+@option.seconds
+@option.picture
+@click.option("--animation", type=FILM, help="Animate the trial to FILE (.gif or .mp4).")
+@option.trust
+@option.as_json
 def replay(
     study: str,
     run: str,
@@ -103,7 +95,7 @@ def _scene(study: Study, run: Run, profile: str | None, noise: float | None, pos
 
     task, level = study.task(run.task), run.noise if noise is None else noise
     robot = study.profile if profile is None else load_profile(profile)
-    place = None if pose is None else checked_pose(pose, task.arena, robot)
+    place = None if pose is None else option.checked_pose(pose, task.arena, robot)
     return Scene(task=task, profile=robot, noise=level, pose=place)
 
 

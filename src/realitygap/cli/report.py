@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import click
 
-from realitygap.cli.options import as_json
+from realitygap.cli import option
 from realitygap.cli.output import print_json
 from realitygap.cli.progress import ProgressLine
-from realitygap.cli.trust import ask_trust, trust_option
+from realitygap.cli.trust import ask_trust
 
 __all__ = ["report"]
 
 
 @click.command()
 @click.argument("study", type=click.Path())
-@trust_option
-@as_json
+@option.trust
+@option.as_json
 def report(study: str, trust: bool, json_output: bool) -> None:
     """Rebuild the report of STUDY.
 

@@ -8,16 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from realitygap.cli import option
 from realitygap.cli.estimate import consider
 from realitygap.cli.kinds import Whole
-from realitygap.cli.options import (
-    as_json,
-    evaluations_option,
-    profile_option,
-    runs_option,
-    seed_option,
-    workers_option,
-)
 from realitygap.cli.studies import carry_out
 
 if TYPE_CHECKING:
@@ -33,36 +26,18 @@ CONDITIONS = 6
 
 
 @click.command()
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    default=Path("out/reproduce"),
-    show_default=True,
-    metavar="DIR",
-    help="The study's folder.",
-)
-@profile_option(None, "  [default: a profile calibrated first, to unit 1 of the twin]")
-@runs_option("Runs for each task and noise level [default: 5].")
-@evaluations_option
-@seed_option(None, " [default: 1995]")
-@click.option(
-    "--starts", type=Whole(1, 10**6), metavar="N", help="Trials of each champion on the twin [default: 8]."
-)
-@workers_option
+@option.out("out/reproduce")
+@option.profile(None, "  [default: a profile calibrated first, to unit 1 of the twin]")
+@option.runs("Runs for each task and noise level [default: 5].")
+@option.evaluations
+@option.seed(None, " [default: 1995]")
+@click.option("--starts", type=Whole(1, 10**6), help="Trials of each champion on the twin [default: 8].")
+@option.workers
 @click.option("--no-transfer", is_flag=True, help="Stop before the transfer: no trials on the twin.")
-@click.option("--resume", is_flag=True, help="Continue an interrupted study to exactly the same result.")
-@as_json
+@option.resume
+@option.as_json
 def reproduce(
-    out: Path,
-    profile: str | None,
-    runs: int | None,
-    evaluations: int | None,
-    seed: int | None,
-    starts: int | None,
-    workers: Workers,
-    no_transfer: bool,
-    resume: bool,
-    json_output: bool,
+    out: Path, workers: Workers, no_transfer: bool, resume: bool, json_output: bool, **options: Any
 ) -> None:
     """Make the paper's experiment, and the page about it.
 
@@ -78,11 +53,7 @@ def reproduce(
     """
     from realitygap.experiments.reproduction import Reproduction, begun, configured, transferred
 
-    given: dict[str, Any] = {
-        "runs": runs, "evaluations": evaluations, "seed": seed, "profile": profile, "starts": starts,
-    }  # fmt: skip
-    asked = (begun(out) if resume else None) or Reproduction()
-    requested = replace(asked, **{key: value for key, value in given.items() if value is not None})
+    requested = replace((begun(out) if resume else None) or Reproduction(), **option.given(options))
     if not resume:
         all_runs = CONDITIONS * requested.runs
         trials = 0 if no_transfer else all_runs * requested.starts
@@ -95,12 +66,5 @@ def reproduce(
         made = transferred(study, starts=requested.starts, workers=workers, on_progress=progress.show)
         return {"transfers": [one.to_dict() for one in made]}
 
-    carry_out(
-        out,
-        prepare,
-        words="reproduce --no-transfer" if no_transfer else "reproduce",
-        workers=workers,
-        resume=resume,
-        json_output=json_output,
-        then=None if no_transfer else then,
-    )
+    words, last = ("reproduce --no-transfer", None) if no_transfer else ("reproduce", then)
+    carry_out(out, prepare, words=words, workers=workers, resume=resume, json_output=json_output, then=last)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from realitygap.cli import option
 from realitygap.cli.kinds import Finite, RobotKind
-from realitygap.cli.options import as_json, baud_option, profile_option
 from realitygap.cli.output import print_json, print_table
 
 if TYPE_CHECKING:
@@ -47,27 +47,20 @@ def robot() -> None:
     "--robot",
     "address",
     type=RobotKind(),
-    metavar="R",
     help="khepera:PORT, epuck:PORT, epuck2:HOST, twin:UNIT, enki:MODEL:UNIT, or a body of your own, "
     "file.py:Class.",
 )
 @click.option("--port", metavar="P", help="The same as --robot serial:P.")
-@baud_option()
-@profile_option(says=" Tells how fast its commands are, for the movement.")
-@click.option(
-    "--seconds",
-    type=Finite(0.1, 3600),
-    default=3.0,
-    show_default=True,
-    help="Seconds for which to show the sensors.",
-)
+@option.baud()
+@option.profile(says=" Tells how fast its commands are, for the movement.")
+@click.option("--seconds", type=Finite(0.1, 3600), default=3.0, help="Seconds for which to show the sensors.")
 @click.option("--clock-channel", metavar="FILE", help="Control channel of a twin that runs in virtual time.")
 @click.option("--yes", is_flag=True, help="Let it move 2 cm and back without asking.")
-@as_json
+@option.as_json
 def check(
     address: Address | None,
     port: str | None,
-    baud: str,
+    baud: int | None,
     profile: str,
     seconds: float,
     clock_channel: str | None,
@@ -95,7 +88,7 @@ def check(
         raise click.UsageError("expected --robot R or --port P, one of them.")
     where = Address(kind="serial", rest=port or "") if address is None else address
     units = round(MOVE_CM_S / load_profile(profile).wheels.speed_per_unit_cm_s[0])
-    settings = {"baud": None if baud == "any" else int(baud), "clock_channel": clock_channel}
+    settings = {"baud": baud, "clock_channel": clock_channel}
     with Stopping(), closing(where.open(**settings)) as body:
         if isinstance(body, Placing):
             body.enter({"size_cm": [ROOM_CM] * 2}, 0, Pose(x=ROOM_CM / 2, y=ROOM_CM / 2, heading=0.0))

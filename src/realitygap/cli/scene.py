@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from realitygap.cli.estimate import note
-from realitygap.cli.options import checked_pose
-from realitygap.cli.output import print_table
+from realitygap.cli.option import checked_pose
+from realitygap.cli.output import Figure, print_table
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from realitygap.cli.options import Numbers
+    from realitygap.cli.option import Numbers
     from realitygap.controller.genotype import Layout
     from realitygap.simulation.simulation import Simulation
     from realitygap.tasks.task import Task
@@ -80,13 +80,8 @@ class Scene:
 
     def facts(self, seed: int) -> dict[str, Any]:
         """What a person needs to make the same figures again."""
-        return {
-            "task": self.task.name,
-            "arena": self.task.arena.name,
-            "profile": self.profile.name,
-            "noise": self.noise,
-            "seed": seed,
-        }
+        names = {"task": self.task.name, "arena": self.task.arena.name, "profile": self.profile.name}
+        return {**names, "noise": self.noise, "seed": seed}
 
 
 def note_dark(task: Task, arena: Arena) -> None:
@@ -98,25 +93,12 @@ def note_dark(task: Task, arena: Arena) -> None:
 def print_path(trajectory: Trajectory, every: int = 10) -> None:
     """Every `every`th step of a trajectory and its end, as a table."""
     rows: list[list[object]] = []
-    degrees = trajectory.heading_deg
+    places = (trajectory.t, trajectory.x, trajectory.y, trajectory.heading_deg)
     for k in range(0, len(trajectory.t), every):
-        rows.append(
-            [
-                Fixed(trajectory.t[k]),
-                Fixed(trajectory.x[k]),
-                Fixed(trajectory.y[k]),
-                Fixed(degrees[k]),
-                *(int(command) for command in trajectory.commands[k]),
-                *(Fixed(wheel) for wheel in trajectory.wheels[k]),
-                "yes" if trajectory.contact[k : k + every].any() else "",
-            ]
+        place, wheels = (
+            [Figure(v, ".1f") for v in row] for row in ([p[k] for p in places], trajectory.wheels[k])
         )
+        touched = "yes" if trajectory.contact[k : k + every].any() else ""
+        rows.append([*place, *map(int, trajectory.commands[k]), *wheels, touched])
     head = ("t s", "x cm", "y cm", "heading°", "left", "right", "wheel l", "wheel r", "contact")
     print_table(head, rows)
-
-
-class Fixed(float):
-    """A number that shows one digit after the point."""
-
-    def __str__(self) -> str:
-        return f"{float(self):.1f}"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from realitygap.cli.options import as_json
+from realitygap.cli import option
 from realitygap.cli.output import print_json, warn
 
 if TYPE_CHECKING:
@@ -18,14 +18,9 @@ __all__ = ["score"]
 @click.command()
 @click.argument("a", type=click.Path())
 @click.argument("b", type=click.Path(), required=False)
-@click.option("--task", metavar="TASK", help="Task whose arena the tracks were made in [default: guessed].")
-@click.option(
-    "--ceiling",
-    type=click.Path(),
-    metavar="PATH",
-    help="Tracks of another behaviour, which define a score of 0.",
-)
-@as_json
+@option.task
+@click.option("--ceiling", metavar="PATH", help="Tracks of another behaviour, which define a score of 0.")
+@option.as_json
 def score(a: str, b: str | None, task: str | None, ceiling: str | None, json_output: bool) -> None:
     """Score how alike two sets of tracks are.
 

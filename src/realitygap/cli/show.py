@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from realitygap import whole
+from realitygap.cli import option
 from realitygap.cli.kinds import PICTURE
-from realitygap.cli.options import as_json
-from realitygap.cli.output import print_json, print_table
-from realitygap.cli.trust import trust_option
+from realitygap.cli.output import print_json, print_table, shown
 
 if TYPE_CHECKING:
     from realitygap.controller.layout import Genes
@@ -23,9 +22,9 @@ __all__ = ["describe", "print_runs", "show"]
 @click.command()
 @click.argument("study", type=click.Path())
 @click.argument("run", required=False)
-@click.option("--picture", type=PICTURE, metavar="FILE", help="Draw the network of RUN's champion to FILE.")
-@trust_option
-@as_json
+@click.option("--picture", type=PICTURE, help="Draw the network of RUN's champion to FILE.")
+@option.trust
+@option.as_json
 def show(study: str, run: str | None, picture: Path | None, trust: bool, json_output: bool) -> None:
     """Show the runs of STUDY, or one of them.
 
@@ -80,15 +79,11 @@ def print_runs(runs: list[Run]) -> None:
     """A line a run."""
     rows = [
         [
-            run.id,
-            run.name,
-            run.evaluations,
-            _figure(run.best_fitness),
-            _figure(run.champion_fitness),
+            run.id, run.name, run.evaluations, shown(run.best_fitness), shown(run.champion_fitness),
             "finished" if run.finished else "unfinished",
         ]
         for run in runs
-    ]
+    ]  # fmt: skip
     print_table(("run", "name", "evaluations", "best fitness", "champion retested", ""), rows)
 
 
@@ -97,10 +92,10 @@ def _print_run(study: Study, run: Run) -> None:
     lines = [
         f"run {run.id}, {run.name}, seed {run.seed}",
         f"{run.evaluations} evaluations, {'finished' if run.finished else 'unfinished'}",
-        f"best fitness {_figure(run.best_fitness)}, champion retested {_figure(run.champion_fitness)}",
+        f"best fitness {shown(run.best_fitness)}, champion retested {shown(run.champion_fitness)}",
     ]
     for (who, noise), scores in run.tests.items():
-        mean, sd = _figure(scores.mean()), _figure(scores.std())
+        mean, sd = shown(scores.mean()), shown(scores.std())
         lines.append(f"{who} at noise {noise}: {mean}, sd {sd}, {scores.size} trials")
     for line in lines:
         click.echo(f"# {line}")
@@ -116,16 +111,10 @@ def _draw(study: Study, run: Run, picture: Path) -> None:
     genes = run.champion if run.champion is not None else run.fittest
     if genes is None:
         raise click.BadParameter(f"run {run.id} has no individual yet to draw.", param_hint="'--picture'")
-    facts = study.facts(run.task)
-    sensors = facts["sensors"]
+    facts, slots = study.facts(run.task), study.slots(run.task, genes)[0]
+    sensing = {"feeds": facts["feeds"], "sensors": facts["sensors"]}
     with styled():
-        figure = network_figure(
-            study.slots(run.task, genes)[0],
-            study.profile,
-            title=run.name,
-            feeds=facts["feeds"],
-            sensors=sensors,
-        )
+        figure = network_figure(slots, study.profile, title=run.name, **sensing)
         with whole.named(picture):
             figure.savefig(picture, dpi=200)
 
@@ -135,8 +124,3 @@ def _text(study: Study, run: Run, genes: Genes | None) -> str | None:
     from realitygap.controller.genotype import to_text
 
     return None if genes is None else to_text(*study.slots(run.task, genes))
-
-
-def _figure(value: float | None) -> str:
-    """Three significant digits, or a dash."""
-    return "–" if value is None or value != value else f"{value:.3g}"

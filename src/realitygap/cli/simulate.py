@@ -3,18 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
-from realitygap.cli.kinds import PICTURE, SECONDS
-from realitygap.cli.options import (
-    arena_option,
-    as_json,
-    noise_option,
-    pose_option,
-    profile_option,
-    seed_option,
-)
+from realitygap.cli import option
 from realitygap.cli.output import print_json
 from realitygap.cli.scene import Scene, print_path
 
@@ -29,25 +22,21 @@ __all__ = ["simulate"]
     metavar="FILE|constant:L,R|braitenberg",
     help="A genotype's text file, two constant wheel commands, or Braitenberg's vehicle.",
 )
-@pose_option()
-@profile_option()
-@arena_option
-@noise_option()
-@seed_option()
-@click.option("--seconds", type=SECONDS, metavar="S", help="Length of the trial [default: the task's own].")
-@click.option("--picture", type=PICTURE, metavar="FILE", help="Draw the path to FILE (.png, .svg or .pdf).")
-@as_json
+@option.pose()
+@option.profile()
+@option.arena
+@option.noise()
+@option.seed()
+@option.seconds
+@option.picture
+@option.as_json
 def simulate(
-    task: str,
     controller: str,
-    pose: tuple[float, float, float],
-    profile: str,
-    arena: str | None,
-    noise: float,
     seed: int,
     seconds: float | None,
     picture: Path | None,
     json_output: bool,
+    **scene_of: Any,
 ) -> None:
     """Simulate one trial of TASK.
 
@@ -63,7 +52,7 @@ def simulate(
     from realitygap.controller.layout import Layout
     from realitygap.controller.network import decode
 
-    scene = Scene.load(task=task, profile=profile, noise=noise, pose=pose, arena=arena)
+    scene = Scene.load(**scene_of)
     genes = controller_genes(controller, scene.task.feeds, scene.layout)
     network = decode(genes, Layout.of(genes, inputs=scene.layout.inputs))
     trajectory, score = scene.simulation().trajectory(network, stream=seed, pose=scene.pose, seconds=seconds)

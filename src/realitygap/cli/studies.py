@@ -83,16 +83,12 @@ def print_scores(tables: Sequence[ScoreTable]) -> None:
     """Tables 1 and 2 by their averages."""
     rows = [
         [
-            table.task,
-            one.name,
-            table.kind or "–",
+            table.task, one.name, table.kind or "–",
             *("–" if mean is None else f"{mean.value:.1f}" for mean in map(one.mean, SCORES)),
             *(f"{value:g}" for value in one.paper_average or ()),
         ]
-        for table in tables
-        for one in table.classes
-        if one.marks
-    ]
+        for table in tables for one in table.classes if one.marks
+    ]  # fmt: skip
     if rows:
         click.echo()
         paper = tuple(f"paper's {name}" for name in SCORES)

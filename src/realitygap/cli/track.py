@@ -3,37 +3,31 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from realitygap.cli import option
 from realitygap.cli.kinds import FileToWrite
-from realitygap.cli.options import as_json
 from realitygap.cli.output import print_json, warn
-from realitygap.cli.progress import ProgressLine
+from realitygap.cli.progress import FILM_AFTER_S, ProgressLine
 from realitygap.errors import TrackError
 
 if TYPE_CHECKING:
     from realitygap.film.tracker import Tracked
 
-__all__ = ["FilmLine", "track"]
-
-SHOWN_AFTER_S = 2.0
-"""Shorter work shows no progress."""
+__all__ = ["track"]
 
 
 @click.command()
 @click.argument("film", type=click.Path())
 @click.option("--camera", required=True, metavar="FILE", help="Calibration of the camera (camera.json).")
-@click.option("--disk", metavar="FILE", help="The disk's TOML file [default: the shipped disk].")
-@click.option(
-    "--out", type=FileToWrite(".csv"), required=True, metavar="FILE", help="Write the track there (.csv)."
-)
-@click.option(
-    "--tails", type=FileToWrite(".png"), metavar="FILE", help="Draw tails over the last frame there (.png)."
-)
-@as_json
+@option.disk
+@click.option("--out", type=FileToWrite(".csv"), required=True, help="Write the track there (.csv).")
+@click.option("--tails", type=FileToWrite(".png"), help="Draw tails over the last frame there (.png).")
+@option.as_json
 def track(film: str, camera: str, disk: str | None, out: Path, tails: Path | None, json_output: bool) -> None:
     """Track the robot in FILM.
 
@@ -52,8 +46,8 @@ def track(film: str, camera: str, disk: str | None, out: Path, tails: Path | Non
 
     model, worn = load_camera(camera), load_disk(disk)
     begun = time.perf_counter()
-    with FilmLine("tracking") as line:
-        tracked = track_film(film, model, worn, line.frames)
+    with ProgressLine(FILM_AFTER_S) as line:
+        tracked = track_film(film, model, worn, partial(line.frames, "tracking"))
     seconds = time.perf_counter() - begun
     tracked.track.write_csv(out)
     if tails is not None:
@@ -98,24 +92,3 @@ def _print(tracked: Tracked, seconds: float) -> None:
         click.echo(f"lost in {rows.lost} frames: {listed}{more}")
     if tracked.trouble is not None:
         click.echo(f"warning: {tracked.trouble}; what could be read is kept.", err=True)
-
-
-class FilmLine(ProgressLine):
-    """Progress of work on frames: a line once it has taken longer than a moment."""
-
-    def __init__(self, phase: str) -> None:
-        super().__init__()
-        self._says, self._begun, self._open = phase, time.monotonic(), False
-
-    def __enter__(self) -> FilmLine:
-        return self
-
-    def frames(self, done: int, total: int | None) -> None:
-        """Show how many frames are done."""
-        if time.monotonic() - self._begun < SHOWN_AFTER_S and not self._open:
-            return
-        if not self._open:
-            self._open = True
-            super().__enter__()
-        whole = max(total or done, done)
-        self._show(self._says, done, whole, "frames", done == whole)

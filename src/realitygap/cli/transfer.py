@@ -6,46 +6,29 @@ import math
 import shlex
 import sys
 from functools import partial
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from realitygap.cli import option
 from realitygap.cli.estimate import consider
 from realitygap.cli.failure import StoppedError
-from realitygap.cli.kinds import SECONDS, Whole
-from realitygap.cli.options import as_json, baud_option, seed_option, twin_noise_option, workers_option
-from realitygap.cli.output import print_json, print_table
+from realitygap.cli.kinds import Whole
+from realitygap.cli.output import print_json, print_table, shown
 from realitygap.cli.progress import ProgressLine
-from realitygap.cli.trust import ask_trust, trust_option
+from realitygap.cli.trust import ask_trust
 from realitygap.errors import RobotStoppedError, StudyInterruptedError
 
 if TYPE_CHECKING:
     from realitygap.transfer.plan import Situation
     from realitygap.transfer.run import Transferred
     from realitygap.values import Pose
-    from realitygap.work.progress import Progress
     from realitygap.work.workers import Workers
 
 __all__ = ["print_transfers", "transfer"]
 
 NEAR_CM, NEAR_DEG = 3.0, 20.0
 """A robot that is seen farther than this from its start is asked about."""
-
-
-class TransferLine(ProgressLine):
-    """Progress that does not begin to show before there is some: a person may be asked things first."""
-
-    _open = False
-
-    def __enter__(self) -> Self:
-        return self
-
-    def show(self, event: Progress) -> None:
-        """Show how far a transfer is."""
-        if not self._open:
-            self._open = True
-            super().__enter__()
-        super().show(event)
 
 
 SIDES = (
@@ -63,69 +46,41 @@ SIDES = (
     "robots",
     multiple=True,
     required=True,
-    metavar="R",
     help="twin:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT, epuck:PORT, epuck2:HOST, or a "
     "body of your own, file.py:Class; may be repeated.",
 )
 @click.option(
-    "--starts",
-    type=Whole(1, 10**6),
-    default=1,
-    show_default=True,
-    metavar="N",
-    help="Trials of each run, each from its own start.",
+    "--starts", type=Whole(1, 10**6), default=1, help="Trials of each run, each from its own start."
 )
 @click.option(
     "--individual",
     type=click.Choice(["champion", "fittest"]),
     default="champion",
-    show_default=True,
     help="champion (retested), or fittest (as in the paper).",
 )
-@click.option("--film/--no-film", default=False, show_default=True, help="Keep a film and track it.")
+@click.option("--film/--no-film", default=False, help="Keep a film and track it.")
 @click.option(
     "--watch/--no-watch",
     default=True,
-    show_default=True,
     help="Take paths from the overhead camera; otherwise from the wheel counters, which miss slip.",
 )
 @click.option("--camera", metavar="FILE", help="Calibration of the live camera (camera.json).")
 @click.option(
-    "--eye",
-    metavar="DEVICE",
-    help="The live camera over a real robot: its number, a video file or a stream.",
+    "--eye", metavar="DEVICE", help="The live camera over a real robot: its number, a video file or a stream."
 )
 @click.option(
     "--disk",
     metavar="FILE",
     help="TOML file of the disk that a real robot wears [default: the shipped disk].",
 )
-@twin_noise_option()
-@seed_option(None, " [default: the study's]")
-@click.option("--seconds", type=SECONDS, metavar="S", help="Length of a trial [default: the task's own].")
-@baud_option()
-@workers_option
-@trust_option
-@as_json
-def transfer(
-    study: str,
-    runs: tuple[str, ...],
-    robots: tuple[str, ...],
-    starts: int,
-    individual: str,
-    film: bool,
-    watch: bool,
-    camera: str | None,
-    eye: str | None,
-    disk: str | None,
-    twin_noise: float | None,
-    seed: int | None,
-    seconds: float | None,
-    baud: str,
-    workers: Workers,
-    trust: bool,
-    json_output: bool,
-) -> None:
+@option.twin_noise()
+@option.seed(None, " [default: the study's]")
+@option.seconds
+@option.baud()
+@option.workers
+@option.trust
+@option.as_json
+def transfer(study: str, workers: Workers, trust: bool, json_output: bool, **words: Any) -> None:
     """Drive a robot with evolved individuals of STUDY.
 
     Each RUN (a number or a name; omitted: all finished runs) drives each robot from --starts poses and
@@ -144,15 +99,12 @@ def transfer(
 
     ask_trust(study, trust)
     loaded = load_study(study)
-    consider(trials=(len(runs) or len(loaded.runs)) * len(robots) * starts, workers=workers)
-    options = Transfer(
-        runs=runs, robots=robots, starts=starts, individual=individual, film=film, watch=watch,
-        twin_noise=twin_noise, seed=seed, seconds=seconds, baud=None if baud == "any" else int(baud),
-        camera=camera, eye=eye, disk=disk,
-    )  # fmt: skip
-    attendant = Attendant(partial(_carry, seen=eye is not None), _found)
+    options = Transfer(**words)
+    trials = (len(options.runs) or len(loaded.runs)) * len(options.robots) * options.starts
+    consider(trials=trials, workers=workers)
+    attendant = Attendant(partial(_carry, seen=options.eye is not None), _found)
     try:
-        with TransferLine() as line:
+        with ProgressLine(after_s=0) as line:  # a person may be asked things first
             made = run_transfer(loaded, options, workers=workers, attendant=attendant, on_progress=line.show)
     except (KeyboardInterrupt, StudyInterruptedError, click.Abort) as stop:
         raise StoppedError(_stopped(stop, study)) from None
@@ -167,16 +119,11 @@ def print_transfers(made: list[Transferred]) -> None:
     """A line a trial."""
     rows = [
         [
-            one.robot,
-            one.name,
-            one.start,
-            f"{one.fitness_simulated:.3g}",
-            "–" if math.isnan(one.fitness_situated) else f"{one.fitness_situated:.3g}",
-            one.situated_from,
-            one.late_steps,
+            one.robot, one.name, one.start, shown(one.fitness_simulated), shown(one.fitness_situated),
+            one.situated_from, one.late_steps,
         ]
         for one in made
-    ]
+    ]  # fmt: skip
     print_table(("robot", "run", "start", "simulated", "situated", "path from", "late steps"), rows)
 
 

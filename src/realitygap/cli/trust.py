@@ -3,24 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from realitygap.cli.output import at_terminal
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-__all__ = ["ask_trust", "trust_option"]
-
-Decorated = TypeVar("Decorated", bound="Callable[..., Any]")
-
-
-def trust_option(command: Decorated) -> Decorated:
-    """`--trust`."""
-    says = "Run task files of a study made elsewhere: they are programs."
-    return click.option("--trust", is_flag=True, help=says)(command)
+__all__ = ["ask_trust"]
 
 
 def ask_trust(study: str, trust: bool) -> None:

@@ -1,0 +1,139 @@
+"""Options that several commands share, each checked where it is read and named when refused."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from realitygap.cli.kinds import PICTURE, SECONDS, SEED, Finite, Noise, NumberOrPool, Whole
+from realitygap.robots.address import BAUD_RATES
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from realitygap.values import Pose
+    from realitygap.world.arena import Arena
+    from realitygap.world.profile import Profile
+
+__all__ = [
+    "Numbers", "arena", "as_json", "base", "baud", "checked_pose", "disk", "evaluations", "given", "noise",
+    "out", "picture", "pose", "profile", "resume", "runs", "seconds", "seed", "task", "trust", "twin_noise",
+    "workers",
+]  # fmt: skip
+
+BAUDS = tuple(map(str, BAUD_RATES))
+LARGEST_SCALE = 10.0
+"""A twin that is noisier than that can hardly be steered."""
+
+Numbers = tuple[float, float, float]
+"""A pose as it is typed: x and y in cm, heading in degrees."""
+Decorated = TypeVar("Decorated", bound="Callable[..., Any]")
+
+as_json = click.option("--json", "json_output", is_flag=True, help="Print JSON, and nothing else.")
+arena = click.option(
+    "--arena", metavar="A", help="Arena instead of the task's: a shipped arena's name or a TOML file."
+)
+base = click.option(
+    "--base",
+    metavar="P",
+    help="Robot of your own: its rough profile, a TOML file: radius, heights, top command and speed.",
+)
+disk = click.option("--disk", metavar="FILE", help="The disk's TOML file [default: the shipped disk].")
+evaluations = click.option(
+    "--evaluations", type=Whole(1, 10**9), help="Evaluations in each run [default: 1000]."
+)
+picture = click.option("--picture", type=PICTURE, help="Draw the path to FILE (.png, .svg or .pdf).")
+resume = click.option(
+    "--resume", is_flag=True, help="Continue an interrupted study to exactly the same result."
+)
+seconds = click.option("--seconds", type=SECONDS, help="Length of a trial [default: the task's own].")
+trust = click.option(
+    "--trust", is_flag=True, help="Run task files of a study made elsewhere: they are programs."
+)
+task = click.option(
+    "--task", metavar="TASK", help="Task whose arena the tracks were made in [default: guessed]."
+)
+workers = click.option(
+    "--workers",
+    type=NumberOrPool(),
+    metavar="N|FILE.py:NAME",
+    help="Worker processes [default: one per core], or a pool of your own. Never changes a result.",
+)
+"""A pool of the user's own is closed when the command ends."""
+
+
+def noise(
+    default: str | None = "observed", says: str = "", *, several: bool = False
+) -> Callable[[Decorated], Decorated]:
+    """`--noise LEVEL`; with `several` it may be repeated."""
+    says = f"Noise level: zero, observed, double or a number.{says}"
+    return click.option("--noise", type=Noise(), default=default, multiple=several, help=says)
+
+
+def seed(default: int | None = 0, says: str = "") -> Callable[[Decorated], Decorated]:
+    """`--seed S`."""
+    return click.option("--seed", type=SEED, default=default, help=f"Random seed.{says}")
+
+
+def runs(says: str) -> Callable[[Decorated], Decorated]:
+    """`--runs K`."""
+    return click.option("--runs", type=Whole(1, 10**6, "K"), help=says)
+
+
+def out(default: str) -> Callable[[Decorated], Decorated]:
+    """`--out DIR`, a study's folder."""
+    kind = click.Path(path_type=Path)
+    return click.option("--out", type=kind, default=Path(default), metavar="DIR", help="The study's folder.")
+
+
+def pose(required: bool = True) -> Callable[[Decorated], Decorated]:
+    """`--pose X Y HEADING_DEG`."""
+    says, letters = "The robot's centre (cm) and heading (degrees).", "X Y HEADING_DEG"
+    return click.option("--pose", type=Finite(), nargs=3, required=required, metavar=letters, help=says)
+
+
+def profile(default: str | None = "paper", says: str = "") -> Callable[[Decorated], Decorated]:
+    """`--profile P`."""
+    says = f"Robot: a shipped profile's name or a TOML file.{says}"
+    return click.option("--profile", default=default, metavar="P", help=says)
+
+
+def twin_noise(*aliases: str) -> Callable[[Decorated], Decorated]:
+    """`--twin-noise X`; None if omitted."""
+    kind, says = Finite(0, LARGEST_SCALE), "Noise scale of a twin or of Enki, 0 to 10 [default: 1]."
+    return click.option("--twin-noise", *aliases, "twin_noise", type=kind, metavar="X", help=says)
+
+
+def baud(
+    says: str = "Baud rate set by the robot's jumpers; any: try them all.", *, any_rate: bool = True
+) -> Callable[[Decorated], Decorated]:
+    """`--baud B`; with `any_rate` also "any", which is passed on as None."""
+    kind = click.Choice([*BAUDS, "any"] if any_rate else BAUDS)
+
+    def rate(_: click.Context, __: click.Parameter, said: str) -> int | None:
+        return None if said == "any" else int(said)
+
+    return click.option("--baud", type=kind, default="38400", callback=rate, help=says)
+
+
+def given(options: dict[str, Any]) -> dict[str, Any]:
+    """Those options that were not omitted."""
+    return {name: value for name, value in options.items() if value is not None}
+
+
+def checked_pose(numbers: Numbers, arena: Arena, profile: Profile) -> Pose:
+    """The pose, unless the robot would stand in something there."""
+    from realitygap.values import Pose
+
+    x, y, heading = numbers[0], numbers[1], math.fmod(numbers[2], 360.0)
+    radius = profile.body.radius_cm
+    obstacle = arena.obstacle_at(x, y, 0.0 if profile.body.outline_cm else radius)
+    if obstacle is not None:
+        raise click.BadParameter(
+            f"a robot of radius {radius:g} cm at ({x:g}, {y:g}) overlaps {obstacle}; choose a free place.",
+            param_hint="'--pose'",
+        )
+    return Pose.from_degrees(x, y, heading)
