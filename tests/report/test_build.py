@@ -133,7 +133,7 @@ def test_every_figure_can_be_sent_to_another_process(paper: Study, monkeypatch) 
     build_report(paper.folder)
     (figures,) = kept
     assert len(figures) == len([*figures]) > 20
-    copies = {one.name: pickle.loads(pickle.dumps(one)) for one in figures}
+    copies = {one.name: pickle.loads(pickle.dumps(one)) for one in figures.values()}
     assert len(copies) == len(figures)
     for name in ("obstacle-avoidance-arena", "light-seeking-curves", "light-seeking-paths"):
         assert copies[name].save(None) == figures[name].save(None)

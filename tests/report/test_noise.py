@@ -87,6 +87,15 @@ def said(out: Path) -> str:
     return str(noise_summary(out)["paragraph"])
 
 
+def test_a_robot_of_ones_own_is_called_a_robot(built: Path, tmp_path: Path) -> None:
+    """Where a robot of the user's own drove, nothing on its page speaks of a twin."""
+    shutil.copytree(built / "results", tmp_path / "results")
+    lines("study.toml", lambda rows: ['robot = "my_robot.py:Mine"', *rows])(tmp_path / "results")
+    page = noise.build_noise_report(tmp_path).read_text("utf-8")
+    shown = page[page.index("<body") : page.index('<section id="made"')]
+    assert "twin" not in shown.lower() and "on the robot" in shown and "my_robot.py:Mine" in shown
+
+
 def test_nothing_found_is_said_as_plainly(tmp_path: Path) -> None:
     """Without any effect the paragraph claims none, and says that sets disagree."""
     text = said(write(study(flat, runs=8, levels=SMALL), tmp_path))
@@ -204,10 +213,10 @@ def lines(file: str, change: Callable[[list[str]], list[str]]) -> Callable[[Path
     ("spoil", "message"),
     [
         (lambda f: (f / "study.toml").unlink(), r"study\.toml: no such file"),
-        (lambda f: (f / "cells.csv").unlink(), r"cells\.csv: expected a table"),
+        (lambda f: (f / "cells.csv").unlink(), r"cells\.csv: no such file. Let the study finish"),
         (lines("cells.csv", lambda t: t[:-1]), r"every controller at every level, got none at 2 for light"),
         (lines("cells.csv", lambda t: [*t, t[1]]), r"cells\.csv, line \d+: expected each controller once"),
-        (lines("cells.csv", lambda t: [t[0].replace("layout", "lay"), *t[1:]]), "expected a column layout"),
+        (lines("cells.csv", lambda t: [t[0].replace("layout", "lay"), *t[1:]]), "expected columns .*layout"),
         (lines("cells.csv", lambda t: [t[0], t[1].replace(",0.0,", ",x,"), *t[2:]]), "line 2: .*number.*'x'"),
         (lines("cells.csv", lambda t: [t[0], t[1].replace(",0.0,", ",3,"), *t[2:]]), "study's levels 0, 1"),
         (lines("controllers.csv", lambda t: t[:1]), "expected a row for each controller"),

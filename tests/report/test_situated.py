@@ -174,7 +174,7 @@ def _situated(study: Study, task: str, names: list[str] | None = None) -> Situat
     figures, scene = Figures(), Scene.of(part.task, study.profile)
     made = make_situated(part, pairs_of(study, parts)[task], scene, "", figures, report)
     if names is not None:
-        names += [picture.name for picture in figures]
+        names += figures
     return made
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from realitygap.cli.option import as_json
-from realitygap.cli.output import print_json
+from realitygap.cli.output import tell
 
 __all__ = ["arena"]
 
@@ -36,7 +36,4 @@ def show(name: str, json_output: bool) -> None:
     from realitygap.world.arena import load_arena
 
     loaded = load_arena(name)
-    if json_output:
-        print_json(loaded.to_dict())
-    else:
-        click.echo(loaded.to_toml().rstrip())
+    tell(json_output, loaded.to_dict(), loaded.to_toml().rstrip())

@@ -11,7 +11,7 @@ from realitygap.cli import option
 from realitygap.cli.estimate import consider
 from realitygap.cli.failure import StoppedError
 from realitygap.cli.kinds import Whole
-from realitygap.cli.output import print_json
+from realitygap.cli.output import tell
 from realitygap.cli.progress import ProgressLine
 from realitygap.errors import RobotStoppedError, StudyInterruptedError
 
@@ -91,10 +91,8 @@ def noise(out: Path, workers: Workers, resume: bool, json_output: bool, **option
         again = resuming(config, out)
         raise StoppedError(f"stopped; what is done is kept in {out}; resume with `{again}`") from None
     summary = noise_summary(out)
-    if json_output:
-        print_json({"study": str(out), "results": str(results), "report": str(page), **summary})
-        return
-    click.echo(f"{summary['paragraph']}\n\nresults {results}\nreport  {page}")
+    facts = {"study": str(out), "results": str(results), "report": str(page), **summary}
+    tell(json_output, facts, f"{summary['paragraph']}\n\nresults {results}\nreport  {page}")
 
 
 def _config(out: Path, resume: bool, options: dict[str, Any]) -> NoiseConfig:

@@ -10,7 +10,7 @@ from typing import Any, Self
 
 import click
 
-__all__ = ["Figure", "at_terminal", "plain", "print_json", "print_table", "shown", "warn"]
+__all__ = ["Figure", "at_terminal", "plain", "print_json", "print_table", "shown", "tell", "warn"]
 
 
 def plain(value: Any) -> Any:
@@ -29,6 +29,15 @@ def plain(value: Any) -> Any:
 def print_json(value: Any) -> None:
     """`value` on stdout as one JSON document."""
     click.echo(json.dumps(plain(value), allow_nan=False))
+
+
+def tell(json_output: bool, value: Any, *lines: str) -> None:
+    """What a command found on stdout: `value` as JSON, or in lines of plain text."""
+    if json_output:
+        print_json(value)
+        return
+    for line in lines:
+        click.echo(line)
 
 
 def warn(warnings: Iterable[str]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from realitygap.cli import option
-from realitygap.cli.output import print_json
+from realitygap.cli.output import tell
 from realitygap.cli.progress import ProgressLine
 from realitygap.cli.trust import ask_trust
 
@@ -36,7 +36,4 @@ def report(study: str, trust: bool, json_output: bool) -> None:
         marks_of(loaded, on_progress=progress.marks)
         page = build_report(study, workers=None, on_progress=progress.report)
         tables = study_tables(loaded)
-    if json_output:
-        print_json({"report": str(page), "tables": [table.to_dict() for table in tables]})
-    else:
-        click.echo(f"report {page}")
+    tell(json_output, {"report": str(page), "tables": [t.to_dict() for t in tables]}, f"report {page}")

@@ -16,7 +16,7 @@ from realitygap.report.page import Figures, OnProgress, Steps, noise_key, report
 from realitygap.report.player import player_data, player_json
 from realitygap.report.robots import robot_figure
 from realitygap.report.sections import Section, Sections
-from realitygap.report.tables import rows_of
+from realitygap.report.statistics import mean_of
 from realitygap.report.transfers import pairs_of
 from realitygap.study.load import Study, load_study
 from realitygap.transfer.score_rows import marks_of
@@ -76,7 +76,7 @@ def _told(study: Study, parts: Sequence[TaskPart]) -> dict[str, object]:
         "departures": departures(study.profile),
         "key": noise_key(dict(levels)),
         "config": study.config,
-        "rows": rows_of,
+        "mean_of": mean_of,
         "per_condition": 2 * PER_CONDITION,
         "sheet_runs": PER_CONDITION,
         "total": len(study.runs),

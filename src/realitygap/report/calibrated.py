@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from realitygap.report.lead import twin_unit
 from realitygap.report.noise.results import real_misfits
 from realitygap.report.page import Figures, Picture, Words
 from realitygap.report.style import GRID, INK, MUTED, PAGE, new_figure
@@ -92,10 +93,10 @@ def _said(study: Study, kept: bool) -> str:
     """Where the constants come from."""
     profile = study.profile
     where = profile.provenance
-    unit = profile.name.removeprefix("twin-")
+    unit = twin_unit(profile)
     robot = (
         f"unit {unit} of the twin, a physics stand-in for the robot (pseudo-reality), through its serial line"
-        if profile.name.startswith("twin-") and unit.isdecimal()
+        if unit
         else f"the robot of profile {profile.name}"
     )
     readings = sum(int(file.readings) for file in where.files)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -10,8 +11,8 @@ from typing import TYPE_CHECKING
 from realitygap.calibration.judge import LIMITS
 from realitygap.calibration.recordings.recording import WheelRecording
 from realitygap.report import calibration_figures as draw
+from realitygap.report.noise.results import real_misfits
 from realitygap.report.page import Figures, OnProgress, Picture, Steps, Words, write_page
-from realitygap.world.profile import load_profile
 
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
@@ -72,10 +73,7 @@ def write_calibration_page(made: Calibration, target: Path, on_progress: OnProgr
 
 def _sensors(fit: ChannelFit, figures: Figures) -> _Part:
     part = _Part(name=fit.kind, title=TITLES[fit.kind], sentences=_read(fit))
-    forms = [
-        [name, f"{rmse:.1f}", "fitted" if name == fit.form else ""] for name, rmse in fit.by_form.items()
-    ]
-    part.tables.append(_Table(title="All forms side by side", head=["form", "RMSE, counts", ""], rows=forms))
+    part.tables.append(_forms(fit.by_form, fit.form, "counts", 1))
     limit = LIMITS[fit.kind]
     rows = [
         [
@@ -103,10 +101,14 @@ def _sensors(fit: ChannelFit, figures: Figures) -> _Part:
     return part
 
 
+def _forms(rmse: Mapping[str, float], fitted: str, unit: str, places: int) -> _Table:
+    rows = [[name, f"{value:.{places}f}", "fitted" if name == fitted else ""] for name, value in rmse.items()]
+    return _Table(title="All forms side by side", head=["form", f"RMSE, {unit}", ""], rows=rows)
+
+
 def beside_real(kind: str) -> str:
     """What such a fit leaves of a real robot's tables: a twin is easier to model."""
-    fits = load_profile("khepera").provenance.fits
-    ratios = [f"{fit.ratio:.2f}" for fit in fits if fit.channel == kind]
+    ratios = [f"{real.ratio:.2f}" for real in real_misfits() if real.channel == kind]
     return "".join(f"Tables of a real Khepera (profile khepera) leave {ratio}. " for ratio in ratios)
 
 
@@ -140,23 +142,19 @@ def _read(fit: ChannelFit) -> list[str]:
 
 def _wheels(fit: WheelFit, recording: WheelRecording, figures: Figures) -> _Part:
     part = _Part(name="wheels", title="Wheels")
-    forms = [[name, f"{rmse:.3f}", "fitted" if name == fit.form else ""] for name, rmse in fit.rmse.items()]
-    part.tables.append(_Table(title="All forms side by side", head=["form", "RMSE, cm/s", ""], rows=forms))
+    part.tables.append(_forms(fit.rmse, fit.form, "cm/s", 3))
     rows = [[c.key, f"{c.value:.5g}", f"{c.low:.5g} to {c.high:.5g}"] for c in fit.constants]
     part.tables.append(_Table(title="Constants", head=["constant", "value", "95 % interval"], rows=rows))
     if fit.friction is not None:
         part.sentences.append(
             f"Of {fit.friction.starts} standing starts the threshold of friction lies between "
-            f"{fit.friction.low:.1f} and "
-            f"{fit.friction.high:.1f} cm/s²."
+            f"{fit.friction.low:.1f} and {fit.friction.high:.1f} cm/s²."
         )
     if fit.odometry is not None:
-        part.sentences.append(
-            f"Told to drive straight, it drifts {fit.odometry.drift_deg_per_m:+.1f}° a metre."
-        )
-        part.sentences.append(
-            f"Slip is {fit.odometry.slip:.1%} of the way of a step, which counters cannot see."
-        )
+        part.sentences += [
+            f"Told to drive straight, it drifts {fit.odometry.drift_deg_per_m:+.1f}° a metre.",
+            f"Slip is {fit.odometry.slip:.1%} of the way of a step, which counters cannot see.",
+        ]
     told = Words(
         "Speed steps, measured and modelled.",
         "Steps of the left wheel: mean speed of each 100 ms by its counter, and the model's.",

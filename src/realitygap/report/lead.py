@@ -14,7 +14,7 @@ from realitygap.world.files import shipped
 from realitygap.world.noise import NOISE_LEVELS, noise_name
 from realitygap.world.profile import Profile, load_profile
 
-__all__ = ["departures", "is_paper", "lead"]
+__all__ = ["departures", "is_paper", "lead", "twin_unit"]
 
 FOUND = {
     "torus": "evolved by the paper’s distributed genetic algorithm",
@@ -74,6 +74,12 @@ def departures(profile: Profile) -> str:
     return ", and ".join(words for words in told if words)
 
 
+def twin_unit(profile: Profile) -> str:
+    """The number of the twin's unit that a profile was calibrated to, by its name; "" for other robots."""
+    start, _, unit = profile.name.partition("-")
+    return unit if start == "twin" and unit.isdecimal() else ""
+
+
 def _other_rates(config: StudyConfig) -> bool:
     """Whether the operators' rates are not the usual ones."""
     return bool(config.variation != type(config.variation)())
@@ -88,12 +94,12 @@ def _is_khepera(profile: Profile) -> bool:
 
 def _robot(profile: Profile) -> str:
     """The robot in words: what is known of where its constants come from."""
-    name, unit = f"profile “{profile.name}”", profile.name.removeprefix("twin-")
+    name, unit = f"profile “{profile.name}”", twin_unit(profile)
     if profile.name in shipped("profiles"):
         constants = "the paper’s constants" if profile.name == "paper" else name
         return f"a Khepera robot ({constants})" if _is_khepera(profile) else f"the robot of a changed {name}"
     if not profile.provenance.fits:
         return f"the robot of {name}"
-    if profile.name.startswith("twin-") and unit.isdecimal():
+    if unit:
         return f"a Khepera robot, calibrated to unit {unit} of its twin"
     return f"the robot of {name}, calibrated to recordings of it"

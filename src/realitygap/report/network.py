@@ -18,11 +18,9 @@ from realitygap.report import style
 from realitygap.report.robots import draw_robot
 from realitygap.report.style import new_figure
 from realitygap.report.wiring import (
-    HIDDEN,
-    INPUT,
-    OUTPUT,
     OUTPUTS,
     UNIT_INCHES,
+    Layout,
     Link,
     Wiring,
     label_places,
@@ -60,7 +58,7 @@ def draw_network(
     laid = lay_out(wiring, robot, spots, sensors, unit)
     draw_robot(ax, robot, (0.0, 0.0, math.pi / 2), edge=style.CYLINDER)
     _draw_links(ax, wiring, laid.curves, unit)
-    _draw_neurons(ax, wiring, laid.places, sensors, unit)
+    _draw_neurons(ax, wiring, laid, sensors, unit)
     where = np.array(list(laid.places.values()))
     working = [(k, c) for k, c in zip(wiring.links, laid.curves, strict=True) if wiring.works(k)]
     labels = label_places([c for _, c in working], where, np.array(list(laid.sizes.values())), unit)
@@ -115,29 +113,23 @@ def _dot(place: np.ndarray, size: float) -> np.ndarray:
     return np.asarray(place + size * np.stack([np.cos(t), np.sin(t)], axis=1))
 
 
-def _draw_neurons(
-    ax: Axes, wiring: Wiring, places: dict[int, np.ndarray], sensors: Sequence[int], unit: float
-) -> None:
+def _draw_neurons(ax: Axes, wiring: Wiring, laid: Layout, sensors: Sequence[int], unit: float) -> None:
     """Inputs round and tinted, outputs square, hidden neurons round; number and threshold inside."""
-    for n, (x, y) in places.items():
-        pale = 1.0 if n in wiring.useful else 0.4
+    for n, (x, y) in laid.places.items():
+        pale, size = 1.0 if n in wiring.useful else 0.4, laid.sizes[n]
         shape: Patch
         if n < wiring.inputs:
-            shape = Circle((x, y), INPUT * unit, facecolor=style.FLOOR, edgecolor=style.RAY, linewidth=1.2)
-            name = str(sensors[n]) if n < len(sensors) and sensors[n] >= 0 else "–"
+            shape = Circle((x, y), size, facecolor=style.FLOOR, edgecolor=style.RAY, linewidth=1.2)
         elif n < wiring.inputs + wiring.outputs:
-            half, place = OUTPUT * unit, n - wiring.inputs
-            shape = Rectangle((x - half, y - half), 2 * half, 2 * half, facecolor=style.PAPER)
+            shape = Rectangle((x - size, y - size), 2 * size, 2 * size, facecolor=style.PAPER)
             shape.set(edgecolor=style.INK, linewidth=1.2)
-            name = "LR"[place] if place < 2 else str(n)
         else:
-            shape = Circle((x, y), HIDDEN * unit, facecolor=style.PAPER, edgecolor=style.INK, linewidth=1.0)
-            name = str(n)
+            shape = Circle((x, y), size, facecolor=style.PAPER, edgecolor=style.INK, linewidth=1.0)
         ax.add_patch(shape)
         shape.set(zorder=9, alpha=pale if n >= wiring.inputs else None)
         text = partial(ax.text, x, ha="center", va="center", zorder=10, alpha=pale)
         threshold = n in wiring.thresholds
-        text(y + 0.11 * unit * threshold, name, fontsize=7.5, fontweight="bold")
+        text(y + 0.11 * unit * threshold, _name(n, wiring, sensors), fontsize=7.5, fontweight="bold")
         if threshold:
             text(y - 0.17 * unit, f"θ {_signed(wiring.thresholds[n])}", fontsize=6.2)
 
@@ -226,9 +218,9 @@ def network_drawing(genes: Genes, task: Task, profile: Profile) -> tuple[dict[st
 
 
 def _name(slot: int, wiring: Wiring, sensors: Sequence[int]) -> str:
-    """A sensor's number, the wheel, or the slot of a hidden neuron."""
+    """A sensor's number (a dash: none feeds it), the wheel, or the slot of a hidden neuron."""
     if slot < wiring.inputs:
-        return str(sensors[slot])
+        return str(sensors[slot]) if slot < len(sensors) and sensors[slot] >= 0 else "–"
     return "LR"[slot - wiring.inputs] if slot < wiring.inputs + OUTPUTS else str(slot)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -64,8 +64,8 @@ class Picture:
             return save_figure(self.draw(), folder, self.name, dpi=dpi)
 
 
-class Figures:
-    """The figures of a page, in the order in which they were asked for: one list says which there are.
+class Figures(dict[str, Picture]):
+    """The figures of a page by name, in the order in which they were asked for: it says which there are.
 
     Attributes:
         workers: who draws them.
@@ -73,22 +73,11 @@ class Figures:
 
     def __init__(self, workers: Workers = 1) -> None:
         self.workers = workers
-        self._pictures: dict[str, Picture] = {}
 
     def add(self, name: str, draw: Callable[[], Figure], words: Words, label: str = "") -> Picture:
         """Another figure, to be drawn with all the others."""
-        picture = Picture(name=name, draw=draw, words=words, label=label)
-        self._pictures[name] = picture
-        return picture
-
-    def __getitem__(self, name: str) -> Picture:
-        return self._pictures[name]
-
-    def __iter__(self) -> Iterator[Picture]:
-        return iter(self._pictures.values())
-
-    def __len__(self) -> int:
-        return len(self._pictures)
+        self[name] = Picture(name=name, draw=draw, words=words, label=label)
+        return self[name]
 
 
 class Drawing:
@@ -139,7 +128,7 @@ def draw_all(figures: Figures, folder: Path | None, step: Steps) -> dict[str, st
         drawn[message[0]] = message[1]
 
     with opened(1 if len(figures) <= FEW else figures.workers) as pool:
-        pool.work(Setup(Drawing, (folder,)), figures, heard)
+        pool.work(Setup(Drawing, (folder,)), figures.values(), heard)
     return drawn
 
 
@@ -171,7 +160,7 @@ def write_page(
     for name, text in (tables or {}).items():
         whole.write(target.parent / "tables" / f"{name}.csv", text)
     drawn = draw_all(figures, None if tables is None else target.parent / "figures", step)
-    svgs = {one.name: Markup(inline_svg(drawn[one.name], one.name, one.words.alt)) for one in figures}
+    svgs = {name: Markup(inline_svg(drawn[name], name, one.words.alt)) for name, one in figures.items()}
     loader = FileSystemLoader(Path(__file__).parent / "templates")
     environment = Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
     html = environment.get_template(template).render(**facts, svgs=svgs)

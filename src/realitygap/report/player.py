@@ -19,7 +19,7 @@ from realitygap.report.network import network_drawing
 from realitygap.report.player_tracks import Inside, activity, poses_of, track
 from realitygap.report.robots import WHEEL_CM, front
 from realitygap.report.style import noise_styles
-from realitygap.report.tables import NoiseClass, Row, number
+from realitygap.report.tables import NoiseClass, Row
 from realitygap.report.transfers import Pair, robots_of
 from realitygap.robots.recording import Recording
 from realitygap.study.load import Study
@@ -104,15 +104,11 @@ class _Gather:
         """A task: its arena, the sensors it feeds, its noise levels."""
         task = part.task
         return {
-            "name": task.name,
-            "title": task.title,
-            "unit": task.fitness_unit,
-            "feeds": task.feeds,
-            "unit_cm": _unit_cm(task),
-            "arena": _arena(task.arena),
+            "name": task.name, "title": task.title, "unit": task.fitness_unit, "feeds": task.feeds,
+            "unit_cm": _unit_cm(task), "arena": _arena(task.arena),
             "sensors": _sensors(task, self.study.profile),
             "noises": [self.noise(part, c, pairs) for c in part.conditions if c.begun],
-        }
+        }  # fmt: skip
 
     def noise(self, part: TaskPart, condition: NoiseClass, pairs: Sequence[Pair]) -> Json:
         """A noise level's runs; `shown` is the one that the figures show."""
@@ -140,12 +136,8 @@ class _Gather:
         )
         trials = [self.transfer(part, pair, cast) for pair in there[:MOST_TRIALS]]
         name = f"#{row.index}" + ("" if row.finished else ", unfinished")
-        return {
-            "name": name,
-            "link": row.name,
-            "network": drawing,
-            "trials": trials or [self.alone(part, condition, row, cast)],
-        }
+        trials = trials or [self.alone(part, condition, row, cast)]
+        return {"name": name, "link": row.name, "network": drawing, "trials": trials}
 
     def alone(self, part: TaskPart, condition: NoiseClass, row: Row, cast: _Cast) -> Json:
         """A run that drove no robot: its trial in the simulation, as the figures of paths show it."""
@@ -157,20 +149,16 @@ class _Gather:
 
     def transfer(self, part: TaskPart, pair: Pair, cast: _Cast) -> Json:
         """One transfer: both drives, as far as they are known."""
-        replay, table = self.replays.of(pair.folder), part.table
-        scores = ["–" if v != v else number(v / table.scale, table.places) for v in pair.fitness]
+        replay = self.replays.of(pair.folder)
+        scores = [part.table.text(value) for value in pair.fitness]
         known = replay.simulated
         path = read_track(pair.folder / SIMULATED) if known is None else known.track
         simulated = cast.drive("simulated", scores[0], path, known, replay.genes)
         path = read_track(pair.folder / SITUATED)
         situated = cast.drive(pair.where, scores[1], path, replay.situated, replay.genes)
         who = "" if pair.individual == "champion" else f"{pair.individual}/"
-        return {
-            "name": f"{pair.where}, start {pair.start}",
-            "link": f"{pair.robot}/{who}start-{pair.start}",
-            "simulated": simulated,
-            "situated": situated,
-        }
+        name, link = f"{pair.where}, start {pair.start}", f"{pair.robot}/{who}start-{pair.start}"
+        return {"name": name, "link": link, "simulated": simulated, "situated": situated}
 
 
 def _unit_cm(task: Task) -> float:

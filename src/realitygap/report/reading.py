@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from realitygap.report.scores import SCORES, ScoreClass, ScoreTable
-from realitygap.report.statistics import Mean, difference, mean_of
-from realitygap.report.tables import NoiseClass, Table, number
+from realitygap.report.statistics import difference, mean_of
+from realitygap.report.tables import Table, counted
 from realitygap.report.transfers import ROBOT, Group
 
 __all__ = ["read_scores", "read_table", "read_transfers"]
@@ -18,11 +18,6 @@ def read_table(table: Table) -> list[str]:
     """A few sentences on a table; fewer where an unfinished study leaves it empty."""
     sentences = [_overrating(table), _order(table), _champions(table), *_robustness(table)]
     return [sentence for sentence in sentences if sentence]
-
-
-def _words(table: Table, value: float) -> str:
-    """A fitness in the table's unit, which is named once, above the sentences."""
-    return number(value / table.scale, table.places)
 
 
 def _pairs(table: Table, who: str) -> list[tuple[float, float]]:
@@ -46,15 +41,15 @@ def _overrating(table: Table) -> str:
     share = f" ({abs(gap) / stored:.0%})" if stored > 0 else ""
     if gap > 0:
         verdict = (
-            f"{_words(table, gap)} less{share}: the highest of many noisy fitnesses is partly luck, "
+            f"{table.text(gap)} less{share}: the highest of many noisy fitnesses is partly luck, "
             "which is why the tables show fresh trials."
         )
     else:
-        verdict = f"{_words(table, -gap)} more{share}."
+        verdict = f"{table.text(-gap)} more{share}."
     return (
-        f"The fittest individuals’ stored fitness is {_words(table, stored)} on average over "
-        f"{_runs(len(pairs))}; "
-        f"on fresh trials at the noise they evolved under they score {_words(table, fresh)}, {verdict}"
+        f"The fittest individuals’ stored fitness is {table.text(stored)} on average over "
+        f"{counted(len(pairs), 'run')}; "
+        f"on fresh trials at the noise they evolved under they score {table.text(fresh)}, {verdict}"
     )
 
 
@@ -67,17 +62,17 @@ def _order(table: Table) -> str:
     ranked = sorted(((one, m) for one, m in ranked if m.size), key=lambda pair: -pair[1].mean())
     if len(ranked) < 2:
         return ""
-    listed = ", ".join(f"{one.name} noise {_words(table, float(m.mean()))}" for one, m in ranked)
+    listed = ", ".join(f"{one.name} noise {table.text(float(m.mean()))}" for one, m in ranked)
     tested = table.levels[level]
     text = f"Tested at {tested} noise, the fittest individuals by the noise they evolved under: {listed}."
     gap = difference(ranked[0][1], ranked[-1][1])
     if gap is None:
         return text + " One run each does not tell them apart."
-    return f"{text} First and last differ by {_interval(table, gap)} (95 % interval): " + (
-        f"more than the spread among {_runs(len(ranked[0][1]))} explains, though they were picked as the "
-        "extremes."
+    return f"{text} First and last differ by {' '.join(table.show(gap))} (95 % interval): " + (
+        f"more than the spread among {counted(len(ranked[0][1]), 'run')} explains, though they were picked "
+        "as the extremes."
         if gap.value - gap.half > 0
-        else f"with {_runs(len(ranked[0][1]))} each this does not tell them apart."
+        else f"with {counted(len(ranked[0][1]), 'run')} each this does not tell them apart."
     )
 
 
@@ -93,9 +88,9 @@ def _champions(table: Table) -> str:
     ahead = int((champion > fittest).sum())
     word = "more" if gain.value >= 0 else "less"
     return (
-        f"The retested champion scores higher than the fittest in {ahead} of {_runs(len(fittest))}, "
+        f"The retested champion scores higher than the fittest in {ahead} of {counted(len(fittest), 'run')}, "
         "on average "
-        f"{_words(table, abs(gain.value))} {word} at the noise both evolved under."
+        f"{table.text(abs(gain.value))} {word} at the noise both evolved under."
     )
 
 
@@ -104,36 +99,14 @@ def _robustness(table: Table) -> list[str]:
     if len(table.levels) < 2:
         return []
     low, high = min(table.levels), max(table.levels)
-    parts = [_change(table, one, low, high) for one in table.classes]
-    parts = [part for part in parts if part]
-    if not parts:
-        return []
-    return [
-        f"From {table.levels[low]} to {table.levels[high]} noise the fittest individuals go: "
-        + "; ".join(parts)
-        + "."
-    ]
-
-
-def _change(table: Table, one: NoiseClass, low: float, high: float) -> str:
-    """ "evolved at zero noise, from a to b"."""
-    before, after = one.means("fittest", low), one.means("fittest", high)
-    if not before.size or not after.size:
-        return ""
-    return (
-        f"evolved at {one.name} noise, from {_words(table, float(before.mean()))} "
-        f"to {_words(table, float(after.mean()))}"
+    ends = [(one.name, one.mean("fittest", low), one.mean("fittest", high)) for one in table.classes]
+    parts = "; ".join(
+        f"evolved at {name} noise, from {table.text(before.value)} to {table.text(after.value)}"
+        for name, before, after in ends
+        if before and after
     )
-
-
-def _interval(table: Table, mean: Mean) -> str:
-    """A difference with its 95 % interval."""
-    return f"{_words(table, mean.value)} ± {_words(table, mean.half)}"
-
-
-def _runs(count: int) -> str:
-    """ "1 run", "5 runs"."""
-    return f"{count} run" + ("" if count == 1 else "s")
+    begins = f"From {table.levels[low]} to {table.levels[high]} noise the fittest individuals go"
+    return [f"{begins}: {parts}."] if parts else []
 
 
 def read_scores(table: ScoreTable) -> list[str]:
@@ -187,8 +160,8 @@ def _told_transfers(table: Table, groups: Sequence[Group], kind: str) -> Iterato
         simulated, situated, drop = (group.mean(of) for of in ("simulated", "situated", "drop"))
         if simulated and situated and drop:
             parts.append(
-                f"{group.name} noise {number(simulated.value / table.scale, table.places)} simulated, "
-                f"{number(situated.value / table.scale, table.places)} situated"
+                f"{group.name} noise {table.text(simulated.value)} simulated, "
+                f"{table.text(situated.value)} situated"
             )
             drops.append((drop.value, group))
     if not parts:
@@ -201,8 +174,8 @@ def _told_transfers(table: Table, groups: Sequence[Group], kind: str) -> Iterato
         gap = difference(last.values("drop"), first.values("drop"))
         told = gap is not None and gap.value - gap.half > 0
         yield (
-            f"The drop is least at {first.name} noise ({number(least / table.scale, table.places)}) "
-            f"and largest at {last.name} noise ({number(most / table.scale, table.places)}): "
+            f"The drop is least at {first.name} noise ({table.text(least)}) "
+            f"and largest at {last.name} noise ({table.text(most)}): "
             + (
                 "more than the spread among the runs explains, though these two were picked as the extremes."
                 if told

@@ -41,19 +41,9 @@ class ScoreClass:
         """Each run's score, where it has one."""
         return [value for mark in self.marks if (value := getattr(mark, of)) is not None]
 
-    def rows(self) -> list[dict[str, object]]:
-        """For the template: ours and the paper's, row by row, then the averages."""
-        shown = self.marks[:SHOWN]
-        rows: list[dict[str, object]] = [
-            {"head": str(k + 1 if mark is None else mark.index), "ours": _ours(mark), "paper": _theirs(paper)}
-            for k, (mark, paper) in enumerate(zip_longest(shown, self.paper))
-        ]
-        printed = ("", "", "", "")
-        if self.paper_average:
-            printed = ("", f"{self.paper_average[0]:g}", "", f"{self.paper_average[1]:g}")
-        means = [_plain(self.mean(of)) for of in SCORES]
-        ours = (("", ""), means[0], ("", ""), means[1])
-        return [*rows, {"head": "average", "ours": ours, "paper": printed, "average": True}]
+    def rows(self) -> list[tuple[ScoreRow | None, PaperRow | None]]:
+        """What a page shows: ours and the paper's, side by side."""
+        return list(zip_longest(self.marks[:SHOWN], self.paper))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,27 +181,3 @@ def _average(one: ScoreClass) -> dict[str, object]:
 
 def _printed(one: ScoreClass) -> dict[str, float]:
     return dict(zip(SCORES, one.paper_average or (), strict=False))
-
-
-def _plain(mean: Mean | None) -> tuple[str, str]:
-    if mean is None:
-        return "–", ""
-    return f"{mean.value:.1f}", "" if math.isnan(mean.half) else f"± {mean.half:.1f}"
-
-
-def _ours(mark: ScoreRow | None) -> tuple[tuple[str, str], ...]:
-    """The four cells of a row of ours, each with what is said small beside it."""
-    if mark is None:
-        return (("", ""),) * 4
-    kind = (mark.type or "–", "" if mark.share is None or mark.share == 1 else f"{mark.share:.0%}")
-    behaviour = "–" if mark.behaviour is None else f"{mark.behaviour:.1f}"
-    if mark.correspondence is None:
-        return kind, (behaviour, ""), ("–", ""), ("–", "")
-    ends = "" if mark.low is None or mark.high is None else f"{mark.low:.1f} to {mark.high:.1f}"
-    return kind, (behaviour, ""), (mark.differences or "–", ""), (f"{mark.correspondence:.1f}", ends)
-
-
-def _theirs(row: PaperRow | None) -> tuple[str, ...]:
-    if row is None:
-        return ("",) * 4
-    return row.type, str(row.behaviour), row.differences, str(row.correspondence)

@@ -11,22 +11,14 @@ from functools import partial
 from pathlib import Path
 
 from realitygap import whole
+from realitygap.report import transfers
 from realitygap.report.gather import PER_CONDITION, TaskPart, chosen
 from realitygap.report.page import Figures, Picture
 from realitygap.report.paths import PathPanel, Scene, pairs_figure, sheet_figure
 from realitygap.report.reading import read_transfers
 from realitygap.report.style import SIMULATED, SITUATED
 from realitygap.report.tables import Table, number
-from realitygap.report.transfers import (
-    Group,
-    Pair,
-    groups_of,
-    kinds_of,
-    on_robot,
-    robots_of,
-    shown_pair,
-    transfers_csv,
-)
+from realitygap.report.transfers import Group, Pair
 from realitygap.report.words import about, pair_words, transfer_sheet_words
 
 __all__ = ["Film", "SituatedPart", "film_of", "make_situated"]
@@ -80,29 +72,20 @@ class SituatedPart:
 
     def csv(self, table: Table, study: Path) -> str:
         """All transfers as CSV."""
-        return transfers_csv(table, self.groups, study)
+        return transfers.transfers_csv(table, self.groups, study)
 
     def rows(self, group: Group, table: Table) -> list[dict[str, object]]:
         """A group's rows for the template, then their average."""
         rows: list[dict[str, object]] = [
             {
-                "head": f"{p.row.index}",
-                "where": p.where,
-                "start": p.start,
-                "source": p.source,
-                "cells": [(text, "") for text in _cells(p, table)],
-                "average": False,
+                "head": f"{p.row.index}", "where": p.where, "start": p.start, "source": p.source,
+                "cells": [table.show(value) for value in (*p.fitness, p.drop)], "average": False,
             }
             for p in group.pairs[:ROWS]
-        ]
+        ]  # fmt: skip
         means = [table.show(group.mean(of)) for of in ("simulated", "situated", "drop")]
         rows.append({"head": "average", "cells": means, "average": True})
         return rows
-
-
-def _cells(pair: Pair, table: Table) -> list[str]:
-    values = (*pair.fitness, pair.drop)
-    return ["–" if v != v else number(v / table.scale, table.places) for v in values]
 
 
 def make_situated(
@@ -118,14 +101,11 @@ def make_situated(
         listed: the page's figures, to which its own are added.
         report: the report's folder, into which films are copied.
     """
-    groups = groups_of(part, pairs)
-    figures: list[Picture] = []
-    sheets: list[Picture] = []
-    films: list[Film] = []
-    seen: list[Pair] = []
-    for robot in robots_of(pairs):
-        here = on_robot(pairs, robot)
-        shown = [pair for c in part.conditions if (pair := shown_pair(c, here)) is not None]
+    groups = transfers.groups_of(part, pairs)
+    figures, sheets, films, seen = list[Picture](), list[Picture](), list[Film](), list[Pair]()
+    for robot in transfers.robots_of(pairs):
+        here = transfers.on_robot(pairs, robot)
+        shown = [pair for c in part.conditions if (pair := transfers.shown_pair(c, here)) is not None]
         if not shown:
             continue
         name = f"{part.task.name}-{'pairs' if not figures else 'pairs-' + robot}"
@@ -133,16 +113,11 @@ def make_situated(
         seen += shown
         sheets += _sheet(part, here, scene, name, listed)
         films += [film for pair in shown if (film := film_of(part, pair, report)) is not None]
+    sentences = [read_transfers(part.table, groups, kind) for kind in transfers.kinds_of(pairs)]
     return SituatedPart(
-        about=about(pairs),
-        shown=seen,
-        figures=figures,
-        sheets=sheets,
-        films=films,
-        groups=groups,
-        sentences=[read_transfers(part.table, groups, kind) for kind in kinds_of(pairs)],
-        total=len(pairs),
-    )
+        about=about(pairs), shown=seen, figures=figures, sheets=sheets, films=films, groups=groups,
+        sentences=sentences, total=len(pairs),
+    )  # fmt: skip
 
 
 def _figure(
@@ -175,9 +150,8 @@ def _sheet(part: TaskPart, here: Sequence[Pair], scene: Scene, name: str, listed
         many += len(pairs)
         if pairs:
             titles = [f"{condition.name} #{p.row.index}: {{}}" for p in pairs]
-            rows.append(
-                [_panel(part, p, situated=False, title=t) for p, t in zip(pairs, titles, strict=True)]
-            )
+            above = zip(pairs, titles, strict=True)
+            rows.append([_panel(part, p, situated=False, title=title) for p, title in above])
             rows.append([_panel(part, p, situated=True, title="situated: {}") for p in pairs])
     if many <= len(part.conditions) and len(rows) == 2 * many:
         return []
@@ -197,22 +171,13 @@ def film_of(part: TaskPart, pair: Pair, report: Path) -> Film | None:
     film, link = pair.folder / "film.mp4", ""
     if film.is_file():
         link = f"films/{pair.folder.parent.name}-{pair.robot}-{pair.folder.name}.mp4"
-        _copy(film, report / link)
+        (report / link).parent.mkdir(parents=True, exist_ok=True)
+        with whole.new(report / link) as spare:
+            shutil.copyfile(film, spare)
     head = f"{part.names[pair.level]}, #{pair.row.index}"
-    return Film(
-        head=head,
-        caption=f"{pair.where}, start {pair.start}",
-        alt=f"Last frame of the film of {head} on {pair.where}, from above, with its tail in white.",
-        picture=picture,
-        size=size,
-        link=link,
-    )
-
-
-def _copy(film: Path, copy: Path) -> None:
-    copy.parent.mkdir(parents=True, exist_ok=True)
-    with whole.new(copy) as spare:
-        shutil.copyfile(film, spare)
+    alt = f"Last frame of the film of {head} on {pair.where}, from above, with its tail in white."
+    caption = f"{pair.where}, start {pair.start}"
+    return Film(head=head, caption=caption, alt=alt, picture=picture, size=size, link=link)
 
 
 def _embedded(path: Path) -> tuple[str, tuple[int, int]]:

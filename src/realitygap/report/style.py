@@ -46,16 +46,9 @@ RAY = "#b7791f"
 INHIBITORY = "#cc79a7"
 
 _VARIABLES = {
-    INK: "ink",
-    MUTED: "muted",
-    GRID: "grid",
-    PAPER: "paper",
-    FLOOR: "floor",
-    WALL: "wall",
-    CYLINDER: "cylinder",
-    BODY: "body",
-    RAY: "ray",
-}
+    INK: "ink", MUTED: "muted", GRID: "grid", PAPER: "paper", FLOOR: "floor", WALL: "wall",
+    CYLINDER: "cylinder", BODY: "body", RAY: "ray",
+}  # fmt: skip
 """Colours that the page replaces by its own, so that figures follow light and dark."""
 
 _RC: dict[RcKeyType, object] = {

@@ -6,7 +6,7 @@ Behaviour names and correspondence scores need a situated robot; these columns n
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,7 +15,7 @@ from realitygap.report.statistics import Mean, mean_of
 from realitygap.study.load import Run
 from realitygap.text import to_csv
 
-__all__ = ["WHO", "NoiseClass", "Row", "Table", "decimals", "number", "rows_of", "table_csv"]
+__all__ = ["WHO", "NoiseClass", "Row", "Table", "counted", "decimals", "number", "table_csv"]
 
 WHO = ("fittest", "champion")
 """The paper's individual (highest stored fitness) and the retested champion."""
@@ -62,6 +62,10 @@ class NoiseClass:
         """Each run's stored fitness of the fittest."""
         return np.array([row.stored for row in self.rows if row.stored is not None])
 
+    def mean(self, who: str, level: float) -> Mean | None:
+        """The mean of `means` over the runs."""
+        return mean_of(self.means(who, level))
+
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
@@ -74,6 +78,11 @@ class Table:
     levels: Mapping[float, str]
 
     @property
+    def tests(self) -> list[tuple[str, float]]:
+        """Whose fresh trials, at which noise level, in the order of the columns."""
+        return [(who, level) for who in WHO for level in self.levels]
+
+    @property
     def places(self) -> int:
         """Decimal places that show three significant digits of the largest value."""
         values = [
@@ -82,13 +91,13 @@ class Table:
         return decimals(max(values, default=1.0))
 
     def show(self, mean: Mean | float | None) -> tuple[str, str]:
-        """A value and its ± as text, in the table's unit; a dash where there is none."""
-        if mean is None:
-            return "–", ""
-        if not isinstance(mean, Mean):
-            return number(mean / self.scale, self.places), ""
-        spread = "" if math.isnan(mean.half) else f"± {number(mean.half / self.scale, self.places)}"
-        return number(mean.value / self.scale, self.places), spread
+        """A value and its ± as text, in the table's unit; a dash where there is none (or NaN)."""
+        value, half = (mean.value, mean.half) if isinstance(mean, Mean) else (mean, math.nan)
+        return self.text(value), "" if math.isnan(half) else f"± {self.text(half)}"
+
+    def text(self, value: float | None) -> str:
+        """A fitness in the table's unit; a dash where there is none (or NaN)."""
+        return "–" if value is None or math.isnan(value) else number(value / self.scale, self.places)
 
 
 def decimals(largest: float) -> int:
@@ -98,30 +107,14 @@ def decimals(largest: float) -> int:
     return int(min(6, max(0, 2 - math.floor(math.log10(largest)))))
 
 
+def counted(count: int, thing: str) -> str:
+    """ "1 run", "5 runs"."""
+    return f"{count} {thing}{'s' * (count != 1)}"
+
+
 def number(value: float, places: int) -> str:
     """A number with a true minus sign."""
     return f"{value:.{places}f}".replace("-", "−")
-
-
-def rows_of(one: NoiseClass, table: Table, most: int) -> list[dict[str, object]]:
-    """A noise class's rows for the template: few enough to read, then the average."""
-    pairs = [(who, level) for who in WHO for level in table.levels]
-
-    def cells(means: Iterable[Mean | None]) -> list[tuple[tuple[str, str], bool]]:
-        return [(table.show(mean), level == one.level) for (_, level), mean in zip(pairs, means, strict=True)]
-
-    rows: list[dict[str, object]] = [
-        {
-            "head": f"{row.index}", "stored": table.show(row.stored), "average": False,
-            "finished": row.finished, "cells": cells(row.mean(*pair) for pair in pairs),
-        }
-        for row in one.rows[:most]
-    ]  # fmt: skip
-    average = {
-        "head": "average", "stored": table.show(mean_of(one.stored())), "average": True, "finished": True,
-        "cells": cells(mean_of(one.means(*pair)) for pair in pairs),
-    }  # fmt: skip
-    return [*rows, average]
 
 
 def table_csv(table: Table) -> str:
@@ -130,18 +123,18 @@ def table_csv(table: Table) -> str:
     Columns `fittest_LEVEL_mean`, `_sd` and `_n` are over fresh trials; in an average's row they are
     over the runs' means.
     """
-    tests = [(who, level) for who in WHO for level in table.levels]
     head = ["task", "noise", "row", "run", "name", "evaluations", "finished", "stored_fitness"]
-    head += [f"{who}_{table.levels[level]}_{part}" for who, level in tests for part in ("mean", "sd", "n")]
+    head += [
+        f"{who}_{table.levels[level]}_{part}" for who, level in table.tests for part in ("mean", "sd", "n")
+    ]
     lines: list[list[object]] = [[*head]]
     for one in table.classes:
         for row in one.rows:
             run = [row.index, row.run, row.name, row.evaluations, int(row.finished), _exact(row.stored)]
-            lines.append([table.task, one.name, *run, *_cells([row.mean(*test) for test in tests])])
+            lines.append([table.task, one.name, *run, *_cells(table, row)])
         stored = mean_of(one.stored())
-        means = _cells([mean_of(one.means(*test)) for test in tests])
         average = _exact(None if stored is None else stored.value)
-        lines.append([table.task, one.name, "average", "", "", "", "", average, *means])
+        lines.append([table.task, one.name, "average", "", "", "", "", average, *_cells(table, one)])
     return to_csv(lines, end="\r\n")
 
 
@@ -150,10 +143,10 @@ def _exact(value: float | None) -> str:
     return "" if value is None or math.isnan(value) else repr(float(value))
 
 
-def _cells(means: Sequence[Mean | None]) -> list[str]:
-    """Mean, deviation and count of each, empty where there is none."""
+def _cells(table: Table, of: Row | NoiseClass) -> list[str]:
+    """Mean, deviation and count of each test, empty where there is none."""
     cells: list[str] = []
-    for mean in means:
+    for mean in (of.mean(*test) for test in table.tests):
         known = (None, None) if mean is None else (mean.value, mean.deviation)
         cells += [*map(_exact, known), str(0 if mean is None else mean.count)]
     return cells

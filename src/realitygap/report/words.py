@@ -11,6 +11,7 @@ import numpy as np
 
 from realitygap.report.gather import PER_CONDITION, TaskPart
 from realitygap.report.page import Words
+from realitygap.report.tables import counted
 from realitygap.report.transfers import Pair
 from realitygap.report.wiring import OUTPUTS, read_wiring
 from realitygap.world.profile import Profile
@@ -33,21 +34,15 @@ def arena_words(part: TaskPart) -> Words:
     """Of a task's arena."""
     arena = part.task.arena.to_kernel()
     width, depth = arena.size
-    things = [
-        f"{len(arena.cylinders)} cylinders" if len(arena.cylinders) else "",
-        f"{len(arena.segments)} inner walls" if len(arena.segments) else "",
-        f"{len(arena.lamp_centre)} lamp" + "s" * (len(arena.lamp_centre) > 1)
-        if len(arena.lamp_centre)
-        else "",
-    ]
-    named = ", ".join(thing for thing in things if thing) or "no obstacles"
+    things = {"cylinder": arena.cylinders, "inner wall": arena.segments, "lamp": arena.lamp_centre}
+    named = ", ".join(counted(len(those), name) for name, those in things.items() if len(those))
     what = (
         "infrared rays, as far as they can add to a reading"
         if part.task.feeds == "proximity"
         else "ambient light sensors' rays (their first 15 cm)"
     )
     caption = (
-        f"The arena, {width:g} × {depth:g} cm, with {named}, where trials start, "
+        f"The arena, {width:g} × {depth:g} cm, with {named or 'no obstacles'}, where trials start, "
         f"and a robot with its {what}, to what they meet."
     )
     return Words(caption, caption)
@@ -56,18 +51,11 @@ def arena_words(part: TaskPart) -> Words:
 def curve_words(part: TaskPart, curves: Mapping[float, Sequence[np.ndarray]], fresh: bool) -> Words:
     """Of the curves of evolution."""
     counts = sorted({len(runs) for runs in curves.values()})
-    over = (
-        f"{counts[0]} run" + "s" * (counts[0] > 1)
-        if len(counts) == 1
-        else f"{counts[0]} to {counts[-1]} runs"
-    )
+    over = counted(counts[0], "run") if len(counts) == 1 else f"{counts[0]} to {counts[-1]} runs"
     many = counts[-1] > 1
-    caption = (
-        (f"Mean over {over} of each" if many else "One run of each")
-        + " noise level of the fittest individual's "
-        "stored fitness at each evaluation"
-        + ("; the bands are 95 % intervals of the mean." if many else ": no spread can be shown.")
-    )
+    begins = f"Mean over {over} of each" if many else "One run of each"
+    ends = "; the bands are 95 % intervals of the mean." if many else ": no spread can be shown."
+    caption = f"{begins} noise level of the fittest individual's stored fitness at each evaluation{ends}"
     if fresh:
         caption += (
             "  Open markers at the right: what the final fittest score on fresh trials at their own noise."
@@ -83,11 +71,7 @@ def path_words(part: TaskPart, seen: str) -> Words:
     """Of the chosen runs' paths."""
     unit = f" (in {part.task.fitness_unit})" if part.task.fitness_unit else ""
     many = any(len(c.rows) > 1 for c in part.conditions)
-    which = (
-        "For each noise level the run whose retested champion is the median one on fresh trials. "
-        if many
-        else ""
-    )
+    which = "For each noise level the run whose retested champion is the median one on fresh trials. " * many
     caption = (
         f"Simulated paths of {part.task.seconds:g} s at the noise that each individual evolved under. {which}"
         f"After the colon: this trial's score{unit}. Ring: start, the same for all; each stroke of the tail "
@@ -113,7 +97,7 @@ def network_words(genes: np.ndarray, title: str, inputs: int, *, champion: bool)
     links = sum(wiring.works(link) for link in wiring.links)
     hidden = sum(h in wiring.useful for h in wiring.hidden)
     who = "Retested champion" if champion else "Fittest so far"
-    facts = f"{links} working link{'s' * (links != 1)}, {hidden} working hidden neuron{'s' * (hidden != 1)}"
+    facts = f"{counted(links, 'working link')}, {counted(hidden, 'working hidden neuron')}"
     spelled = "; ".join(
         f"{k.source} to {k.target} weight {k.weight} delay {k.delay}" for k in wiring.links if wiring.works(k)
     )

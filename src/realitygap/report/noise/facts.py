@@ -12,15 +12,8 @@ from numpy.typing import NDArray
 
 from realitygap.correspondence.scale import EDGE
 from realitygap.correspondence.statistics import Correlation, correlation
-from realitygap.experiments.noise.claims import (
-    RESAMPLES,
-    Contrast,
-    Finding,
-    Split,
-    judge_claims,
-    judge_home,
-    split_diagonal,
-)
+from realitygap.experiments.noise import claims
+from realitygap.experiments.noise.claims import RESAMPLES, Contrast, Finding, Split
 from realitygap.experiments.noise.contrasts import crossing, interval, peak, unpaired
 from realitygap.experiments.noise.crossed import FEWEST, Crossed
 from realitygap.report.paper_tables import PAPER_ROWS
@@ -178,11 +171,11 @@ def _scope(name: str, data: Crossed, resamples: int) -> Scope:
     rise = {"a": data.score, "b": _by_evolved(data, data.at(data.robot)), "c": _by_evolved(data, data.own())}
     return Scope(
         name=name,
-        findings=judge_claims(data, resamples=resamples),
+        findings=claims.judge_claims(data, resamples=resamples),
         curves={key: _curve(data, values, weights, peak) for key, values in rise.items()},
         noisiness=_curve(data, data.noisiness, weights, crossing),
-        split=split_diagonal(data, resamples=resamples),
-        home=judge_home(data, resamples=resamples),
+        split=claims.split_diagonal(data, resamples=resamples),
+        home=claims.judge_home(data, resamples=resamples),
     )
 
 

@@ -30,7 +30,7 @@ SETS = ((0, (4, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)), (0, (8, 2)))
 BARS: Mapping[str, tuple[str, LineStyleType, str]] = {
     "all, 95 % interval": ("o", "-", INK),
     "simulated": ("o", "-", style.PAPER),
-    "on the twin": ("s", (0, (2, 1)), INK),
+    "situated": ("s", (0, (2, 1)), INK),
     "drop": ("D", "-", INK),
 }
 """Marker, line and face of means, by what they are of."""
@@ -163,14 +163,14 @@ def _curve(ax: Axes, curve: Curve) -> None:
     _bars(ax, x, curve.spans, "all, 95 % interval")
 
 
-def _bars(ax: Axes, x: Floats, spans: Sequence[Span], label: str) -> None:
-    """Means joined by a line, with their intervals, as BARS says."""
-    marker, line, face = BARS[label]
+def _bars(ax: Axes, x: Floats, spans: Sequence[Span], of: str, label: str = "") -> None:
+    """Means joined by a line, with their intervals, as BARS says; the legend names what they are `of`."""
+    marker, line, face = BARS[of]
     y = np.array([s.value for s in spans])
     bars = np.nan_to_num(np.array([[s.value - s.low for s in spans], [s.high - s.value for s in spans]]))
     ax.errorbar(
         x, y, yerr=np.maximum(bars, 0), color=INK, marker=marker, markersize=4, capsize=2, linewidth=1.4,
-        elinewidth=1, linestyle=line, label=label, zorder=5, markerfacecolor=face,
+        elinewidth=1, linestyle=line, label=label or of, zorder=5, markerfacecolor=face,
     )  # fmt: skip
 
 
@@ -182,12 +182,13 @@ def _legend(figure: Figure, axes: NDArray[np.object_]) -> None:
     figure.legend(list(found.values()), list(found), loc="outside lower center", ncols=len(found))
 
 
-def fitness_figure(facts: NoiseFacts, scales: Mapping[str, tuple[float, str]]) -> Figure:
+def fitness_figure(facts: NoiseFacts, scales: Mapping[str, tuple[float, str]], who: str = "twin") -> Figure:
     """Two panels a task: fitness in simulation and on the twin, and its drop, by evolved level.
 
     Args:
         facts: of the study.
         scales: for each task what fitness is divided by, and the unit that remains.
+        who: drove: "twin", or "robot" where it is the user's own.
     """
     tasks = facts.data.tasks
     figure = new_figure(PAGE, 2.2 * len(tasks) + 0.35, layout="constrained")
@@ -195,7 +196,7 @@ def fitness_figure(facts: NoiseFacts, scales: Mapping[str, tuple[float, str]]) -
     for (both, drop), task in zip(axes, tasks, strict=True):
         data, (scale, unit) = facts.data.part(task=task), scales[task]
         rows = [row for row in facts.fitness if row.task == task]
-        _fitness_panel(both, data, rows, scale)
+        _fitness_panel(both, data, rows, scale, f"on the {who}")
         _dots(drop, data, data.evolved, (data.simulated - data.situated) / scale, data.seed_set)
         _bars(drop, np.sqrt(data.levels), [_scaled(r.drop, scale) for r in rows], "drop")
         drop.axhline(0, color=MUTED, linewidth=0.7)
@@ -209,19 +210,19 @@ def fitness_figure(facts: NoiseFacts, scales: Mapping[str, tuple[float, str]]) -
     return figure
 
 
-def _fitness_panel(ax: Axes, data: Crossed, rows: Sequence[FitnessRow], scale: float) -> None:
+def _fitness_panel(ax: Axes, data: Crossed, rows: Sequence[FitnessRow], scale: float, situated: str) -> None:
     _dots(ax, data, data.evolved, data.situated / scale, data.seed_set)
     x = np.sqrt(data.levels)
     _bars(ax, x - 0.012, [_scaled(r.simulated, scale) for r in rows], "simulated")
-    _bars(ax, x + 0.012, [_scaled(r.situated, scale) for r in rows], "on the twin")
+    _bars(ax, x + 0.012, [_scaled(r.situated, scale) for r in rows], "situated", situated)
 
 
 def _scaled(span: Span, scale: float) -> Span:
     return Span(*(value / scale for value in span))
 
 
-def noisiness_figure(facts: NoiseFacts) -> Figure:
-    """A panel a task: how much noisier the twin is than the simulation at each level."""
+def noisiness_figure(facts: NoiseFacts, who: str = "twin") -> Figure:
+    """A panel a task: how much noisier the twin (or the robot) is than the simulation at each level."""
     scopes = [s for s in facts.scopes if s.name in facts.data.tasks]
     figure = new_figure(PAGE, 2.6, layout="constrained")
     axes = figure.subplots(1, len(scopes), squeeze=False, sharey=True)
@@ -234,6 +235,6 @@ def noisiness_figure(facts: NoiseFacts) -> Figure:
         ax.axhline(0, color=INK, linewidth=0.8)
         ax.set_title(titled(scope.name), fontsize=8)
         ax.set_xlabel(PANELS["a"][1])
-    axes[0][0].set_ylabel("noisiness of the twin\n(log2 of the ratio of jitter)")
+    axes[0][0].set_ylabel(f"noisiness of the {who}\n(log2 of the ratio of jitter)")
     _legend(figure, axes)
     return figure

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
+from typing import cast
+
+import numpy as np
 
 from realitygap.experiments.noise.claims import RESAMPLES, VERDICTS, Contrast, Split
 from realitygap.report.noise import figures as draw
 from realitygap.report.noise.asides import aside_tables
 from realitygap.report.noise.facts import Curve, Fall, FitnessRow, NoiseFacts, Scope, Span, gather_facts
 from realitygap.report.noise.figures import titled
-from realitygap.report.noise.results import Misfit, NoiseResults, read_results, real_misfits
+from realitygap.report.noise.results import NoiseResults, read_results, real_misfits
 from realitygap.report.noise.tables import NoiseTable, noise_tables
 from realitygap.report.noise.words import LIMITS, OF_A_TWIN, thoughts, warnings
 from realitygap.report.page import Figures, OnProgress, Steps, Words, noise_key, report_folder, write_page
@@ -68,9 +71,9 @@ def build_noise_report(out: str | Path, *, on_progress: OnProgress | None = None
         "report": report,
         "facts": report.facts,
         "settings": results.settings,
-        "cards": {picture.name: picture for picture in report.figures},
+        "cards": report.figures,
         "key": noise_key(levels),
-        "limits": LIMITS[OF_A_TWIN if "robot" in results.settings else 0 :],
+        "limits": LIMITS[OF_A_TWIN if report.own else 0 :],
         "resamples": RESAMPLES,
         "robot": Path(str(results.settings.get("robot"))).name,
         "tables": report.tables,
@@ -87,6 +90,15 @@ class NoiseReport:
 
     results: NoiseResults
 
+    @property
+    def own(self) -> bool:
+        """Whether a robot of the user's own drove in the twin's place."""
+        return "robot" in self.results.settings
+
+    def said(self, text: str) -> str:
+        """A text about the twin, or about the robot that drove in its place."""
+        return text.replace("he twin", "he robot") if self.own else text
+
     @cached_property
     def facts(self) -> NoiseFacts:
         """Verdicts, curves, fitness."""
@@ -102,12 +114,31 @@ class NoiseReport:
     def tables(self) -> dict[str, NoiseTable]:
         """Every table by its name."""
         planned = noise_tables(self.facts, self.results.calibration, self.scales)
-        return planned | aside_tables(self.facts, self.results.settings, self.scales)
+        planned |= aside_tables(self.facts, self.results.settings, self.scales)
+        return {
+            name: replace(table, title=self.said(table.title), head=tuple(map(self.said, table.head)))
+            for name, table in planned.items()
+        }
 
     @cached_property
     def figures(self) -> Figures:
         """Every figure, with its words."""
-        return _figures(self.facts, self.scales)
+        data, figures = self.facts.data, Figures()
+        sets = "Filled dots, left of their level: odd seed sets; hollow, right: even. "
+        dots = f"{sets * (len(data.sets) > 1)}Bars: 95 % intervals, bootstrap over runs. "
+        dots += f"Dotted line: the robot's level, {data.robot:g}."
+        runs, who = len(data) // (len(data.tasks) * len(data.levels)), "robot" if self.own else "twin"
+        draws = {
+            "noise-map": partial(draw.map_figure, data),
+            "noise-claims": partial(draw.claims_figure, self.facts),
+            "noise-fitness": partial(draw.fitness_figure, self.facts, self.scales, who),
+            "noise-noisiness": partial(draw.noisiness_figure, self.facts, who),
+        }
+        for name, words in CAPTIONS.items():
+            caption = self.said(words.format(runs=runs, dots=dots))
+            said = _means(self.facts) if name == "noise-claims" else "The tables below have the figures."
+            figures.add(name, draws[name], Words(f"{caption} {said}", caption))
+        return figures
 
     @cached_property
     def paragraph(self) -> str:
@@ -117,29 +148,13 @@ class NoiseReport:
     @cached_property
     def thoughts(self) -> list[str]:
         """The paragraph's parts, without its warnings."""
-        return thoughts(self.facts, self.results.settings, self.scales, self.results.calibration)
+        told = thoughts(self.facts, self.results.settings, self.scales, self.results.calibration)
+        return [self.said(thought) for thought in told]
 
     @property
     def warnings(self) -> list[str]:
         """Where the calibration is too far off for the level of noise to mean anything; who is missing."""
         return warnings(self.results.calibration, self.facts.data.tasks, self.results.lost)
-
-
-def _figures(facts: NoiseFacts, scales: Mapping[str, tuple[float, str]]) -> Figures:
-    data, figures = facts.data, Figures()
-    sets = "Filled dots, left of their level: odd seed sets; hollow, right: even. " * (len(data.sets) > 1)
-    dots = f"{sets}Bars: 95 % intervals, bootstrap over runs. Dotted line: the robot's level, {data.robot:g}."
-    draws = {
-        "noise-map": partial(draw.map_figure, data),
-        "noise-claims": partial(draw.claims_figure, facts),
-        "noise-fitness": partial(draw.fitness_figure, facts, scales),
-        "noise-noisiness": partial(draw.noisiness_figure, facts),
-    }
-    for name, words in CAPTIONS.items():
-        caption = words.format(runs=len(data) // (len(data.tasks) * len(data.levels)), dots=dots)
-        said = _means(facts) if name == "noise-claims" else "The tables below have the figures."
-        figures.add(name, draws[name], Words(f"{caption} {said}", caption))
-    return figures
 
 
 def _level(level: float) -> str:
@@ -176,24 +191,24 @@ def noise_summary(out: str | Path) -> Facts:
         "scopes": {scope.name: _scope(scope) for scope in facts.scopes},
         "fitness": [_fitness(row) for row in facts.fitness],
         "falls": [_fall(fall) for fall in facts.falls],
-        "calibration": [_misfit(m) for m in report.results.calibration],
-        "calibration_to_a_real_robot": [_misfit(m) for m in real_misfits()],
+        "calibration": [{**m._asdict(), "too_far": m.too_far} for m in report.results.calibration],
+        "calibration_to_a_real_robot": [{**m._asdict(), "too_far": m.too_far} for m in real_misfits()],
         "warnings": report.warnings,
     }
-    return {key: _known(value) for key, value in summary.items()}
+    return cast(Facts, _known(summary))
 
 
 def _claims(facts: NoiseFacts) -> list[Facts]:
     return [
         {
-            "key": f.claim.key, "title": f.claim.title, "text": f.claim.text, "test": f.claim.test,
-            "measured": f.claim.measured, "verdict": f.verdict,
+            **{key: getattr(f.claim, key) for key in ("key", "title", "text", "test", "measured")},
+            "verdict": f.verdict,
             "verdicts_by_task": {
                 s.name: s.findings[i].verdict for s in facts.scopes if s.name in facts.data.tasks
             },
         }
         for i, f in enumerate(facts.headline.findings)
-    ]  # fmt: skip
+    ]
 
 
 def _scope(scope: Scope) -> Facts:
@@ -207,62 +222,43 @@ def _scope(scope: Scope) -> Facts:
 
 
 def _fitness(r: FitnessRow) -> Facts:
-    return {
-        "task": r.task, "evolved_level": r.level, "runs": r.count,
-        "simulated": _span(r.simulated), "situated": _span(r.situated),
-        "drop": _span(r.drop), "delta": _span(r.delta),
-        "correlation": None if r.correlation is None else r.correlation._asdict(),
-    }  # fmt: skip
+    spans = {key: getattr(r, key) for key in ("simulated", "situated", "drop", "delta")}
+    pair = None if r.correlation is None else r.correlation._asdict()
+    return {"task": r.task, "evolved_level": r.level, "runs": r.count, **spans, "correlation": pair}
 
 
 def _fall(fall: Fall) -> Facts:
-    levels = [
-        {"evolved_level": row.level, "runs": row.runs, "home": _span(row.home),
-         "foreign": _span(row.foreign), "fall": _span(row.fall)}
-        for row in fall.rows
-    ]  # fmt: skip
-    return {"task": fall.task, "rho": _span(fall.rho), "shown": fall.shown, "levels": levels}
+    rows = [row._asdict() for row in fall.rows]
+    levels = [{"evolved_level": row.pop("level"), **row} for row in rows]
+    return {"task": fall.task, "rho": fall.rho, "shown": fall.shown, "levels": levels}
 
 
 def _contrast(c: Contrast) -> Facts:
     return {
-        "level": c.level, "against": c.other, "means": c.means, "delta": c.effect.delta,
-        "delta_interval": c.effect.delta_interval, "difference": c.effect.difference,
-        "difference_interval": c.effect.difference_interval, "p": c.effect.p, "p_holm": c.p_holm,
-        "found": c.found, "delta_by_seed_set": {str(s.seed_set): s.effect.delta for s in c.sets},
+        "level": c.level, "against": c.other, "means": c.means, **c.effect._asdict(), "p_holm": c.p_holm,
+        "found": c.found, "delta_by_seed_set": {s.seed_set: s.effect.delta for s in c.sets},
     }  # fmt: skip
 
 
 def _split(split: Split) -> Facts:
-    steps = {
-        name: getattr(split, name)
-        for name in ("diagonal", "evolved_first", "comparison_after", "comparison_first", "evolved_after")
-    }
+    names = ("diagonal", "evolved_first", "comparison_after", "comparison_first", "evolved_after")
     kept = ("difference", "difference_interval", "delta", "delta_interval")
-    told = {name: {key: getattr(step, key) for key in kept} for name, step in steps.items()}
-    return {"against": split.other, **told}
-
-
-def _misfit(misfit: Misfit) -> Facts:
-    return {**misfit._asdict(), "too_far": misfit.too_far}
+    steps = {name: {key: getattr(getattr(split, name), key) for key in kept} for name in names}
+    return {"against": split.other, **steps}
 
 
 def _curve(curve: Curve) -> Facts:
-    return {
-        "means": [_span(span) for span in curve.spans],
-        "means_by_seed_set": {str(number): means.tolist() for number, means in curve.sets.items()},
-        "at_level": _span(curve.top),
-    }
-
-
-def _span(span: Span | None) -> Facts | None:
-    return None if span is None else {"value": span.value, "interval": [span.low, span.high]}
+    return {"means": curve.spans, "means_by_seed_set": curve.sets, "at_level": curve.top}
 
 
 def _known(value: object) -> object:
     """The same without NaN, in plain lists and dictionaries; an interval of nothing is None."""
+    if isinstance(value, Span):
+        value = {"value": value.value, "interval": value[1:]}
     if isinstance(value, Mapping):
         return {str(key): _known(one) for key, one in value.items()}
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
     if isinstance(value, Sequence) and not isinstance(value, str):
         made = [_known(one) for one in value]
         return None if made and len(made) == 2 and all(one is None for one in made) else made

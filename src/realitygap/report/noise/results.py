@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -10,9 +9,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from realitygap.errors import StudyError
 from realitygap.experiments.noise.crossed import Crossed, robot_level
+from realitygap.table import Table, read_table
 from realitygap.toml import read_toml
 
 __all__ = ["Misfit", "NoiseResults", "read_results", "real_misfits"]
@@ -23,6 +24,13 @@ NEEDED = 3
 AGAIN = "Let the study finish (realitygap experiment noise --resume), or copy its results again."
 
 Key = tuple[str, int, float, int]
+KEY = ("task", "seed_set", "run", "evolved_level")
+NEEDS = {
+    "controllers.csv": ("home_unit", "name", "fitness_simulated", "fitness_situated"),
+    "cells.csv": ("comparison_level", *PARTS), "home.csv": ("comparison_level", "score"),
+    "calibration.csv": ("unit", "channel", "model_error", "noise", "ratio"),
+}  # fmt: skip
+"""Columns of each table."""
 
 
 class Misfit(NamedTuple):
@@ -59,56 +67,6 @@ class NoiseResults:
     settings: Mapping[str, object]
 
 
-class _Row:
-    """One line of a table: its columns, asked for by name."""
-
-    def __init__(self, file: Path, line: int, columns: Mapping[str, str]) -> None:
-        self.where, self.columns = f"{file}, line {line}", columns
-
-    def text(self, column: str) -> str:
-        value = self.columns.get(column)
-        if value is None:
-            raise StudyError(f"{self.where}: expected a column {column}, got none. {AGAIN}")
-        return str(value).strip()
-
-    def number(self, column: str, *, may_lack: bool = False) -> float:
-        text = self.text(column)
-        if may_lack and text in ("", "None", "nan"):
-            return math.nan
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise StudyError(f"{self.where}: {column}: expected a number, got {text!r}. {AGAIN}")
-        return value
-
-    def units(self, prefix: str) -> dict[int, float]:
-        """A figure for each unit; columns that a study did not keep yet are none."""
-        found = {}
-        for name in self.columns:
-            before, _, unit = str(name).rpartition(prefix)
-            if not before and unit.isdecimal():
-                found[int(unit)] = self.number(name, may_lack=True)
-        return found
-
-    def key(self, levels: list[float]) -> Key:
-        """Whose row it is: task, seed set, evolved level, run."""
-        level = levels[self.level("evolved_level", levels)]
-        return self.text("task"), int(self.number("seed_set")), level, int(self.number("run"))
-
-    def level(self, column: str, levels: list[float]) -> int:
-        """Place of a level among the study's; tables hold five digits of it."""
-        value = self.number(column)
-        for place, level in enumerate(levels):
-            if math.isclose(value, level, rel_tol=1e-4):
-                return place
-        known = ", ".join(f"{level:g}" for level in levels)
-        raise StudyError(
-            f"{self.where}: {column}: expected one of the study's levels {known}, got {value:g}. {AGAIN}"
-        )
-
-
 def read_results(folder: str | Path) -> NoiseResults:
     """What a finished study of noise left.
 
@@ -122,15 +80,18 @@ def read_results(folder: str | Path) -> NoiseResults:
     folder = Path(folder)
     settings = _settings(folder / "study.toml")
     levels = sorted(map(float, settings["levels"]))
-    who = list(_controllers(folder / "controllers.csv", levels))
-    known = {key: i for i, (key, _) in enumerate(who)}
-    if len(known) < len(who):
-        raise StudyError(f"{folder / 'controllers.csv'}: expected each controller once. {AGAIN}")
+    table = _table(folder / "controllers.csv")
+    if not table.rows:
+        raise StudyError(f"{table.path}: expected a row for each controller, got none. {AGAIN}")
+    known = {key: i for i, key in enumerate(_keys(table, levels))}
+    if len(known) < len(table.rows):
+        raise StudyError(f"{table.path}: expected each controller once. {AGAIN}")
     task, seed_set, evolved, run = (np.array(column) for column in zip(*known, strict=True))
-    facts = {name: np.array([getattr(one, name) for _, one in who]) for name in _Facts._fields}
+    facts = _controllers(table)
     scores, home_score = _cells(folder / "cells.csv", levels, known, facts["home"])
     if (folder / "home.csv").is_file():
-        _home(folder / "home.csv", levels, known, home_score)
+        at_home = _table(folder / "home.csv")
+        home_score[_places(at_home, levels, known)] = at_home.numbers("score", empty=True)
     whole = Crossed(
         levels=np.array(levels), robot=robot_level(levels), task=task, seed_set=seed_set, run=run,
         evolved=evolved, home_score=home_score, **facts,
@@ -158,59 +119,63 @@ def _is_level(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < math.inf
 
 
-def _rows(file: Path) -> Iterator[_Row]:
-    try:
-        with file.open(newline="", encoding="utf-8") as stream:
-            table = csv.DictReader(stream, strict=True)
-            for columns in table:
-                yield _Row(file, table.line_num, columns)
-    except FileNotFoundError:
-        raise StudyError(f"{file}: expected a table of the study, got no such file. {AGAIN}") from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise StudyError(f"{file}: expected a CSV file, got {error}. {AGAIN}") from None
+def _table(file: Path) -> Table:
+    needs = [*(() if file.name == "calibration.csv" else KEY), *NEEDS[file.name]]
+    return read_table(file, StudyError, needs=needs, cure=AGAIN)
 
 
-class _Facts(NamedTuple):
-    """A row of controllers.csv."""
-
-    home: int
-    name: str
-    simulated: float
-    situated: float
-    situated_home: float
-    situated_foreign: float
-
-
-def _controllers(file: Path, levels: list[float]) -> Iterator[tuple[Key, _Facts]]:
-    empty = True
-    for row in _rows(file):
-        empty = False
-        fitness = row.number("fitness_simulated"), row.number("fitness_situated", may_lack=True)
-        home, units = int(row.number("home_unit")), row.units("fitness_situated_unit_")
-        own = units.pop(home, math.nan)
-        foreign = math.fsum(units.values()) / len(units) if units else math.nan
-        yield row.key(levels), _Facts(home, row.text("name"), *fitness, own, foreign)
-    if empty:
-        raise StudyError(f"{file}: expected a row for each controller, got none. {AGAIN}")
+def _keys(table: Table, levels: list[float]) -> list[Key]:
+    """Whose each row is: task, seed set, evolved level, run."""
+    own = [levels[place] for place in _levels(table, "evolved_level", levels)]
+    numbers = (table.whole(name).tolist() for name in ("seed_set", "run"))
+    return [
+        (task, seeds, level, run)
+        for task, level, seeds, run in zip(table.texts("task"), own, *numbers, strict=True)
+    ]
 
 
-def _placed(file: Path, levels: list[float], known: Mapping[Key, int]) -> Iterator[tuple[_Row, int, int]]:
-    """Rows of a table that has each controller at most once a level, with their places [n, L]."""
+def _levels(table: Table, column: str, levels: list[float]) -> list[int]:
+    """Places of a column's levels among the study's; tables hold five digits of them."""
+    values = table.numbers(column)
+    near: NDArray[np.bool_] = np.isclose(values[:, None], levels, rtol=1e-4, atol=0)
+    known = ", ".join(f"{level:g}" for level in levels)
+    table.refuse(np.logical_not(near.any(axis=1)), column, f"one of the study's levels {known}", values)
+    return [int(place) for place in near.argmax(axis=1)]
+
+
+def _units(table: Table, prefix: str, home: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A figure on each row's calibration unit, and its mean over the others; NaN where it was not kept."""
+    names = [name for name in table.columns if name.removeprefix(prefix).isdecimal()]
+    units = {int(name.removeprefix(prefix)): table.numbers(name, empty=True).tolist() for name in names}
+    own, foreign = np.full((2, len(table.rows)), math.nan)
+    for k, unit in enumerate(home.tolist()):
+        others = [values[k] for other, values in units.items() if other != unit]
+        own[k] = units[unit][k] if unit in units else math.nan
+        foreign[k] = math.fsum(others) / len(others) if others else math.nan
+    return own, foreign
+
+
+def _controllers(table: Table) -> dict[str, np.ndarray]:
+    """What controllers.csv tells of each."""
+    home = table.whole("home_unit")
+    own, foreign = _units(table, "fitness_situated_unit_", home)
+    return {
+        "home": home, "name": np.array(table.texts("name")), "simulated": table.numbers("fitness_simulated"),
+        "situated": table.numbers("fitness_situated", empty=True), "situated_home": own,
+        "situated_foreign": foreign,
+    }  # fmt: skip
+
+
+def _places(table: Table, levels: list[float], known: Mapping[Key, int]) -> tuple[list[int], list[int]]:
+    """Places [controllers, levels] of the rows of a table that has each controller at most once a level."""
+    keys, places = _keys(table, levels), _levels(table, "comparison_level", levels)
     seen = set()
-    for row in _rows(file):
-        key, at = row.key(levels), row.level("comparison_level", levels)
+    for k, (key, at) in enumerate(zip(keys, places, strict=True)):
         if key not in known or (key, at) in seen:
             word = "twice" if key in known else "but not in controllers.csv"
-            raise StudyError(f"{row.where}: expected each controller once a level, got {_who(key)} {word}.")
+            raise StudyError(f"{table.at(k)}: expected each controller once a level, got {_who(key)} {word}.")
         seen.add((key, at))
-        yield row, known[key], at
-
-
-def _home(file: Path, levels: list[float], known: Mapping[Key, int], into: np.ndarray) -> None:
-    """Fill in scores on the calibration unit [controllers, levels] that were made after the study's own
-    tables."""
-    for row, one, at in _placed(file, levels, known):
-        into[one, at] = row.number("score", may_lack=True)
+    return [known[key] for key in keys], places
 
 
 def _cells(
@@ -218,12 +183,13 @@ def _cells(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Scores [controllers, levels, parts], of which none may be missing; and those of the calibration
     unit."""
+    table = _table(file)
+    places = _places(table, levels, known)
     found = np.full((len(known), len(levels), len(PARTS)), np.nan)
     seen, at_home = np.zeros(found.shape[:2], bool), np.full(found.shape[:2], np.nan)
-    for row, one, at in _placed(file, levels, known):
-        found[one, at] = [row.number(part, may_lack=True) for part in PARTS]
-        at_home[one, at] = row.units("score_unit_").get(int(homes[one]), math.nan)
-        seen[one, at] = True
+    found[places] = np.stack([table.numbers(part, empty=True) for part in PARTS], axis=1)
+    at_home[places] = _units(table, "score_unit_", homes[places[0]])[0]
+    seen[places] = True
     if not seen.all():
         missing, at = map(int, np.argwhere(~seen)[0])
         raise StudyError(
@@ -265,9 +231,11 @@ def _calibration(file: Path) -> Iterator[Misfit]:
     """Rows with a ratio; a channel without one (wheels) is left out."""
     from realitygap.calibration.judge import LIMITS
 
-    for row in _rows(file):
-        channel, ratio = row.text("channel"), row.number("ratio", may_lack=True)
-        if math.isfinite(ratio):
-            error, noise = (row.number(c, may_lack=True) for c in ("model_error", "noise"))
+    table = _table(file)
+    error, noise, ratio = (table.numbers(name, empty=True) for name in ("model_error", "noise", "ratio"))
+    for k, (unit, channel) in enumerate(
+        zip(table.whole("unit").tolist(), table.texts("channel"), strict=True)
+    ):
+        if math.isfinite(ratio[k]):
             limit = LIMITS.get(channel, LIMITS["infrared"])
-            yield Misfit(int(row.number("unit")), channel, error, noise, ratio, limit)
+            yield Misfit(unit, channel, float(error[k]), float(noise[k]), float(ratio[k]), limit)

@@ -121,8 +121,8 @@ def contrast_table(
         delta, gap = effect_spans(c.effect)
         rows.append((
             f"{c.other:g}" + (" *" if c.other in coarse else ""),
-            Number(span=Span(c.means[0])), Number(span=Span(c.means[1])), Number(span=gap, signed=True),
-            Number(span=delta, signed=True),
+            *(Number(span=Span(mean)) for mean in c.means),
+            *(Number(span=span, signed=True) for span in (gap, delta)),
             *(Number(span=Span(s.effect.delta), signed=True) for s in c.sets),
             probability(c.effect.p), probability(c.p_holm), c.found,
         ))  # fmt: skip

@@ -7,16 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from realitygap.experiments.noise.claims import Contrast, Finding
-from realitygap.report.noise.asides import (
-    CHANNELS,
-    effect_words,
-    ends_words,
-    falls_words,
-    home_words,
-    nearness_words,
-    shown,
-    split_words,
-)
+from realitygap.report.noise import asides
+from realitygap.report.noise.asides import CHANNELS, effect_words, shown
 from realitygap.report.noise.facts import FitnessRow, NoiseFacts, Scope
 from realitygap.report.noise.figures import titled
 from realitygap.report.noise.results import Misfit
@@ -80,14 +72,14 @@ def thoughts(
     said = [
         _opening(facts, settings),
         *(" ".join(_claim(facts, finding)) for finding in findings),
-        split_words(facts.headline, findings[0].coarse),
-        home_words(facts.headline),
+        asides.split_words(facts.headline, findings[0].coarse),
+        asides.home_words(facts.headline),
         _together(findings),
-        ends_words(facts),
+        asides.ends_words(facts),
         _noisiness(facts.headline),
         " ".join([*_drops(facts, scales), _fitness(facts.fitness)]),
-        falls_words(facts.falls),
-        "" if "robot" in settings else f"{nearness_words(calibration)} {SET_BY_US}".strip(),
+        asides.falls_words(facts.falls),
+        "" if "robot" in settings else f"{asides.nearness_words(calibration)} {SET_BY_US}".strip(),
     ]
     return [thought.strip() for thought in said if thought]
 
@@ -119,11 +111,11 @@ def _opening(facts: NoiseFacts, settings: Mapping[str, object]) -> str:
     own = settings.get("robot")
     robot, known = "the twin", f" (its noise scale is {settings['twin_noise']:g})"
     if own is not None:
-        robot, known = f"{Path(str(own)).name}, the user's own robot, in the twin's place", ""
+        robot, known = f"{Path(str(own)).name}, the user's own robot", ""
     text = (
         f"{len(data)} controllers evolved at noise {levels} drove {robot}{drove}, and each was compared "
         f"with the simulation at every level, whose 1 is the noise that was measured on "
-        f"{'the twin' if own is None else 'this robot, called the twin below'}{known}."
+        f"{'the twin' if own is None else 'this robot'}{known}."
     )
     if data.robot != 1:
         text += f" The nearest level of the study, {data.robot:g}, stands for it."
