@@ -28,8 +28,8 @@ PLANS = ("infrared", "ambient", "wheels", "all")
     "--robot",
     type=RobotKind(),
     required=True,
-    help="twin:UNIT or enki:MODEL:UNIT (placed by the program), serial:PORT, epuck:PORT or "
-    "epuck2:HOST (placed by you), or a body of your own, file.py:Class.",
+    help="twin:UNIT or enki:MODEL:UNIT (placed by the program), serial:PORT, epuck:PORT, "
+    "epuck2:HOST or thymio:PORT (placed by you), or a body of your own, file.py:Class.",
 )
 @click.option("--plan", type=click.Choice(PLANS), required=True, help="What to record.")
 @click.option("--out", required=True, metavar="DIR", help="Folder to write; several recordings fit into it.")

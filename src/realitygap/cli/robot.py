@@ -47,8 +47,8 @@ def robot() -> None:
     "--robot",
     "address",
     type=RobotKind(),
-    help="khepera:PORT, epuck:PORT, epuck2:HOST, twin:UNIT, enki:MODEL:UNIT, or a body of your own, "
-    "file.py:Class.",
+    help="khepera:PORT, epuck:PORT, epuck2:HOST, thymio:PORT, twin:UNIT, enki:MODEL:UNIT, or a body of your "
+    "own, file.py:Class.",
 )
 @click.option("--port", metavar="P", help="The same as --robot serial:P.")
 @option.baud()
@@ -149,6 +149,7 @@ def _sensors(body: Body, seconds: float, *, live: bool) -> dict[str, Any]:
         "loop": {
             "steps": len(late),
             "late_steps": recording.late_steps,
+            "missed_steps": recording.missed_steps,
             "mean_lateness_ms": round(float(late.mean()), 3),
             "worst_lateness_ms": round(float(late.max()), 3),
             "wire_ms": None if wire_ms is None else round(wire_ms, 1),
@@ -220,11 +221,12 @@ def _tell(facts: dict[str, Any], channels: Sequence[Channel]) -> None:
     if facts["counters"] is not None:
         click.echo("counters: {} and {} pulses".format(*facts["counters"]))
     loop = facts["loop"]
+    missed = f", {loop['missed_steps']} without an answer in time" if loop["missed_steps"] else ""
     on_wire = "" if loop["wire_ms"] is None else f"; up to {loop['wire_ms']} ms of a step on the wire"
     click.echo(
         f"loop of {1000 * facts['period_s']:g} ms: {loop['steps']} steps, {loop['late_steps']} late (over "
-        f"10 ms); lateness {loop['mean_lateness_ms']} ms on average, {loop['worst_lateness_ms']} ms at worst"
-        + on_wire
+        f"10 ms){missed}; lateness {loop['mean_lateness_ms']} ms on average, "
+        f"{loop['worst_lateness_ms']} ms at worst{on_wire}"
     )
     if loop["note"]:
         click.echo(f"note: {loop['note']}")

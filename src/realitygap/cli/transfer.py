@@ -46,7 +46,7 @@ SIDES = (
     "robots",
     multiple=True,
     required=True,
-    help="twin:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT, epuck:PORT, epuck2:HOST, or a "
+    help="twin:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT, epuck:PORT, epuck2:HOST, thymio:PORT, or a "
     "body of your own, file.py:Class; may be repeated.",
 )
 @click.option(

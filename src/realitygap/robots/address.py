@@ -5,6 +5,7 @@ enki, enki:MODEL, enki:MODEL:UNIT  a unit of a robot in EPFL's simulator Enki: k
 khepera:PORT, serial:PORT          a Khepera on a serial port
 epuck:PORT, epuck2:PORT            an e-puck or e-puck2 on a serial port
 epuck2:HOST, epuck2:HOST:TCPPORT   an e-puck2 over WiFi
+thymio:PORT, thymio:HOST:PORT      a Thymio II on a cable or a dongle, or behind a simulator
 file.py:Class, module:Class        a body of your own (`robots/body.py` says what that is)
 """
 
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
 __all__ = ["BAUD_RATES", "FORMS", "Address"]
 
 FORMS = (
-    "twin, twin:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT, epuck:PORT, epuck2:HOST, file.py:Class "
-    "or module:Class"
+    "twin, twin:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT, epuck:PORT, epuck2:HOST, thymio:PORT, "
+    "file.py:Class or module:Class"
 )
 
 OPENERS = {
@@ -35,6 +36,7 @@ OPENERS = {
     "serial": "realitygap.robots.khepera.body:opened",
     "epuck": "realitygap.robots.epuck.body:opened",
     "epuck2": "realitygap.robots.epuck.body:opened_second",
+    "thymio": "realitygap.robots.thymio.body:opened",
 }
 """Who opens a robot, loaded when it is asked for; any other prefix is a user's file or module."""
 OWN = "realitygap.robots.own:opened"

@@ -25,6 +25,7 @@ What a body has besides is found by its name:
     pulses_per_mm   of its counters, roughly: where the profile has none that were measured
     facts       what its recordings say of it: "robot", its name; and if it is no Khepera "units" of its
                 commands, "base", the shipped profile of what is known of it, and "pulses_per_mm"
+    read_at     when what `sense` gives arrived, by its clock: of a body whose line may miss a step
     attend      attend(kinds, turns) says which channels are read from now on (`Attentive`): of a
                 body that cannot read all of them in one period
 """

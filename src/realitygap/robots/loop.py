@@ -76,7 +76,9 @@ def _steps(
         fed = inputs(readings)
         command = controller.decide(fed)
         body.act(command)
-        yield Step(now - start, max(0.0, now - due), readings, fed, command, odometry_of(body))
+        read_at = getattr(body, "read_at", None)
+        read_s = None if read_at is None else read_at - start
+        yield Step(now - start, max(0.0, now - due), readings, fed, command, odometry_of(body), read_s)
         due += period if now - due <= period else period + (now - due)
     clock.sleep_until(due)
 

@@ -42,7 +42,8 @@ ALWAYS = ["t_s", "late_s", *(f"{name}_{side}" for name in _PAIRS for side in ("l
 
 
 class Step(NamedTuple):
-    """One step: when it began, how late, what was read, fed, decided; what the wheels said."""
+    """One step: when it began, how late, what was read, fed, decided; what the wheels said; when what
+    was read arrived, of a body that tells it."""
 
     t_s: float
     late_s: float
@@ -50,6 +51,7 @@ class Step(NamedTuple):
     inputs: Sequence[int]
     command: Command
     odometry: Odometry
+    read_s: float | None = None
 
     def row(self) -> list[float]:
         """As numbers, in the order of the file's columns."""
@@ -64,13 +66,14 @@ class Step(NamedTuple):
             self.command.right,
             *(self.odometry.counters or nothing),
             *(self.odometry.speeds or nothing),
+            *([] if self.read_s is None else [round(self.read_s, 6)]),
         ]
 
     def columns(self) -> list[str]:
         """Names of the columns: units in the names, where there are any."""
         counts = (len(self.readings.proximity), len(self.readings.ambient), len(self.inputs))
         groups = [f"{name}_{i}" for name, n in zip(_GROUPS, counts, strict=True) for i in range(n)]
-        return [*ALWAYS[:2], *groups, *ALWAYS[2:]]
+        return [*ALWAYS[:2], *groups, *ALWAYS[2:], *([] if self.read_s is None else ["read_s"])]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +82,8 @@ class Recording:
 
     t, late [n] s; proximity [n, P or 0], ambient [n, A or 0] counts; inputs [n, I]; commands [n, 2]
     and speeds [n, 2] in the robot's units; counters [n, 2] pulses. Counters and speeds are NaN where
-    the robot has none, or its line had no room for them. `ended` is "finished", "killed", or what
+    the robot has none, or its line had no room for them. `read` [n] s is when what was read arrived, NaN
+    where the robot does not tell. `ended` is "finished", "killed", or what
     stopped the drive.
     """
 
@@ -91,6 +95,7 @@ class Recording:
     commands: NDArray[np.int64]
     counters: NDArray[np.float64]
     speeds: NDArray[np.float64]
+    read: NDArray[np.float64]
     ended: str
     facts: Mapping[str, Any] = field(default_factory=dict)
 
@@ -98,6 +103,11 @@ class Recording:
     def late_steps(self) -> int:
         """How many steps began more than 10 ms after their time."""
         return int((self.late > LATE_S).sum())
+
+    @property
+    def missed_steps(self) -> int:
+        """How many steps had no answer in time, so that older readings stood for theirs."""
+        return int((self.read < self.t).sum())
 
     @classmethod
     def from_rows(
@@ -107,7 +117,8 @@ class Recording:
         table = np.array(rows, np.float64).reshape(len(rows), len(columns))
         names = np.array([name.rsplit("_", 1)[0] for name in columns], str)
         found = {
-            name: np.ascontiguousarray(table[:, names == name]) for name in ("t", "late", *_GROUPS, *_PAIRS)
+            name: np.ascontiguousarray(table[:, names == name])
+            for name in ("t", "late", "read", *_GROUPS, *_PAIRS)
         }
         return cls(
             t=found["t"].reshape(len(rows)),
@@ -118,6 +129,7 @@ class Recording:
             commands=found["command"].reshape(len(rows), 2).astype(np.int64),
             counters=found["counter"].reshape(len(rows), 2),
             speeds=found["speed"].reshape(len(rows), 2),
+            read=found["read"].reshape(len(rows)) if "read" in names else np.full(len(rows), np.nan),
             ended=ended,
             facts=facts,
         )
@@ -183,10 +195,12 @@ class Recorder:
             return
         self._file.close()
         self._file = None
-        late = sum(row[1] > LATE_S for row in self._rows)
-        end = {"end": {"ended": ended, "steps": len(self._rows), "late_steps": late}}
+        kept = self.recording()
+        end: dict[str, Any] = {"ended": ended, "steps": len(self._rows), "late_steps": kept.late_steps}
+        if "read_s" in self._columns:
+            end["missed_steps"] = kept.missed_steps
         with (self.folder / FACTS).open("a", encoding="utf-8") as file:
-            file.write("\n" + to_toml(end))
+            file.write("\n" + to_toml({"end": end}))
 
     def recording(self) -> Recording:
         """All that was kept so far."""

@@ -58,7 +58,10 @@ def read_standing(body: Body, kind: str, repeats: int) -> list[list[str]]:
     readings = []
     for _ in range(repeats):
         clock.sleep_until(clock.now() + APART_S)
+        asked = clock.now()
         read = body.sense()
+        while getattr(body, "read_at", asked) < asked:  # an answer that did not come is no reading
+            read = body.sense()
         counts = read.proximity if kind == "proximity" else read.ambient
         readings.append([f"{count:.10g}" for count in counts.tolist()])
     return readings

@@ -1,0 +1,1 @@
+"""A Thymio II: seven infrared sensors, motors without encoders, Aseba's protocol."""
