@@ -84,7 +84,7 @@ def test_a_run_by_name_with_its_own_length(study, json_of):
         (("--robot", "twin", "--camera", "camera.json", "--eye", "0"), "camera of its own"),
         (("--robot", "twin", "--disk", "mine.toml"), "disk of its own"),
         (("--robot", "serial:/dev/null", "--disk", "mine.toml"), "--eye DEVICE"),
-        (("--robot", "serial:/dev/null", "--twin-noise", "2"), "--twin-noise scales a twin's noise, or Enki's"),
+        (("--robot", "serial:/dev/null", "--twin-noise", "2"), "--twin-noise scales a twin's noise"),
         (("--robot", "twin", "--twin-noise", "11"), "--twin-noise"),
         (("--robot", "twin", "--starts", "0"), "--starts"),
         (("--robot", "twin", "--seconds", "0.25"), "--seconds"),
