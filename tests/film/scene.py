@@ -58,7 +58,11 @@ class Lens:
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """What is filmed, and how well; brightness 0 to 255."""
+    """What is filmed, and how well; brightness 0 to 255.
+
+    A tag takes the disk's place: OpenCV's dictionary, number, side (cm), and its middle ahead and to the left
+    of the robot's centre (cm) and turn against it (rad).
+    """
 
     lens: Lens = field(default_factory=Lens)
     room: tuple[float, float] = (50.0, 50.0)
@@ -73,6 +77,7 @@ class Scene:
     contrast: float = 1.0
     glare: float = 0.0
     hidden: float = 0.0
+    tag: tuple[int, int, float, tuple[float, float, float]] | None = None
     robot: bool = True
     seed: int = 1
 
@@ -159,15 +164,37 @@ class Renderer:
             at = scene.lens.on_plane(rays, step)
             fine = np.where(np.hypot(at[..., 0] - x, at[..., 1] - y) < 2.9, 85.0, fine)
         at = scene.lens.on_plane(rays, scene.disk_height) - (x, y)
-        radius, centre, front, ahead = scene.disk
-        spot = np.array([math.cos(heading), math.sin(heading)]) * ahead
-        away = np.hypot(at[..., 0], at[..., 1])
-        white = (away < centre) | (np.hypot(at[..., 0] - spot[0], at[..., 1] - spot[1]) < front)
-        fine = np.where(away < radius, np.where(white, scene.white, scene.black), fine)
+        fine = self._tag(fine, at, heading) if scene.tag else self._disk(fine, at, heading)
         if scene.hidden:  # a cable's end: a strip over the disk's rear, so wide
             across = at[..., 0] * math.cos(heading) + at[..., 1] * math.sin(heading) + 1.1 + scene.hidden / 2
             fine = np.where((np.abs(across) < scene.hidden / 2) & (np.abs(at[..., 1]) < 6), 140.0, fine)
         image[top:bottom, left:right] = self._mean(fine)
+
+    def _disk(self, fine, at, heading):
+        """The disk over what is beneath it."""
+        scene = self.scene
+        radius, centre, front, ahead = scene.disk
+        spot = np.array([math.cos(heading), math.sin(heading)]) * ahead
+        away = np.hypot(at[..., 0], at[..., 1])
+        white = (away < centre) | (np.hypot(at[..., 0] - spot[0], at[..., 1] - spot[1]) < front)
+        return np.where(away < radius, np.where(white, scene.white, scene.black), fine)
+
+    def _tag(self, fine, at, heading):
+        """A tag on its white card over what is beneath it."""
+        scene = self.scene
+        dictionary, number, side, (x, y, turn) = scene.tag
+        known = cv2.aruco.getPredefinedDictionary(dictionary)
+        n = known.markerSize + 2
+        cells = cv2.aruco.generateImageMarker(known, number, n) > 0
+        c, s = math.cos(heading), math.sin(heading)
+        ahead, left = c * at[..., 0] + s * at[..., 1] - x, c * at[..., 1] - s * at[..., 0] - y
+        c, s = math.cos(turn), math.sin(turn)
+        row = np.floor((0.5 - (c * ahead + s * left) / side) * n).astype(int)
+        column = np.floor((0.5 - (c * left - s * ahead) / side) * n).astype(int)
+        inside = (row >= 0) & (row < n) & (column >= 0) & (column < n)
+        white = ~inside | cells[row.clip(0, n - 1), column.clip(0, n - 1)]
+        card = (row >= -1) & (row <= n) & (column >= -1) & (column <= n)
+        return np.where(card, np.where(white, scene.white, scene.black), fine)
 
     def _draw_glare(self, image):
         """A lamp's reflection on everything that is glossy, off the middle."""

@@ -21,7 +21,7 @@ __all__ = ["camera"]
 
 @click.group()
 def camera() -> None:
-    """Calibrate the overhead camera.
+    """Calibrate the overhead camera, and print markers for it.
 
     \b
     Example:
@@ -33,20 +33,27 @@ def camera() -> None:
 @click.option("--frames", required=True, metavar="DIR", help="Folder of pictures with the robot in them.")
 @click.option("--poses", required=True, metavar="FILE", help="CSV: frame, x_cm, y_cm, heading_deg.")
 @click.option("--out", type=FileToWrite(".json"), required=True, help="Write the camera there (.json).")
+@option.marker
 @option.disk
 @click.option(
     "--lens-height",
     type=Finite(low=0),
     metavar="CM",
-    help="Height of the lens above the floor; needed to track disks of other heights.",
+    help="Height of the lens above the floor; needed to track markers of other heights.",
 )
 @option.as_json
 def calibrate(
-    frames: str, poses: str, out: Path, disk: str | None, lens_height: float | None, json_output: bool
+    frames: str,
+    poses: str,
+    out: Path,
+    marker: str | None,
+    disk: str | None,
+    lens_height: float | None,
+    json_output: bool,
 ) -> None:
     """Calibrate a camera with known poses.
 
-    Put the robot, with its disk, at 12 or more places all over the floor, at many headings; take a
+    Put the robot, with its marker, at 12 or more places all over the floor, at many headings; take a
     picture of each, and write down where it stood. Prints the error of each pose.
 
     \b
@@ -54,9 +61,9 @@ def calibrate(
         realitygap camera calibrate --frames frames --poses poses.csv --out camera.json
     """
     from realitygap.film.calibrate import calibrate_camera, read_frames
-    from realitygap.film.disk import load_disk
+    from realitygap.film.marker import load_marker
 
-    worn, known = load_disk(disk), read_frames(frames, poses)
+    worn, known = load_marker(marker, disk), read_frames(frames, poses)
     with ProgressLine(FILM_AFTER_S) as line:
         report = partial(line.frames, "calibrating")
         made = calibrate_camera(known, worn, lens_height_cm=lens_height, on_progress=report)
@@ -65,6 +72,28 @@ def calibrate(
         print_json({"camera": str(out), **made.to_dict()})
         return
     _print(made)
+    click.echo(f"saved {out}")
+
+
+@camera.command(name="sheet")
+@click.option("--out", type=FileToWrite(".svg"), required=True, help="Write the page there (.svg).")
+@option.marker
+@option.disk
+def print_sheet(out: Path, marker: str | None, disk: str | None) -> None:
+    """Write a page with a marker to print.
+
+    Print it at 100 %, measure its ruler, cut the marker out along its rim and fix it on the robot, its line
+    to the front.
+
+    \b
+    Example:
+        realitygap camera sheet --marker aruco:4x4_50:7,size=40 --out marker.svg
+    """
+    from realitygap import whole
+    from realitygap.film.marker import load_marker
+    from realitygap.film.sheet import sheet
+
+    whole.write(out, sheet(load_marker(marker, disk)))
     click.echo(f"saved {out}")
 
 
@@ -85,5 +114,5 @@ def _print(made: Calibration) -> None:
 
 def _remark(used: bool, x_mm: float | None) -> str:
     if x_mm is None:
-        return "no disk seen"
+        return "no marker seen"
     return "" if used else "left out: check this pose"

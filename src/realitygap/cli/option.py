@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from realitygap.world.profile import Profile
 
 __all__ = [
-    "Numbers", "arena", "as_json", "base", "baud", "checked_pose", "disk", "evaluations", "given", "noise",
-    "out", "picture", "pose", "profile", "resume", "runs", "seconds", "seed", "task", "trust", "twin_noise",
+    "Numbers", "arena", "as_json", "base", "baud", "checked_pose", "disk", "evaluations", "given", "marker",
+    "noise",    "out", "picture", "pose", "profile", "resume", "runs", "seconds", "seed", "task", "trust", "twin_noise",
     "workers",
 ]  # fmt: skip
 
@@ -42,6 +42,12 @@ base = click.option(
     help="Robot of your own: its rough profile, a TOML file: radius, heights, top command and speed.",
 )
 disk = click.option("--disk", metavar="FILE", help="The disk's TOML file [default: the shipped disk].")
+marker = click.option(
+    "--marker",
+    metavar="M",
+    help="What the robot wears: disk, aruco:DICTIONARY:NUMBER or apriltag:FAMILY:NUMBER, maybe with "
+    ",size=MM,x=MM,y=MM,angle=DEGREES,height=MM behind it [default: disk].",
+)
 evaluations = click.option(
     "--evaluations", type=Whole(1, 10**9), help="Evaluations in each run [default: 1000]."
 )

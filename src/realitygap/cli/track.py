@@ -24,15 +24,24 @@ __all__ = ["track"]
 @click.command()
 @click.argument("film", type=click.Path())
 @click.option("--camera", required=True, metavar="FILE", help="Calibration of the camera (camera.json).")
+@option.marker
 @option.disk
 @click.option("--out", type=FileToWrite(".csv"), required=True, help="Write the track there (.csv).")
 @click.option("--tails", type=FileToWrite(".png"), help="Draw tails over the last frame there (.png).")
 @option.as_json
-def track(film: str, camera: str, disk: str | None, out: Path, tails: Path | None, json_output: bool) -> None:
+def track(
+    film: str,
+    camera: str,
+    marker: str | None,
+    disk: str | None,
+    out: Path,
+    tails: Path | None,
+    json_output: bool,
+) -> None:
     """Track the robot in FILM.
 
-    FILM is any film from above (MP4, MOV, MKV, AVI …) of a robot that wears the disk. The track is a table:
-    t_s, x_cm, y_cm, heading_deg, quality (0 to 1). In a frame where the disk is not found, place and
+    FILM is any film from above (MP4, MOV, MKV, AVI …) of a robot that wears a marker. The track is a table:
+    t_s, x_cm, y_cm, heading_deg, quality (0 to 1). In a frame where it is not found, place and
     heading are empty and quality is 0.
 
     \b
@@ -40,11 +49,11 @@ def track(film: str, camera: str, disk: str | None, out: Path, tails: Path | Non
         realitygap track film.mp4 --camera camera.json --out track.csv --tails tails.png
     """
     from realitygap.film.camera import load_camera
-    from realitygap.film.disk import load_disk
+    from realitygap.film.marker import load_marker
     from realitygap.film.tails import draw_tails, save_tails
     from realitygap.film.tracker import track_film
 
-    model, worn = load_camera(camera), load_disk(disk)
+    model, worn = load_camera(camera), load_marker(marker, disk)
     begun = time.perf_counter()
     with ProgressLine(FILM_AFTER_S) as line:
         tracked = track_film(film, model, worn, partial(line.frames, "tracking"))

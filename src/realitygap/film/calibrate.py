@@ -1,9 +1,9 @@
 """Calibrates the overhead camera from frames in which the robot's pose is known: a folder of pictures and
 a table of poses.
 
-The disk is first looked for without any camera, at every scale; the two patches of every frame are
-then points whose places are known, and a camera is fitted to them; with that camera the frames are
-looked at again, closely, and it is fitted once more.
+The marker is first looked for without any camera. Its points in every frame (a disk's two patches, a tag's
+corners) then have known places, and a camera is fitted to them; with that camera the frames are looked at
+again, closely, and it is fitted once more.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 
 from realitygap.errors import FilmError
 from realitygap.film.camera import CameraModel
-from realitygap.film.disk import Disk
-from realitygap.film.finder import KNOWN_AGAIN, Finder, first_look
+from realitygap.film.finder import Finder
 from realitygap.film.fit import fit_camera, lens_place
+from realitygap.film.marker import Marker, finder_of, without_camera
+from realitygap.film.tag import Tag, TagFinder, on_floor, why_not
 from realitygap.table import read_table
 from realitygap.values import Pose
 
@@ -139,52 +140,53 @@ def _read(path: Path) -> NDArray[np.uint8]:
 
 def calibrate_camera(
     frames: list[KnownFrame],
-    disk: Disk,
+    marker: Marker,
     *,
     lens_height_cm: float | None = None,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> Calibration:
-    """The camera that took the frames; its plane is the disk's.
+    """The camera that took the frames; its plane is the marker's.
 
     Args:
         frames: at least 4, better 12 or more, all over the floor.
-        disk: what the robot carried.
+        marker: what the robot carried.
         lens_height_cm: the lens above the floor, if measured: then the camera can also be used
-            with disks of another height.
+            with markers of another height.
         on_progress: is called with the number of frames done and of all.
 
     Raises:
-        FilmError: too few frames or poses in a line, frames of different sizes, no disk found,
+        FilmError: too few frames or poses in a line, frames of different sizes, no marker found,
             poses that no camera explains.
     """
-    _check(frames, disk, lens_height_cm)
+    _check(frames, marker, lens_height_cm)
     report = on_progress or (lambda done, total: None)
     total = 2 * len(frames)
-    seen = first_look([frame.picture for frame in frames], disk, lambda done: report(done, total))
-    camera = _fitted(frames, seen, disk, 2 * _TOLERANCE_CM)
+    seen = without_camera([frame.picture for frame in frames], marker, lambda done: report(done, total))
+    camera = _fitted(frames, seen, marker, None)
     for turn in range(2):
-        finder = Finder(camera, disk)
+        finder = finder_of(camera, marker)
         seen = []
         for done, frame in enumerate(frames):
             seen.append(_closely(finder, frame))
             report(len(frames) + (turn * len(frames) + done + 1) // 2, total)
-        camera = _fitted(frames, seen, disk, _TOLERANCE_CM)
-    residuals = tuple(_residual(camera, disk, frame, one) for frame, one in zip(frames, seen, strict=True))
+        camera = _fitted(frames, seen, marker, camera)
+    residuals = tuple(_residual(camera, marker, frame, one) for frame, one in zip(frames, seen, strict=True))
     if lens_height_cm is not None:
         camera = replace(camera, lens_cm=lens_place(camera, lens_height_cm))
     return Calibration(camera=camera, residuals=residuals)
 
 
-def _check(frames: list[KnownFrame], disk: Disk, lens_height_cm: float | None) -> None:
+def _check(frames: list[KnownFrame], marker: Marker, lens_height_cm: float | None) -> None:
     """Refuse frames that nothing can be calibrated with."""
     if len(frames) < LEAST_FRAMES:
         raise FilmError(
             f"expected at least {LEAST_FRAMES} frames with known poses (better 12 or more, all over the "
             f"floor), got {len(frames)}. Film the robot at more places."
         )
-    if lens_height_cm is not None and not lens_height_cm > disk.height_cm + 1:
+    if lens_height_cm is not None and not lens_height_cm > marker.height_cm + 1:
         raise FilmError(
-            f"lens height: expected well above the disk at {disk.height_cm:g} cm, got {lens_height_cm:g} cm."
+            f"lens height: expected well above the {marker.name} at {marker.height_cm:g} cm, "
+            f"got {lens_height_cm:g} cm."
         )
     first = frames[0]
     for frame in frames:
@@ -208,39 +210,45 @@ def _check_spread(poses: list[Pose], what: str) -> None:
         )
 
 
-def _closely(finder: Finder, frame: KnownFrame) -> NDArray[Any] | None:
-    """The disk of a frame, in pixels, where the first camera expects it, or wherever it is."""
+def _closely(finder: Finder | TagFinder, frame: KnownFrame) -> NDArray[Any] | None:
+    """The marker of a frame, in pixels, where the first camera expects it, or wherever it is."""
     seen = finder.near(frame.picture, np.array([frame.pose.x, frame.pose.y]))
-    if seen is None or seen.quality < KNOWN_AGAIN:
+    if seen is None or seen.quality < finder.known_again:
         seen = finder.anywhere(frame.picture)
-    if seen is None or seen.quality < KNOWN_AGAIN:
+    if seen is None or seen.quality < finder.known_again:
         return None
     return finder.camera.to_pixels(seen.points)
 
 
 def _fitted(
-    frames: list[KnownFrame], seen: list[NDArray[Any] | None], disk: Disk, tolerance_cm: float
+    frames: list[KnownFrame], seen: list[NDArray[Any] | None], marker: Marker, before: CameraModel | None
 ) -> CameraModel:
-    """The camera that explains what was seen."""
+    """The camera that explains what was seen, maybe through the camera before it."""
     pairs = [(frame, pixels) for frame, pixels in zip(frames, seen, strict=True) if pixels is not None]
     if len(pairs) < LEAST_FRAMES:
+        unseen = next(frame.picture for frame, one in zip(frames, seen, strict=True) if one is None)
+        doubt = why_not(unseen, marker, before) if isinstance(marker, Tag) else ""
         raise FilmError(
-            f"the disk is seen in {len(pairs)} of {len(frames)} frames, {LEAST_FRAMES} are needed. Check "
-            "that the robot carries the disk, and the disk's sizes, or take more frames."
+            f"the {marker.name} is seen in {len(pairs)} of {len(frames)} frames, {LEAST_FRAMES} are needed. "
+            + (
+                doubt
+                or f"Check that the robot carries the {marker.name}, and its sizes, or take more frames."
+            )
         )
-    _check_spread([frame.pose for frame, _ in pairs], "poses of the frames in which the disk is seen")
-    scale = np.median([math.dist(*pixels[:2]) for _, pixels in pairs]) / math.dist(*disk.points[:2])
+    used = [frame.pose for frame, _ in pairs]
+    _check_spread(used, f"poses of the frames in which the {marker.name} is seen")
+    scale = np.median([math.dist(*pixels[:2]) for _, pixels in pairs]) / math.dist(*marker.points[:2])
     height, width = frames[0].picture.shape
     camera = fit_camera(
-        np.concatenate([_on_floor(disk.points, frame.pose) for frame, _ in pairs]),
+        np.concatenate([on_floor(marker.points, pose) for pose in used]),
         np.concatenate([pixels for _, pixels in pairs]),
         (width, height),
-        plane_cm=disk.height_cm,
+        plane_cm=marker.height_cm,
         radial=len(pairs) >= LEAST_FOR_RADIAL,
-        tolerance_px=tolerance_cm * float(scale),
+        tolerance_px=(_TOLERANCE_CM if before else 2 * _TOLERANCE_CM) * float(scale),
     )
     if camera is not None:
-        near = [_residual(camera, disk, frame, one).used for frame, one in pairs]
+        near = [_residual(camera, marker, frame, one).used for frame, one in pairs]
         if sum(near) >= max(LEAST_FRAMES, len(near) / 2):
             return camera
     raise FilmError(
@@ -250,18 +258,13 @@ def _fitted(
     )
 
 
-def _on_floor(points: NDArray[np.float64], pose: Pose) -> NDArray[np.float64]:
-    """Where points of a robot at a pose are, [n, 2] cm."""
-    c, s = math.cos(pose.heading), math.sin(pose.heading)
-    ahead, left = points.T
-    return np.stack([pose.x + (c * ahead - s * left), pose.y + (s * ahead + c * left)], 1)
-
-
-def _residual(camera: CameraModel, disk: Disk, frame: KnownFrame, pixels: NDArray[Any] | None) -> Residual:
-    """How far off the disk of a frame is seen through a camera."""
+def _residual(
+    camera: CameraModel, marker: Marker, frame: KnownFrame, pixels: NDArray[Any] | None
+) -> Residual:
+    """How far off the marker of a frame is seen through a camera."""
     if pixels is None:
         return Residual(frame=frame.name, x_mm=None, y_mm=None, heading_deg=None, used=False)
-    pose, true = disk.pose_of(camera.to_floor(pixels)), frame.pose
+    pose, true = marker.pose_of(camera.to_floor(pixels)), frame.pose
     x, y = 10 * (pose.x - true.x), 10 * (pose.y - true.y)
     heading = Pose(x=0, y=0, heading=pose.heading - true.heading).heading_deg
     used = math.hypot(x, y) <= 10 * _TOLERANCE_CM and abs(heading) <= _TOLERANCE_DEG

@@ -30,6 +30,7 @@ class Disk:
         FilmError: a length that is no positive number, patches that touch or leave the disk.
     """
 
+    name = "disk"
     radius_cm: float = 2.75
     centre_radius_cm: float = 0.7
     front_radius_cm: float = 0.45

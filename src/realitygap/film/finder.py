@@ -61,7 +61,7 @@ _RING = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], 1)
 
 
 class Sighting(NamedTuple):
-    """The disk as it was seen: its two points on its plane [2, 2] (cm), the robot's pose, quality 0 to 1."""
+    """A marker as it was seen: its points on its plane [n, 2] (cm), the robot's pose, quality 0 to 1."""
 
     points: NDArray[np.float64]
     pose: Pose
@@ -79,6 +79,8 @@ class Finder:
     Raises:
         FilmError: a camera that cannot correct for the disk's height.
     """
+
+    known_again, found_anew = KNOWN_AGAIN, FOUND_ANEW
 
     def __init__(self, camera: CameraModel, disk: Disk, slack: float = RING_SLACK) -> None:
         camera.check_height(disk.height_cm)
@@ -130,6 +132,10 @@ class Finder:
                 if best.quality > _GOOD:
                     break
         return best
+
+    def why_not(self, picture: Grey) -> str:
+        """Why the disk is not found in a picture: that cannot be told."""
+        return ""
 
     def _laid_out(self, picture: Grey | Look, place: NDArray[np.float64], half: int) -> Picture:
         """A square of the disk's plane about a place, `half` steps to each side."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from realitygap import whole
 from realitygap.errors import FilmError
 from realitygap.film.camera import CameraModel
-from realitygap.film.disk import Disk
+from realitygap.film.marker import Marker
 from realitygap.film.video import Image
 from realitygap.track import Track
 
@@ -33,7 +33,7 @@ _SHIFT = 4
 """OpenCV draws between pixels in units of 1 / 2^shift."""
 
 
-def draw_tails(frame: Image, track: Track, camera: CameraModel, disk: Disk) -> Image:
+def draw_tails(frame: Image, track: Track, camera: CameraModel, marker: Marker) -> Image:
     """A frame [height, width, 3] under the white lines of a track, one for each frame in which the
     robot was found; larger than the frame if that is small. The frame is darkened where its floor
     is so bright that white would not show.
@@ -42,13 +42,13 @@ def draw_tails(frame: Image, track: Track, camera: CameraModel, disk: Disk) -> I
         frame: the picture.
         track: of the film, a row a frame.
         camera: calibrated.
-        disk: what the robot wears.
+        marker: what the robot wears.
     """
     camera.check_size(frame.shape[1], frame.shape[0], "the frame")
     factor = max(1, math.ceil(_WIDE_PX / frame.shape[1]))
     height, width = frame.shape[:2]
     picture = cv2.resize(frame, (factor * width, factor * height), interpolation=cv2.INTER_CUBIC)
-    strokes = _strokes(track, camera, disk)
+    strokes = _strokes(track, camera, marker)
     dark = min(1.0, _BRIGHTEST / max(_floor_under(frame, strokes), 1.0))
     picture = np.rint(picture * dark).astype(np.uint8)
     lines = np.rint(((strokes + 0.5) * factor - 0.5) * 2**_SHIFT).astype(np.int32)
@@ -73,12 +73,12 @@ def save_tails(path: str | Path, picture: Image) -> None:
     whole.write(path, data.tobytes())
 
 
-def _strokes(track: Track, camera: CameraModel, disk: Disk) -> NDArray[np.float64]:
+def _strokes(track: Track, camera: CameraModel, marker: Marker) -> NDArray[np.float64]:
     """From centre to leading edge, [n, 2, 2] px, where the robot was found."""
     seen = track.only(track.found)
     centre = np.stack([seen.x, seen.y], 1)
-    edge = centre + disk.radius_cm * np.stack([np.cos(seen.heading), np.sin(seen.heading)], 1)
-    return camera.to_pixels(np.stack([centre, edge], 1), disk.height_cm)
+    edge = centre + marker.radius_cm * np.stack([np.cos(seen.heading), np.sin(seen.heading)], 1)
+    return camera.to_pixels(np.stack([centre, edge], 1), marker.height_cm)
 
 
 def _floor_under(frame: Image, strokes: NDArray[np.float64]) -> float:

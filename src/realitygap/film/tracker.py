@@ -1,8 +1,8 @@
-"""The tracker: the disk's pose in every frame of a film (§6).
+"""The tracker: the robot's pose in every frame of a film (§6).
 
 The whole first frame is searched; then a window round the last place; and the whole frame again
 whenever the robot was lost. Nothing is carried over from frame to frame but where to look: a frame
-in which the disk is not seen is reported as lost, never guessed.
+in which its marker is not seen is reported as lost, never guessed.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import numpy as np
 
 from realitygap.errors import FilmError
 from realitygap.film.camera import CameraModel
-from realitygap.film.disk import Disk
-from realitygap.film.finder import FOUND_ANEW, KNOWN_AGAIN, Finder, Look, Sighting
+from realitygap.film.finder import Look, Sighting
+from realitygap.film.marker import Marker, finder_of
 from realitygap.film.video import FilmReader, Image
 from realitygap.track import Track
 from realitygap.values import Pose
@@ -41,26 +41,30 @@ class Tracked:
 
 
 class Tracker:
-    """Follows one disk from frame to frame.
+    """Follows one marker from frame to frame; `doubt` says why it was lost, if that can be told.
 
     Args:
         camera: which took the frames.
-        disk: what the robot carries.
+        marker: what the robot carries.
     """
 
-    def __init__(self, camera: CameraModel, disk: Disk) -> None:
-        self._finder = Finder(camera, disk)
+    def __init__(self, camera: CameraModel, marker: Marker) -> None:
+        self.finder = finder_of(camera, marker)
         self._last: Pose | None = None
-        self.best_quality = 0.0
+        self.best_quality, self.doubt = 0.0, ""
 
     def see(self, picture: Image | Look) -> tuple[Pose, float] | None:
-        """The disk's pose in a picture [height, width], or what shows one, and its quality, or None."""
+        """The robot's pose in a picture [height, width], or what shows one, and its quality, or None."""
         seen, last = None, self._last
         if last is not None:
-            seen = self._believed(self._finder.near(picture, np.array([last.x, last.y])), KNOWN_AGAIN)
+            seen = self._believed(
+                self.finder.near(picture, np.array([last.x, last.y])), self.finder.known_again
+            )
         if seen is None:
             whole = picture(None) if callable(picture) else picture
-            seen = self._believed(self._finder.anywhere(whole), FOUND_ANEW)
+            seen = self._believed(self.finder.anywhere(whole), self.finder.found_anew)
+            if seen is None and not self.doubt:
+                self.doubt = self.finder.why_not(whole)
         self._last = None if seen is None else seen.pose
         return None if seen is None else (seen.pose, seen.quality)
 
@@ -77,7 +81,7 @@ class Tracker:
 def track_film(
     film: str | Path,
     camera: CameraModel,
-    disk: Disk,
+    marker: Marker,
     on_progress: Callable[[int, int | None], None] | None = None,
 ) -> Tracked:
     """Track the robot through a film.
@@ -85,13 +89,13 @@ def track_film(
     Args:
         film: any film that PyAV reads.
         camera: which took it.
-        disk: what the robot carries.
+        marker: what the robot carries.
         on_progress: is called now and then with the number of frames done, and of all if known.
 
     Raises:
         FilmError: not a film, a film of another size, or one in which no disk is seen.
     """
-    tracker, rows = Tracker(camera, disk), list[Row]()
+    tracker, rows = Tracker(camera, marker), list[Row]()
     report = on_progress or (lambda done, total: None)
     with FilmReader(film) as reader:
         for frame in reader:
@@ -106,12 +110,16 @@ def track_film(
     report(len(rows), len(rows))
     track = _track(rows)
     if not track.found.any():
-        raise FilmError(
-            f"{film}: no robot's disk is seen in any of its {len(track)} frames (best quality "
-            f"{tracker.best_quality:.2f}, needed {FOUND_ANEW:g}). Check that the robot carries the disk, "
-            "that the camera was calibrated for this film, and that the disk is given in its true size."
+        cure = (
+            f"Check that the robot carries the {marker.name}, that the camera was calibrated for this film, "
+            f"and that the {marker.name} is given in its true size."
         )
-    return Tracked(track=track, last_frame=last, trouble=reader.trouble)
+        raise FilmError(
+            f"{film}: no robot's {marker.name} is seen in any of its {len(track)} frames (best quality "
+            f"{tracker.best_quality:.2f}, needed {tracker.finder.found_anew:g}). {tracker.doubt or cure}"
+        )
+    trouble = "; ".join(filter(None, (reader.trouble, tracker.doubt))) or None
+    return Tracked(track=track, last_frame=last, trouble=trouble)
 
 
 @contextmanager
