@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Numbers", "arena", "as_json", "base", "baud", "checked_pose", "disk", "evaluations", "given", "marker",
-    "noise",    "out", "picture", "pose", "profile", "resume", "runs", "seconds", "seed", "task", "trust", "twin_noise",
-    "workers",
+    "noise", "out", "picture", "pose", "profile", "resume", "runs", "seconds", "seed", "task", "trust",
+    "twin_noise", "workers",
 ]  # fmt: skip
 
 BAUDS = tuple(map(str, BAUD_RATES))
