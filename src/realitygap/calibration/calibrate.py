@@ -27,7 +27,7 @@ from realitygap.text import must_be
 from realitygap.world.profile import Profile, load_profile
 from realitygap.world.provenance import FittedChannel, FittedConstant, Provenance, SourceFile
 
-__all__ = ["FORMS", "Calibration", "calibrate"]
+__all__ = ["FORMS", "Calibration", "base_of", "calibrate"]
 
 FORMS = {
     "paper": ("paper", "paper", "printed"),
@@ -64,6 +64,11 @@ class Calibration:
         where = self.profile.provenance
         dated = where if date is None else replace(where, date=date)
         return replace(self, profile=replace(self.profile, name=name, provenance=dated))
+
+
+def base_of(recordings: Sequence[Recording]) -> str:
+    """The shipped profile that the recorded robot begins from; of one that names none the paper's."""
+    return str(next((r.facts["base"] for r in recordings if "base" in r.facts), "paper"))
 
 
 def calibrate(

@@ -32,8 +32,6 @@ NEEDS = {"ambient": "ambient", "wheels": TURNS, "infrared": "proximity"}
 """What a robot must have for the recordings of a plan."""
 FIT = "fit"
 CURE = "Choose another folder, or remove this one."
-BASE = "paper"
-"""What the recordings do not tell stays as in this profile."""
 RECIPE = 3
 """Changes whenever the same settings would make another profile."""
 
@@ -44,7 +42,7 @@ Progress = Callable[[str, int, int], None]
 def calibrated_unit(
     folder: str | Path,
     *,
-    unit: int,
+    unit: int | str,
     noise: float,
     seed: int,
     workers: Workers = 1,
@@ -58,8 +56,8 @@ def calibrated_unit(
 
     Args:
         folder: the unit's own; made if need be.
-        unit: which robot of the population.
-        noise: the twin's noise scale.
+        unit: which robot of the population; or the address of one of Enki's, as "enki:epuck:3".
+        noise: the twin's noise scale, or Enki's.
         seed: of its noise, and of what is random in the plans.
         workers: processes that record at the same time, one a core if None; or a pool.
         on_progress: is told how far it is; whoever raises there stops the work.
@@ -71,9 +69,10 @@ def calibrated_unit(
         CalibrationError: the folder belongs to another unit or other settings.
         StudyError: its process died again and again.
     """
-    for key, value, kind in (("unit", unit, int), ("seed", seed, int), ("noise", noise, int | float)):
+    for key, value, kind in (("unit", unit, int | str), ("seed", seed, int), ("noise", noise, int | float)):
         must_be(value, kind, key, "See `realitygap record --help`.")
-    settings = {"recipe": RECIPE, "unit": unit, "twin_noise": float(noise), "seed": seed}
+    which = {"unit": unit} if isinstance(unit, int) else {"robot": unit, "parts": _parts_of(unit)}
+    settings = {"recipe": RECIPE, **which, "twin_noise": float(noise), "seed": seed}
     return _calibrated(folder, settings, workers, on_progress)
 
 
@@ -103,13 +102,17 @@ def calibrated_robot(
         UsageError: no such robot, or its sensors are not those of the base.
         CalibrationError: the folder belongs to another robot or other settings.
     """
+    settings = {"recipe": RECIPE, "robot": robot, "base": base, "parts": _parts_of(robot), "seed": seed}
+    return _calibrated(folder, settings, workers, on_progress)
+
+
+def _parts_of(robot: str) -> list[str]:
+    """The parts that a robot can record."""
     from realitygap.robots.address import Address
 
     with closing(Address.parse(robot).open()) as body:
         kinds = {one.name for one in body.channels} | ({TURNS} if body.counts_turns else set())
-    parts = [name for name in PARTS if NEEDS[name.partition("-")[0]] in kinds]
-    settings = {"recipe": RECIPE, "robot": robot, "base": base, "parts": parts, "seed": seed}
-    return _calibrated(folder, settings, workers, on_progress)
+    return [name for name in PARTS if NEEDS[name.partition("-")[0]] in kinds]
 
 
 def _calibrated(
@@ -182,7 +185,7 @@ def record_part(folder: Path, name: str, report: Progress) -> None:
 
 def fitted(folder: Path) -> str:
     """The profile that all parts are fitted to, as its file."""
-    from realitygap.calibration.calibrate import calibrate
+    from realitygap.calibration.calibrate import base_of, calibrate
     from realitygap.calibration.recordings.files import load_recording
     from realitygap.robots.address import Address
     from realitygap.world.profile import load_profile
@@ -191,7 +194,8 @@ def fitted(folder: Path) -> str:
     known = _settings(folder)
     name = f"twin-{known['unit']}" if "unit" in known else Address.parse(known["robot"]).folder()
     # The day stands in the recordings: the same settings make the same file on any day.
-    made = calibrate(recordings, load_profile(known.get("base", BASE)), beside=False).named(name, date="")
+    base = load_profile(known.get("base", base_of(recordings)))
+    made = calibrate(recordings, base, beside=False).named(name, date="")
     return made.profile.to_toml()
 
 

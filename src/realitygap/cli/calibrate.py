@@ -84,13 +84,14 @@ def calibrate(
         return
     if out is None:
         raise click.UsageError("--out: missing: say where to write the profile, as in --out robot.toml.")
+    from realitygap.calibration.calibrate import base_of
     from realitygap.calibration.calibrate import calibrate as fit
     from realitygap.world.profile import load_profile
 
     if page is None and not no_report:
         page = _beside(out)
     read = _load(recordings, objects)
-    start = load_profile(base or next((r.facts["base"] for r in read if "base" in r.facts), "paper"))
+    start = load_profile(base or base_of(read))
     with ProgressLine() as line:
         report = partial(line.calibrating, "fit")
         made = fit(read, start, form=form, light=light, on_progress=report).named(out.stem)

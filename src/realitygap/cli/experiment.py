@@ -45,10 +45,11 @@ def experiment() -> None:
 )
 @click.option(
     "--robot", metavar="R",
-    help="twin, or a body of your own that places itself, file.py:Class: the only unit [default: twin].",
+    help="twin, enki:MODEL, or a body of your own that places itself, file.py:Class: the only unit "
+    "[default: twin].",
 )  # fmt: skip
 @option.base
-@click.option("--units", type=Whole(1, 100), help="Units of the twin [default: 3].")
+@click.option("--units", type=Whole(1, 100), help="Units of the twin, or of Enki's [default: 3].")
 @click.option("--starts", type=Whole(2, 1000), help="Trials of each controller on each unit [default: 8].")
 @option.evaluations
 @option.twin_noise()
@@ -105,13 +106,13 @@ def _config(out: Path, resume: bool, options: dict[str, Any]) -> NoiseConfig:
     asked = option.given(options)
     if asked.get("robot") == "twin":
         del asked["robot"]
-    if "robot" in asked:
+    if asked.get("robot", "enki").partition(":")[0] != "enki":
         for key in ("units", "twin_noise"):
             if key in asked:
                 name = f"--{key.replace('_', '-')}"
                 raise click.UsageError(f"{name} is the twin's; with a robot of your own leave it out.")
         asked["units"] = 1
-    elif begun.robot is not None:
+    elif begun.base is not None and "robot" not in asked:
         raise click.UsageError(
             f"--robot: expected {begun.robot}, the robot of this experiment: a program, run when you name it."
         )

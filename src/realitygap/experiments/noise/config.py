@@ -40,8 +40,9 @@ class NoiseConfig(Value):
         seed: everything random follows from it.
         tasks: the paper's, one or both: the score's exemplars are theirs.
         seconds: length of a trial; the task's own if None.
-        robot: one of your own in the twin's place, `file.py:Class` or `module:Class`: the only unit.
-        base: its rough profile, by name or file.
+        robot: in the twin's place `enki:MODEL`, whose units are meant; or one of your own, `file.py:Class` or
+            `module:Class`: the only unit.
+        base: the rough profile of one's own, by name or file.
 
     Raises:
         ConfigError: names the key, what was expected and what came.
@@ -84,9 +85,17 @@ class NoiseConfig(Value):
         if self.robot is None:
             require(self.base is None, "base", "none of a twin", self.base, "Leave it out, or give `robot`.")
             return
-        own = isinstance(self.robot, str) and Address.parse(self.robot).kind == "own"
-        form = "twin, or a robot of your own that places itself, file.py:Class or module:Class"
-        require(own, "robot", form, self.robot)
+        form = "twin, enki:MODEL, or a robot of your own that places itself, file.py:Class or module:Class"
+        require(isinstance(self.robot, str), "robot", form, self.robot)
+        address = Address.parse(self.robot)
+        if address.kind == "enki":
+            model = f"enki:{address.rest.partition(':')[0]}"
+            cure = "Its units are those from 1 to `units`."
+            require(self.robot in ("enki", model), "robot", model, self.robot, cure)
+            require(self.base is None, "base", "none of a robot of Enki's", self.base, "Leave it out.")
+            object.__setattr__(self, "robot", model)
+            return
+        require(address.kind == "own", "robot", form, self.robot)
         rough = f"the rough profile of {self.robot}: its radius, heights, top command and speed"
         require(isinstance(self.base, str), "base", rough, self.base)
         alone = "1 with a robot of your own, which is the only unit"
@@ -98,6 +107,10 @@ class NoiseConfig(Value):
             object.__setattr__(self, "robot", placed(self.robot, file[0].resolve()))
         if Path(str(self.base)).is_file():
             object.__setattr__(self, "base", str(Path(str(self.base)).resolve()))
+
+    def address(self, unit: int) -> str:
+        """Of the robot that is this unit."""
+        return self.robot if self.robot and self.base else f"{self.robot or 'twin'}:{unit}"
 
     @property
     def runs_in_set(self) -> int:

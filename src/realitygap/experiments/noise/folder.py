@@ -62,7 +62,7 @@ def open_folder(folder: Path, requested: NoiseConfig | None, *, resume: bool) ->
 def command_of(config: NoiseConfig) -> str:
     """The command that makes this study; what is as usual is left out."""
     usual = NoiseConfig().to_dict()
-    if config.robot is not None:
+    if config.base is not None:
         usual["units"] = config.units  # nobody may say it
     changed = {key: value for key, value in config.to_dict().items() if usual.get(key) != value}
     words = [f"--{key.replace('_', '-')} {_typed(value)}" for key, value in changed.items()]

@@ -180,13 +180,19 @@ class _Phases:
 
             place, config = calibration_folder(self.folder, unit), self.config
             seed = stream(config, "calibration", unit) >> 1
-            if config.robot is None:
+            if config.base is None:
+                which = unit if config.robot is None else config.address(unit)
                 calibrated_unit(
-                    place, unit=unit, noise=config.twin_noise, seed=seed, workers=recorders, on_progress=heard
+                    place,
+                    unit=which,
+                    noise=config.twin_noise,
+                    seed=seed,
+                    workers=recorders,
+                    on_progress=heard,
                 )
             else:
                 calibrated_robot(
-                    place, robot=config.robot, base=config.base or "", seed=seed, workers=recorders,
+                    place, robot=config.address(unit), base=config.base, seed=seed, workers=recorders,
                     on_progress=heard,
                 )  # fmt: skip
             self.reporter.add(0.0, done=1)

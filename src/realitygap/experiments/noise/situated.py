@@ -78,7 +78,7 @@ class Rigs:
             self._ready[unit] = Rig(
                 self._stage.task(one.task),
                 self._stage.profile(one.home),
-                robot=self._stage.config.robot or f"twin:{unit}",
+                robot=self._stage.config.address(unit),
                 twin_noise=self._stage.config.twin_noise,
                 folder_for_camera=self._stage.folder / "situated" / "cameras",
             )
@@ -100,8 +100,9 @@ def check_robot(config: NoiseConfig) -> None:
     """
     if config.robot is None:
         return
-    load_profile(config.base or "")
-    with closing(Address.parse(config.robot).open()) as body:
+    if config.base is not None:
+        load_profile(config.base)
+    with closing(Address.parse(config.address(1)).open()) as body:
         who = f"robot {config.robot}: expected"
         if not isinstance(body, Placing):
             cure = "Give it one; a robot that a person carries is driven by `realitygap transfer`."

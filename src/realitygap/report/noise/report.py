@@ -18,7 +18,7 @@ from realitygap.report.noise.facts import Curve, Fall, FitnessRow, NoiseFacts, S
 from realitygap.report.noise.figures import titled
 from realitygap.report.noise.results import NoiseResults, read_results, real_misfits
 from realitygap.report.noise.tables import NoiseTable, noise_tables
-from realitygap.report.noise.words import LIMITS, OF_A_TWIN, thoughts, warnings
+from realitygap.report.noise.words import limits, robot_words, thoughts, warnings
 from realitygap.report.page import Figures, OnProgress, Steps, Words, noise_key, report_folder, write_page
 from realitygap.tasks import load_task
 from realitygap.world.noise import noise_name
@@ -73,9 +73,9 @@ def build_noise_report(out: str | Path, *, on_progress: OnProgress | None = None
         "settings": results.settings,
         "cards": report.figures,
         "key": noise_key(levels),
-        "limits": LIMITS[OF_A_TWIN if report.own else 0 :],
+        "limits": limits(results.settings),
         "resamples": RESAMPLES,
-        "robot": Path(str(results.settings.get("robot"))).name,
+        "robot": robot_words(results.settings),
         "tables": report.tables,
         "text": (results.folder / "study.toml").read_text("utf-8"),
         "titled": titled,

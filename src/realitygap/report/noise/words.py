@@ -13,7 +13,7 @@ from realitygap.report.noise.facts import FitnessRow, NoiseFacts, Scope
 from realitygap.report.noise.figures import titled
 from realitygap.report.noise.results import Misfit
 
-__all__ = ["LIMITS", "OF_A_TWIN", "Scales", "thoughts", "warnings"]
+__all__ = ["Scales", "limits", "robot_words", "thoughts", "warnings"]
 
 LIMITS = (
     "The robot is a twin: pseudo-reality. It shares no code with the simulation, but much else: sizes of "
@@ -37,6 +37,12 @@ LIMITS = (
 OF_A_TWIN = 2
 """So many of them, the first, are true of the twin alone."""
 SET_BY_US = "The robot here is a twin, and its noise was set by us."
+
+OF_ENKI = (
+    "The robot is one of EPFL's simulator Enki: pseudo-reality. Its sensor models and its noise are those of "
+    "the people who made it; how units differ was set by us. That a curve peaks at its own level says "
+    "how the score behaves, not how noisy a robot is.",
+)
 
 Scales = Mapping[str, tuple[float, str]]
 
@@ -84,6 +90,24 @@ def thoughts(
     return [thought.strip() for thought in said if thought]
 
 
+def robot_words(settings: Mapping[str, object]) -> str:
+    """The robot in the twin's place; "" where there is none."""
+    robot = Path(str(settings.get("robot", ""))).name
+    whose = "a robot of EPFL's simulator Enki" if _enki(settings) else "the user's own robot"
+    return f"{robot}, {whose}" if robot else ""
+
+
+def limits(settings: Mapping[str, object]) -> tuple[str, ...]:
+    """What such an experiment cannot tell."""
+    if "robot" not in settings:
+        return LIMITS
+    return (*(OF_ENKI if _enki(settings) else ()), *LIMITS[OF_A_TWIN:])
+
+
+def _enki(settings: Mapping[str, object]) -> bool:
+    return str(settings.get("robot")).startswith("enki:")
+
+
 def warnings(calibration: Sequence[Misfit], tasks: Sequence[str], lost: int = 0) -> list[str]:
     """Where the model's error is too large for the level of noise to mean anything; who is missing."""
     said = []
@@ -108,14 +132,14 @@ def _opening(facts: NoiseFacts, settings: Mapping[str, object]) -> str:
     levels = ", ".join(f"{level:g}" for level in data.levels)
     trials = settings.get("twin_trials")
     drove = f" in {trials} trials" if isinstance(trials, int) else ""
-    own = settings.get("robot")
+    own = robot_words(settings)
     robot, known = "the twin", f" (its noise scale is {settings['twin_noise']:g})"
-    if own is not None:
-        robot, known = f"{Path(str(own)).name}, the user's own robot", ""
+    if own:
+        robot, known = own, known if _enki(settings) else ""
     text = (
         f"{len(data)} controllers evolved at noise {levels} drove {robot}{drove}, and each was compared "
         f"with the simulation at every level, whose 1 is the noise that was measured on "
-        f"{'the twin' if own is None else 'this robot'}{known}."
+        f"{'the twin' if not own else 'this robot'}{known}."
     )
     if data.robot != 1:
         text += f" The nearest level of the study, {data.robot:g}, stands for it."
