@@ -26,6 +26,7 @@ from realitygap.tasks import load_task
 from realitygap.transfer.rig import Rig
 from realitygap.twin.arena import load_arena
 from realitygap.twin.camera import OverheadCamera
+from realitygap.twin.drawing import WHOLE
 from realitygap.twin.process import TwinProcess, start_twin
 from realitygap.twin.states import States
 from realitygap.values import Pose, Readings
@@ -106,7 +107,11 @@ def main() -> None:
                 try:
                     with OverheadCamera(load_arena(task), unit=1, view=view) as camera:
                         start = time.perf_counter()
-                        count = sum(1 for _, (_t, _f) in zip(range(200), camera.film(states), strict=False))
+                        count = sum(
+                            1
+                            for _, (_t, show) in zip(range(200), camera.looks(states), strict=False)
+                            if show(WHOLE).size
+                        )
                         print(f"  camera, {view}: {count / (time.perf_counter() - start):.0f} frames/s")
                 except Exception as error:  # no EGL or OSMesa here
                     print(f"  camera, {view}: {error}")

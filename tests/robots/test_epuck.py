@@ -273,3 +273,4 @@ def test_check_and_record(name: str, request: pytest.FixtureRequest, tmp_path: P
     assert load_recording(file.parent).kind == "infrared"
     facts = tomllib.loads(file.read_text())
     assert (facts["sensors"], facts["full_scale"], facts["robot"]) == (8, 4095, "e-puck")
+    assert (facts["base"], facts["pulses_per_mm"], facts["body_radius_cm"]) == ("e-puck", 7.8125, 3.7)

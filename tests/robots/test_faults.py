@@ -64,7 +64,7 @@ def test_half_a_line_does_not_spoil_the_next(bench: Bench) -> None:
     _, khepera = bench.virtual()
     for half in (b"D,5", b"N,", b"\x00\xff", b"D,1" * 200, b"K\nH\nB\nE"):
         khepera.line.tell(half)
-        assert len(khepera.proximity()) == 8
+        assert len(khepera.read("N")) == 8
         assert khepera.counters() == (0, 0)
 
 

@@ -89,7 +89,7 @@ def test_time_on_the_wire_passes_in_virtual_time(bench: Bench) -> None:
     for baud in (9600, 115200):
         _, khepera = bench.virtual(baud=baud)
         before = khepera.clock.now()
-        values = khepera.proximity()
+        values = khepera.read("N")
         taken[baud] = khepera.clock.now() - before
         count = len("N\n") + len("n," + ",".join(map(str, values)) + "\r\n")
         assert taken[baud] == pytest.approx(count * 11 / baud, abs=1e-6)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from realitygap.errors import BaudError, UsageError
 from realitygap.robots.epuck.protocol import EPUCK
 from realitygap.robots.khepera.protocol import KHEPERA
-from realitygap.robots.line.budget import step_budget
+from realitygap.robots.line.body import step_budget
 from realitygap.robots.line.protocol import Dialect, GarbledError, RefusedError, Request, answer
 
 ASCII = st.characters(min_codepoint=32, max_codepoint=126)

@@ -23,6 +23,7 @@ from realitygap.transfer.film import WATCH_FPS
 from realitygap.transfer.paths import score
 from realitygap.transfer.rig import Rig
 from realitygap.twin.camera import OverheadCamera
+from realitygap.twin.drawing import WHOLE
 from realitygap.values import Pose
 from realitygap.world.profile import load_profile
 
@@ -86,8 +87,8 @@ def test_the_track_is_that_of_whole_frames(used: SimpleNamespace, tmp_path: Path
     track = used.rig.watcher.track(states, 9)
     with OverheadCamera(TASK.arena.plain(), unit=1, view="drawn") as eye:
         frames = [
-            (t, cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY))
-            for t, frame in eye.film(states, fps=WATCH_FPS, first=9)
+            (t, cv2.cvtColor(show(WHOLE), cv2.COLOR_RGB2GRAY))
+            for t, show in eye.looks(states, fps=WATCH_FPS, first=9)
         ]
     whole = Tracker(used.rig.watcher.camera, load_disk()).follow(frames)
     assert len(whole) == 11 and whole.found.all()

@@ -16,7 +16,7 @@ from realitygap.errors import ConfigError
 from realitygap.twin.arena import check_arena, load_arena
 from realitygap.twin.body import TwinBody
 from realitygap.twin.camera import OverheadCamera
-from realitygap.twin.drawing import DISK_HEIGHT, FRONT_AHEAD, FRONT_RADIUS, MIDDLE_RADIUS
+from realitygap.twin.drawing import DISK_HEIGHT, FRONT_AHEAD, FRONT_RADIUS, MIDDLE_RADIUS, WHOLE
 from realitygap.twin.lens import HEIGHT, WIDTH, hang_camera
 from realitygap.twin.states import States, heading_of
 from realitygap.twin.unit import draw_unit
@@ -105,9 +105,9 @@ def test_a_film_of_recorded_states() -> None:
     body.set_speed(5, 4)
     body.advance(400)
     with camera("drawn") as eye, camera("drawn", noise=0.0) as still:
-        film = list(eye.film(body.states(), fps=25))
-        again = list(eye.film(body.states(), fps=25))
-        quiet = [frame for _, frame in still.film(body.states(), fps=25)]
+        film = [(t, show(WHOLE)) for t, show in eye.looks(body.states(), fps=25)]
+        again = [(t, show(WHOLE)) for t, show in eye.looks(body.states(), fps=25)]
+        quiet = [show(WHOLE) for _, show in still.looks(body.states(), fps=25)]
     assert [t for t, _ in film] == pytest.approx(np.arange(11) / 25)
     assert all(np.array_equal(a[1], b[1]) for a, b in zip(film, again, strict=True))
     noise = np.array([f.astype(float) - q for (_, f), q in zip(film, quiet, strict=True)])

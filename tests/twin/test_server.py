@@ -124,10 +124,10 @@ def test_a_renewed_twin_is_a_fresh_one(bench: Bench) -> None:
     def life(twin: TwinProcess) -> tuple[object, ...]:
         clock = VirtualClock(twin.channel)
         khepera = bench.khepera(twin.device, clock)
-        said = [khepera.banner, khepera.counters(), khepera.proximity()]
+        said = [khepera.banner, khepera.counters(), khepera.read("N")]
         khepera.command(7, -2)
         clock.sleep_until(clock.now() + 0.7)
-        said += [khepera.ambient(), khepera.counters(), khepera.speeds(), clock.now()]
+        said += [khepera.read("O"), khepera.counters(), khepera.speeds(), clock.now()]
         khepera.line.tell(b"N\nH\nD,1")  # left half said, its answers unheard
         clock.sleep_until(clock.now() + 0.1)
         clock.settle()

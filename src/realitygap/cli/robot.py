@@ -28,7 +28,7 @@ MOVE_CM_S, MOVE_S = 4.0, 0.5
 ROOM_CM = 60.0
 """Side of the empty room in which a robot that places itself is checked."""
 
-SAID = {"leds": "all, on and off", "faults": "answers that had to be requested again"}
+SAID = {"leds": "all LEDs, on and off", "faults": "answers that had to be requested again"}
 """What a robot finds out by itself, in words."""
 
 

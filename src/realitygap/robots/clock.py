@@ -24,7 +24,7 @@ from typing import Protocol
 from realitygap.errors import LineError
 from realitygap.robots.signals import undisturbed
 
-__all__ = ["Clock", "LineClock", "RealClock", "SteppedClock", "VirtualClock"]
+__all__ = ["Clock", "RealClock", "SteppedClock", "VirtualClock"]
 
 CHUNK = 4096
 PATIENCE_S = 3.0
@@ -50,30 +50,8 @@ class Clock(Protocol):
         """Let time pass."""
 
 
-class LineClock(Clock, Protocol):
-    """What a driver on a serial line needs besides."""
-
-    def settle(self) -> None:
-        """Return when everything up to now has happened."""
-
-    def wrote(self, count: int) -> None:
-        """So many bytes have just been written to the line."""
-
-    def read(self, fd: int, *, until: float, lines: int) -> bytes:
-        """What comes in: at the first bytes or after `lines` lines, nothing if none by `until`."""
-
-    def forget(self, fd: int) -> None:
-        """Drop what has come in."""
-
-    def undisturbed(self) -> AbstractContextManager[None]:
-        """Around an exchange that must not be cut in half by a signal."""
-
-    def close(self) -> None:
-        """Let go of the clock."""
-
-
 class RealClock:
-    """The computer's own."""
+    """The computer's own; and what a driver on a line needs of a clock besides the loop."""
 
     waits = False
 
@@ -88,28 +66,28 @@ class RealClock:
             time.sleep(left)
 
     def settle(self) -> None:
-        """What is past has happened."""
+        """Return when everything up to now has happened."""
 
     def wrote(self, count: int) -> None:
-        """The line carries the bytes by itself."""
+        """So many bytes have just been written to the line."""
 
     def read(self, fd: int, *, until: float, lines: int) -> bytes:
-        """Whatever comes first."""
+        """What comes in: at the first bytes or after `lines` lines, nothing if none by `until`."""
         if not _ready(fd, max(0.0, until - time.monotonic())):
             return b""
         return _read(fd, CHUNK)
 
     def forget(self, fd: int) -> None:
-        """Read what is there."""
+        """Drop what has come in."""
         while _ready(fd, 0.0):
             _read(fd, CHUNK)
 
     def undisturbed(self) -> AbstractContextManager[None]:
-        """A robot's line may be cut anywhere: it is brought back into step."""
+        """Around an exchange that no signal may cut in half; a robot's line is brought into step again."""
         return nullcontext()
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Let go of the clock."""
 
 
 class SteppedClock:
@@ -145,7 +123,7 @@ class SteppedClock:
         self._begun, self._steps = self._now, 0
 
 
-class VirtualClock:
+class VirtualClock(RealClock):
     """A twin's time, which runs only as far as this clock allows.
 
     Args:

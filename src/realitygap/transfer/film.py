@@ -194,13 +194,14 @@ def film_and_track(
     """
     from realitygap.film.disk import load_disk
     from realitygap.film.video import FilmWriter
+    from realitygap.twin.drawing import WHOLE
 
     total = int((states.time_ms[-1] - states.time_ms[0]) * FPS / 1000) + 1
     notes = {**overhead.metadata, **facts}
     writer = FilmWriter(folder / FILM, rate=FPS, made_by=notes["view"], notes=notes, quality=QUALITY)
     with writer as film:
-        for _, frame in overhead.film(states, fps=FPS):
-            film.add(frame)
+        for _, show in overhead.looks(states, fps=FPS):
+            film.add(show(WHOLE))
             tell(0.5 / total)
     last = 0
 

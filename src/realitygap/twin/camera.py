@@ -103,19 +103,15 @@ class OverheadCamera(Closing):
             picture += self._bank[start : start + size].reshape(self._light.shape)[window]
         return np.asarray(np.clip(picture + np.float32(0.5), 0, 255).astype(np.uint8))
 
-    def film(self, states: States, *, fps: float = FPS, first: int = 0) -> Iterator[tuple[float, Frame]]:
-        """Frames of the recorded states at an even pace: (time in s from the first state, frame).
-
-        Between two states the later one that is not after the frame's time is shown (10 ms at most).
-        `first` is the first frame's number, which names its noise.
-        """
-        for t, show in self.looks(states, fps=fps, first=first):
-            yield t, show(WHOLE)
-
     def looks(
         self, states: States, *, fps: float = FPS, first: int = 0
     ) -> Iterator[tuple[float, Callable[[Window], Frame]]]:
-        """The same frames, each as what shows any window of it: only that much of it is made."""
+        """Frames of the recorded states at an even pace: (time in s from the first state, what shows it).
+
+        It shows any window of it, and only that much is made. Between two states the later one that is not
+        after the frame's time is shown (10 ms at most). `first` is the first frame's number, which names
+        its noise.
+        """
         start, end = int(states.time_ms[0]), int(states.time_ms[-1])
         for number in range(int((end - start) * fps / 1000.0) + 1):
             t = number / fps

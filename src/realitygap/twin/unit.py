@@ -7,7 +7,7 @@ Lengths in metres, angles in radians, as everywhere inside the twin.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from realitygap.errors import ConfigError
@@ -28,17 +28,22 @@ TRACK = 0.053
 """Between the wheels: 53 mm (KiKS, KIKS_ROBOT_DISTANCE_BETWEEN_WHEELS)."""
 
 
+def _drawn(mean: float, deviation: float, count: int = 1) -> Any:
+    """A constant that differs from unit to unit: numbers of this law, drawn in the fields' order."""
+    return field(metadata={"law": (mean, deviation, count)})
+
+
 @dataclass(frozen=True, kw_only=True)
 class CameraUnit:
     """How somebody hung the camera: not quite over the middle, not quite straight."""
 
-    offset_share: tuple[float, float]
-    height_share: float
-    tilt: tuple[float, float]
-    roll: float
-    k1: float
-    k2: float
-    gain: float
+    offset_share: tuple[float, float] = _drawn(0.0, 0.005, 2)
+    height_share: float = _drawn(1.0, 0.007)
+    tilt: tuple[float, float] = _drawn(0.0, math.radians(0.7), 2)
+    roll: float = _drawn(0.0, math.radians(0.5))
+    k1: float = _drawn(-0.12, 0.025)
+    k2: float = _drawn(0.03, 0.01)
+    gain: float = _drawn(1.0, 0.04)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,45 +51,19 @@ class Unit:
     """The constants of one robot and of the room it stands in."""
 
     number: int
-    proximity_gain: tuple[float, ...]
-    ambient_gain: tuple[float, ...]
-    direction: tuple[float, ...]
-    dark: tuple[float, ...]
-    floor: tuple[float, ...]
-    wheel_radius: tuple[float, float]
-    track: float
-    axle_phase: tuple[float, float]
-    friction: float
-    tilt: tuple[float, float]
-    lamp_power: float
-    lamp_height: float
+    proximity_gain: tuple[float, ...] = _drawn(1.0, 0.2, 8)  # wall.sam: eight sensors, sd 20 to 25 %
+    ambient_gain: tuple[float, ...] = _drawn(1.0, 0.2, 8)
+    direction: tuple[float, ...] = _drawn(0.0, math.radians(5.0), 8)  # wall.sam: fitted ones err by 3° to 11°
+    dark: tuple[float, ...] = _drawn(482.0, 4.0, 8)  # light.sam: 480 to 490
+    floor: tuple[float, ...] = _drawn(60.0, 4.0, 8)  # light.sam: 50 to 65
+    wheel_radius: tuple[float, float] = _drawn(WHEEL_RADIUS, 0.004 * WHEEL_RADIUS, 2)
+    track: float = _drawn(TRACK, 0.0003)
+    axle_phase: tuple[float, float] = _drawn(math.pi, 1.8, 2)
+    friction: float = _drawn(0.8, 0.06)  # rubber on painted board
+    tilt: tuple[float, float] = _drawn(0.0, math.radians(0.1), 2)  # a table, levelled by eye
+    lamp_power: float = _drawn(1.0, 0.06)
+    lamp_height: float = _drawn(0.05, 0.004)
     camera: CameraUnit
-
-
-_DRAWN: dict[str, tuple[float, float, int]] = {
-    "proximity_gain": (1.0, 0.2, 8),  # wall.sam: the eight sensors of one robot, sd 20 to 25 %
-    "ambient_gain": (1.0, 0.2, 8),
-    "direction": (0.0, math.radians(5.0), 8),  # wall.sam: fitted directions err by 3° to 11°
-    "dark": (482.0, 4.0, 8),  # light.sam: 480 to 490
-    "floor": (60.0, 4.0, 8),  # light.sam: 50 to 65
-    "wheel_radius": (WHEEL_RADIUS, 0.004 * WHEEL_RADIUS, 2),
-    "track": (TRACK, 0.0003, 1),
-    "axle_phase": (math.pi, 1.8, 2),
-    "friction": (0.8, 0.06, 1),  # rubber on painted board
-    "tilt": (0.0, math.radians(0.1), 2),  # a table, levelled by eye
-    "lamp_power": (1.0, 0.06, 1),
-    "lamp_height": (0.05, 0.004, 1),
-}
-_HUNG: dict[str, tuple[float, float, int]] = {
-    "offset_share": (0.0, 0.005, 2),
-    "height_share": (1.0, 0.007, 1),
-    "tilt": (0.0, math.radians(0.7), 2),
-    "roll": (0.0, math.radians(0.5), 1),
-    "k1": (-0.12, 0.025, 1),
-    "k2": (0.03, 0.01, 1),
-    "gain": (1.0, 0.04, 1),
-}
-"""Mean, deviation and how many of each constant, in the order in which they are drawn."""
 
 
 def draw_unit(number: int) -> Unit:
@@ -103,6 +82,8 @@ def draw_unit(number: int) -> Unit:
         drawn = [max(-3.0, min(3.0, float(generator.standard_normal()))) for _ in range(count)]
         return tuple(mean + deviation * one for one in drawn) if count > 1 else mean + deviation * drawn[0]
 
-    constants = {name: around(*law) for name, law in _DRAWN.items()}
-    camera = CameraUnit(**{name: around(*law) for name, law in _HUNG.items()})
-    return Unit(number=number, camera=camera, **constants)
+    def drawn(kind: type[Any]) -> dict[str, Any]:
+        return {one.name: around(*one.metadata["law"]) for one in fields(kind) if one.metadata}
+
+    constants = drawn(Unit)
+    return Unit(number=number, camera=CameraUnit(**drawn(CameraUnit)), **constants)

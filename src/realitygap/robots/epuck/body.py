@@ -56,8 +56,12 @@ class EpuckBody(LineBody):
     units = "e-puck units (steps/s)"
     pulses_per_mm = PULSES_PER_MM
     channels = tuple(Channel(name=kind, sensors=SENSORS, high=FULL) for kind in KINDS)
-    profile = "e-puck"
     _turned, _then = (0, 0), 0.0
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What a recording says of it."""
+        return {**super().facts, "base": "e-puck", "pulses_per_mm": self.pulses_per_mm}
 
     def sense(self) -> Readings:
         """All of a step's questions, sent together; counters go on where the robot's begin again."""

@@ -14,7 +14,7 @@ import struct
 from collections.abc import Sequence
 
 from realitygap.errors import UsageError
-from realitygap.robots.clock import LineClock
+from realitygap.robots.clock import RealClock
 from realitygap.robots.epuck.protocol import EPUCK
 from realitygap.robots.line.line import GIVE_UP_S, QUIET_S, Answer, Line
 from realitygap.robots.line.protocol import GarbledError, Request, answer
@@ -46,7 +46,7 @@ class PacketLine(Line):
         UsageError: nothing there takes the connection.
     """
 
-    def __init__(self, device: str, *, clock: LineClock | None = None, give_up_s: float = GIVE_UP_S) -> None:
+    def __init__(self, device: str, *, clock: RealClock | None = None, give_up_s: float = GIVE_UP_S) -> None:
         self._speeds, self._lights = (0, 0), bytearray(14)
         super().__init__(device, EPUCK, baud=None, clock=clock, give_up_s=give_up_s)
 

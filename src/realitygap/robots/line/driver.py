@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import ClassVar, Self, cast
 
 from realitygap.errors import LineError, RealityGapError, RobotError
-from realitygap.robots.clock import LineClock
+from realitygap.robots.clock import RealClock
 from realitygap.robots.guard import Guard
 from realitygap.robots.line.line import GIVE_UP_S, STOP, Answer, Line, nothing
 from realitygap.robots.line.protocol import Dialect, Request
@@ -43,7 +43,7 @@ class Driver(Closing):
         port: str,
         *,
         baud: int | None = None,
-        clock: LineClock | None = None,
+        clock: RealClock | None = None,
         give_up_s: float = GIVE_UP_S,
     ) -> Self:
         """Open a port and wake the robot.
@@ -87,7 +87,7 @@ class Driver(Closing):
         return cls(line, cast("Sequence[str]", line.ask(Request(cls.dialect.version))[0]), banner)
 
     @property
-    def clock(self) -> LineClock:
+    def clock(self) -> RealClock:
         """Of the line."""
         return self.line.clock
 
@@ -95,26 +95,18 @@ class Driver(Closing):
         """The answers to any commands, asked together."""
         return self.line.ask(*requests)
 
-    def proximity(self) -> tuple[int, ...]:
-        """Proximity readings, counts."""
-        return self._read("N")
-
-    def ambient(self) -> tuple[int, ...]:
-        """Ambient light readings, counts: the brighter, the lower."""
-        return self._read("O")
-
     def command(self, left: int, right: int) -> None:
         """Wheel speeds, the robot's own units."""
         self.line.ask(self.dialect.request("D", left, right))
 
     def speeds(self) -> tuple[int, int]:
         """Wheel speeds as the robot says them, its own units."""
-        left, right = self._read("E")
+        left, right = self.read("E")
         return left, right
 
     def counters(self) -> tuple[int, int]:
         """Position counters, pulses."""
-        left, right = self._read(self.dialect.counters)
+        left, right = self.read(self.dialect.counters)
         return left, right
 
     def set_counters(self, left: int = 0, right: int = 0) -> None:
@@ -184,8 +176,9 @@ class Driver(Closing):
             self._guard.release()
             self._guard = None
 
-    def _read(self, letter: str, *arguments: int) -> tuple[int, ...]:
-        return cast("tuple[int, ...]", self.line.ask(self.dialect.request(letter, *arguments))[0])
+    def read(self, letter: str) -> tuple[int, ...]:
+        """The numbers that answer a question, such as N: proximity, O: ambient light (counts)."""
+        return cast("tuple[int, ...]", self.line.ask(self.dialect.request(letter))[0])
 
     def _stands(self) -> bool:
         until = self.clock.now() + STAND_S

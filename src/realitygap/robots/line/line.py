@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from realitygap.errors import LineError, UsageError
-from realitygap.robots.clock import LineClock, RealClock
+from realitygap.robots.clock import RealClock
 from realitygap.robots.line.protocol import Dialect, GarbledError, RefusedError, Request
 
 if TYPE_CHECKING:
@@ -66,12 +66,12 @@ class Line:
         dialect: Dialect,
         *,
         baud: int | None,
-        clock: LineClock | None = None,
+        clock: RealClock | None = None,
         give_up_s: float = GIVE_UP_S,
     ) -> None:
         self.device, self.dialect = device, dialect
         self.baud = baud
-        self.clock: LineClock = clock or RealClock()
+        self.clock: RealClock = clock or RealClock()
         self.give_up_s = give_up_s
         self.faults = 0
         self.odd = ""

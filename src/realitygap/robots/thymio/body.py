@@ -8,7 +8,7 @@ import numpy as np
 
 from realitygap.errors import LineError, RealityGapError, RobotError, UsageError
 from realitygap.robots.body import Channel
-from realitygap.robots.clock import LineClock, RealClock
+from realitygap.robots.clock import RealClock
 from realitygap.robots.guard import Guard
 from realitygap.robots.thymio.line import AsebaLine
 from realitygap.robots.thymio.line import opened as opened_port
@@ -175,7 +175,7 @@ class ThymioBody:
         return said
 
 
-def opened(place: str, *, clock: LineClock | None = None, **_: Any) -> ThymioBody:
+def opened(place: str, *, clock: RealClock | None = None, **_: Any) -> ThymioBody:
     """The Thymio on a serial device (a cable or a dongle) or at HOST:PORT, told to stand.
 
     Raises:

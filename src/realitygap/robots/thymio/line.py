@@ -19,7 +19,7 @@ import numpy as np
 from realitygap.errors import LineError, UsageError
 
 if TYPE_CHECKING:
-    from realitygap.robots.clock import LineClock
+    from realitygap.robots.clock import RealClock
 
 __all__ = ["AsebaLine", "opened"]
 
@@ -79,7 +79,7 @@ class AsebaLine:
         LineError: nobody answers.
     """
 
-    def __init__(self, port: Any, place: str, clock: LineClock) -> None:
+    def __init__(self, port: Any, place: str, clock: RealClock) -> None:
         self.place, _, node = place.partition("@")
         self.clock, self.faults = clock, 0
         self.before: Callable[[], None] = lambda: None
