@@ -150,7 +150,7 @@ def test_the_how_tos_network_drives_any_robot(tmp_path, monkeypatch):
 def test_a_recording_as_the_formats_say_can_be_calibrated(tmp_path):
     """A folder with the columns of the formats' table is a recording, of any number of sensors."""
     text = (EXAMPLES.parent / "docs" / "formats.md").read_text("utf-8")
-    columns = re.search(r'`kind = "wheels"` \| `steps.csv` \| (.*?);', text)
+    columns = re.search(r'`kind = "wheels"`[^|]*\| `steps.csv` \| (.*?);', text)
     assert columns and re.findall(r"`(\w+)`", columns[1]) == list(STEP_COLUMNS)
     facts = 'kind = "infrared"\nobject = "wall"\nsensors = 2\nbody_radius_cm = 3.5\n'
     (tmp_path / "recording.toml").write_text(facts)
@@ -181,11 +181,13 @@ def test_a_pool_of_ones_own_changes_no_bit(tmp_path):
 
 
 def test_a_robot_of_ones_own_is_recorded_calibrated_evolved_for_and_driven(tmp_path):
-    """Five sensors of 12 bits, no light, no counters: its noise is found, and a champion drives it."""
+    """Five sensors of 12 bits, no light, no counters: noise and wheels are found, a champion drives."""
     subprocess.run([sys.executable, EXAMPLES / "own_robot.py", tmp_path], check=True, capture_output=True)
     profile = load_profile(tmp_path / "robot.toml")
     assert len(profile.infrared.sensors) == 5 and profile.infrared.top == 4095
     assert abs(profile.noise.proximity - 60) < 6 and not profile.ambient.sensors
+    assert abs(profile.wheels.track_cm - 5.6) < 0.1 and abs(profile.noise.wheel - 0.05) < 0.01
+    assert all(abs(speed - 0.75) < 0.015 for speed in profile.wheels.speed_per_unit_cm_s)
     driven = load_transfers(tmp_path / "study")
     assert [one.start for one in driven] == [1, 2] and {one.situated_from for one in driven} == {"robot"}
     assert all(one.lost_steps == 0 and one.fitness_situated >= 0 for one in driven)

@@ -156,7 +156,7 @@ def test_resuming_gives_the_bits_of_an_undisturbed_recording(tmp_path, monkeypat
     few = [replace(wall, places=wall.places[:5])]
     drives = [t for t in wheel_plan(1, 0) if t.filmed and not t.watched][:2]
     monkeypatch.setattr(recorder, "sensor_plans", lambda *wanted: few)
-    monkeypatch.setattr(recorder, "wheel_plan", lambda *wanted: tuple(drives))
+    monkeypatch.setattr(recorder, "wheel_plan", lambda *wanted, **_: tuple(drives))
     wanted, twin = Wanted(plan="all", repeats=2, seed=7), Address.parse("twin:3")
 
     def stop(name: str, done: int, total: int) -> None:

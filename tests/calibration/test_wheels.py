@@ -50,6 +50,39 @@ def test_nonsense_of_wheels_is_refused(sound, spoil, words):
         calibrate([spoil(sound)], PAPER)
 
 
+def _uncounted(recording):
+    nothing = np.full_like(recording.counters, np.nan)
+    return replace(recording, counters=nothing, speeds=nothing)
+
+
+def test_a_camera_alone_tells_the_wheels(driven, robot):
+    """Without counters pictures of each step give track, speeds and slip, in any unit of commands."""
+    seen = _uncounted(driven(friction_cm_s2=0.0, each=True))
+    made = calibrate([seen], PAPER)
+    assert made.wheels is not None and made.profile.provenance.pulses_per_mm == ()
+    wheels, true = made.profile.wheels, robot.wheels
+    assert wheels.track_cm == pytest.approx(true.track_cm, rel=0.015)
+    assert wheels.speed_per_unit_cm_s == pytest.approx(true.speed_per_unit_cm_s, rel=0.015)
+    assert made.profile.noise.wheel == pytest.approx(0.06, rel=0.15)
+    fine = replace(PAPER, wheels=replace(PAPER.wheels, top_command=500.0, speed_per_unit_cm_s=(0.016, 0.016)))
+    finer = calibrate([replace(seen, commands=50 * seen.commands)], fine).profile.wheels
+    assert finer.speed_per_unit_cm_s == pytest.approx(np.array(wheels.speed_per_unit_cm_s) / 50, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("unit", "words"),
+    [(0.4, "left wheel: expected 0.384 to 1.6 cm/s a unit by the camera, got 1.9.*commands in units of"),
+     (0.1, "poses fit no wheels with these counters or commands.* commands in units of --base"),
+     (8.0, "commands up to 80, .* Are these mm/s"),
+     (0.0, "the left wheel was never told to move")],
+)  # fmt: skip
+def test_commands_in_another_unit_are_noticed(driven, unit, words):
+    """Tenths of units, millimetres a second, nothing at all: of wheels that only a camera sees."""
+    seen = _uncounted(driven(friction_cm_s2=0.0, each=True))
+    with pytest.raises(CalibrationError, match=words):
+        calibrate([replace(seen, commands=unit * seen.commands)], PAPER)
+
+
 @pytest.mark.parametrize(("pose", "words"), [(None, "no camera saw"), ("few", "a camera saw too little")])
 def test_a_warning_says_what_a_camera_lacks(sound, pose, words):
     """No camera at all is not a camera that saw too little."""

@@ -98,7 +98,7 @@ def calibrate(
     recordings = [r.of_robot(base) if isinstance(r, SensorRecording) else r for r in recordings]
     base = _of_its_height(recordings, _of_its_size(recordings, base))
     near, lit = (_of_kind(recordings, kind) for kind in ("infrared", "ambient"))
-    driven = [r for r in recordings if isinstance(r, WheelRecording) and r.counted]
+    driven = [r for r in recordings if isinstance(r, WheelRecording) and (r.counted or r.followed)]
     infrared_form, light_form, wheel_form = FORMS[form]
     total = ticks("infrared") * bool(near) + ticks("ambient", beside=beside) * bool(lit) + len(driven)
     tick = _counter(on_progress, total)
@@ -278,7 +278,8 @@ def _warnings(made: Calibration, base: Profile) -> list[str]:
     wheels = made.wheels
     if wheels is None:
         driven = any(isinstance(r, WheelRecording) for r in made.recordings)
-        return [*out, *([f"wheels: no counters recorded: their constants stay {kept}"] if driven else [])]
+        unseen = f"wheels: no counters recorded, nor pictures of each step: their constants stay {kept}"
+        return [*out, unseen] if driven else out
     if wheels.odometry is None:
         seen = "a camera saw too little" if wheels.camera else "no camera saw the robot"
         out.append(

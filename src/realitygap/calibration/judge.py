@@ -27,8 +27,12 @@ from realitygap.calibration.wheels.checks import (
     refuse_lengths,
     refuse_still,
 )
-from realitygap.calibration.wheels.fit import measured_speeds
-from realitygap.calibration.wheels.odometry import Odometry, enough_pictures, measure_odometry
+from realitygap.calibration.wheels.odometry import (
+    Odometry,
+    enough_pictures,
+    measure_odometry,
+    measured_speeds,
+)
 from realitygap.errors import CalibrationError
 from realitygap.world.profile import Profile
 
@@ -167,13 +171,14 @@ def _fitted_out(
 
 
 def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
-    if not recording.counted:
+    if not (recording.counted or recording.followed):
         raise CalibrationError(
             f"{recording.source}: no counters: nothing tells how far the wheels turned. Leave it out."
         )
+    recording = recording.of_robot(profile)
     odometry = measure_odometry(recording, profile.wheels.track_cm)
     per_pulse = profile.provenance.cm_per_pulse(recording.pulses_per_mm)
-    measured = measured_speeds(recording, odometry.cm_per_pulse if odometry else per_pulse)
+    measured = measured_speeds(recording, odometry, per_pulse)
     refuse_few_steps(recording, measured)
     model = wheel_speeds(profile, recording)
     off = model - measured

@@ -67,9 +67,10 @@ class OwnBody(Blamed):
         return Blamed(super().__getattr__("clock"), self._place)
 
     @property
-    def facts(self) -> dict[str, str]:
-        """What recordings say of it."""
-        return {"robot": f"{Path(self._place).name}:{self._name}"}
+    def facts(self) -> dict[str, Any]:
+        """What recordings say of it: its name, and what it tells of itself (`robots/body.py`)."""
+        told = {"pulses_per_mm": self._own.pulses_per_mm} if hasattr(self._own, "pulses_per_mm") else {}
+        return {"robot": f"{Path(self._place).name}:{self._name}", **told}
 
     def sense(self) -> Readings:
         """What it reads, checked.

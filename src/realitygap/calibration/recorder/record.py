@@ -26,7 +26,7 @@ from realitygap.calibration.recorder.wheel_plans import ROOM, Trial, wheel_plan
 from realitygap.calibration.recordings.files import POSE, READINGS, STEP_COLUMNS, STEPS, UNITS
 from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, HEIGHTS_CM
 from realitygap.errors import UsageError
-from realitygap.robots.body import Body, Channel, Placing, attend, channel, facts_of
+from realitygap.robots.body import Body, Channel, Filmed, Placing, Seen, attend, channel, facts_of
 from realitygap.values import Pose
 from realitygap.world.profile import Profile, load_profile
 
@@ -167,8 +167,10 @@ def _parts(wanted: Wanted, body: Body) -> list[SensorPlan | tuple[Trial, ...]]:
                 expected = f"{theirs} {kind} sensors, as the base {base.name!r} has" if base else ""
                 raise UsageError(f"robot: expected {expected}; this one has {has}.")
             parts.append(part)
-    if wanted.plan == "wheels" or (wanted.plan == "all" and body.counts_turns):
-        parts.append(wheel_plan(wanted.repeats, wanted.seed, base.wheels if base else None))
+    followed = not body.counts_turns and isinstance(body, Seen | Filmed)
+    if wanted.plan == "wheels" or (wanted.plan == "all" and (body.counts_turns or followed)):
+        wheels = base.wheels if base else None
+        parts.append(wheel_plan(wanted.repeats, wanted.seed, wheels, followed=followed))
     return parts
 
 

@@ -75,13 +75,16 @@ class Trial:
         return (*range(0, last, 1 if self.watched else SEEN_EVERY), last)
 
 
-def wheel_plan(repeats: int, seed: int, wheels: Wheels | None = None) -> tuple[Trial, ...]:
+def wheel_plan(
+    repeats: int, seed: int, wheels: Wheels | None = None, *, followed: bool = False
+) -> tuple[Trial, ...]:
     """All trials.
 
     Args:
         repeats: how often a standing start of each size is made.
         seed: of the random commands and the places.
         wheels: whose top command and speed; None: 10 units, of about 8 mm/s.
+        followed: whether a camera sees every step, as of wheels that count nothing.
     """
     draw = random.Random(f"wheels/{seed}")
     scale = 1.0 if wheels is None else wheels.top_command / TOP
@@ -92,7 +95,7 @@ def wheel_plan(repeats: int, seed: int, wheels: Wheels | None = None) -> tuple[T
     def add(kind: str, commands: list[Command], pose: Pose, says: str, **camera: bool) -> None:
         scaled = [(round(scale * left), round(scale * right)) for left, right in commands]
         whole = (*scaled, *[(0, 0)] * _steps(STAND_S))
-        seen = {"filmed": False, **camera}
+        seen = {"filmed": followed, **camera, **({"watched": True} if followed else {})}
         made.append(Trial(number=len(made), kind=kind, commands=whole, pose=pose, says=says, **seen))
 
     def anywhere() -> Pose:

@@ -51,10 +51,12 @@ Array = NDArray[np.float64]
 KINDS = ("infrared", "ambient", "wheels")
 STEP_KINDS = ("step", "start", "straight", "turn")
 
+FOLLOWED_STEPS = 300
+"""Successive steps that a camera saw, from which on its poses stand for counters."""
 BODY_RADIUS_CM = 2.75
+"""Half the diameter that the robot's maker states (55 mm); distances count from this edge."""
 PULSES_PER_MM = 12.0
 """Of a Khepera by most sources (0.08 mm per pulse by others): what is taken where nothing measured it."""
-"""Half the diameter that the robot's maker states (55 mm); distances count from this edge."""
 HEIGHTS_CM = {"body_height_cm": 3.0, "sensor_height_cm": 1.2}
 """Of the robot's top, as its maker states it (30 mm), and of its sensors, by a ruler, above the floor."""
 
@@ -186,6 +188,7 @@ class WheelRecording(Recorded):
         kind: [n] one of `STEP_KINDS`.
         pose: [n, 3] x, y (cm) and heading (rad) from the camera; NaN where it took no picture.
         pulses_per_mm: what one knows of the counters beforehand.
+        told: the counters are none: they add up what the wheels were told, units times seconds.
     """
 
     t_s: Array
@@ -196,6 +199,7 @@ class WheelRecording(Recorded):
     kind: NDArray[np.str_]
     pose: Array | None = None
     pulses_per_mm: float = PULSES_PER_MM
+    told: bool = False
 
     def __post_init__(self) -> None:
         n = len(self.t_s)
@@ -207,7 +211,25 @@ class WheelRecording(Recorded):
     @property
     def counted(self) -> bool:
         """Whether the wheels count how far they turn."""
-        return bool(np.isfinite(self.counters).any())
+        return not self.told and bool(np.isfinite(self.counters).any())
+
+    @property
+    def followed(self) -> bool:
+        """Whether a camera saw the wheels' steps one by one, half a minute or more in all."""
+        if self.pose is None:
+            return False
+        seen = np.asarray(np.isfinite(self.pose).all(axis=1))
+        both: NDArray[np.bool_] = seen[1:] & seen[:-1] & (np.diff(self.trial) == 0)
+        return int(both.sum()) >= FOLLOWED_STEPS
+
+    def of_robot(self, base: Profile) -> WheelRecording:
+        """With what the wheels were told for counters, where they have none; its length is the base's."""
+        if self.counted:
+            return self
+        steps = self.commands[:-1] * np.diff(self.t_s)[:, None]
+        told = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+        per_mm = 1.0 / sum(5.0 * speed for speed in base.wheels.speed_per_unit_cm_s)
+        return replace(self, counters=told, pulses_per_mm=per_mm, told=True)
 
     def trials(self, *kinds: str) -> list[NDArray[np.int64]]:
         """The rows of each trial of these kinds (default: of all), in their order."""

@@ -68,6 +68,8 @@ def refuse_counters(recording: WheelRecording) -> None:
     Raises:
         CalibrationError: names the columns.
     """
+    if not recording.counted:
+        return
     within = np.diff(recording.trial) == 0
     told, pulses = recording.commands[:-1][within], np.diff(recording.counters, axis=0)[within]
     size = np.linalg.norm(told, axis=0)[:, None] * np.linalg.norm(pulses, axis=0)
@@ -91,13 +93,14 @@ def refuse_camera(recording: WheelRecording) -> None:
         CalibrationError: always.
     """
     raise CalibrationError(
-        f"{recording.source}: the camera's poses fit no wheels with these counters. Are x_cm and y_cm "
-        "in cm, and heading_deg in degrees? Without these three columns the counters alone are used."
+        f"{recording.source}: the camera's poses fit no wheels with these counters or commands. Are x_cm and "
+        "y_cm in cm, heading_deg in degrees, and commands in units of --base? Without these three columns "
+        "counters alone are used."
     )
 
 
 def refuse_lengths(recording: WheelRecording, odometry: Odometry, base: Profile) -> None:
-    """Refuse pulses per mm and a track that no robot of the base's kind has.
+    """Refuse pulses per mm (without counters: speeds per unit) and a track that no such robot has.
 
     Raises:
         CalibrationError: says which, and what was expected.
@@ -106,11 +109,15 @@ def refuse_lengths(recording: WheelRecording, odometry: Odometry, base: Profile)
     low, high = (share * recording.pulses_per_mm for share in PULSES_SHARE)
     for side, length in zip(SIDES, odometry.cm_per_pulse, strict=True):
         pulses = 0.1 / length if length else np.inf
-        if not low <= pulses <= high:
-            raise CalibrationError(
-                f"{recording.source}: {side} wheel: expected {low:g} to {high:g} pulses per mm by the "
-                f"camera, got {pulses:.3g}. {cure}"
-            )
+        if low <= pulses <= high:
+            continue
+        expected, got = f"{low:g} to {high:g} pulses per mm", pulses
+        if recording.told:
+            expected, got = f"{0.1 / high:.3g} to {0.1 / low:.3g} cm/s a unit", length
+            cure = f"Are commands in units of profile {base.name!r}, x_cm and y_cm in cm?"
+        raise CalibrationError(
+            f"{recording.source}: {side} wheel: expected {expected} by the camera, got {got:.3g}. {cure}"
+        )
     least, most = ((1 + sign * TRACK_SHARE) * base.wheels.track_cm for sign in (-1, 1))
     if not least <= odometry.track_cm <= most:
         raise CalibrationError(
@@ -139,7 +146,7 @@ def refuse_wheels(
         if share < EXPLAINED:
             raise CalibrationError(
                 f"{recording.source}: the fitted law explains only {max(0.0, share):.0%} of how the {side} "
-                "wheel turned: these counters do not belong to these commands."
+                "wheel turned: these counters or poses do not belong to these commands."
             )
     for key, value in bounded.items():
         raise CalibrationError(

@@ -27,11 +27,16 @@ from realitygap.calibration.wheels.checks import (
 )
 from realitygap.calibration.wheels.friction import Friction, measure_friction
 from realitygap.calibration.wheels.intervals import at_bound, intervals, with_lengths
-from realitygap.calibration.wheels.odometry import Odometry, enough_pictures, measure_odometry
+from realitygap.calibration.wheels.odometry import (
+    Odometry,
+    enough_pictures,
+    measure_odometry,
+    measured_speeds,
+)
 from realitygap.kernels.params import STEP_S
 from realitygap.world.profile import Profile, largest_pole
 
-__all__ = ["WHEEL_FORMS", "WheelFit", "fit_wheels", "measured_speeds"]
+__all__ = ["WHEEL_FORMS", "WheelFit", "fit_wheels"]
 
 Array = NDArray[np.float64]
 
@@ -61,7 +66,7 @@ class WheelFit:
         friction: from the standing starts.
         odometry: what the camera told; None without one, or where it saw too little.
         camera: whether there are any pictures at all.
-        pulses_per_mm: of both counters, as measured, or as they were known beforehand.
+        pulses_per_mm: of both counters, as measured, or as they were known beforehand; none without.
         measured, model: [n, 2] speeds of the wheels in the step after each row, cm/s.
     """
 
@@ -78,15 +83,6 @@ class WheelFit:
     model: Array = field(repr=False)
 
 
-def measured_speeds(recording: WheelRecording, cm_per_pulse: tuple[float, float]) -> Array:
-    """[n, 2] mean speed in the step that follows each row, by the counters (cm/s); NaN in last rows."""
-    step, way = np.diff(recording.t_s), np.diff(recording.counters, axis=0)
-    out = np.full(recording.commands.shape, np.nan)
-    good = (np.diff(recording.trial) == 0) & (np.abs(step - STEP_S) < 0.2 * STEP_S)
-    out[:-1][good] = way[good] / step[good, None] * np.array(cm_per_pulse)
-    return out
-
-
 def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tick = lambda: None) -> WheelFit:
     """Fit a profile's wheels to a recording.
 
@@ -100,14 +96,16 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
         CalibrationError: too little was recorded, or what no such robot can have done.
     """
     tick()
+    recording = recording.of_robot(base)
     refuse_still(recording)
     refuse_fast(recording, base)
     refuse_counters(recording)
     odometry = _seen(recording, base)
     per_pulse = odometry.cm_per_pulse if odometry else (0.1 / recording.pulses_per_mm,) * 2
-    measured = measured_speeds(recording, per_pulse)
+    measured = measured_speeds(recording, odometry, per_pulse)
     refuse_few_steps(recording, measured)
-    friction = measure_friction(recording, measured)
+    # Of a wheel that only a camera sees nobody knows in which step it began to turn.
+    friction = measure_friction(recording, measured) if recording.counted else None
     track = odometry.track_cm if odometry else base.wheels.track_cm
     threshold = friction.value if friction else base.wheels.friction_cm_s2
     start = replace(base, wheels=replace(base.wheels, track_cm=track, friction_cm_s2=threshold))
@@ -130,7 +128,8 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
         profile=profile, form=form, constants=constants, alike=alike,
         rmse={name: _rmse(left) for name, left in off.items()}, friction=friction, odometry=odometry,
         camera=recording.pose is not None and bool(np.isfinite(recording.pose).any()),
-        pulses_per_mm=tuple(0.1 / length for length in per_pulse), measured=measured, model=model,
+        pulses_per_mm=tuple(0.1 / length for length in per_pulse if recording.counted),
+        measured=measured, model=model,
     )  # fmt: skip
 
 

@@ -73,7 +73,7 @@ def with_lengths(constants: Sequence[Constant], odometry: Odometry | None) -> tu
     shares = (ASSUMED, ASSUMED)
     if odometry is not None:
         lengths = {c.key: (c.high - c.low) / 2 / SIGMAS / c.value for c in odometry.constants}
-        shares = (lengths["cm_per_pulse_left"], lengths["cm_per_pulse_right"])
+        shares = (lengths.get("cm_per_pulse_left", 0.0), lengths.get("cm_per_pulse_right", 0.0))
     out = []
     for c in constants:
         share = max((shares[w] for w in LENGTHS.get(c.key, ())), default=0.0)

@@ -1,4 +1,8 @@
-"""What only a camera tells about wheels: centimetres per pulse, the track, and slip."""
+"""What only a camera tells about wheels: centimetres per pulse, the track, and slip.
+
+Where wheels count nothing, what they were told stands for pulses, once they have settled on it: its length
+is the speed per unit. With the track, pictures of each step then tell the wheels' speeds.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +15,9 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.constants import SIGMAS, Constant
 from realitygap.calibration.recordings.recording import WheelRecording
+from realitygap.kernels.params import STEP_S
 
-__all__ = ["Odometry", "enough_pictures", "measure_odometry"]
+__all__ = ["Odometry", "enough_pictures", "measure_odometry", "measured_speeds"]
 
 Array = NDArray[np.float64]
 
@@ -22,6 +27,9 @@ APART = 5
 """Steps between two pictures whose way tells lengths: the camera's error weighs little in it."""
 FEWEST_STEPS = 100
 """Single steps of a steady drive, from which on slip is taken from them."""
+SETTLED_STEPS, STEADY_STEPS = 4, 10
+"""Wheels that count nothing have turned as they were told between two pictures before which they were told
+the same for so long: driving on, or standing; a single step tells slip after the second."""
 FEWEST = 12
 """Ways between two pictures, from which on anything is concluded."""
 
@@ -31,7 +39,7 @@ class Odometry:
     """Lengths and slip.
 
     Attributes:
-        cm_per_pulse: left and right.
+        cm_per_pulse: left and right; of wheels that count nothing their speeds per unit, cm/s.
         track_cm: between the wheels.
         slip: deviation of the way of one step, as a share of it (of what ways of some steps add up
             to, where no camera saw each step).
@@ -68,6 +76,30 @@ class _Ways:
         )  # fmt: skip
 
 
+def measured_speeds(
+    recording: WheelRecording, odometry: Odometry | None, cm_per_pulse: tuple[float, float]
+) -> Array:
+    """[n, 2] mean speed of the wheels in the step that follows each row, cm/s; NaN where nothing tells it.
+
+    Args:
+        recording: of a drive.
+        odometry: what the camera tells; without counters its poses are all there is.
+        cm_per_pulse: of the counters, where the camera tells nothing.
+    """
+    step, way = np.diff(recording.t_s), np.diff(recording.counters, axis=0)
+    lengths = odometry.cm_per_pulse if odometry else cm_per_pulse
+    if recording.told:
+        way = np.full_like(way, np.nan)
+        if odometry is not None and recording.pose is not None:
+            turn, ahead = np.array([_moved(a, b, 0.0) for a, b in pairwise(recording.pose)]).T
+            aside = turn * odometry.track_cm / 2
+            way, lengths = np.stack([ahead - aside, ahead + aside], 1), (1.0, 1.0)
+    out = np.full(recording.commands.shape, np.nan)
+    good = (np.diff(recording.trial) == 0) & (np.abs(step - STEP_S) < 0.2 * STEP_S)
+    out[:-1][good] = way[good] / step[good, None] * np.array(lengths)
+    return out
+
+
 def measure_odometry(recording: WheelRecording, track_cm: float) -> Odometry | None:
     """Lengths and slip of a recording; None where no camera saw enough of it."""
     ways = _between_pictures(recording, track_cm, apart=APART)
@@ -96,6 +128,7 @@ def measure_odometry(recording: WheelRecording, track_cm: float) -> Odometry | N
     constants = tuple(
         Constant(key=k, value=float(v), low=float(v - SIGMAS * d), high=float(v + SIGMAS * d))
         for k, v, d in zip(names, theta, deviation, strict=True)
+        if recording.counted or k == names[2]
     )
     share = Constant(
         key="noise.wheel", value=slip, low=slip * (1 - SIGMAS * few), high=slip * (1 + SIGMAS * few),
@@ -140,30 +173,41 @@ def _between_pictures(recording: WheelRecording, track_cm: float, *, apart: int)
     for rows in recording.trials():
         seen = _thinned(rows[np.isfinite(recording.pose[rows]).all(axis=1)], apart)
         for a, b in pairwise(seen):
+            if recording.told and not _alike(recording.commands[rows[0] : b], a - rows[0]):
+                continue
             steps = np.diff(recording.counters[a : b + 1], axis=0)
             pulses = steps.sum(axis=0)
             if not np.abs(pulses).max() > 0:
                 continue
-            x0, y0, h0 = recording.pose[a]
-            x1, y1, h1 = recording.pose[b]
             guess = (pulses[1] - pulses[0]) / (10.0 * recording.pulses_per_mm) / track_cm
-            turn = guess + math.remainder(h1 - h0 - guess, math.tau)
-            half = turn / 2
-            mean = h0 + half
-            chord = (x1 - x0) * math.cos(mean) + (y1 - y0) * math.sin(mean)
-            way = chord * (half / math.sin(half) if abs(half) > 1e-6 else 1.0)
+            turn, way = _moved(recording.pose[a], recording.pose[b], guess)
             told = recording.commands[a:b]
-            before = recording.commands[max(a - 1, rows[0]) : b]
-            steady = b == a + 1 and a > rows[0] and bool((before == before[0]).all())
+            since = STEADY_STEPS if recording.told else 1
+            before = recording.commands[max(a - since, rows[0]) : b]
+            steady = b == a + 1 and a - rows[0] >= since and bool((before == before[0]).all())
             same = bool((told[:, 0] == told[:, 1]).all())
             found.append((pulses, (steps**2).sum(axis=0), way, turn, same, steady))
     if len(found) < FEWEST:
         return None
-    pulses, squares, way, turn, straight, steady = zip(*found, strict=True)
-    return _Ways(
-        pulses=np.array(pulses, float), squares=np.array(squares, float), way=np.array(way),
-        turn=np.array(turn), straight=np.array(straight), steady=np.array(steady),
-    )  # fmt: skip
+    each = (np.array(column) for column in zip(*found, strict=True))
+    return _Ways(**dict(zip(("pulses", "squares", "way", "turn", "straight", "steady"), each, strict=True)))
+
+
+def _moved(a: Array, b: Array, guess: float) -> tuple[float, float]:
+    """Turn (rad), nearest to a guess, and signed way (cm) of the arc from one pose to another."""
+    (x0, y0, h0), (x1, y1, h1) = a, b
+    turn = guess + math.remainder(h1 - h0 - guess, math.tau)
+    half = turn / 2
+    mean = h0 + half
+    chord = (x1 - x0) * math.cos(mean) + (y1 - y0) * math.sin(mean)
+    return turn, chord * (half / math.sin(half) if abs(half) > 1e-6 else 1.0)
+
+
+def _alike(commands: Array, a: int) -> bool:
+    """Whether wheels were told the same before row `a` of a trial (0: they stood) and at the end."""
+    before, last = commands[max(a - SETTLED_STEPS, 0) : a], commands[-SETTLED_STEPS:]
+    stood = a == 0 or (a >= SETTLED_STEPS and bool((before == before[0]).all()))
+    return stood and len(last) == SETTLED_STEPS and bool((last == (before[0] if a else 0.0)).all())
 
 
 def _thinned(rows: NDArray[np.int64], apart: int) -> list[int]:
