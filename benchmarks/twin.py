@@ -24,12 +24,12 @@ from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recording
 from realitygap.tasks import load_task
 from realitygap.transfer.rig import Rig
-from realitygap.twin.arena import load_arena
 from realitygap.twin.camera import OverheadCamera
 from realitygap.twin.drawing import WHOLE
 from realitygap.twin.process import TwinProcess, start_twin
 from realitygap.twin.states import States
 from realitygap.values import Pose, Readings
+from realitygap.world.arena import load_arena
 from realitygap.world.profile import load_profile
 
 TASKS = {
@@ -93,7 +93,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for task, (kind, pose) in TASKS.items():
             sealed = Path(folder) / f"{task}.csv"
-            with start_twin(load_arena(task), unit=1, pose=pose) as twin:
+            with start_twin(load_arena(task).plain(), unit=1, pose=pose) as twin:
                 twin.film(sealed)
                 speeds = []
                 for seconds in (5.0, 60.0, 60.0, 60.0):
@@ -105,7 +105,7 @@ def main() -> None:
             states = States.from_file(sealed)
             for view in ("drawn", "mujoco"):
                 try:
-                    with OverheadCamera(load_arena(task), unit=1, view=view) as camera:
+                    with OverheadCamera(load_arena(task).plain(), unit=1, view=view) as camera:
                         start = time.perf_counter()
                         count = sum(
                             1
@@ -116,7 +116,7 @@ def main() -> None:
                 except Exception as error:  # no EGL or OSMesa here
                     print(f"  camera, {view}: {error}")
         kind, pose = TASKS["obstacle-avoidance"]
-        with start_twin(load_arena("obstacle-avoidance"), unit=1, pose=pose, clock="real") as twin:
+        with start_twin(load_arena("obstacle-avoidance").plain(), unit=1, pose=pose, clock="real") as twin:
             recording = trial(twin, RealClock(), ("proximity", "ambient"), pose, 10.0)
         print(
             f"real clock, both kinds of sensors at 38400 baud: {len(recording.t)} steps, "

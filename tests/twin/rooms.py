@@ -18,6 +18,17 @@ CROWDED = {
     "lamps": [[80, 30]],
 }
 
+ARENAS = {
+    "obstacle-avoidance": {
+        "size_cm": [50.0, 50.0],
+        "cylinders": [[15.0, 15.0, 4.0], [35.0, 15.0, 4.0], [15.0, 35.0, 4.0], [35.0, 35.0, 4.0]],
+        "walls": [],
+        "lamps": [],
+    },
+    "light-seeking": {"size_cm": [110.0, 70.0], "cylinders": [], "walls": [], "lamps": [[110.0, 35.0]]},
+}
+"""Those of the paper's two tasks."""
+
 
 def table(name: str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """A real table [distances, bearings, 8] and its distances (mm), or the test is skipped."""

@@ -13,15 +13,14 @@ from numpy.typing import NDArray
 
 import realitygap.twin.render as render
 from realitygap.errors import ConfigError
-from realitygap.twin.arena import check_arena, load_arena
+from realitygap.twin.arena import check_arena
 from realitygap.twin.body import TwinBody
 from realitygap.twin.camera import OverheadCamera
 from realitygap.twin.drawing import DISK_HEIGHT, FRONT_AHEAD, FRONT_RADIUS, MIDDLE_RADIUS, WHOLE
 from realitygap.twin.lens import HEIGHT, WIDTH, hang_camera
 from realitygap.twin.states import States, heading_of
 from realitygap.twin.unit import draw_unit
-
-ARENAS = {name: load_arena(name) for name in ("obstacle-avoidance", "light-seeking")}
+from tests.twin.rooms import ARENAS
 
 
 def camera(view: str, name: str = "obstacle-avoidance", unit: int = 1, noise: float = 1.0) -> OverheadCamera:

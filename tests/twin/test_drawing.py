@@ -5,22 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from realitygap.twin.arena import load_arena
 from realitygap.twin.camera import OverheadCamera
 from realitygap.twin.drawing import Drawing
 from realitygap.twin.lens import hang_camera
 from realitygap.twin.states import States
 from realitygap.twin.unit import draw_unit
+from tests.twin.rooms import ARENAS
 from tests.twin.slow_drawing import slow_frame
 
-NAMES = ("obstacle-avoidance", "light-seeking")
 
-
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ARENAS)
 def test_a_frame_is_the_slow_ones(name: str) -> None:
     """Anywhere on the floor, against a wall, half out of the picture or outside of it: to a grey level's
     ten-thousandth, and nearly everywhere to the last bit."""
-    arena = load_arena(name)
+    arena = ARENAS[name]
     lens = hang_camera(arena, draw_unit(1))
     drawing = Drawing(arena, lens)
     width, depth = (side / 100.0 for side in arena["size_cm"])
@@ -36,7 +34,7 @@ def test_a_frame_is_the_slow_ones(name: str) -> None:
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 def test_a_window_is_a_part_of_the_frame(noise: float) -> None:
     """With the robot inside, across its edge, or elsewhere: the same bits, its pixels' noise too."""
-    arena = load_arena("obstacle-avoidance")
+    arena = ARENAS["obstacle-avoidance"]
     windows = [
         (slice(200, 290), slice(250, 345)),
         (slice(0, 241), slice(321, 640)),

@@ -8,17 +8,16 @@ import numpy as np
 import pytest
 
 from realitygap.errors import ConfigError
-from realitygap.twin.arena import check_arena, edges, load_arena
+from realitygap.twin.arena import check_arena, edges
 from realitygap.twin.body import TwinBody
+from realitygap.world.arena import load_arena
+from tests.twin.rooms import ARENAS
 
 
-def test_the_papers_arenas() -> None:
-    """Both tasks' arenas are the twin's own data, with the room and the obstacles of the paper."""
-    avoidance, light = load_arena("obstacle-avoidance"), load_arena("light-seeking")
-    assert avoidance["size_cm"] == [50.0, 50.0]
-    assert sorted(c[:2] for c in avoidance["cylinders"]) == [[15, 15], [15, 35], [35, 15], [35, 35]]
-    assert {c[2] for c in avoidance["cylinders"]} == {4.0}
-    assert (light["size_cm"], light["lamps"]) == ([110.0, 70.0], [[110.0, 35.0]])
+@pytest.mark.parametrize("name", ARENAS)
+def test_a_tasks_arena_is_taken_as_it_is(name: str) -> None:
+    """The simulation's plain numbers are what the twin takes, and the paper's."""
+    assert check_arena(load_arena(name).plain()) == check_arena(ARENAS[name])
 
 
 @pytest.mark.parametrize(
@@ -39,12 +38,6 @@ def test_nonsense_is_refused(arena: dict[str, Any], says: str) -> None:
     """A wrong key or value is named."""
     with pytest.raises(ConfigError, match=says):
         check_arena(arena)
-
-
-def test_unknown_name_is_refused() -> None:
-    """An arena that the twin does not have is refused with those that it has."""
-    with pytest.raises(ConfigError, match="light-seeking"):
-        load_arena("maze")
 
 
 def test_partition_is_a_closed_board() -> None:

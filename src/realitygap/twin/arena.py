@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
-from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -13,25 +11,12 @@ from numpy.typing import NDArray
 from realitygap.errors import ConfigError
 from realitygap.twin.arithmetic import hypot
 
-__all__ = ["WALL_HALF", "check_arena", "edges", "load_arena"]
+__all__ = ["WALL_HALF", "check_arena", "edges"]
 
 WALL_HALF = 0.003
 """A partition is a board of 6 mm (m, half of it)."""
 
 _PARTS = {"cylinders": ("x, y, radius", 3), "walls": ("x0, y0, x1, y1", 4), "lamps": ("x, y", 2)}
-
-
-def load_arena(name: str) -> dict[str, Any]:
-    """An arena of `arenas.toml` as a dict of plain numbers (cm).
-
-    Raises:
-        ConfigError: there is no arena of this name.
-    """
-    text = resources.files("realitygap.twin").joinpath("arenas.toml").read_text(encoding="utf-8")
-    arenas = tomllib.loads(text)
-    if name not in arenas:
-        raise ConfigError(f"the twin's arenas are {' and '.join(arenas)}, got {name!r}: choose one of these")
-    return check_arena(arenas[name])
 
 
 def _rows(arena: Mapping[str, Any], key: str) -> list[list[float]]:

@@ -8,11 +8,11 @@ when the answer's last character has gone. Between events the body's physics run
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple, Protocol
 
 from realitygap.robots.khepera.protocol import KHEPERA
-from realitygap.robots.line.protocol import RefusedError, Request, answer
+from realitygap.robots.line.protocol import RefusedError, answer
 
 __all__ = ["BIOS", "PROTOCOL", "Firmware", "RobotBody"]
 
@@ -79,7 +79,7 @@ class Firmware:
         self._half = b""
         self._in_free = self._out_free = self.now
         self._mode = SPEED
-        self._target = (0, 0)
+        self._target: tuple[int, ...] = (0, 0)
         self._watch: Callable[[], None] | None = None
         self._watch_ms = self._watch_next = 0
         for text in banner:
@@ -164,11 +164,29 @@ class Firmware:
             if len(line) > LONGEST:
                 raise RefusedError(KHEPERA.not_found)
             asked = KHEPERA.parse_request(line.decode("ascii", "replace"))
-            values = _ACTIONS[asked.letter](self, asked)
+            values = self._done(*asked)
         except RefusedError as refusal:
             self._put_out(str(refusal).encode("ascii") + b"\r\n")
             return
         self._put_out(answer(asked.letter, *values))
+
+    def _done(self, letter: str, arguments: tuple[int, ...]) -> Iterable[object]:
+        """Carry out a command; the values of its answer."""
+        if letter in DRIVES:
+            mode, name = DRIVES[letter]
+            getattr(self.body, name)(*arguments)
+            self._mode, self._target = mode, arguments
+            return ()
+        if letter in PLAIN:
+            said = getattr(self.body, PLAIN[letter])(*arguments)
+            return () if said is None else said if isinstance(said, list | tuple) else (said,)
+        if letter == "L":
+            number, action = arguments
+            self.body.leds[number] = action if action < 2 else 1 - int(self.body.leds[number])
+            return ()
+        if letter == "T":  # no turret is mounted: what the robot says then no source tells; we let it refuse
+            raise RefusedError(KHEPERA.protocol_error)
+        return self._motion() if letter == "K" else (BIOS, PROTOCOL)
 
     def _motion(self) -> tuple[int, ...]:
         """Command K: the error is target less present, in pulses or Khepera units."""
@@ -180,43 +198,17 @@ class Firmware:
             for value in (done[side], self._mode, self._target[side] - there[side])
         )
 
-    def _drive(self, mode: int, asked: Request, order: Callable[[int, int], None]) -> tuple[int, ...]:
-        left, right = asked.arguments
-        self._mode, self._target = mode, (left, right)
-        return _set(order, asked)
 
-    def _led(self, number: int, action: int) -> tuple[int, ...]:
-        leds = list(self.body.leds)
-        leds[number] = action if action < 2 else 1 - int(leds[number])
-        self.body.leds = leds
-        return ()
-
-
-def _set(order: Callable[..., None], asked: Request) -> tuple[int, ...]:
-    order(*asked.arguments)
-    return ()
-
-
-def _refuse(firmware: Firmware, asked: Request) -> tuple[int, ...]:
-    """No turret is mounted: what the robot says then no source tells; we let it refuse."""
-    raise RefusedError(KHEPERA.protocol_error)
-
-
-_ACTIONS: dict[str, Callable[[Firmware, Request], tuple[object, ...]]] = {
-    "A": lambda f, asked: _set(f.body.set_speed_gains, asked),
-    "B": lambda f, asked: (BIOS, PROTOCOL),
-    "C": lambda f, asked: f._drive(POSITION, asked, f.body.set_position),
-    "D": lambda f, asked: f._drive(SPEED, asked, f.body.set_speed),
-    "E": lambda f, asked: f.body.speeds(),
-    "F": lambda f, asked: _set(f.body.set_position_gains, asked),
-    "G": lambda f, asked: _set(f.body.set_pulses, asked),
-    "H": lambda f, asked: f.body.pulses(),
-    "I": lambda f, asked: (f.body.analog(asked.arguments[0]),),
-    "J": lambda f, asked: _set(f.body.set_profile, asked),
-    "K": lambda f, asked: f._motion(),
-    "L": lambda f, asked: f._led(*asked.arguments),
-    "N": lambda f, asked: tuple(f.body.proximity()),
-    "O": lambda f, asked: tuple(f.body.ambient()),
-    "P": lambda f, asked: f._drive(SPEED, asked, f.body.set_pwm),
-    "T": _refuse,
+DRIVES = {"C": (POSITION, "set_position"), "D": (SPEED, "set_speed"), "P": (SPEED, "set_pwm")}
+PLAIN = {
+    "A": "set_speed_gains",
+    "E": "speeds",
+    "F": "set_position_gains",
+    "G": "set_pulses",
+    "H": "pulses",
+    "I": "analog",
+    "J": "set_profile",
+    "N": "proximity",
+    "O": "ambient",
 }
+"""What carries out a command: members of the body."""

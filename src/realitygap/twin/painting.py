@@ -38,15 +38,6 @@ class Look(NamedTuple):
     colours: Any
 
 
-class Row(NamedTuple):
-    """What a row of samples is worked out in."""
-
-    body: Any
-    offs: Any
-    exact: Any
-    shares: Any
-
-
 @step
 def _length(x: Any, y: Any) -> Any:
     """Of x, y, in double precision."""
@@ -101,11 +92,11 @@ def _cover_mark(x: Any, y: Any, radius: Any, samples: Any, share: Any) -> None:
 @step
 def _cover_marks(row: int, first: int, still: Any, place: Any, look: Any, work: Any) -> None:
     """How much of samples the disk and its two patches cover, into `shares`."""
-    radii, samples, shares = look.radii, still.samples, work.shares
+    radii, samples, (offs, exact, shares) = look.radii, still.samples, work
     end = first + shares.shape[1]
     floor_x, floor_y = still.floor[0, row, first:end], still.floor[1, row, first:end]
     slope_x, slope_y = still.slope[0, row, first:end], still.slope[1, row, first:end]
-    off_x, off_y, exact_x, exact_y = work.offs[0], work.offs[1], work.exact[0], work.exact[1]
+    off_x, off_y, exact_x, exact_y = offs[0], offs[1], exact[0], exact[1]
     x, y, z = np.float32(place[0]), np.float32(place[1]), look.heights[-1]
     for k in range(shares.shape[1]):
         there_x = slope_x[k] * z + floor_x[k]
@@ -120,8 +111,9 @@ def _cover_marks(row: int, first: int, still: Any, place: Any, look: Any, work: 
 @step
 def _colour(row: int, first: int, still: Any, colours: Any, work: Any, shown: Any) -> None:
     """The samples' colours into `shown`."""
-    body, end = work.body, first + work.body.shape[0]
-    disk, patch, front = work.shares[0], work.shares[1], work.shares[2]
+    body, shares = work
+    end = first + body.shape[0]
+    disk, patch, front = shares[0], shares[1], shares[2]
     for colour in range(3):
         fine, over = still.fine[colour, row, first:end], still.over[row, first:end]
         into = shown[colour]
@@ -151,12 +143,12 @@ def paint_robot(picture: Any, corner: Any, about: Any, still: Any, place: Any, l
     first, count = columns[0] * sub, max(columns[1] - columns[0], 0) * sub
     part, shown = np.float32(1.0 / sub**2), np.empty((sub, 3, count), np.float32)
     offs, shares = np.empty((2, count), np.float32), np.empty((3, count), np.float32)
-    work = Row(np.empty(count, np.uint8), offs, np.empty((2, count)), shares)
+    body, exact = np.empty(count, np.uint8), np.empty((2, count))
     for row in range(rows[0], rows[1]):
         for k in range(sub):
-            _cover_body(row * sub + k, first, still, place, look, work.body)
-            _cover_marks(row * sub + k, first, still, place, look, work)
-            _colour(row * sub + k, first, still, look.colours, work, shown[k])
+            _cover_body(row * sub + k, first, still, place, look, body)
+            _cover_marks(row * sub + k, first, still, place, look, (offs, exact, shares))
+            _colour(row * sub + k, first, still, look.colours, (body, shares), shown[k])
         for column in range(count // sub):
             for colour in range(3):
                 total = np.float32(0.0)

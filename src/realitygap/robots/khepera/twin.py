@@ -32,7 +32,7 @@ class TwinBody(KheperaBody):
         self, unit: int, *, noise: float = 1.0, baud: int = 38400, kinds: tuple[str, ...] = ("proximity",)
     ) -> None:
         self.unit, self.noise, self.baud = unit, noise, baud
-        self._twin: TwinProcess | None = None
+        self.twin: TwinProcess | None = None
         self._room: Mapping[str, Any] = {}
         self._line = ExitStack()
         self._rests = True
@@ -48,38 +48,28 @@ class TwinBody(KheperaBody):
             "twin_noise": self.noise,
         }
 
-    @property
-    def twin(self) -> TwinProcess | None:
-        """Its process, if there is one yet."""
-        return self._twin
-
     def enter(self, room: Mapping[str, Any], seed: int, pose: Pose | None) -> None:
         """Be switched off, and on as a process of its own would be: no trial leaves the next a trace."""
         self._line.close()
-        if self._twin is None or self._room != room:
+        if self.twin is None or self._room != room:
             self.leave()
             self._room = room
-            self._twin = start_twin(room, unit=self.unit, noise=self.noise, seed=seed, baud=self.baud)
+            self.twin = start_twin(room, unit=self.unit, noise=self.noise, seed=seed, baud=self.baud)
         else:
-            self._twin.renew(seed)
-        clock = VirtualClock(self._twin.channel)
+            self.twin.renew(seed)
+        clock = VirtualClock(self.twin.channel)
         self._line.callback(clock.close)
-        self._take(Khepera.connect(self._twin.device, baud=self.baud, clock=clock), self._twin.place)
+        self._take(Khepera.connect(self.twin.device, baud=self.baud, clock=clock), self.twin.place)
         self._line.callback(self.driver.abandon)
         self._rests = True
         if pose is not None:
             clock.settle()
-            self._twin.place(pose)
+            self.twin.place(pose)
 
-    def reset(self, pose: Pose | None = None) -> None:
-        """Stand, be carried to `pose`, counters at zero; one just switched on gets no command to stand."""
+    def _stand(self) -> None:
+        """One that was just switched on gets no command to stand."""
         if not self._rests:
-            super().reset(pose)
-            return
-        if pose is not None and self._twin is not None:
-            self.clock.settle()
-            self._twin.place(pose)
-        self._zero()
+            super()._stand()
 
     def act(self, command: Command) -> None:
         """Wheel speeds from now on, pulses per 10 ms."""
@@ -88,9 +78,9 @@ class TwinBody(KheperaBody):
 
     def film(self, states: Path | None) -> None:
         """Write where it is, every 20 ms, into a sealed file for the camera; None ends it."""
-        if self._twin is not None:
+        if self.twin is not None:
             self.clock.settle()
-            self._twin.film(states)
+            self.twin.film(states)
 
     def close(self) -> None:
         """Let go of the line and end the process; there is nobody to be hurt."""
@@ -101,9 +91,9 @@ class TwinBody(KheperaBody):
 
     def leave(self) -> None:
         """End the process: the next room is another's."""
-        if self._twin is not None:
-            self._twin.close()
-            self._twin = None
+        if self.twin is not None:
+            self.twin.close()
+            self.twin = None
 
 
 def opened(

@@ -131,11 +131,14 @@ class LineBody:
 
     def reset(self, pose: Pose | None = None) -> None:
         """Stand, be carried to `pose`, counters at zero."""
-        self.driver.stop()
+        self._stand()
         if pose is not None and self._carry is not None:
             self.clock.settle()
             self._carry(pose)
         self._zero()
+
+    def _stand(self) -> None:
+        self.driver.stop()
 
     def _zero(self) -> None:
         self.driver.set_counters(0, 0)
