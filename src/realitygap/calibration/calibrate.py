@@ -33,6 +33,8 @@ FORMS = {
     "paper": ("paper", "paper", "printed"),
     "individual": ("individual", "linear", "refitted"),
     "extended": ("extended", "extended", "refitted"),
+    "measured": ("measured", "extended", "refitted"),
+    "auto": ("auto", "extended", "refitted"),
 }
 """What --form means for infrared, ambient light and wheels."""
 
@@ -100,7 +102,8 @@ def calibrate(
     near, lit = (_of_kind(recordings, kind) for kind in ("infrared", "ambient"))
     driven = [r for r in recordings if isinstance(r, WheelRecording) and (r.counted or r.followed)]
     infrared_form, light_form, wheel_form = FORMS[form]
-    total = ticks("infrared") * bool(near) + ticks("ambient", beside=beside) * bool(lit) + len(driven)
+    total = ticks("infrared", infrared_form) * bool(near) + len(driven)
+    total += ticks("ambient", light_form, beside=beside) * bool(lit)
     tick = _counter(on_progress, total)
     infrared = fit_infrared(near, base, infrared_form, tick=tick) if near else None
     ambient = fit_light(lit, base, light or light_form, beside=beside, tick=tick) if lit else None

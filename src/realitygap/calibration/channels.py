@@ -9,22 +9,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.checks import refuse_nonsense
-from realitygap.calibration.forms import Tick, fit_forms
+from realitygap.calibration.forms import Tick, fit_forms, with_columns
 from realitygap.calibration.infrared import INFRARED_FORMS, PROXIMITY_COUNTS, infrared_problems, with_infrared
 from realitygap.calibration.light import LIGHT_FORMS, as_bright_as_the_paper, with_light
 from realitygap.calibration.light_forms import AMBIENT_COUNTS, light_problems
-from realitygap.calibration.misfit import LIMITS, Misfit, measure_noise, misfits
-from realitygap.calibration.noise import NoiseEstimate
+from realitygap.calibration.measured import MEASURED, fit_measured
+from realitygap.calibration.misfit import LIMITS, Misfit, measure_noise, misfits, pooled_noise
+from realitygap.calibration.noise import NoiseEstimate, noise_tables
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import FOLDS, Rows
 from realitygap.calibration.solve import Fit, Free
 from realitygap.errors import CalibrationError, ConfigError
 from realitygap.world.profile import Profile
 
-__all__ = ["ChannelFit", "fit_infrared", "fit_light", "ticks", "unmeasured"]
+__all__ = ["AUTO", "ChannelFit", "fit_infrared", "fit_light", "ticks", "unmeasured"]
 
 Array = NDArray[np.float64]
 
+AUTO = "auto"
+"""The form that errs least on places held out, where readings are neither dark nor saturated."""
 OVERFITTED = 1.3
 """Held-out RMSE over the fitted one, from which on a form is said to fit more than the robot."""
 FAR_OFF, NARROW = 10.0, 4.0
@@ -41,6 +44,7 @@ class ChannelFit:
         profile: the base with this form's constants in place.
         fit: constants, intervals, what cannot be told apart.
         by_form: RMSE of every form, counts; held_out: of those that were tried on places held out.
+        judged: each sensor's misfit on places held out: the figure that limits go by is its lit_ratio.
         noise: what could be measured of it.
         deviation, measured: the noise's where sensors see something, counts, and whether it was measured
             or is the base profile's.
@@ -62,6 +66,7 @@ class ChannelFit:
     deviation: float
     measured: bool
     sensors: tuple[Misfit, ...]
+    judged: tuple[Misfit, ...]
     dead: dict[int, str]
     warnings: tuple[str, ...]
     source: str
@@ -77,9 +82,11 @@ class ChannelFit:
         return self.by_form[self.form]
 
 
-def ticks(kind: str, *, beside: bool = True) -> int:
+def ticks(kind: str, form: str, *, beside: bool = True) -> int:
     """How often the fit of a kind of sensor says that it goes on."""
-    return FOLDS + (len(INFRARED_FORMS) if kind == "infrared" else len(LIGHT_FORMS) if beside else 1)
+    if kind == "infrared":
+        return FOLDS + len(INFRARED_FORMS) + (1 + FOLDS) * (form not in INFRARED_FORMS)
+    return FOLDS + (len(LIGHT_FORMS) if beside else 1)
 
 
 def fit_infrared(
@@ -98,12 +105,20 @@ def fit_infrared(
     """
     rows = Rows(recordings, base)
     problems, doubt = infrared_problems(rows, base)
-    fits, held_out = fit_forms(rows, problems, form, PROXIMITY_COUNTS * rows.unit, tick)
-    values = _mend_dead(fits[form].values, problems[form].frees, rows.dead)
-    fits[form] = _mended(fits[form], values, rows.dead)
-    made = with_infrared(problems[form].base, values)
-    found = _channel("infrared", form, rows, fits, held_out, made)
-    return replace(found, warnings=(*found.warnings, doubt)) if doubt and form == "extended" else found
+    printed = form if form in problems else "extended"
+    fits, held_out = fit_forms(rows, problems, printed, PROXIMITY_COUNTS * rows.unit, tick)
+    values = _mend_dead(fits[printed].values, problems[printed].frees, rows.dead)
+    fits[printed] = _mended(fits[printed], values, rows.dead)
+    made = {printed: with_infrared(problems[printed].base, values)}
+    off = {printed: held_out}
+    if form != printed:
+        profile, fits[MEASURED], off[MEASURED] = fit_measured(rows, base, tick)
+        made[MEASURED] = profile
+    best = min(off, key=lambda name: rows.rmse_lit(off[name])) if form == AUTO else form
+    found = _channel("infrared", best, rows, fits, off, made[best])
+    if best == MEASURED:
+        found = replace(found, profile=_with_noise(found, rows))
+    return replace(found, warnings=(*found.warnings, doubt)) if doubt and best == "extended" else found
 
 
 def fit_light(
@@ -147,7 +162,7 @@ def fit_light(
     profile = with_light(problems[form].base, values, form)
     if not room:
         profile = as_bright_as_the_paper(profile)
-    return _channel("ambient", form, rows, fits, held_out, profile)
+    return _channel("ambient", form, rows, fits, {form: held_out}, profile)
 
 
 def _mend_dead(values: dict[str, Array], frees: Sequence[Free], dead: dict[int, str]) -> dict[str, Array]:
@@ -176,8 +191,9 @@ def _mended(fit: Fit, values: dict[str, Array], dead: Collection[int]) -> Fit:
 
 
 def _channel(
-    kind: str, form: str, rows: Rows, fits: dict[str, Fit], held_out: dict[str, float], profile: Profile
+    kind: str, form: str, rows: Rows, fits: dict[str, Fit], held_out: dict[str, Array], profile: Profile
 ) -> ChannelFit:
+    """The form that was taken, with what is said of all: `held_out` [n, S] by form."""
     fit = fits[form]
     source = ", ".join(r.source for r in rows.recordings)
     refuse_nonsense(source, rows.counts, fit.model, rows.dead)
@@ -191,17 +207,42 @@ def _channel(
     main = next((e.deviation for e in noise if e.channel in ("proximity", "ambient")), 0.0)
     deviation = main or (profile.noise.proximity if kind == "infrared" else profile.noise.ambient)
     deviation = deviation or rows.unit * (PROXIMITY_COUNTS if kind == "infrared" else AMBIENT_COUNTS)
-    found = misfits(rows.counts, fit.model, rows.place, kind=kind, top=rows.top, deviation=deviation)
-    sensors = tuple(m for m in found if m.sensor not in rows.dead)
+    sensors, judged = (
+        tuple(
+            m
+            for m in misfits(rows.counts, model, rows.place, kind=kind, top=rows.top, deviation=deviation)
+            if m.sensor not in rows.dead
+        )
+        for model in (fit.model, held_out[form])
+    )
     by_form = {name: rows.rmse(one.model) for name, one in fits.items()}
     span = np.stack([np.percentile(rows.counts, q, axis=0) for q in (0.5, 99.5)], 1)
     made = ChannelFit(
-        kind=kind, form=form, profile=profile, fit=fit, by_form=by_form, held_out=held_out,
+        kind=kind, form=form, profile=profile, fit=fit, by_form=by_form,
+        held_out={name: rows.rmse(model) for name, model in held_out.items()}, judged=judged,
         noise=tuple(noise), deviation=deviation, measured=main > 0, sensors=sensors, dead=rows.dead,
         source=source, warnings=rows.warnings,
         distance_cm=rows.distance, bearing_deg=rows.bearing, counts=rows.counts, model=fit.model, span=span,
     )  # fmt: skip
     return replace(made, warnings=(*made.warnings, *_warnings(made)))
+
+
+def _with_noise(made: ChannelFit, rows: Rows) -> Profile:
+    """The profile with each sensor's own noise, where it was measured."""
+    ends = np.cumsum([len(r.counts) for r in rows.recordings])[:-1]
+    live = np.where(rows.use, rows.counts, np.nan)
+    parts = zip(rows.recordings, np.split(live, ends), strict=True)
+    sample = pooled_noise(
+        [replace(r, counts=part) for r, part in parts], np.split(made.model, ends), rows.top
+    )
+    if not made.measured:
+        return made.profile
+    still = (np.zeros(len(r.counts)) if r.speed_cm_s is None else r.speed_cm_s for r in rows.recordings)
+    speed = np.concatenate(list(still))[sample.row]
+    table, rise = noise_tables(sample, live, made.model, speed, rows.top)
+    law = made.profile.infrared
+    columns = {"noise": [tuple(row) for row in table.round(3).tolist()], "noise_rise": rise.round(5).tolist()}
+    return replace(made.profile, infrared=replace(law, sensors=with_columns(law.sensors, columns)))
 
 
 def _warnings(made: ChannelFit) -> list[str]:

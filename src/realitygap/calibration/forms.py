@@ -95,8 +95,8 @@ def with_columns(sensors: Sequence[S], columns: Mapping[str, Sequence[Any]]) -> 
 
 def fit_forms(
     rows: Rows, problems: Mapping[str, Problem], form: str, noise: float, tick: Tick
-) -> tuple[dict[str, Fit], dict[str, float]]:
-    """Every form's fit, and the RMSE on places held out of the form that was asked for.
+) -> tuple[dict[str, Fit], Array]:
+    """Every form's fit, and what the form that was asked for reads [n, S] on places held out.
 
     `tick` is called before each fit.
     """
@@ -114,7 +114,7 @@ def fit_forms(
     problem, begin = problems[form], fits[form].values
     if problem.steep:
         fits[form] = _searched(problem, rows.measured(noise), begin, draws=DRAWS, last=True)
-    folds, off = rows.folds(), np.zeros(rows.counts.shape)
+    folds, held_out = rows.folds(), fits[form].model.copy()
     for fold in range(FOLDS):
         tick()
         out = folds == fold
@@ -124,8 +124,8 @@ def fit_forms(
         if problem.steep:  # not from where the search ended that saw these places
             measured = rows.measured(noise, without=out)
             some = _searched(problem, measured, some.values, draws=DRAWS_HELD_OUT, last=False)
-        off[out] = some.model[out] - rows.counts[out]
-    return fits, {form: float(np.sqrt((off[rows.use] ** 2).mean()))}
+        held_out[out] = some.model[out]
+    return fits, held_out
 
 
 def _lost(rows: Rows, fit: Fit, simpler: Fit) -> bool:

@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 INFRARED_FORMS = ("paper", "individual", "extended")
 """Common a and b; a and b for each sensor; also directions, distance offset, exponent of the cosine, and
-Lambertian surfaces."""
+Lambertian surfaces. Beside them there is "measured": measured.py."""
 
 PROXIMITY_COUNTS = 21.0
 """Noise that residuals are weighed by before it is measured: counts of the paper's robot."""

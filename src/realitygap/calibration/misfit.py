@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.noise import NoiseEstimate, dark_noise, lit_noise, sample_noise
+from realitygap.calibration.noise import NoiseEstimate, Sample, dark_noise, lit_noise, sample_noise
 from realitygap.calibration.recordings.recording import SensorRecording
 
-__all__ = ["LIMITS", "Misfit", "measure_noise", "misfits"]
+__all__ = ["LIMITS", "Misfit", "measure_noise", "misfits", "pooled_noise"]
 
 Array = NDArray[np.float64]
 
@@ -39,6 +39,21 @@ def measure_noise(
     recordings: Sequence[SensorRecording], models: Sequence[Array], top: float
 ) -> list[NoiseEstimate]:
     """Noise of recordings of one kind and full scale `top`, pooled: lit and dark proximity, or ambient."""
+    joined = pooled_noise(recordings, models, top)
+    if recordings[0].kind == "ambient":
+        found = [lit_noise(joined, "ambient", top)]
+    else:
+        counts, places, first = np.concatenate([r.counts for r in recordings]), [], 0
+        for recording in recordings:
+            places.append(recording.place() + first)
+            first += len(recording.counts)
+        dark = dark_noise(counts, np.concatenate(models), np.concatenate(places), top)
+        found = [lit_noise(joined, "proximity", top), dark]
+    return [estimate for estimate in found if estimate is not None]
+
+
+def pooled_noise(recordings: Sequence[SensorRecording], models: Sequence[Array], top: float) -> Sample:
+    """The noise that recordings of one kind show beside the models' readings; rows count through them all."""
     samples, first = [], 0
     for recording, model in zip(recordings, models, strict=True):
         sample = sample_noise(
@@ -51,23 +66,14 @@ def measure_noise(
         )
         samples.append((sample, first))
         first += len(recording.counts)
-    joined = type(samples[0][0])(
+    return Sample(
         z=np.concatenate([s.z for s, _ in samples]),
         level=np.concatenate([s.level for s, _ in samples]),
         model=np.concatenate([s.model for s, _ in samples]),
         group=np.concatenate([s.group + shift for s, shift in samples]),
+        row=np.concatenate([s.row + shift for s, shift in samples]),
         tails=float(np.average([s.tails for s, _ in samples], weights=[len(s.z) + 1 for s, _ in samples])),
     )
-    if recordings[0].kind == "ambient":
-        found = [lit_noise(joined, "ambient", top)]
-    else:
-        counts = np.concatenate([r.counts for r in recordings])
-        place = np.concatenate([r.place() + shift for r, (_, shift) in zip(recordings, samples, strict=True)])
-        found = [
-            lit_noise(joined, "proximity", top),
-            dark_noise(counts, np.concatenate(models), place, top),
-        ]
-    return [estimate for estimate in found if estimate is not None]
 
 
 def misfits(

@@ -7,14 +7,14 @@ hold some of the curve).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.recordings.recording import count_unit
 
-__all__ = ["NoiseEstimate", "Sample", "dark_noise", "lit_noise", "sample_noise"]
+__all__ = ["NoiseEstimate", "Sample", "dark_noise", "lit_noise", "noise_tables", "sample_noise"]
 
 Array = NDArray[np.float64]
 
@@ -26,6 +26,8 @@ FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 STEEP = 40.0
 """Counts of the paper's robot from one bearing to the next, beyond which a bearing's error shows as noise."""
 FEWEST = 30
+KNOTS = 9
+"""Of a table of noise over the reading."""
 RESAMPLES = 200
 BINS = 4
 STEADY = 1.35
@@ -40,7 +42,8 @@ class Sample:
     """Noise at places: `z` [m, S] deviations, scaled to the noise's own; `level` [m, S] what was read there.
 
     `group` [m]: values of one group were made from common readings. NaN where nothing was measured.
-    `tails`: the share of the noise's own excess kurtosis that sums of several readings still have.
+    `row` [m]: the reading's own. `tails`: the share of the noise's own excess kurtosis that sums of several
+    readings still have.
     """
 
     z: Array
@@ -48,6 +51,7 @@ class Sample:
     model: Array
     group: NDArray[np.int64]
     tails: float = 1.0
+    row: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,19 +111,19 @@ def sample_noise(
         mean = (sums / many[:, None])[np.repeat(np.arange(len(many)), many)]
         spread = np.sqrt(many / np.maximum(many - 1, 1))[np.repeat(np.arange(len(many)), many)]
         z = np.where(np.repeat(many, many)[:, None] > 1, (counts[order] - mean) * spread[:, None], np.nan)
-        return Sample(z=z, level=mean, model=model[order], group=place[order])
+        return Sample(z=z, level=mean, model=model[order], group=place[order], row=order)
     return _from_neighbours(counts, model, distance, bearing, top)
 
 
 def _from_neighbours(counts: Array, model: Array, distance: Array, bearing: Array, top: float) -> Sample:
-    """Fourth differences over bearings, of what the model leaves over, where readings are not steep."""
-    z, level, modelled = [], [], []
+    """Fourth differences over bearings, of what the model leaves over, where readings are not steep.
+
+    Where too few bearings were read at a distance, over the distances of each bearing.
+    """
+    z, level, modelled, own = [], [], [], []
     reach = len(FOURTH) // 2
-    for one in np.unique(distance[np.isfinite(distance)]):
-        rows = np.flatnonzero(distance == one)
-        rows = rows[np.argsort(bearing[rows])]
-        if len(rows) < 4 * reach:
-            continue
+    rings = _rows_of(distance, bearing, 4 * reach) or _rows_of(bearing, distance, 4 * reach)
+    for rows in rings:
         near = np.stack([np.roll(counts[rows], -k, 0) for k in range(-reach, reach + 1)])
         off = near - np.stack([np.roll(model[rows], -k, 0) for k in range(-reach, reach + 1)])
         steep = np.abs(near[-1] - near[0]) / (2 * reach) > STEEP * count_unit(top)
@@ -127,14 +131,71 @@ def _from_neighbours(counts: Array, model: Array, distance: Array, bearing: Arra
         # Any of them may be clipped: let the one nearest to an end speak for all.
         level.append(np.where(near.mean(0) < top / 2, near.min(0), near.max(0)))
         modelled.append(model[rows])
+        own.append(rows)
     if not z:
         nothing = np.zeros((0, counts.shape[1]))
         return Sample(z=nothing, level=nothing, model=nothing, group=np.zeros(0, np.int64))
     return Sample(
         z=np.concatenate(z), level=np.concatenate(level), model=np.concatenate(modelled),
         group=np.arange(sum(map(len, z))) // 4,
-        tails=float((FOURTH**4).sum() / (FOURTH**2).sum() ** 2),
+        row=np.concatenate(own), tails=float((FOURTH**4).sum() / (FOURTH**2).sum() ** 2),
     )  # fmt: skip
+
+
+def _rows_of(same: Array, by: Array, fewest: int) -> list[NDArray[np.int64]]:
+    """The rows of each value of one column, sorted by another, where there are enough of them."""
+    found = (np.flatnonzero(same == one) for one in np.unique(same[np.isfinite(same)]))
+    return [rows[np.argsort(by[rows], kind="stable")] for rows in found if len(rows) >= fewest]
+
+
+def noise_tables(
+    sample: Sample, counts: Array, model: Array, speed: Array, top: float
+) -> tuple[Array, Array]:
+    """Each sensor's deviation at equal steps of the reading [S, KNOTS], and its rise with speed [S], s/cm.
+
+    A sensor with few values follows what is pooled over all; nothing is told of speed where the
+    wheels always stood, or never did.
+
+    Args:
+        sample: of noise.
+        counts, model: [n, S] readings, and what they are without noise; in the dark noise is cut off at 0.
+        speed: [m] of the wheels, cm/s, where the sample's values were taken.
+        top: the converter's highest count.
+    """
+    known = np.isfinite(sample.z)
+    moving = known & (speed > 0)[:, None]
+    rise = np.zeros(sample.z.shape[1])
+    if moving.any() and (known & ~moving).any():
+        still = _table_of(sample, known & ~moving, top)
+        size = np.abs(sample.z) / np.maximum(_at(still, sample.level / top), 1e-9)
+        for k in np.flatnonzero(moving.sum(axis=0) >= FEWEST):
+            ratio = np.sqrt(np.mean(size[moving[:, k], k] ** 2))
+            rise[k] = max(0.0, ratio - 1.0) / speed[moving[:, k]].mean()
+    bare = replace(sample, z=sample.z / (1.0 + rise * speed[:, None]))
+    table = _table_of(bare, known, top)
+    for k in range(table.shape[1] and len(table)):
+        dark = (model[:, k] <= 0.5) & np.isfinite(counts[:, k])
+        if dark.sum() >= FEWEST:
+            table[k, 0] = np.sqrt(2.0 * np.mean(counts[dark, k] ** 2))
+    return np.minimum(table, top), rise
+
+
+def _table_of(sample: Sample, use: NDArray[np.bool_], top: float) -> Array:
+    """[S, KNOTS] deviations: squares averaged under a triangle about each step."""
+    at = np.where(use, np.clip(sample.level / top, 0.0, 1.0), 0.0) * (KNOTS - 1)
+    near = np.maximum(0.0, 1.0 - np.abs(at[..., None] - np.arange(KNOTS))) * use[..., None]
+    square = np.where(use, sample.z, 0.0)[..., None] ** 2
+    sums, many = (near * square).sum(axis=0), near.sum(axis=0)
+    all_sums, all_many = sums.sum(axis=0), many.sum(axis=0)
+    overall = all_sums.sum() / max(all_many.sum(), 1e-9)
+    pooled = (all_sums + FEWEST * overall / 10) / (all_many + FEWEST / 10)
+    return np.asarray(np.sqrt((sums + FEWEST * pooled) / (many + FEWEST)))
+
+
+def _at(table: Array, share: Array) -> Array:
+    """[m, S] each sensor's table at a share of its range."""
+    steps = np.linspace(0.0, 1.0, table.shape[1])
+    return np.stack([np.interp(share[:, k], steps, row) for k, row in enumerate(table)], 1)
 
 
 def lit_noise(sample: Sample, channel: str, top: float) -> NoiseEstimate | None:

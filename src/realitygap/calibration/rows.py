@@ -18,6 +18,8 @@ __all__ = ["FOLDS", "Rows"]
 Array = NDArray[np.float64]
 
 FOLDS = 4
+LIT = 63.0
+"""Counts of the paper's robot from either end of the converter: three deviations of its noise."""
 
 
 class Rows:
@@ -40,7 +42,7 @@ class Rows:
             warned += refuse_swapped(recording, base, dead)
             self.dead |= dead
         self.warnings = tuple(warned)
-        self.counts = np.concatenate([r.counts for r in recordings])
+        self.counts = np.nan_to_num(np.concatenate([r.counts for r in recordings]))
         self.distance = np.concatenate([r.distance_cm for r in recordings])
         self.bearing = np.concatenate([r.bearing_deg for r in recordings])
         self.scenes = [(f"turn_{i}_deg", scene_of(r)) for i, r in enumerate(recordings)]
@@ -49,7 +51,7 @@ class Rows:
             places.append(recording.place() + first)
             first = int(places[-1].max()) + 1
         self.place = np.concatenate(places)
-        self.use = np.ones(self.counts.shape, bool)
+        self.use = np.isfinite(np.concatenate([r.counts for r in recordings]))
         self.use[:, list(self.dead)] = False
         self.block = self._blocks()
 
@@ -74,6 +76,12 @@ class Rows:
         numbers = np.unique(self.block, return_inverse=True)[1]
         order = np.random.default_rng(0).permutation(int(numbers.max()) + 1)
         return np.asarray(order[numbers] % FOLDS)
+
+    def rmse_lit(self, model: Array) -> float:
+        """The same where readings are neither dark nor saturated; of all, where none are."""
+        edge = LIT * self.unit
+        lit = self.use & (self.counts > edge) & (self.counts < self.top - edge)
+        return float(np.sqrt(((model - self.counts)[lit if lit.any() else self.use] ** 2).mean()))
 
     def rmse(self, model: Array, rows: NDArray[np.bool_] | None = None) -> float:
         use = self.use if rows is None else self.use & rows[:, None]

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["calibrate"]
 
-FORMS = ("paper", "individual", "extended")
+FORMS = ("paper", "individual", "extended", "measured", "auto")
 LIGHT_FORMS = ("paper", "individual", "linear", "extended")
 
 

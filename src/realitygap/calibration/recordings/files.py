@@ -177,6 +177,7 @@ def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> S
         body_radius_cm=_body_radius(folder, facts),
         body_said="body_radius_cm" in facts,
         full_scale=full_scale,
+        speed_cm_s=table.numbers("speed_cm_s") if "speed_cm_s" in table.columns else None,
         warnings=(*warned, *_unfinished(table, facts)),
         **_common(folder, table, facts),
     )

@@ -97,6 +97,7 @@ class SensorRecording(Recorded):
         body_radius_cm: of the body whose edge distances count from.
         body_said: whether the recording says so itself; else a calibration takes its base's body.
         full_scale: the converter's highest count; None: not said, it is its robot's.
+        speed_cm_s: [n] of the wheels while each was read, the mean of both either way; None: they stood.
     """
 
     kind: str
@@ -110,6 +111,7 @@ class SensorRecording(Recorded):
     body_radius_cm: float = BODY_RADIUS_CM
     body_said: bool = True
     full_scale: float | None = None
+    speed_cm_s: Array | None = None
 
     def __post_init__(self) -> None:
         n = len(self.repeat)
