@@ -160,7 +160,7 @@ def _of_its_size(recordings: Sequence[Recording], base: Profile) -> Profile:
 
     A .sam table states none: there it is what the maker states. The sensors read by it.
     """
-    seen = [r for r in recordings if isinstance(r, SensorRecording)]
+    seen = [r for r in recordings if isinstance(r, SensorRecording) and r.from_sensor is None]
     radii = {r.body_radius_cm: r.source for r in seen if "body_radius_cm" in r.facts or not r.body_said}
     radii = radii or {r.body_radius_cm: r.source for r in seen}
     if len(radii) > 1:
@@ -250,11 +250,11 @@ def _constant(kind: str, c: Constant) -> FittedConstant:
 
 
 def _fitted(fit: ChannelFit) -> FittedChannel:
-    errors = [m.error for m in fit.sensors]
-    error = float(np.sqrt(np.mean(np.square(errors))))
+    over_all = float(np.sqrt(np.mean(np.square([m.error for m in fit.sensors])))) / fit.deviation
+    ratio = fit.ratio if np.isfinite(fit.ratio) else over_all
     return FittedChannel(
         channel=fit.kind, form=fit.form, rmse=fit.rmse, held_out_rmse=fit.held_out[fit.form],
-        model_error=error, noise=fit.deviation, ratio=error / fit.deviation,
+        model_error=ratio * fit.deviation, noise=fit.deviation, ratio=ratio, ratio_over_all=over_all,
     )  # fmt: skip
 
 

@@ -44,7 +44,7 @@ class ChannelFit:
         profile: the base with this form's constants in place.
         fit: constants, intervals, what cannot be told apart.
         by_form: RMSE of every form, counts; held_out: of those that were tried on places held out.
-        judged: each sensor's misfit on places held out: the figure that limits go by is its lit_ratio.
+        judged: each sensor's misfit on places held out: limits go by its lit_ratio.
         noise: what could be measured of it.
         deviation, measured: the noise's where sensors see something, counts, and whether it was measured
             or is the base profile's.
@@ -80,6 +80,13 @@ class ChannelFit:
     def rmse(self) -> float:
         """Of the form that was asked for, all sensors that live, counts."""
         return self.by_form[self.form]
+
+    @property
+    def ratio(self) -> float:
+        """Model error over noise of all sensors on places held out, where readings are neither dark nor
+        saturated: the figure that reports and limits go by; NaN where there are none."""
+        told = [m.lit_ratio for m in self.judged if np.isfinite(m.lit_ratio)]
+        return float(np.sqrt(np.mean(np.square(told)))) if told else np.nan
 
 
 def ticks(kind: str, form: str, *, beside: bool = True) -> int:
@@ -196,13 +203,14 @@ def _channel(
     """The form that was taken, with what is said of all: `held_out` [n, S] by form."""
     fit = fits[form]
     source = ", ".join(r.source for r in rows.recordings)
-    refuse_nonsense(source, rows.counts, fit.model, rows.dead)
     ends = np.cumsum([len(r.counts) for r in rows.recordings])[:-1]
     live = np.where(rows.use, rows.counts, np.nan)
+    refuse_nonsense(source, live, fit.model, rows.dead)
     noise = measure_noise(
         [replace(r, counts=part) for r, part in zip(rows.recordings, np.split(live, ends), strict=True)],
         np.split(fit.model, ends),
         rows.top,
+        profile.infrared.dead,
     )
     main = next((e.deviation for e in noise if e.channel in ("proximity", "ambient")), 0.0)
     deviation = main or (profile.noise.proximity if kind == "infrared" else profile.noise.ambient)
@@ -210,7 +218,7 @@ def _channel(
     sensors, judged = (
         tuple(
             m
-            for m in misfits(rows.counts, model, rows.place, kind=kind, top=rows.top, deviation=deviation)
+            for m in misfits(live, model, rows.place, kind=kind, top=rows.top, deviation=deviation)
             if m.sensor not in rows.dead
         )
         for model in (fit.model, held_out[form])
@@ -247,9 +255,9 @@ def _with_noise(made: ChannelFit, rows: Rows) -> Profile:
 
 def _warnings(made: ChannelFit) -> list[str]:
     kind, limit, out = made.kind, LIMITS[made.kind], []
-    over = [m for m in made.sensors if m.ratio > limit]
+    over = [m for m in made.judged if m.lit_ratio > limit]
     if over:
-        which = ", ".join(f"{m.sensor} ({m.ratio:.1f})" for m in over)
+        which = ", ".join(f"{m.sensor} ({m.lit_ratio:.1f})" for m in over)
         out.append(
             f"{kind}: model error is more than {limit:g} noise deviations ({made.deviation:.3g} "
             f"counts) for sensors "
@@ -260,6 +268,11 @@ def _warnings(made: ChannelFit) -> list[str]:
         out.append(
             f"{kind}: RMSE {held_out:.3g} on places held out, {made.rmse:.3g} on those fitted: the form "
             "overfits"
+        )
+    if made.form == MEASURED and not any(c.key == "aperture_deg" for c in made.fit.constants):
+        out.append(
+            f"{kind}: directions and lobes are not identifiable with every sensor straight before a wall: "
+            "directions are the base profile's, the lobe is an assumption, as are matt surfaces"
         )
     dead = tuple(f"[{k}]" for k in made.dead)
     vague = [c.key for c in made.fit.constants if not c.told and not c.key.endswith(dead)]

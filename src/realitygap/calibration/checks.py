@@ -45,7 +45,9 @@ EXPLAINED = 0.5
 def dead_sensors(recording: SensorRecording, top: float) -> dict[int, str]:
     """Sensors that tell nothing, of a converter that counts to `top`, and why, in words."""
     dead = {}
-    for k, values in enumerate(recording.counts.T):
+    recorded = np.isfinite(recording.counts).any(axis=0)
+    for k in np.flatnonzero(recorded).tolist():
+        values = recording.counts[np.isfinite(recording.counts[:, k]), k]
         low, high = np.percentile(values, [0.2, 99.8])
         if np.ptp(values) == 0:
             dead[k] = f"sensor {k} reads {values[0]:.4g} everywhere: it looks dead"
@@ -53,10 +55,10 @@ def dead_sensors(recording: SensorRecording, top: float) -> dict[int, str]:
             dead[k] = f"sensor {k} is saturated in {(values >= top).mean():.0%} of its readings"
         elif high - low < STILL * count_unit(top):
             dead[k] = f"sensor {k} hardly changes ({values.min():.4g} to {values.max():.4g}): it looks dead"
-    if len(dead) > recording.sensors // 2:
+    if len(dead) > recorded.sum() // 2:
         reasons = "; ".join(dead.values())
         raise CalibrationError(f"{recording.source}: most sensors tell nothing: {reasons}. Record again.")
-    lit = _signal(recording, top)[:, [k for k in range(recording.sensors) if k not in dead]]
+    lit = _signal(recording, top)[:, [k for k in np.flatnonzero(recorded).tolist() if k not in dead]]
     middle = int(((lit > 0.06) & (lit < 0.94)).sum())
     if middle < FEWEST_LIT:
         raise CalibrationError(
@@ -177,8 +179,8 @@ def refuse_nonsense(where: str, counts: Array, model: Array, dead: dict[int, str
         CalibrationError: names the share.
     """
     live = [k for k in range(counts.shape[1]) if k not in dead]
-    off = ((counts - model)[:, live] ** 2).sum()
-    spread = ((counts[:, live] - counts[:, live].mean(axis=0)) ** 2).sum()
+    off = np.nansum((counts - model)[:, live] ** 2)
+    spread = np.nansum((counts[:, live] - np.nanmean(counts[:, live], axis=0)) ** 2)
     if off > (1.0 - EXPLAINED) * spread:
         raise CalibrationError(
             f"{where}: the fitted law explains only {max(0.0, 1 - off / spread):.0%} of how the "
@@ -213,7 +215,7 @@ def refuse_mixed(recordings: Sequence[Recording]) -> None:
 def _signal(recording: SensorRecording, top: float) -> Array:
     """[n, S] 0 in the dark, 1 saturated."""
     if recording.kind == "infrared":
-        return recording.counts / top
+        return np.nan_to_num(recording.counts) / top
     low, high = np.percentile(recording.counts, [0.5, 99.5])
     return np.asarray((high - recording.counts) / max(high - low, 1.0))
 

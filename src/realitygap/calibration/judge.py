@@ -98,10 +98,11 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     recording = recording.of_robot(profile)
     part = profile.channel(recording.kind)
     dead, warnings = _doubts(recording, profile)
-    live = [k for k in range(recording.sensors) if k not in dead]
+    recorded = np.isfinite(recording.counts).any(axis=0)
+    live = [k for k in range(recording.sensors) if k not in dead and recorded[k]]
     turn, brightness, model = _fitted_out(recording, profile, scene_of(recording), live)
     known = np.where(np.isin(np.arange(recording.sensors), live), recording.counts, np.nan)
-    estimates = measure_noise([replace(recording, counts=known)], [model], part.top)
+    estimates = measure_noise([replace(recording, counts=known)], [model], part.top, profile.infrared.dead)
     stated = profile.noise.to_dict()
     noise = {e.channel: (e.deviation, stated[e.channel]) for e in estimates}
     main = "proximity" if recording.kind == "infrared" else "ambient"

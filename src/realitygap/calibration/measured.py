@@ -35,6 +35,8 @@ LOBES = {
 as in simulators that subtract."""
 WIDTHS_CM = (0.5, 3.0, 9.0)
 PROMISING = 2
+PLAIN = 1.02
+"""Another start than the first has to be so much better: where readings do not tell, there is one beam."""
 COARSE = 0.05
 """Share of the full scale that readings are first taken to be good to: far from the truth details mislead."""
 FINEST = 0.004
@@ -71,7 +73,8 @@ class Optics:
     def share(self, profile: Profile, values: Values) -> Array:
         """[n, S] how far up its curve each reading lies."""
         parts = [
-            received(profile, scene, float(values[name][0])) for name, scene in self.rows.scenes
+            received(profile, scene, float(values[name][0]) if name in values else 0.0)
+            for name, scene in self.rows.scenes
         ]  # fmt: skip
         root = np.sqrt(np.maximum(np.concatenate(parts), 0.0))
         return np.asarray(root / (root + 1.0 / profile.infrared.curve_cm))
@@ -108,6 +111,7 @@ class Measured:
 
     def __init__(self, rows: Rows, base: Profile, noise: float) -> None:
         self._rows, self._noise = rows, noise
+        self._straight = all(r.from_sensor is not None for r in rows.recordings)
         law = base.infrared
         flat = tuple(np.linspace(0.0, law.top, 2))
         sensors = tuple(replace(s, a=1.0, b=0.0, curve=flat, noise=()) for s in law.sensors)
@@ -122,11 +126,15 @@ class Measured:
         """The profile and its constants, from the start that promises most."""
         use = self._rows.use
         starts = []
-        for (wide, shares), width, matt in product(LOBES.values(), WIDTHS_CM, (0.0, 1.0)):
+        lobes = list(LOBES.values())[: 1 if self._straight else None]
+        for (wide, shares), width, matt in product(
+            lobes, WIDTHS_CM, (1.0,) if self._straight else (1.0, 0.0)
+        ):
             values = self._start(wide, shares, width)
             law = replace(self._first.base.infrared, matt=matt)
             optics = replace(self._first, base=replace(self._first.base, infrared=law)).centred(values)
-            starts.append((self._left(optics, values, use), len(starts), optics, values))
+            plain = 1.0 if (wide, shares) == lobes[0] else PLAIN
+            starts.append((self._left(optics, values, use) * plain, len(starts), optics, values))
         tried = []
         for _, number, optics, values in sorted(starts, key=lambda one: one[:2])[:PROMISING]:
             values = self._solved(optics, values, use, COARSE * self._rows.top, intervals=False).values
@@ -153,21 +161,26 @@ class Measured:
         return replace(made, infrared=replace(law, sensors=sensors))
 
     def _start(self, wide: float, shares: Sequence[float], width: float) -> dict[str, Array]:
-        frees = self._frees()
-        start = {free.key: free.start for free in frees}
+        start = {free.key: free.start for free in self._frees()}
+        start["direction_deg"] = np.array([s.direction_deg for s in self._first.base.infrared.sensors])
         start |= {key: np.array([share]) for key, share in zip(SHARES, shares[1:], strict=True)}
         return start | {"aperture_deg": np.array([wide]), "width_cm": np.array([width])}
 
     def _frees(self) -> list[Free]:
-        one = np.ones(1)
+        one, scenes, recordings = np.ones(1), self._rows.scenes, self._rows.recordings
         shares = [Free(key=key, start=0.2 * one, low=-4.0, high=4.0, prior=1.0, step=5e-3) for key in SHARES]
-        return [
-            free_directions(self._first.base.infrared.sensors),
+        size = [
             Free(key="offset_cm", start=0.3 * one, low=0.0, high=6.0, prior=2.0, step=5e-3),
             Free(key="width_cm", start=3.0 * one, low=0.0, high=20.0, prior=10.0, step=1e-2),
+        ]
+        if self._straight:
+            return size
+        return [
+            free_directions(self._first.base.infrared.sensors),
+            *size,
             Free(key="aperture_deg", start=45.0 * one, low=5.0, high=85.0, prior=30.0, step=0.1),
             *shares,
-            *free_turns([name for name, _ in self._rows.scenes]),
+            *free_turns([name for (name, _), r in zip(scenes, recordings, strict=True) if r.pose is None]),
         ]
 
     def _left(self, optics: Optics, values: Values, use: Use) -> float:
@@ -175,13 +188,11 @@ class Measured:
 
     def _solved(self, optics: Optics, start: Values, use: Use, noise: float, *, intervals: bool) -> Fit:
         measured = replace(self._rows.measured(noise), use=use)
-        return solve(
-            self._frees(),
-            lambda values: optics.readings(values, use),
-            measured,
-            start=start,
+        fit = solve(
+            self._frees(), lambda values: optics.readings({**start, **values}, use), measured, start=start,
             intervals=intervals,
-        )
+        )  # fmt: skip
+        return replace(fit, values={**start, **fit.values})
 
 
 def fit_measured(rows: Rows, base: Profile, tick: Tick) -> tuple[Profile, Fit, Array]:

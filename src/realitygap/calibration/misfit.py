@@ -36,7 +36,7 @@ class Misfit:
 
 
 def measure_noise(
-    recordings: Sequence[SensorRecording], models: Sequence[Array], top: float
+    recordings: Sequence[SensorRecording], models: Sequence[Array], top: float, dead: float = 0.0
 ) -> list[NoiseEstimate]:
     """Noise of recordings of one kind and full scale `top`, pooled: lit and dark proximity, or ambient."""
     joined = pooled_noise(recordings, models, top)
@@ -48,7 +48,7 @@ def measure_noise(
             places.append(recording.place() + first)
             first += len(recording.counts)
         dark = dark_noise(counts, np.concatenate(models), np.concatenate(places), top)
-        found = [lit_noise(joined, "proximity", top), dark]
+        found = [lit_noise(joined, "proximity", top, dead), dark]
     return [estimate for estimate in found if estimate is not None]
 
 
@@ -97,12 +97,15 @@ def misfits(
     noisy = deviation**2 / many[:, None] * np.where(lit, 1.0, 0.0)
     out = []
     for k in range(counts.shape[1]):
-        error = np.sqrt(max(0.0, float((off[:, k] ** 2 - noisy[:, k]).mean())))
-        some = lit[:, k]
+        known = np.isfinite(mean[:, k])
+        if not known.any():
+            continue
+        error = np.sqrt(max(0.0, float((off[known, k] ** 2 - noisy[known, k]).mean())))
+        some = lit[:, k] & known
         in_light = (
             np.sqrt(max(0.0, float((off[some, k] ** 2 - noisy[some, k]).mean()))) if some.any() else np.nan
         )
-        raw = model[:, k] - counts[:, k]
+        raw = (model - counts)[np.isfinite(counts[:, k]), k]
         out.append(
             Misfit(
                 sensor=k, rmse=float(np.sqrt((raw**2).mean())), bias=float(raw.mean()), error=float(error),

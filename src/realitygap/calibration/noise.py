@@ -198,14 +198,14 @@ def _at(table: Array, share: Array) -> Array:
     return np.stack([np.interp(share[:, k], steps, row) for k, row in enumerate(table)], 1)
 
 
-def lit_noise(sample: Sample, channel: str, top: float) -> NoiseEstimate | None:
-    """Noise where readings are neither dark nor saturated; for light, everywhere. None: too few."""
+def lit_noise(sample: Sample, channel: str, top: float, dead: float = 0.0) -> NoiseEstimate | None:
+    """Noise where readings are neither dark, dead nor saturated; for light, everywhere. None: too few."""
     deviation = FIRST_GUESS * count_unit(top)
     use = np.isfinite(sample.z)
     if channel == "proximity":
         for _ in range(4):
             edge = CLEAR * deviation
-            use = np.isfinite(sample.z) & (sample.level > edge) & (sample.level < top - edge)
+            use = np.isfinite(sample.z) & (sample.level > max(edge, dead)) & (sample.level < top - edge)
             if use.sum() < FEWEST:
                 return None
             deviation = float(np.sqrt(np.mean(sample.z[use] ** 2)))

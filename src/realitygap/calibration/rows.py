@@ -52,6 +52,9 @@ class Rows:
             first = int(places[-1].max()) + 1
         self.place = np.concatenate(places)
         self.use = np.isfinite(np.concatenate([r.counts for r in recordings]))
+        for k in np.flatnonzero(~self.use.any(axis=0)).tolist():
+            self.dead[k] = f"sensor {k} was not recorded"
+            self.warnings += (f"{self.dead[k]}: it is taken to be like the others",)
         self.use[:, list(self.dead)] = False
         self.block = self._blocks()
 

@@ -158,6 +158,7 @@ def _facts(made: Calibration) -> dict[str, object]:
                     for e in fit.noise
                 },
                 "model_error_over_noise": {str(m.sensor): m.ratio for m in fit.sensors},
+                "model_error_over_noise_lit_held_out": {str(m.sensor): m.lit_ratio for m in fit.judged},
                 "cannot_tell_apart": [{"a": a, "b": b, "correlation": r} for a, b, r in fit.fit.alike],
             }
             for fit in made.channels
@@ -182,8 +183,10 @@ def _tell(made: Calibration, target: Path, page: Path | None) -> None:
             tail = ", heavier tails than normal" if e.heavy else ""
             tail += ", depends on the reading" if e.depends else ""
             click.echo(f"  noise, {e.channel}: {e.deviation:.2f} counts ({e.low:.2f} to {e.high:.2f}){tail}")
-        ratios = ", ".join(f"{m.sensor} {m.ratio:.2f}" for m in fit.sensors)
-        click.echo(f"  model error over noise deviation, sensor by sensor: {ratios}")
+        ratios = ", ".join(f"{m.sensor} {m.lit_ratio:.2f}" for m in fit.judged)
+        click.echo(
+            f"  model error over noise, held out, neither dark nor saturated: {fit.ratio:.2f} ({ratios})"
+        )
         _tell_alike(fit.fit.alike)
     if made.wheels:
         forms = ", ".join(f"{name} {value:.3f}" for name, value in made.wheels.rmse.items())
@@ -259,9 +262,19 @@ def _tell_judgement(one: Judgement) -> None:
     )
     if one.turn_deg:
         click.echo(f"  rig turned by {one.turn_deg:+.1f} degrees: fitted out")
-    head = ["wheel" if one.kind == "wheels" else "sensor", "rmse", "bias", "error/noise"]
+    head = [
+        "wheel" if one.kind == "wheels" else "sensor",
+        "rmse",
+        "bias",
+        "error/noise where lit",
+        "over all",
+    ]
     print_table(
-        head, [[m.sensor, round(m.rmse, 3), round(m.bias, 3), round(m.ratio, 2)] for m in one.per_sensor]
+        head,
+        [
+            [m.sensor, round(m.rmse, 3), round(m.bias, 3), round(m.lit_ratio, 2), round(m.ratio, 2)]
+            for m in one.per_sensor
+        ],
     )
     for channel, (measured, stated) in one.noise.items():
         click.echo(f"  noise, {channel}: measured {measured:.3g}, profile {stated:.3g}")

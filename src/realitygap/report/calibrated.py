@@ -132,7 +132,7 @@ def _ratios(one: Judgement) -> list[str]:
 
     limit = LIMITS[one.kind]
     name = Path(one.source).name.replace("-", ", ")
-    return [name, *(f"{m.ratio:.2f}{' ▲' if m.ratio > limit else ''}" for m in one.per_sensor)]
+    return [name, *(f"{m.lit_ratio:.2f}{' ▲' if m.lit_ratio > limit else ''}" for m in one.per_sensor)]
 
 
 def _errors_figure(found: Sequence[Judgement]) -> Figure:
@@ -155,11 +155,11 @@ def _errors_figure(found: Sequence[Judgement]) -> Figure:
 def _sensors(ax: Axes, here: Sequence[Judgement], limit: float) -> None:
     """A dot a sensor and recording, under the line that it should stay below."""
     for one, look in zip(here, cycle("osD^"), strict=False):
-        shown = [(m.sensor, m.ratio) for m in one.per_sensor if np.isfinite(m.ratio)]
+        shown = [(m.sensor, m.lit_ratio) for m in one.per_sensor if np.isfinite(m.lit_ratio)]
         name = Path(one.source).name.rpartition("-")[2]
         ax.plot(*np.array(shown).reshape(-1, 2).T, look, ms=4, color=INK, mfc="none", label=name)
     ax.axhline(limit, color=MUTED, lw=1.0, ls=(0, (4, 2)))
-    top = max([limit, *(m.ratio for one in here for m in one.per_sensor if np.isfinite(m.ratio))])
+    top = max([limit, *(m.lit_ratio for one in here for m in one.per_sensor if np.isfinite(m.lit_ratio))])
     ax.set(ylim=(0, 1.12 * top), xlabel="sensor", ylabel="model error over noise")
     ax.set_xticks(range(len(here[0].per_sensor)))
     if len(here) > 1:

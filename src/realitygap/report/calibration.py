@@ -75,19 +75,20 @@ def _sensors(fit: ChannelFit, figures: Figures) -> _Part:
     part = _Part(name=fit.kind, title=TITLES[fit.kind], sentences=_read(fit))
     part.tables.append(_forms(fit.by_form, fit.form, "counts", 1))
     limit = LIMITS[fit.kind]
+    held_out = {m.sensor: m.lit_ratio for m in fit.judged}
     rows = [
         [
             str(m.sensor), f"{m.rmse:.1f}", f"{m.bias:+.1f}", f"{m.error:.1f}",
-            f"{m.ratio:.2f}" + (" ▲" if m.ratio > limit else ""), f"{m.lit_ratio:.2f}",
+            f"{held_out[m.sensor]:.2f}" + (" ▲" if held_out[m.sensor] > limit else ""), f"{m.ratio:.2f}",
             f"{fit.span[m.sensor, 0]:.0f} to {fit.span[m.sensor, 1]:.0f}",
         ]
         for m in fit.sensors
     ]  # fmt: skip
-    head = ["sensor", "RMSE", "bias", "model error", "over noise", "where lit", "spans"]
+    head = ["sensor", "RMSE", "bias", "model error", "over noise", "over all", "spans"]
     title = (
         f"Model minus measured, counts. ▲: model error over noise deviation above {limit:g}, where "
-        f"model error exceeds noise. {beside_real(fit.kind)}Where lit: the same where "
-        "readings are neither dark nor saturated"
+        f"model error exceeds noise: on places held out, where readings are neither dark nor saturated. "
+        f"{beside_real(fit.kind)}Over all: of all readings, the places fitted"
     )
     part.tables.append(_Table(title=title, head=head, rows=rows))
     what = f"Sensors of {fit.source.split('/')[-1]}"

@@ -31,6 +31,7 @@ class FittedChannel(Value):
     model_error: float = 0.0
     noise: float = 0.0
     ratio: float = 0.0
+    ratio_over_all: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,6 +24,7 @@ from realitygap.calibration.recordings.recording import (
     check_object,
 )
 from realitygap.calibration.recordings.sam import read_sam
+from realitygap.calibration.recordings.thymio import NAME, read_thymio
 from realitygap.errors import RecordingError
 from realitygap.table import LARGEST, Table
 from realitygap.text import as_path, refuse_unknown
@@ -59,7 +60,7 @@ DRIVE = "end"
 
 
 def load_recording(path: str | Path, *, object: str | None = None, kind: str | None = None) -> Recording:
-    """A recording's folder, or a `.sam` table.
+    """A recording's folder, a `.sam` table, or a Thymio's series (`sensor02_light.csv`).
 
     Args:
         path: the folder, its recording.toml, or the table.
@@ -72,6 +73,8 @@ def load_recording(path: str | Path, *, object: str | None = None, kind: str | N
     path = as_path(path, "recording")
     if path.suffix.lower() == ".sam":
         return read_sam(path, object=object, kind=kind)
+    if path.suffix.lower() == ".csv":
+        return read_thymio(path)
     return read_folder(path.parent if path.name == "recording.toml" else path, object=object)
 
 
@@ -82,11 +85,18 @@ def find_recordings(path: str | Path) -> Sequence[Path]:
         RecordingError: there is none.
     """
     path = Path(path)
-    if path.suffix.lower() == ".sam" or path.name == "recording.toml" or (path / "recording.toml").is_file():
+    if (
+        path.suffix.lower() in (".sam", ".csv")
+        or path.name == "recording.toml"
+        or (path / "recording.toml").is_file()
+    ):
         return (path,)
     inside = sorted(found.parent for found in path.glob("*/recording.toml"))
     if inside:
         return tuple(inside)
+    series = sorted(found for found in path.glob("*.csv") if NAME.fullmatch(found.name))
+    if series:
+        return tuple(series)
     below = sorted(found.parent for found in path.glob("*/*/recording.toml"))
     if below:
         groups = list(dict.fromkeys(str(found.parent) for found in below))

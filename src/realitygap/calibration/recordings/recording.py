@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from realitygap.errors import RecordingError
 from realitygap.world.arena import Arena
 from realitygap.world.profile import Profile, load_profile
+from realitygap.world.sensors import AmbientSensor, ProximitySensor
 
 __all__ = [
     "BODY_RADIUS_CM",
@@ -57,6 +58,8 @@ BODY_RADIUS_CM = 2.75
 """Half the diameter that the robot's maker states (55 mm); distances count from this edge."""
 PULSES_PER_MM = 12.0
 """Of a Khepera by most sources (0.08 mm per pulse by others): what is taken where nothing measured it."""
+HALL_CM = 1000.0
+"""A room whose other walls are out of every sensor's reach."""
 HEIGHTS_CM = {"body_height_cm": 3.0, "sensor_height_cm": 1.2}
 """Of the robot's top, as its maker states it (30 mm), and of its sensors, by a ruler, above the floor."""
 
@@ -97,6 +100,8 @@ class SensorRecording(Recorded):
         body_radius_cm: of the body whose edge distances count from.
         body_said: whether the recording says so itself; else a calibration takes its base's body.
         full_scale: the converter's highest count; None: not said, it is its robot's.
+        from_sensor: the sensor that a wall stood straight before, at distances counted from it; None: they
+            count from the body's edge.
         speed_cm_s: [n] of the wheels while each was read, the mean of both either way; None: they stood.
     """
 
@@ -112,6 +117,7 @@ class SensorRecording(Recorded):
     body_said: bool = True
     full_scale: float | None = None
     speed_cm_s: Array | None = None
+    from_sensor: int | None = None
 
     def __post_init__(self) -> None:
         n = len(self.repeat)
@@ -145,6 +151,8 @@ class SensorRecording(Recorded):
                 f"got {self.counts[row, sensor]:g} in reading {row + 1}. Give the profile of the robot that "
                 "was recorded."
             )
+        if self.from_sensor is not None:
+            return self._before(part.sensors[self.from_sensor])
         if self.body_said:
             return self
         radius_cm = robot.body.radius_cm
@@ -157,6 +165,16 @@ class SensorRecording(Recorded):
             distance_cm=self.distance_cm - nearer,
             warnings=(*self.warnings, told),
         )
+
+    def _before(self, sensor: ProximitySensor | AmbientSensor) -> SensorRecording:
+        """The same with poses in a room, one sensor straight before its wall."""
+        heading = -math.radians(sensor.direction_deg)
+        c, s = math.cos(heading), math.sin(heading)
+        hall = Arena(name="hall", size_cm=(HALL_CM, HALL_CM))
+        x = HALL_CM - self.distance_cm - (c * sensor.x_cm - s * sensor.y_cm)
+        middle = np.full(len(x), HALL_CM / 2)
+        pose = np.column_stack([x, middle, np.full(len(x), heading)])
+        return replace(self, pose=pose, arena=hall, bearing_deg=np.full(len(x), sensor.direction_deg))
 
     @property
     def sensors(self) -> int:

@@ -1,0 +1,68 @@
+"""Readings of one Thymio II sensor before a wall: the tables of `resilient-swarms/thymio` (MIT licence).
+
+A file is one series of one of the seven horizontal sensors, whose number its name holds
+(`sensor02_light.csv`). A row is one distance ("9cm") and what was read there, in time order.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from pathlib import Path
+
+import numpy as np
+
+from realitygap.calibration.recordings.recording import SensorRecording
+from realitygap.errors import RecordingError
+from realitygap.text import read_text
+
+__all__ = ["NAME", "read_thymio"]
+
+NAME = re.compile(r"sensor0*([0-6])_.*\.csv", re.IGNORECASE)
+SENSORS = 7
+STALE = 2
+"""The first readings of a row may still show the distance before."""
+DISTANCE = re.compile(r"([0-9.]+)\s*(cm|mm)")
+
+
+def read_thymio(path: Path) -> SensorRecording:
+    """A series as a recording of seven sensors, six of which are unknown (NaN).
+
+    Raises:
+        RecordingError: names file and line, what was expected and what came.
+    """
+    named = NAME.fullmatch(path.name)
+    if named is None:
+        raise RecordingError(
+            f"{path}: expected the name of a Thymio's series, as sensor02_light.csv, with the sensor's "
+            "number 0 to 6. Other tables are folders with a recording.toml."
+        )
+    sensor = int(named[1])
+    distance, values = [], []
+    text = read_text(path, RecordingError, "Give the path of a Thymio's series.")
+    for number, line in enumerate(text.splitlines(), 1):
+        cells = [cell.strip() for cell in line.split(",") if cell.strip()]
+        if not cells:
+            continue
+        told = DISTANCE.fullmatch(cells[0])
+        if told is None:
+            raise RecordingError(f"{path}, line {number}: expected a distance as in 9cm, got {cells[0]!r}.")
+        try:
+            counts = [float(cell) for cell in cells[1 + STALE :]]
+        except ValueError:
+            counts = []
+        if not counts or not min(counts) >= 0 or not np.isfinite(counts).all():
+            expected = f"more than {STALE} readings, counts from 0 on"
+            raise RecordingError(f"{path}, line {number}: expected {expected}, got {line[:40]!r}.")
+        distance += [float(told[1]) / (10.0 if told[2] == "mm" else 1.0)] * len(counts)
+        values += counts
+    if not values:
+        raise RecordingError(f"{path}: empty: expected a line for each distance.")
+    table = np.full((len(values), SENSORS), np.nan)
+    table[:, sensor] = values
+    return SensorRecording(
+        kind="infrared", object="wall", distance_cm=np.array(distance), bearing_deg=np.zeros(len(values)),
+        repeat=np.arange(len(values)), counts=table, from_sensor=sensor, body_said=False, source=str(path),
+        hash=hashlib.sha256(path.read_bytes()).hexdigest(),
+        notes=f"sensor {sensor} of a Thymio II before a wall, the first {STALE} readings of a row left out",
+    )  # fmt: skip

@@ -1,0 +1,139 @@
+"""The form "measured": a sensor that follows no printed law is found, and judged on other readings."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from realitygap.calibration.calibrate import calibrate
+from realitygap.calibration.curves import Curves, Seen, on_curves
+from realitygap.calibration.forward import proximity, scene_of
+from realitygap.calibration.judge import judge
+from realitygap.calibration.noise import Sample, noise_tables
+from realitygap.calibration.recordings.files import find_recordings, load_recording
+from realitygap.calibration.recordings.recording import SensorRecording
+from realitygap.errors import RecordingError
+from realitygap.world.profile import Profile, load_profile
+from tests.calibration.conftest import places
+
+PAPER = load_profile("paper")
+
+
+def odd() -> Profile:
+    """A robot whose sensors have two beams, a kink in the middle of the range and a top far below 1023."""
+    base, u = PAPER.infrared, np.linspace(0.0, 1.0, 41)
+    shape = np.interp(u, [0, 0.25, 0.4, 0.5, 0.75, 1], [0, 0, 420, 470, 930, 930])
+    sensors = tuple(
+        replace(s, a=1.0, b=0.0, offset_cm=0.4, curve=tuple(shape * share))
+        for s, share in zip(base.sensors, np.linspace(0.8, 1.05, 8), strict=True)
+    )
+    law = replace(
+        base, sensors=sensors, lobe=(0.1, 0.5, 0.3, 0.1, 0.0), aperture_deg=50.0, width_cm=2.0, curve_cm=4.0
+    )
+    return replace(PAPER, infrared=law)
+
+
+def before(
+    robot: Profile, object: str, *, seed: int, repeats: int = 3, shift: float = 0.0
+) -> SensorRecording:
+    """Readings of it, with noise that grows from 4 counts in the dark to 16 at the full scale."""
+    distance, bearing, repeat = places(repeats)
+    blank = SensorRecording(
+        kind="infrared", object=object, distance_cm=distance + shift, bearing_deg=bearing + 10 * shift,
+        repeat=repeat, counts=np.zeros((len(distance), 8)), source=f"made {object}", hash=f"{object} {seed}",
+    )  # fmt: skip
+    clean = proximity(robot, scene_of(blank))
+    drawn = clean + (4 + 12 * clean / 1023) * np.random.default_rng(seed).normal(size=clean.shape)
+    return replace(blank, counts=np.clip(np.rint(drawn), 0, 1023))
+
+
+def test_a_sensor_outside_every_closed_form_is_found():
+    """`auto` takes "measured" for it; on places and an object not fitted that errs by less than the noise."""
+    robot = odd()
+    made = calibrate([before(robot, "wall", seed=1), before(robot, "cylinder:4", seed=2)], PAPER, form="auto")
+    fit = made.infrared
+    assert fit is not None and fit.form == "measured"
+    assert fit.held_out["measured"] < 0.6 * fit.held_out["extended"] and fit.ratio < 1.0
+    told = judge(before(robot, "cylinder:3", seed=3, shift=0.15), made.profile)
+    assert np.sqrt(np.mean([one.lit_ratio**2 for one in told.per_sensor])) < 1.0
+    for sensor in made.profile.infrared.sensors:
+        assert sensor.noise[0] == pytest.approx(4, abs=1.5) and 7 < sensor.noise[4] < 13
+        assert np.diff(sensor.curve).min() >= 0 and max(sensor.curve) <= 1023
+
+
+def test_a_printed_law_is_taken_where_it_holds(recorded):
+    """`auto` keeps the printed law's fit where nothing errs less on places held out."""
+    made = calibrate([recorded("wall", turn=1.0)], PAPER, form="auto")
+    fit = made.infrared
+    assert fit is not None and min(fit.held_out, key=fit.held_out.__getitem__) == fit.form
+    assert fit.ratio < 0.6
+
+
+def test_a_curve_passes_the_ends_of_the_converter():
+    """Readings cut off at 0 and at the top do not bend it; a sensor without readings follows the others."""
+    u = np.random.default_rng(4).uniform(0, 1, (1500, 3))
+    true = 1600 * u - 300
+    noisy = np.clip(true + 20 * np.random.default_rng(5).normal(size=u.shape), 0, 1023)
+    use = np.ones(u.shape, bool)
+    use[:, 2] = False
+    curves = Curves(Seen(counts=noisy, use=use, top=1023.0, noise=20.0), u).fitted()
+    inside = (true > 60) & (true < 960)
+    off = on_curves(curves, u) - true
+    assert np.abs(off[inside]).max() < 25
+    assert np.diff(curves, axis=1).min() >= 0 and curves.min() >= 0 and curves.max() <= 1023
+
+
+def test_noise_that_rises_with_the_wheels_is_found():
+    """Twice the noise at 4 cm/s is a rise of a quarter for each cm/s; where all stood, none is told."""
+    random, n = np.random.default_rng(6), 4000
+    speed = np.where(np.arange(n) % 2, 4.0, 0.0)
+    z = 10.0 * (1 + speed / 4)[:, None] * random.normal(size=(n, 2))
+    level = random.uniform(100, 900, (n, 2))
+    sample = Sample(z=z, level=level, model=level, group=np.arange(n), row=np.arange(n))
+    table, rise = noise_tables(sample, level, level, speed, 1023.0)
+    assert rise == pytest.approx([0.25, 0.25], abs=0.03) and table[:, 2:7] == pytest.approx(10.0, abs=1.2)
+    assert noise_tables(sample, level, level, 0 * speed, 1023.0)[1].max() == 0
+
+
+@pytest.fixture(scope="session")
+def thymio() -> Path:
+    """The folder of a real Thymio's readings."""
+    folder = Path(
+        os.environ.get("REALITYGAP_THYMIO", Path(__file__).parents[3] / "shared" / "data" / "thymio")
+    )
+    if not (folder / "sensor02_light.csv").is_file():
+        pytest.skip(f"no readings of a Thymio in {folder}; set REALITYGAP_THYMIO to their folder")
+    return folder
+
+
+def test_a_real_thymio_is_judged_by_the_shipped_profile(thymio):
+    """The profile `thymio` reads its sensors' series within 4 % of the full scale, dead zone included."""
+    profile, off = load_profile("thymio"), []
+    for path in find_recordings(thymio):
+        recording = load_recording(path)
+        told, k = judge(recording, profile), recording.from_sensor
+        lit = (told.counts[:, k] > 0) & (told.model[:, k] > 0)
+        off.append(np.sqrt(np.mean((told.model - told.counts)[lit, k] ** 2)))
+        assert [one.sensor for one in told.per_sensor] == [k]
+        assert (told.model[recording.distance_cm > 10.5, k] == 0).all()
+    assert len(off) == 6 and max(off) < 0.04 * profile.infrared.top
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("front.csv", "1cm,5,5,5\n", "sensor's number"),
+        ("sensor02_x.csv", "near,5,5,5\n", "line 1: expected a distance"),
+        ("sensor02_x.csv", "1cm,5,5,x\n", "line 1: expected more than 2 readings"),
+        ("sensor02_x.csv", "", "empty"),
+    ],
+)
+def test_a_broken_series_is_refused(tmp_path, name, text, words):
+    """File and line, what was expected and what came."""
+    (tmp_path / name).write_text(text)
+    with pytest.raises(RecordingError, match=words):
+        load_recording(tmp_path / name)
