@@ -98,8 +98,8 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     recording = recording.of_robot(profile)
     part = profile.channel(recording.kind)
     dead, warnings = _doubts(recording, profile)
-    recorded = np.isfinite(recording.counts).any(axis=0)
-    live = [k for k in range(recording.sensors) if k not in dead and recorded[k]]
+    recorded = np.flatnonzero(np.isfinite(recording.counts).any(axis=0)).tolist()
+    live = [k for k in recorded if k not in dead]
     turn, brightness, model = _fitted_out(recording, profile, scene_of(recording), live)
     known = np.where(np.isin(np.arange(recording.sensors), live), recording.counts, np.nan)
     estimates = measure_noise([replace(recording, counts=known)], [model], part.top, profile.infrared.dead)

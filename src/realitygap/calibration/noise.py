@@ -168,7 +168,7 @@ def noise_tables(
     if moving.any() and (known & ~moving).any():
         still = _table_of(sample, known & ~moving, top)
         size = np.abs(sample.z) / np.maximum(_at(still, sample.level / top), 1e-9)
-        for k in np.flatnonzero(moving.sum(axis=0) >= FEWEST):
+        for k in np.flatnonzero(moving.sum(axis=0) >= FEWEST).tolist():
             ratio = np.sqrt(np.mean(size[moving[:, k], k] ** 2))
             rise[k] = max(0.0, ratio - 1.0) / speed[moving[:, k]].mean()
     bare = replace(sample, z=sample.z / (1.0 + rise * speed[:, None]))
