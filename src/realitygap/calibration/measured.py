@@ -125,7 +125,7 @@ class Measured:
     def fit(self) -> tuple[Profile, Fit]:
         """The profile and its constants, from the start that promises most."""
         use = self._rows.use
-        starts: list[tuple[float, int, Optics, Values]] = []
+        starts: list[tuple[float, int, Optics, dict[str, Array]]] = []
         lobes = list(LOBES.values())[: 1 if self._straight else None]
         for (wide, shares), width, matt in product(
             lobes, WIDTHS_CM, (1.0,) if self._straight else (1.0, 0.0)

@@ -173,7 +173,7 @@ def noise_tables(
             rise[k] = max(0.0, ratio - 1.0) / speed[moving[:, k]].mean()
     bare = replace(sample, z=sample.z / (1.0 + rise * speed[:, None]))
     table = _table_of(bare, known, top)
-    for k in range(table.shape[1] and len(table)):
+    for k in range(len(table)):
         dark = (model[:, k] <= 0.5) & np.isfinite(counts[:, k])
         if dark.sum() >= FEWEST:
             table[k, 0] = np.sqrt(2.0 * np.mean(counts[dark, k] ** 2))
