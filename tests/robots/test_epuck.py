@@ -30,7 +30,10 @@ from realitygap.robots.epuck.body import Epuck, EpuckBody
 from realitygap.robots.khepera.body import Khepera
 from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recording
+from realitygap.study.config import StudyConfig
+from realitygap.study.runner import run_study
 from realitygap.testing import BodyContract
+from realitygap.transfer.load import load_transfers
 from realitygap.values import Command
 from tests.robots.conftest import ROOT
 from tests.robots.controllers import Constant
@@ -274,3 +277,26 @@ def test_check_and_record(name: str, request: pytest.FixtureRequest, tmp_path: P
     facts = tomllib.loads(file.read_text())
     assert (facts["sensors"], facts["full_scale"], facts["robot"]) == (8, 4095, "e-puck")
     assert (facts["base"], facts["pulses_per_mm"], facts["body_radius_cm"]) == ("e-puck", 7.8125, 3.7)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small one, evolved for the profile e-puck."""
+    folder = tmp_path_factory.mktemp("epuck") / "study"
+    config = StudyConfig.single("obstacle-avoidance", profile="e-puck", evaluations=9).with_settings(
+        ["task.seconds=1", "evolution.rows=3", "evolution.columns=3", "fresh_trials=1", "retest_trials=1"]
+    )
+    run_study(folder, config, workers=1)
+    return folder
+
+
+@pytest.mark.parametrize("name", ["serial", "wifi"])
+def test_transfer(name: str, request: pytest.FixtureRequest, study: Path) -> None:
+    """A person carries it to its start; what a network says are steps per second, up to the profile's 625."""
+    robot: Emulated = request.getfixturevalue(name)
+    words = f"transfer {study} --robot {address(robot)} --starts 1"
+    made = CliRunner().invoke(realitygap, words.split(), input="\n" * 9)
+    assert made.exit_code == 0, made.output
+    [one] = [one for one in load_transfers(study) if one.robot == Address.parse(address(robot)).folder()]
+    assert one.situated_from == "counters" and 0 <= one.fitness_situated <= 1
+    assert 10 < max(max(map(abs, pair)) for pair in robot.told) <= 625 and robot.stands()
