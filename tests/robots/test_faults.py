@@ -168,5 +168,5 @@ def test_the_robots_own_refusal_is_passed_on(bench: Bench) -> None:
     """A turret that is not there: the robot's words."""
     _, khepera = bench.virtual()
     with pytest.raises(RobotError, match="z,Protocol error"):
-        khepera.ask(KHEPERA.request("T", 1, 2))
+        khepera.line.ask(KHEPERA.request("T", 1, 2))
     assert khepera.counters() == (0, 0)

@@ -116,7 +116,7 @@ class Server:
 
     def serve(self, leash: int | None = None) -> None:
         """Serve until told to quit, or until the descriptor `leash` closes."""
-        self._begin()
+        self._start = time.monotonic_ns() - self.firmware.now
         watched: list[Any] = [self._listener, *([] if leash is None else [leash])]
         if not self.virtual:
             watched.append(self._port)
@@ -131,10 +131,6 @@ class Server:
                     self._hear(source)
                 elif source == leash and not os.read(source, CHUNK):
                     self._running = False
-
-    def _begin(self) -> None:
-        """Under the real clock the robot's time begins now."""
-        self._start = time.monotonic_ns() - self.firmware.now
 
     def _nap(self) -> float | None:
         """How long nothing happens, real time in s."""
@@ -186,7 +182,7 @@ class Server:
                 self._end_film()
                 self.firmware = self._switch_on(int(rest))
                 self._port.clear()
-                self._begin()
+                self._start = time.monotonic_ns() - self.firmware.now
                 return "ok"
         except (ValueError, OSError, RealityGapError) as error:
             return f"error {' '.join(str(error).split())}"

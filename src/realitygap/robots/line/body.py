@@ -146,7 +146,7 @@ class LineBody:
 
     def sense(self) -> Readings:
         """All of a step's questions, sent together."""
-        answers = self.driver.ask(*self.budget.reads)
+        answers = self.driver.line.ask(*self.budget.reads)
         said = {read.letter: answer for read, answer in zip(self.budget.reads, answers, strict=True)}
         pairs = cast("dict[str, tuple[int, int]]", said)
         self._odometry = Odometry(pairs.get(self.dialect.counters), pairs.get("E"))

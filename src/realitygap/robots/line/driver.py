@@ -8,7 +8,7 @@ from typing import ClassVar, Self, cast
 from realitygap.errors import LineError, RealityGapError, RobotError
 from realitygap.robots.clock import RealClock
 from realitygap.robots.guard import Guard
-from realitygap.robots.line.line import GIVE_UP_S, STOP, Answer, Line, nothing
+from realitygap.robots.line.line import GIVE_UP_S, STOP, Line, nothing
 from realitygap.robots.line.protocol import Dialect, Request
 from realitygap.values import Closing
 
@@ -90,10 +90,6 @@ class Driver(Closing):
     def clock(self) -> RealClock:
         """Of the line."""
         return self.line.clock
-
-    def ask(self, *requests: Request) -> list[Answer]:
-        """The answers to any commands, asked together."""
-        return self.line.ask(*requests)
 
     def command(self, left: int, right: int) -> None:
         """Wheel speeds, the robot's own units."""
