@@ -221,7 +221,7 @@ def _avoided() -> Recording:
         def live(left: int, right: int) -> None:
             enki.act(Command(left=left, right=right))
             enki.clock.sleep_until(node.now())
-            node.set("prox.horizontal", *enki.sense().proximity.astype(int))
+            node.set("prox.horizontal", *enki.sense().proximity.clip(0, 4500).astype(int))
 
         node.moves = live
         with at_a_node(node) as body:

@@ -16,9 +16,9 @@ from realitygap.values import Command, Pose, Readings
 
 __all__ = ["ThymioBody", "opened"]
 
-SENSORS, FULL = 7, 4505
-"""Front left to front right, then back left and right. Enki's model of a Thymio reads no more at contact, and
-what is published of real ones ends at 4491; a count above is taken for this one."""
+SENSORS, FULL = 7, 4500
+"""Front left to front right, then back left and right. What is published of real ones ends at 4491; a count
+above this is taken for it."""
 
 FASTEST = 500
 """The largest target of a motor, about 16 cm/s."""
@@ -36,7 +36,7 @@ PROXIMITY = "prox.horizontal"
 TARGETS = ("motor.left.target", "motor.right.target")
 SPEEDS = ("motor.left.speed", "motor.right.speed")
 NEEDED = (PROXIMITY, *TARGETS, *SPEEDS)
-FACTS = {"robot": "Thymio II", "units": "Thymio units", "base": "enki-thymio2"}
+FACTS = {"robot": "Thymio II", "units": "Thymio units", "base": "thymio"}
 TOLD = ("_id", "_productId", "_fwversion", "prox.comm.tx")
 """What says, besides, how the robot is set (firmware 7 and later scales readings by itself)."""
 
