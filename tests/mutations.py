@@ -116,7 +116,7 @@ MUTATIONS = (
     Mutation("calibration/noise.py", "a mean's noise is not taken for less than a reading's",
              "spread = np.sqrt(many / np.maximum(many - 1, 1))", "spread = np.sqrt(many / many)", FITS),
     Mutation("calibration/noise.py", "saturated readings measure noise",
-             "& (sample.level > edge) & (sample.level < top - edge)", "& (sample.level > edge)", FITS),
+             " & (sample.level < top - edge)", "", FITS),
     Mutation("calibration/misfit.py", "noise is not taken out of the model's error",
              "noisy = deviation**2 / many[:, None]", "noisy = 0 * deviation**2 / many[:, None]", MISFIT),
     Mutation("calibration/judge.py", "the bias has the sign turned",
@@ -129,7 +129,7 @@ MUTATIONS = (
              "seen = np.asarray((np.abs(beyond) < WILD * np.sqrt(likely)).all(axis=1))\n        if seen",
              "seen = np.ones(len(beyond), bool)\n        if seen", WHEEL_FITS),
     Mutation("calibration/wheels/odometry.py", "a chord is taken for the way along the arc",
-             "way = chord * (half / math.sin(half) if abs(half) > 1e-6 else 1.0)", "way = chord", WHEEL_FITS),
+             "chord * (half / math.sin(half) if abs(half) > 1e-6 else 1.0)", "chord", WHEEL_FITS),
     # tracker
     Mutation("film/disk.py", "the heading is looked back",
              "math.atan2(front_y - y, front_x - x)", "math.atan2(y - front_y, x - front_x)", TRACKER),
