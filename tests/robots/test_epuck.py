@@ -262,7 +262,7 @@ def test_nobody_there_says_what_to_check(serial: SerialEpuck, tmp_path: Path) ->
 def test_check_and_record(name: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     """`robot check` moves it 2 cm; `record` keeps its eight sensors of 12 bits."""
     robot: Emulated = request.getfixturevalue(name)
-    words = f"robot check --robot {address(robot)} --seconds 0.5 --profile e-puck --yes --json"
+    words = f"robot check --robot {address(robot)} --seconds 0.5 --yes --json"
     made = CliRunner().invoke(realitygap, words.split())
     assert made.exit_code == 0, made.output
     facts = json.loads(made.stdout)

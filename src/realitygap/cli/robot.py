@@ -6,6 +6,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from realitygap.cli import option
 from realitygap.cli.kinds import Finite, RobotKind
@@ -52,7 +53,7 @@ def robot() -> None:
 )
 @click.option("--port", metavar="P", help="The same as --robot serial:P.")
 @option.baud()
-@option.profile(says=" Tells how fast its commands are, for the movement.")
+@option.profile(says=" Tells how fast its commands are, for the movement; if not given, its own base.")
 @click.option("--seconds", type=Finite(0.1, 3600), default=3.0, help="Seconds for which to show the sensors.")
 @click.option("--clock-channel", metavar="FILE", help="Control channel of a twin that runs in virtual time.")
 @click.option("--yes", is_flag=True, help="Let it move 2 cm and back without asking.")
@@ -79,7 +80,7 @@ def check(
     from contextlib import closing
 
     from realitygap.robots.address import Address
-    from realitygap.robots.body import Inspected, Placing
+    from realitygap.robots.body import Inspected, Placing, facts_of
     from realitygap.robots.signals import Stopping
     from realitygap.values import Pose
     from realitygap.world.profile import load_profile
@@ -87,9 +88,12 @@ def check(
     if (address is None) == (port is None):
         raise click.UsageError("expected --robot R or --port P, one of them.")
     where = Address(kind="serial", rest=port or "") if address is None else address
-    units = round(MOVE_CM_S / load_profile(profile).wheels.speed_per_unit_cm_s[0])
     settings = {"baud": baud, "clock_channel": clock_channel}
+    named = click.get_current_context().get_parameter_source("profile") is not ParameterSource.DEFAULT
+    load_profile(profile)  # refused before the robot is asked anything
     with Stopping(), closing(where.open(**settings)) as body:
+        known = load_profile(profile if named else facts_of(body).get("base", profile))
+        units = round(MOVE_CM_S / known.wheels.speed_per_unit_cm_s[0])
         if isinstance(body, Placing):
             body.enter({"size_cm": [ROOM_CM] * 2}, 0, Pose(x=ROOM_CM / 2, y=ROOM_CM / 2, heading=0.0))
         facts = _about(where, body)
