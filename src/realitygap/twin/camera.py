@@ -18,6 +18,7 @@ from realitygap.twin.arena import check_arena
 from realitygap.twin.drawing import WHOLE, Drawing, Window
 from realitygap.twin.lens import HEIGHT, WIDTH, hang_camera
 from realitygap.twin.noise import check_scale, draws, normal_draws
+from realitygap.twin.plate import Plate
 from realitygap.twin.render import open_renderer
 from realitygap.twin.states import States, heading_of
 from realitygap.twin.unit import draw_unit
@@ -44,13 +45,21 @@ class OverheadCamera(Closing):
         noise: the twin's noise scale.
         view: `mujoco`, `drawn`, or `auto` for the first that works.
         seed: names the noise of the pixels.
+        plate: what the robot wears in the disk's place; it is drawn always.
 
     Raises:
-        ConfigError: `mujoco` is asked for and neither EGL nor OSMesa works here.
+        ConfigError: `mujoco` is asked for with a plate, or where neither EGL nor OSMesa works.
     """
 
     def __init__(
-        self, arena: Mapping[str, Any], *, unit: int, noise: float = 1.0, view: str = "auto", seed: int = 0
+        self,
+        arena: Mapping[str, Any],
+        *,
+        unit: int,
+        noise: float = 1.0,
+        view: str = "auto",
+        seed: int = 0,
+        plate: Plate | None = None,
     ) -> None:
         if view not in VIEWS:
             raise ConfigError(f"the camera's view is one of {', '.join(VIEWS)}, got {view!r}")
@@ -58,11 +67,14 @@ class OverheadCamera(Closing):
         who = draw_unit(unit)
         self.lens = hang_camera(arena, who)
         self._unit, self._noise, self._seed = unit, check_scale(noise), seed
-        self._renderer = None if view == "drawn" else open_renderer(arena, unit, self.lens)
+        if view == "mujoco" and plate is not None:
+            raise ConfigError("MuJoCo's renderer shows no robot with a plate: ask for the drawn view")
+        drawn = view == "drawn" or plate is not None
+        self._renderer = None if drawn else open_renderer(arena, unit, self.lens)
         if view == "mujoco" and self._renderer is None:
             raise ConfigError("MuJoCo's renderer needs an EGL or OSMesa library and neither works here: "
                               "install one, or ask for the drawn view")  # fmt: skip
-        self._drawing = Drawing(arena, self.lens) if self._renderer is None else None
+        self._drawing = Drawing(arena, self.lens, plate) if self._renderer is None else None
         columns, rows = np.meshgrid(np.arange(WIDTH) - WIDTH / 2, np.arange(HEIGHT) - HEIGHT / 2)
         corner = (WIDTH**2 + HEIGHT**2) / 4
         light = who.camera.gain * (1 - FALL_OFF * (columns**2 + rows**2) / corner)

@@ -18,6 +18,7 @@ from realitygap.twin.arithmetic import cos_sin, hypot
 from realitygap.twin.lens import HEIGHT, WIDTH, Lens
 from realitygap.twin.model import BODY_RADIUS, BODY_TOP, WALL_HEIGHT
 from realitygap.twin.painting import Look, Still, paint_robot
+from realitygap.twin.plate import Plate
 
 __all__ = [
     "DISK_HEIGHT", "DISK_RADIUS", "FRONT_AHEAD", "FRONT_RADIUS", "MIDDLE_RADIUS", "WHOLE",
@@ -56,9 +57,9 @@ higher or nearer and so many pixels more."""
 
 
 class Drawing:
-    """Draws frames [480, 640, 3] of one arena through one lens."""
+    """Draws frames [480, 640, 3] of one arena through one lens; the robot may wear a plate, not the disk."""
 
-    def __init__(self, arena: Mapping[str, Any], lens: Lens) -> None:
+    def __init__(self, arena: Mapping[str, Any], lens: Lens, plate: Plate | None = None) -> None:
         step = (np.arange(SUB) + 0.5) / SUB - 0.5
         columns = (np.arange(WIDTH)[:, None] + step).ravel()
         rows = (np.arange(HEIGHT)[:, None] + step).ravel()
@@ -70,6 +71,11 @@ class Drawing:
         self._lens = lens
         self._samples = float(SUB * lens.focal / lens.position[2])  # a metre
         self._fine = np.moveaxis(self._still(arena), -1, 0).copy()  # [3, ...] one colour after another
+        self._plate, self._look, self._reach, self._top = plate, LOOK, BODY_RADIUS, DISK_HEIGHT
+        if plate is not None:
+            self._soft = plate.softened(1 / self._samples)
+            self._look = LOOK._replace(radii=(BODY_RADIUS, -1.0, -1.0, -1.0))  # there is no disk
+            self._reach, self._top = max(BODY_RADIUS, plate.reach), max(DISK_HEIGHT, plate.height)
         self.background = np.moveaxis(self._coarse(self._fine), 0, -1).copy()
 
     @staticmethod
@@ -117,8 +123,8 @@ class Drawing:
 
     def _about(self, x: float, y: float, window: Window) -> tuple[tuple[int, int], ...]:
         """Rows and columns (first, end) of a window in which the robot may be seen."""
-        ends = self._lens.pixels(np.array([(x, y, SIDES[0]), (x, y, DISK_HEIGHT)]))
-        reach = math.ceil(SPREAD * self._samples / SUB * BODY_RADIUS) + EDGE
+        ends = self._lens.pixels(np.array([(x, y, SIDES[0]), (x, y, self._top)]))
+        reach = math.ceil(SPREAD * self._samples / SUB * self._reach) + EDGE
         first = (np.rint(ends.min(axis=0)).astype(int) - reach).tolist()
         end = (np.rint(ends.max(axis=0)).astype(int) + reach).tolist()
         sides = zip(window, reversed(first), reversed(end), strict=True)
@@ -135,5 +141,18 @@ class Drawing:
         ahead = x + FRONT_AHEAD * float(c), y + FRONT_AHEAD * float(s)
         corner = window[0].start, window[1].start
         still = Still(self._floor, self._slope, self._fine, self._over, SUB, self._samples)
-        paint_robot(picture, corner, self._about(x, y, window), still, (x, y, *ahead), LOOK)
+        box = self._about(x, y, window)
+        paint_robot(picture, corner, box, still, (x, y, *ahead), self._look)
+        if self._plate is not None and all(low < high for low, high in box):
+            self._lay(picture, corner, box, (x, y), (float(c), float(s)))
         return picture
+
+    def _lay(self, picture: Array, corner: Any, box: Any, place: Any, turn: tuple[float, float]) -> None:
+        """The plate into a box (rows and columns) of a picture that begins at a corner."""
+        assert self._plate is not None
+        rows, columns = (slice(low * SUB, high * SUB) for low, high in box)
+        at = self._slope[:, rows, columns] * np.float64(self._plate.height) + self._floor[:, rows, columns]
+        shown = self._plate.shown(self._soft, at - np.reshape(place, (2, 1, 1)), turn)
+        cover, white = self._coarse(shown * ~self._over[rows, columns])[..., None]
+        part = picture[tuple(slice(low - k, high - k) for k, (low, high) in zip(corner, box, strict=True))]
+        part += cover * (BLACK - part) + white * (WHITE - BLACK)
