@@ -83,6 +83,8 @@ def test_a_run_by_name_with_its_own_length(study, json_of):
         (("--robot", "serial:/dev/null", "--camera", "no.json", "--eye", "0"), "no.json"),
         (("--robot", "twin", "--camera", "camera.json", "--eye", "0"), "camera of its own"),
         (("--robot", "twin", "--disk", "mine.toml"), "disk of its own"),
+        (("--robot", "twin", "--marker", "aruco:4x4_50:99"), "has the numbers 0 to 49, got 99"),
+        (("--robot", "serial:/dev/null", "--marker", "aruco"), "marker: expected eye beside it"),
         (("--robot", "serial:/dev/null", "--disk", "mine.toml"), "--eye DEVICE"),
         (("--robot", "serial:/dev/null", "--twin-noise", "2"), "--twin-noise scales a twin's noise"),
         (("--robot", "twin", "--twin-noise", "11"), "--twin-noise"),

@@ -14,10 +14,11 @@ from realitygap.errors import FilmError, StudyError, UsageError
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import load_disk
 from realitygap.film.live import LiveCamera
+from realitygap.film.marker import load_marker
 from realitygap.film.video import FilmReader, FilmWriter
 from realitygap.study.load import Study, load_study
 from realitygap.track import read_track
-from realitygap.transfer.film import calibrated
+from realitygap.transfer.film import calibrated, plate_of
 from realitygap.transfer.run import load_transfers
 from realitygap.twin import drawing
 from realitygap.twin.camera import OverheadCamera
@@ -59,7 +60,7 @@ def video(arena, tmp_path_factory) -> Path:
     return seen_from_above(tmp_path_factory.mktemp("eye") / "eye.mp4", arena)
 
 
-def seen_from_above(file: Path, arena) -> Path:
+def seen_from_above(file: Path, arena, plate=None) -> Path:
     """A film of nobody for three frames, then of a robot that turns."""
     turn, count = math.radians(90.0) / FPS, 3 * FPS
     heading = STANDS.heading + turn * np.arange(count)
@@ -67,7 +68,7 @@ def seen_from_above(file: Path, arena) -> Path:
         np.arange(count) * 40, np.full(count, STANDS.x), np.full(count, STANDS.y), heading
     )
     with (
-        OverheadCamera(arena.plain(), unit=1, view="drawn") as eye,
+        OverheadCamera(arena.plain(), unit=1, view="drawn", plate=plate) as eye,
         FilmWriter(file, rate=FPS, made_by="the tests") as film,
     ):
         nobody = States.standing([0], [-50.0], [-50.0], [0.0]).pose[0]
@@ -150,6 +151,23 @@ def test_a_robot_may_wear_a_disk_of_its_own(study, robot, camera, arena, tmp_pat
     assert load_disk(one.folder / "disk.toml") == load_disk(mine)
     assert transfer(study, [1], disk=mine, **settings)[0] == one  # it is there already
     with pytest.raises(StudyError, match=r"made with disk\.centre_radius_cm = 0\.45, not 0\.7"):
+        transfer(study, [1], **settings)
+
+
+def test_a_robot_may_wear_a_tag(study, robot, arena, tmp_path):
+    """A live camera looks for a robot's AprilTag; the trial says so, and is not taken for one with another."""
+    tag = load_marker("apriltag:16h5:4,angle=180")
+    camera = calibrated(tmp_path / "camera.json", arena, unit=1, noise=1.0, radius_cm=2.9, marker=tag)
+    video = seen_from_above(tmp_path / "eye.mp4", arena, plate_of(tag))
+    port, carry = robot
+    settings = {"robots": (port,), "seconds": SECONDS, "carry": carry, "camera": camera, "eye": str(video)}
+    settings["found"] = lambda one, requested, seen: seen is not None
+    one = transfer(study, [1], marker=str(tag), **settings)[0]
+    assert one.pose.heading_deg == pytest.approx(STANDS.heading_deg, abs=1.0) and one.lost_steps == 0
+    assert np.hypot(one.situated.x - STANDS.x, one.situated.y - STANDS.y).max() < 0.05
+    assert tomllib.loads((one.folder / "transfer.toml").read_text())["marker"] == str(tag)
+    assert transfer(study, [1], marker=tag, **settings)[0] == one  # it is there already
+    with pytest.raises(StudyError, match="made with marker = 'apriltag:16h5:4,angle=180', not None"):
         transfer(study, [1], **settings)
 
 

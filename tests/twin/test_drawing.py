@@ -8,6 +8,7 @@ import pytest
 from realitygap.twin.camera import OverheadCamera
 from realitygap.twin.drawing import Drawing
 from realitygap.twin.lens import hang_camera
+from realitygap.twin.plate import Plate
 from realitygap.twin.states import States
 from realitygap.twin.unit import draw_unit
 from tests.twin.rooms import ARENAS
@@ -28,6 +29,29 @@ def test_a_frame_is_the_slow_ones(name: str) -> None:
         slow = slow_frame(drawing, lens, x * width, y * depth, k - 3.0)
         assert np.abs(frame - slow).max() < 1e-4
         assert (frame != slow).mean() < 1e-4
+    assert np.array_equal(drawing.frame(3.0, 3.0, 0.0), drawing.background)
+
+
+def test_a_plate_is_drawn_cell_by_cell() -> None:
+    """Where the lens sees the middle of a cell of a plate on the robot it is black or white as that cell is,
+    and the robot's disk is not seen; a window of it is a part of the frame."""
+    arena, cells = load_arena("obstacle-avoidance"), np.array([[0, 1, 0], [1, 0, 0], [0, 0, 1]], np.uint8)
+    lens, half = hang_camera(arena, draw_unit(1)), 0.015
+    corners = half * np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)]) + np.array([0.004, -0.003])
+    drawing = Drawing(arena, lens, Plate(cells, corners, 0.034))
+    x, y, heading = 0.22, 0.18, 0.7
+    frame = drawing.frame(x, y, heading)
+    c, s = np.cos(heading), np.sin(heading)
+    for row in range(-1, 4):
+        for column in range(-1, 4):
+            ahead, left = corners[0] - (np.array([row, column]) + 0.5) * 0.01
+            there = np.array([x + c * ahead - s * left, y + s * ahead + c * left, 0.034])
+            at, down = np.rint(lens.pixels(there)).astype(int)
+            inside = 0 <= row < 3 and 0 <= column < 3
+            grey = 243.0 if not inside or cells[row, column] else 14.0
+            assert np.abs(frame[down, at] - grey).max() < 3.0, (row, column)
+    window = (slice(150, 260), slice(200, 330))
+    assert np.array_equal(drawing.frame(x, y, heading, window), frame[window])
     assert np.array_equal(drawing.frame(3.0, 3.0, 0.0), drawing.background)
 
 

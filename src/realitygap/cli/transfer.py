@@ -68,6 +68,7 @@ SIDES = (
 @click.option(
     "--eye", metavar="DEVICE", help="The live camera over a real robot: its number, a video file or a stream."
 )
+@option.marker
 @click.option(
     "--disk",
     metavar="FILE",

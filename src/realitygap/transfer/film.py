@@ -20,11 +20,12 @@ from realitygap.values import Pose
 
 if TYPE_CHECKING:
     from realitygap.film.camera import CameraModel
-    from realitygap.film.disk import Disk
     from realitygap.film.finder import Look
+    from realitygap.film.marker import Marker
     from realitygap.track import Track
     from realitygap.twin.camera import OverheadCamera
     from realitygap.twin.drawing import Window
+    from realitygap.twin.plate import Plate
     from realitygap.twin.states import States
     from realitygap.world.arena import Arena
 
@@ -41,6 +42,7 @@ __all__ = [
     "film_and_track",
     "keep_film",
     "known_poses",
+    "plate_of",
 ]
 
 FPS, WATCH_FPS = 25, 10
@@ -82,7 +84,19 @@ def known_poses(arena: Arena, radius_cm: float) -> list[Pose]:
     return [Pose.from_degrees(x, y, k * GOLDEN_DEG % 360.0) for k, (x, y) in enumerate(places)]
 
 
-def calibrated(file: Path, arena: Arena, *, unit: int, noise: float, radius_cm: float) -> CameraModel:
+def plate_of(marker: Marker | None) -> Plate | None:
+    """How a twin's camera draws a tag on it; None: it wears the disk."""
+    from realitygap.film.tag import Tag
+    from realitygap.twin.plate import Plate
+
+    if not isinstance(marker, Tag):
+        return None
+    return Plate(marker.cells, marker.points / 100, marker.height_cm / 100)
+
+
+def calibrated(
+    file: Path, arena: Arena, *, unit: int, noise: float, radius_cm: float, marker: Marker | None = None
+) -> CameraModel:
     """A unit's overhead camera, calibrated as a person would; done once, and kept in `file`.
 
     Its known frames are drawn: the lens is the renderer's too, and no result hangs on a GL library.
@@ -93,6 +107,7 @@ def calibrated(file: Path, arena: Arena, *, unit: int, noise: float, radius_cm: 
         unit: of the twin.
         noise: the twin's noise scale.
         radius_cm: of the body.
+        marker: what the twin wears; the shipped disk if None.
 
     Raises:
         FilmError: no camera explains what is seen.
@@ -108,12 +123,13 @@ def calibrated(file: Path, arena: Arena, *, unit: int, noise: float, radius_cm: 
         if file.is_file():
             return load_camera(file)
         frames = []
-        with OverheadCamera(arena.plain(), unit=unit, noise=noise, view="drawn") as overhead:
+        plate = plate_of(marker)
+        with OverheadCamera(arena.plain(), unit=unit, noise=noise, view="drawn", plate=plate) as overhead:
             for k, pose in enumerate(known_poses(arena, radius_cm)):
                 standing = States.standing([0], [pose.x], [pose.y], [pose.heading]).pose[0]
                 grey = _grey(overhead.frame(standing, FIRST + k))
                 frames.append(KnownFrame(name=f"pose {k + 1}", picture=grey, pose=pose))
-        camera = calibrate_camera(frames, load_disk()).camera
+        camera = calibrate_camera(frames, marker or load_disk()).camera
         camera.save(file)
     return camera
 
@@ -130,20 +146,34 @@ class Watcher:
         unit: whose arena.
         noise: the twin's noise scale.
         radius_cm: of the robot's body.
+        marker: what the robot wears; the shipped disk if None.
 
     Raises:
         FilmError: no camera explains what is seen.
     """
 
-    def __init__(self, file: Path, arena: Arena, *, unit: int, noise: float, radius_cm: float) -> None:
-        self.camera = calibrated(file, arena, unit=unit, noise=noise, radius_cm=radius_cm)
+    def __init__(
+        self,
+        file: Path,
+        arena: Arena,
+        *,
+        unit: int,
+        noise: float,
+        radius_cm: float,
+        marker: Marker | None = None,
+    ) -> None:
+        from realitygap.film.disk import load_disk
+
+        self.marker = marker or load_disk()
+        self.camera = calibrated(file, arena, unit=unit, noise=noise, radius_cm=radius_cm, marker=self.marker)
         self._arena, self._unit, self._noise = arena.plain(), unit, noise
 
     @cached_property
     def _eye(self) -> OverheadCamera:
         from realitygap.twin.camera import OverheadCamera
 
-        return OverheadCamera(self._arena, unit=self._unit, noise=self._noise, view="drawn")
+        settings: dict[str, Any] = {"unit": self._unit, "noise": self._noise, "view": "drawn"}
+        return OverheadCamera(self._arena, **settings, plate=plate_of(self.marker))
 
     @property
     def view(self) -> str:
@@ -155,11 +185,10 @@ class Watcher:
 
         `stream` is the first frame's number, which names its pixels' noise.
         """
-        from realitygap.film.disk import load_disk
         from realitygap.film.tracker import Tracker
 
         frames = self._eye.looks(states, fps=WATCH_FPS, first=stream)
-        return Tracker(self.camera, load_disk()).follow((t_s, self._look(show)) for t_s, show in frames)
+        return Tracker(self.camera, self.marker).follow((t_s, self._look(show)) for t_s, show in frames)
 
     def _look(self, show: Callable[[Window], Any]) -> Look:
         height, width = self.camera.height_px, self.camera.width_px
@@ -176,7 +205,7 @@ class Watcher:
 def film_and_track(
     folder: Path,
     states: States,
-    camera: CameraModel,
+    watcher: Watcher,
     *,
     overhead: OverheadCamera,
     facts: Mapping[str, Any],
@@ -187,12 +216,11 @@ def film_and_track(
     Args:
         folder: the trial's.
         states: from the trial's beginning to its end.
-        camera: as it was calibrated.
+        watcher: has the camera's calibration, and what the robot wears.
         overhead: the camera that films.
         facts: what else the film's metadata shall say.
         tell: is given the share of this work that was done since the last time.
     """
-    from realitygap.film.disk import load_disk
     from realitygap.film.video import FilmWriter
     from realitygap.twin.drawing import WHOLE
 
@@ -210,33 +238,36 @@ def film_and_track(
         tell(0.5 * (done - last) / total)
         last = done
 
-    return keep_film(folder, camera, load_disk(), tracked_so_far)
+    return keep_film(folder, watcher.camera, watcher.marker, tracked_so_far)
 
 
 def keep_film(
-    folder: Path, camera: CameraModel, disk: Disk, tell: Callable[[int, int | None], None] | None = None
+    folder: Path,
+    camera: CameraModel,
+    marker: Marker,
+    tell: Callable[[int, int | None], None] | None = None,
 ) -> Track:
     """Track the film in a trial's folder: camera, track, tails and a disk of one's own beside it.
 
     Args:
         folder: the trial's.
         camera: as it was calibrated.
-        disk: what the robot wears.
+        marker: what the robot wears.
         tell: hears frames done, and frames in all if that is known.
 
     Raises:
-        FilmError: no film of this camera's, or no disk is seen in it.
+        FilmError: no film of this camera's, or no marker is seen in it.
     """
-    from realitygap.film.disk import load_disk
+    from realitygap.film.disk import Disk, load_disk
     from realitygap.film.tails import draw_tails, save_tails
     from realitygap.film.tracker import track_film
 
-    tracked = track_film(folder / FILM, camera, disk, tell)
+    tracked = track_film(folder / FILM, camera, marker, tell)
     camera.save(folder / CAMERA)
-    if disk != load_disk():
-        whole.write(folder / DISK, to_toml(disk.to_dict()))
+    if isinstance(marker, Disk) and marker != load_disk():
+        whole.write(folder / DISK, to_toml(marker.to_dict()))
     tracked.track.write_csv(folder / TRACK)
-    save_tails(folder / TAILS, draw_tails(tracked.last_frame, tracked.track, camera, disk))
+    save_tails(folder / TAILS, draw_tails(tracked.last_frame, tracked.track, camera, marker))
     return tracked.track
 
 

@@ -28,7 +28,7 @@ LOOSE = (
 PLAIN = ("run", "name", "task", "noise", "individual", "start", "seconds", "situated_from", "late_steps")
 """Keys of a trial's file that are taken as they are."""
 
-OF_ROBOT = ("evaluation", "robot", "unit", "port", "twin_noise", "seed", "baud", "disk")
+OF_ROBOT = ("evaluation", "robot", "unit", "port", "twin_noise", "seed", "baud", "disk", "marker")
 """What else its result depends on."""
 
 

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from realitygap.errors import UsageError
-from realitygap.film.disk import Disk, load_disk
+from realitygap.film.disk import Disk
+from realitygap.film.marker import Marker, load_marker
 from realitygap.robots.address import Address
 from realitygap.study.settings import whole
 
@@ -39,6 +40,7 @@ class Transfer:
         camera: the calibration of the live camera over a real robot, or its file.
         eye: the live camera over a real robot: a camera's number, a video file, a stream.
         disk: what a real robot wears, or its file; the shipped one if None.
+        marker: what the robots wear instead: a tag, or as `Tag.parse` reads it.
 
     Raises:
         UsageError: what is none, or does not go together.
@@ -57,6 +59,7 @@ class Transfer:
     camera: CameraModel | str | Path | None = None
     eye: str | int | None = None
     disk: Disk | str | Path | None = None
+    marker: Marker | str | None = None
 
     def __post_init__(self) -> None:
         whole("starts", self.starts, 1, 10**6)
@@ -67,6 +70,12 @@ class Transfer:
                 "--twin-noise scales a twin's noise, or Enki's; a robot has its own noise. Leave it out."
             )
         self._check_eye(real)
+        if self.marker is not None and not twins and self.eye is None:
+            raise UsageError(
+                "marker: expected eye beside it: what looks down on the robot (--eye, --camera)."
+            )
+        if self.marker is not None:
+            self.worn  # noqa: B018 - one that is none is refused now
         if real and self.film and self.eye is None:
             raise UsageError(
                 "film: expected the live camera that films a robot, and its calibration "
@@ -80,9 +89,13 @@ class Transfer:
         return tuple(dict.fromkeys(parsed))
 
     @cached_property
-    def worn(self) -> Disk:
-        """The disk of a real robot."""
-        return self.disk if isinstance(self.disk, Disk) else load_disk(self.disk)
+    def worn(self) -> Marker:
+        """What the robots wear: a twin the shipped disk, or the tag."""
+        if isinstance(self.disk, Disk) and self.marker is None:
+            return self.disk
+        if isinstance(self.marker, Marker):
+            return self.marker
+        return load_marker(self.marker, str(self.disk) if isinstance(self.disk, Disk) else self.disk)
 
     @property
     def noise(self) -> float:

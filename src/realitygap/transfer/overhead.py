@@ -19,8 +19,8 @@ from realitygap.values import Closing, Pose
 
 if TYPE_CHECKING:
     from realitygap.film.camera import CameraModel
-    from realitygap.film.disk import Disk
     from realitygap.film.live import Filmed
+    from realitygap.film.marker import Marker
 
 __all__ = ["Found", "Overhead", "open_overhead"]
 
@@ -36,7 +36,7 @@ class FilmOfDrive:
     situation: Situation
     folder: Path
     camera: CameraModel
-    disk: Disk
+    marker: Marker
     source: str
     begun: float
     filmed: Filmed | None = None
@@ -52,9 +52,9 @@ class FilmOfDrive:
         assert self.filmed is not None
         one, folder, lead = self.situation, self.folder, self.begun - self.filmed.first_at
         if one.film:
-            track = keep_film(folder, self.camera, self.disk)
+            track = keep_film(folder, self.camera, self.marker)
         else:
-            track = track_film(folder / FILM, self.camera, self.disk).track
+            track = track_film(folder / FILM, self.camera, self.marker).track
             track.write_csv(folder / TRACK)
             (folder / FILM).unlink()
         facts |= {"view": f"camera {self.source}", "film_lead_s": round(lead, 6)}
@@ -68,17 +68,17 @@ class Overhead(Closing):
     Args:
         source: a camera's number, a video file or a stream.
         camera: as it was calibrated.
-        disk: what the robot wears.
+        marker: what the robot wears.
         found: asks a person about the start; without one the robot has to be seen.
     """
 
-    def __init__(self, source: str | int, camera: CameraModel, disk: Disk, found: Found | None) -> None:
+    def __init__(self, source: str | int, camera: CameraModel, marker: Marker, found: Found | None) -> None:
         from realitygap.film.live import LiveCamera
         from realitygap.film.tracker import Tracker
 
-        self.camera, self._disk, self._found = camera, disk, found or _must_be_seen
-        self._new_tracker = lambda: Tracker(camera, disk)
-        self._new_tracker()  # a camera that cannot see this disk is refused now
+        self.camera, self._marker, self._found = camera, marker, found or _must_be_seen
+        self._new_tracker = lambda: Tracker(camera, marker)
+        self._new_tracker()  # a camera that cannot see this marker is refused now
         self._live = LiveCamera(source, size=(camera.width_px, camera.height_px))
 
     def close(self) -> None:
@@ -100,7 +100,7 @@ class Overhead(Closing):
         """Film what happens in the block, which is the drive; its path is there afterwards."""
         self._live.film(folder / FILM)
         settings: dict[str, Any] = {"situation": one, "folder": folder, "camera": self.camera}
-        film = FilmOfDrive(disk=self._disk, source=self._live.source, begun=time.monotonic(), **settings)
+        film = FilmOfDrive(marker=self._marker, source=self._live.source, begun=time.monotonic(), **settings)
         try:
             yield film
         except BaseException:
@@ -111,14 +111,14 @@ class Overhead(Closing):
 
 
 def open_overhead(
-    camera: CameraModel | str | Path, eye: str | int, disk: Disk, found: Found | None
+    camera: CameraModel | str | Path, eye: str | int, marker: Marker, found: Found | None
 ) -> Overhead:
     """The camera over a real robot, opened.
 
     Args:
         camera: its calibration, or the file of that.
         eye: a camera's number, a video file or a stream.
-        disk: what the robot wears.
+        marker: what the robot wears.
         found: asks a person about the start; without one the robot has to be seen.
 
     Raises:
@@ -127,7 +127,7 @@ def open_overhead(
     from realitygap.film.camera import load_camera
 
     model = load_camera(camera) if isinstance(camera, str | Path) else camera
-    return Overhead(eye, model, disk, found)
+    return Overhead(eye, model, marker, found)
 
 
 def _must_be_seen(one: Situation, requested: Pose, seen: Pose | None) -> bool:
@@ -135,6 +135,6 @@ def _must_be_seen(one: Situation, requested: Pose, seen: Pose | None) -> bool:
     if seen is None:
         raise FilmError(
             f"{one.name}, start {one.start}: the robot is not seen where it was carried. Check that it wears "
-            "the disk and that the calibration is of this camera."
+            "the marker and that the calibration is of this camera."
         )
     return True

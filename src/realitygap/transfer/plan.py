@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from realitygap.errors import StudyError, UsageError
+from realitygap.film.disk import Disk
+from realitygap.film.tag import Tag
 from realitygap.kernels.params import STEP_S
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import BAUD, Address
@@ -22,7 +24,7 @@ from realitygap.study.run import WHO
 from realitygap.transfer.options import Transfer
 
 if TYPE_CHECKING:
-    from realitygap.film.disk import Disk
+    from realitygap.film.marker import Marker
 
 __all__ = [
     "FOLDER",
@@ -83,7 +85,7 @@ class Situation:
             twin unit.
         source: what the situated path comes from, one of SOURCES.
         placed: whether the robot puts itself down.
-        disk: what a live camera over a real robot looks for; None where there is none, and on a twin.
+        marker: what a camera over a robot looks for; None where there is none, and for a twin's disk.
         folder: from the study's folder.
     """
 
@@ -103,7 +105,7 @@ class Situation:
     source: str
     placed: bool
     folder: str
-    disk: Disk | None = None
+    marker: Marker | None = None
 
     @property
     def film(self) -> bool:
@@ -128,7 +130,8 @@ class Situation:
             "start": self.start,
             "seconds": self.seconds,
             "baud": self.baud,
-            "disk": None if self.disk is None else self.disk.to_dict(),
+            "disk": self.marker.to_dict() if isinstance(self.marker, Disk) else None,
+            "marker": str(self.marker) if isinstance(self.marker, Tag) else None,
         }
 
 
@@ -193,9 +196,16 @@ def _situation(
         stream=transfer_stream(seed, run, start),
         source=_source(options, robot, known, run),
         placed=known.placed,
-        disk=options.worn if options.eye is not None and not twin else None,
+        marker=_marker(options, twin),
         folder=f"{FOLDER}/{robot.folder(options.noise)}/{name}/start-{start}",
     )
+
+
+def _marker(options: Transfer, twin: bool) -> Marker | None:
+    """What a camera over the robot looks for, if it is to be told."""
+    if twin:
+        return options.worn if isinstance(options.worn, Tag) else None
+    return None if options.eye is None else options.worn
 
 
 def _source(options: Transfer, robot: Address, known: Known, run: Run) -> str:

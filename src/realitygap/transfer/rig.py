@@ -33,6 +33,7 @@ from realitygap.world.profile import Profile
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from realitygap.film.marker import Marker
     from realitygap.transfer.film import Watcher
     from realitygap.twin.states import States
 
@@ -146,6 +147,7 @@ class Rig(Closing):
 
     Attributes:
         camera_file: keeps the camera's calibration; another may be named before the first drive.
+        marker: what a twin wears, the shipped disk if None; another may be named before the first drive.
     """
 
     def __init__(
@@ -163,6 +165,7 @@ class Rig(Closing):
         self.twin_noise = twin_noise
         name = f"camera-{task.name}-{self.robot.folder(twin_noise)}.json"
         self.camera_file = Path(folder_for_camera) / name
+        self.marker: Marker | None = None
         self._arena = task.arena.plain()
         self._body: Body | None = None
         self._watcher: Watcher | None = None
@@ -250,6 +253,7 @@ class Rig(Closing):
                 unit=self.robot.unit,
                 noise=self.twin_noise,
                 radius_cm=self.profile.body.radius_cm,
+                marker=self.marker,
             )
         return self._watcher
 

@@ -5,6 +5,7 @@ A trial on the twin is a function of its situation alone.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -57,7 +58,8 @@ class Stage:
 
     def camera_file(self, one: Situation) -> Path:
         """Where the calibration of the camera over a unit's arena is kept."""
-        return self.study.folder / FOLDER / one.robot.folder(one.twin_noise) / f"camera-{one.task}.json"
+        worn = "" if one.marker is None else "-" + re.sub(r"[^\w.-]+", "-", str(one.marker))
+        return self.study.folder / FOLDER / one.robot.folder(one.twin_noise) / f"camera-{one.task}{worn}.json"
 
     def rig(self, one: Situation) -> Rig:
         """The arena of a trial and a robot that places itself there; one for all trials of both."""
@@ -65,7 +67,7 @@ class Stage:
         if key not in self._rigs:
             task, profile = self.study.task(one.task), self.study.profile
             rig = Rig(task, profile, robot=one.robot, twin_noise=one.twin_noise, baud=one.baud)
-            rig.camera_file = self.camera_file(one)
+            rig.camera_file, rig.marker = self.camera_file(one), one.marker
             self._rigs[key] = rig
         return self._rigs[key]
 
@@ -161,7 +163,7 @@ class Stage:
 
     def _seen(self, one: Situation, folder: Path, facts: dict[str, Any], tell: Tell) -> Track:
         """The track of a trial on the twin by the camera above it, which films it or only watches."""
-        from realitygap.transfer.film import TRACK, film_and_track
+        from realitygap.transfer.film import TRACK, film_and_track, plate_of
         from realitygap.twin.camera import OverheadCamera
 
         rig = self.rig(one)
@@ -171,13 +173,12 @@ class Stage:
                 "unit": one.robot.unit,
                 "noise": one.twin_noise,
                 "seed": one.stream >> 1,
+                "plate": plate_of(one.marker),
             }
             with OverheadCamera(self.study.task(one.task).arena.plain(), **settings) as camera:
                 facts["view"] = camera.metadata["view"]
                 about = {"run": one.name, "start": one.start}
-                return film_and_track(
-                    folder, states, rig.watcher.camera, overhead=camera, facts=about, tell=tell
-                )
+                return film_and_track(folder, states, rig.watcher, overhead=camera, facts=about, tell=tell)
         track = rig.watcher.track(states, one.stream)
         facts["view"] = rig.watcher.view
         track.write_csv(folder / TRACK)

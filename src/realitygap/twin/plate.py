@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
@@ -42,7 +44,7 @@ class Plate:
         windows = sliding_window_view(wide, (2 * half + 1, 2 * half + 1), axis=(1, 2))
         return np.asarray(windows.mean(axis=(3, 4)), np.float32)
 
-    def shown(self, soft: Array, off: Array, turn: tuple[float, float]) -> Array:
+    def shown(self, soft: Array, off: NDArray[Any], turn: tuple[float, float]) -> Array:
         """[2, ...] cover and whiteness of a card, at places off the robot's centre.
 
         Args:
