@@ -155,7 +155,7 @@ def test_a_robot_may_wear_a_disk_of_its_own(study, robot, camera, arena, tmp_pat
 
 
 def test_a_robot_may_wear_a_tag(study, robot, arena, tmp_path):
-    """A live camera looks for a robot's AprilTag; the trial says so, and is not taken for one with another."""
+    """A live camera looks for a robot's AprilTag; its trial is not taken for one with another marker."""
     tag = load_marker("apriltag:16h5:4,angle=180")
     camera = calibrated(tmp_path / "camera.json", arena, unit=1, noise=1.0, radius_cm=2.9, marker=tag)
     video = seen_from_above(tmp_path / "eye.mp4", arena, plate_of(tag))
