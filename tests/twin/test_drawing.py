@@ -35,7 +35,7 @@ def test_a_frame_is_the_slow_ones(name: str) -> None:
 def test_a_plate_is_drawn_cell_by_cell() -> None:
     """Where the lens sees the middle of a cell of a plate on the robot it is black or white as that cell is,
     and the robot's disk is not seen; a window of it is a part of the frame."""
-    arena, cells = load_arena("obstacle-avoidance"), np.array([[0, 1, 0], [1, 0, 0], [0, 0, 1]], np.uint8)
+    arena, cells = ARENAS["obstacle-avoidance"], np.array([[0, 1, 0], [1, 0, 0], [0, 0, 1]], np.uint8)
     lens, half = hang_camera(arena, draw_unit(1)), 0.015
     corners = half * np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)]) + np.array([0.004, -0.003])
     drawing = Drawing(arena, lens, Plate(cells, corners, 0.034))
