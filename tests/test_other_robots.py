@@ -16,12 +16,14 @@ from realitygap.calibration.recordings.recording import SensorRecording, WheelRe
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import decode
 from realitygap.controller.operators import Variation
-from realitygap.errors import CalibrationError, RecordingError, TaskError
+from realitygap.correspondence.trials import trial_of
+from realitygap.errors import CalibrationError, ConfigError, RecordingError, TaskError
+from realitygap.simulation.body import SimulatedBody
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.config import StudyConfig
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
-from realitygap.values import Pose
+from realitygap.values import Command, Pose
 from realitygap.world.profile import Profile, load_profile
 from realitygap.world.sensors import UNLIT
 from tests.calibration.conftest import places
@@ -154,3 +156,31 @@ def test_wheels_without_counters_stay_as_they_were(five, tmp_path):
     assert any(w.startswith("wheels: no counters recorded") for w in result.warnings)
     with pytest.raises(CalibrationError, match="no counters: nothing tells how far the wheels turned"):
         judge(back, five)
+
+
+@pytest.mark.parametrize("period_s", [0.02, 0.05, 0.2])
+def test_any_period_of_control(five, tmp_path, period_s):
+    """A trial has steps of the profile's period, as long in all, and its file keeps it; bodies go by it."""
+    robot = replace(five, period_s=period_s)
+    (tmp_path / "robot.toml").write_text(robot.to_toml(), "utf-8")
+    assert load_profile(tmp_path / "robot.toml") == robot
+    simulation = Simulation("obstacle-avoidance", robot, 0.0)
+    genes = Variation(layout=LAYOUT, start_neurons=0.3).random(np.uint64(7))
+    made, _ = simulation.trajectory(decode(genes, LAYOUT), stream=3, seconds=4.0)
+    assert len(made.t) == round(4.0 / period_s) and made.track.t[-1] == pytest.approx(4.0)
+    body = SimulatedBody(simulation)
+    body.reset(Pose(x=20.0, y=25.0, heading=0.0))
+    body.act(Command(left=5, right=5))
+    body.clock.sleep_until(body.clock.now() + 1.0)
+    assert body.period_s == period_s
+    ran = body.pose.x - 20.0
+    assert ran == pytest.approx(4.0, abs=5 * period_s * 4.0)  # but for some steps of starting
+    assert len(trial_of(made)) == 41  # the names and scores of behaviour go by tenths of a second
+
+
+def test_periods_that_do_not_fit_are_refused(five):
+    """Milliseconds for seconds; a task that lasts no whole steps."""
+    with pytest.raises(ConfigError, match=r"period_s: expected 0.02 to 0.2 \(s\) of one step, got 100.0"):
+        replace(five, period_s=100)
+    with pytest.raises(TaskError, match=r"seconds: expected whole steps of 0.03 s, .* got 20"):
+        Simulation("obstacle-avoidance", replace(five, period_s=0.03), 0.0).start(0)

@@ -179,7 +179,7 @@ class Trajectory:
         """Where it was, [n + 1]: its end is the last row."""
         end = self.end
         return Track(
-            t=np.append(self.t, len(self.t) * STEP_S),
+            t=np.append(self.t, len(self.t) * (float(self.t[1]) if len(self.t) > 1 else STEP_S)),
             x=np.append(self.x, end.x),
             y=np.append(self.y, end.y),
             heading=np.append(self.heading, end.heading),

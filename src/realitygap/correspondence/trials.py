@@ -94,6 +94,8 @@ def trial_of(
         radius_cm: of the body.
     """
     track = trajectory.track
+    if len(track) > 1 and track.t[1] != STEP_S:
+        return resampled(track, start=start, unit=unit, radius_cm=radius_cm)
     return Trial(
         x=track.x, y=track.y, heading=np.unwrap(track.heading), start=start, unit=unit,
         radius_cm=radius_cm, source=track.seen_by,

@@ -89,8 +89,8 @@ def settle(arena, radius, x, y, dx, dy):
 
 
 @step
-def ground_speeds(dx, dy, arc, track):
+def ground_speeds(dx, dy, arc, track, period=STEP_S):
     """Speeds of the two wheels over the ground (cm/s), from the body's movement after contact."""
-    forward = (dx * arc.cos_mean + dy * arc.sin_mean) / (arc.share * STEP_S)
-    apart = 0.5 * arc.turn * track / STEP_S
+    forward = (dx * arc.cos_mean + dy * arc.sin_mean) / (arc.share * period)
+    apart = 0.5 * arc.turn * track / period
     return forward - apart, forward + apart

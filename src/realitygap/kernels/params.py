@@ -14,7 +14,8 @@ F = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 STEP_S = 0.1
-"""One simulation step (§3.2): sensing, network and wheels are processed every 100 ms."""
+"""One simulation step (§3.2): sensing, network and wheels are processed every 100 ms. A robot may have
+another period; the law of its wheels, and its network's ten updates, are by the step all the same."""
 UPDATES = 10
 """Network updates of 10 ms in one step (§5.3)."""
 RAYS = 10
@@ -42,6 +43,8 @@ class Robot(NamedTuple):
     outline: F
     """[V, 4] corners (x forward, y left), and the outward normal of the edge from each to the next,
     counter-clockwise; V = 0: a disc."""
+    period: float
+    """Length of a step, s: 0.1 in the paper."""
     track: float
     speed_per_unit: F
     """[2] cm/s that one Khepera unit asks of the left and the right wheel."""

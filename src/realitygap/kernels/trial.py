@@ -135,7 +135,7 @@ def move(robot, arena, work):
     """The wheels' arcs carry the body, as far as walls and cylinders let it."""
     left = work.wheel[0, 0]
     right = work.wheel[1, 0]
-    arc = drive_arc(robot.track, left, right, work.pose[3], work.pose[4])
+    arc = drive_arc(robot.track, left, right, work.pose[3], work.pose[4], robot.period)
     if robot.outline.shape[0] == 0:
         x, y, touched = settle(arena, robot.radius, work.pose[0], work.pose[1], arc.dx, arc.dy)
     else:
@@ -143,7 +143,7 @@ def move(robot, arena, work):
         arc = Arc(arc.dx, arc.dy, turn, arc.share, arc.cos_mean, arc.sin_mean)
     work.ground[2] = 1.0 if touched else 0.0
     if touched:
-        left, right = ground_speeds(x - work.pose[0], y - work.pose[1], arc, robot.track)
+        left, right = ground_speeds(x - work.pose[0], y - work.pose[1], arc, robot.track, robot.period)
     work.ground[0] = left
     work.ground[1] = right
     work.pose[0] = x

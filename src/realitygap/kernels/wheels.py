@@ -87,16 +87,16 @@ class Arc(NamedTuple):
 
 
 @step
-def drive_arc(track, left, right, c, s):
+def drive_arc(track, left, right, c, s, period=STEP_S):
     """How far one step takes the body.
 
     Exact differential drive: a chord of length v·dt·sin(h)/h, h half the turn, at mean heading.
     (c, s) = (cos, sin) of the heading before the step.
     """
-    half = (right - left) * (0.5 * STEP_S) / track
+    half = (right - left) * (0.5 * period) / track
     sin_half, cos_half = sin_cos(half)
     share = sin_half / half if abs(half) > 1e-6 else 1.0 - half * half / 6.0
     cos_mean = c * cos_half - s * sin_half
     sin_mean = s * cos_half + c * sin_half
-    chord = 0.5 * (left + right) * STEP_S * share
+    chord = 0.5 * (left + right) * period * share
     return Arc(chord * cos_mean, chord * sin_mean, 2.0 * half, share, cos_mean, sin_mean)

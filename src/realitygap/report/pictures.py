@@ -16,7 +16,6 @@ from matplotlib.text import Text
 
 from realitygap import whole
 from realitygap.errors import UsageError
-from realitygap.kernels.params import STEP_S
 from realitygap.report import style
 from realitygap.report.arenas import draw_arena
 from realitygap.report.paths import Scene, draw_path, tail
@@ -88,7 +87,7 @@ def save_animation(
     title: str = "",
     speed: float = 1.0,
 ) -> Path:
-    """Write a trajectory as a GIF or an MP4, ten frames for each second of `speed`-fold time.
+    """Write a trajectory as a GIF or an MP4, a frame for each step of `speed`-fold time.
 
     Args:
         path: its ending says the format.
@@ -106,9 +105,9 @@ def save_animation(
         raise UsageError(f"speed: expected more than 0 (1 = real time), got {speed!r}.")
     pictures = frames(task, profile, trajectory, title)
     if path.suffix.lower() == ".gif":
-        _save_gif(path, pictures, STEP_S / speed)
+        _save_gif(path, pictures, profile.period_s / speed)
     else:
-        _save_mp4(path, pictures, speed / STEP_S)
+        _save_mp4(path, pictures, speed / profile.period_s)
     return path
 
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from realitygap.controller.layout import Genes
-from realitygap.kernels.params import STEP_S
 from realitygap.report.gather import PER_CONDITION, Paths, TaskPart, chosen, individual
 from realitygap.report.network import network_drawing
 from realitygap.report.player_tracks import Inside, activity, poses_of, track
@@ -66,7 +65,7 @@ def player_data(
         "radius": float(body.radius), "front": front(body), "outline": body.outline[:, :2].tolist(),
         "track": float(body.track), "wheel": list(WHEEL_CM),
     }  # fmt: skip
-    return {"step_s": STEP_S, "robot": robot, "tasks": tasks} if tasks else None
+    return {"step_s": study.profile.period_s, "robot": robot, "tasks": tasks} if tasks else None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -56,8 +56,8 @@ class OwnBody(Blamed):
             raise self._wrong(f"expected {', '.join(missing)}, which it has not")
         self.channels = self._channels()
         period = own.period_s
-        if isinstance(period, bool) or not isinstance(period, int | float) or not period > 0:
-            raise self._wrong(f"period_s: expected seconds, got {period!r}")
+        if isinstance(period, bool) or not isinstance(period, int | float) or not 0.02 <= period <= 0.2:
+            raise self._wrong(f"period_s: expected 0.02 to 0.2 (s), got {period!r}")
         if own.counts_turns and not hasattr(own, "odometry"):
             raise self._wrong("odometry: expected, since it counts turns")
 

@@ -1,6 +1,6 @@
 """The simulated robot as a body: what a controller drives, as it drives a twin or a Khepera.
 
-Time goes on with the body's own clock, in the simulation's steps of 100 ms.
+Time goes on with the body's own clock, in the simulation's steps: the profile's period.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import numpy as np
 
 from realitygap.errors import UsageError
 from realitygap.kernels import halves
-from realitygap.kernels.params import STEP_S
 from realitygap.kernels.work import new_aside, new_work
 from realitygap.robots.body import KINDS, Channel, Odometry
 from realitygap.robots.clock import SteppedClock
@@ -47,7 +46,6 @@ class SimulatedBody:
         UsageError: a kind of sensors that there is not.
     """
 
-    period_s = STEP_S
     counts_turns = True
 
     def __init__(
@@ -73,7 +71,8 @@ class SimulatedBody:
         self._nobody = halves.quiet()
         self._work = new_work(robot, trial, self._nobody)
         self._aside = new_aside(robot, trial)
-        self.clock = SteppedClock(self._step, STEP_S)
+        self.period_s = simulation.profile.period_s
+        self.clock = SteppedClock(self._step, self.period_s)
         self._set_down(simulation.start(stream))
 
     @property
@@ -128,7 +127,7 @@ class SimulatedBody:
         for _ in range(STAND_STEPS):
             if not self._work.wheel[:, 0].any():
                 return
-            self.clock.sleep_until(self.clock.now() + STEP_S)
+            self.clock.sleep_until(self.clock.now() + self.period_s)
 
     def close(self) -> None:
         """Stand."""
@@ -144,7 +143,7 @@ class SimulatedBody:
         self.clock.begin_step()
 
     def _step(self) -> None:
-        """100 ms of the simulation."""
+        """One step of the simulation."""
         halves.move_on(self._world, self._nobody, np.uint64(self._drawn_from), self._k, self._work)
         self._k += 1
         for i, speed in enumerate(self.wheels):

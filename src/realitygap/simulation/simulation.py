@@ -14,7 +14,7 @@ from realitygap.controller.layout import shown
 from realitygap.controller.network import check_networks
 from realitygap.errors import UsageError
 from realitygap.kernels import batch, halves
-from realitygap.kernels.params import STEP_S, Networks, Path, Trial, World
+from realitygap.kernels.params import Networks, Path, Trial, World
 from realitygap.kernels.work import Record, Work, new_aside, new_noise, new_work
 from realitygap.simulation.engine import Cores, Engine, Streams
 from realitygap.tasks.load import load_task
@@ -109,7 +109,7 @@ class Simulation:
         self._cores.require_finite_path(*path, record.proximity, record.ambient)
         score = np.array([self._cores.score(path, self._cores.room)])
         self._cores.require_finite(score)
-        return _trajectory(record), float(score[0])
+        return _trajectory(record, self.profile.period_s), float(score[0])
 
     def start(self, stream: int) -> Pose:
         """Where a trial on this stream starts."""
@@ -146,9 +146,10 @@ class Simulation:
 
     def _steps(self, seconds: float) -> int:
         number = isinstance(seconds, int | float) and 0 < seconds <= LONGEST_S
-        steps = round(seconds / STEP_S) if number else 0
-        if steps < 1 or abs(steps * STEP_S - seconds) > 1e-6:
-            expected = f"a positive multiple of {STEP_S} (one step), {LONGEST_S} at most"
+        period = self.profile.period_s
+        steps = round(seconds / period) if number else 0
+        if steps < 1 or abs(steps * period - seconds) > 1e-6:
+            expected = f"a positive multiple of {period:g} (one step), {LONGEST_S} at most"
             raise UsageError(f"seconds: expected {expected}, got {seconds!r}.")
         return steps
 
@@ -179,10 +180,10 @@ def batch_streams(stream: int, count: int) -> Streams:
     return np.array([substream(named, i) for i in range(count)], np.uint64)
 
 
-def _trajectory(record: Record) -> Trajectory:
+def _trajectory(record: Record, period_s: float) -> Trajectory:
     path = record.path
     return Trajectory(
-        t=np.arange(record.pose.shape[0], dtype=np.float64) * STEP_S,
+        t=np.arange(record.pose.shape[0], dtype=np.float64) * period_s,
         x=record.pose[:, 0],
         y=record.pose[:, 1],
         heading=record.pose[:, 2],

@@ -100,6 +100,20 @@ class Task:
         """Steps of 0.1 s in one trial."""
         return round(self.seconds / STEP_S)
 
+    def steps_of(self, profile: Profile) -> int:
+        """Steps of the robot's period in one trial.
+
+        Raises:
+            TaskError: it lasts no whole number of them.
+        """
+        steps = round(self.seconds / profile.period_s)
+        if abs(steps * profile.period_s - self.seconds) > 1e-6:
+            raise TaskError(
+                f"task {self.name!r}: seconds: expected whole steps of {profile.period_s:g} s, the period of "
+                f"profile {profile.name!r}, got {self.seconds:g}."
+            )
+        return steps
+
     def of(self, profile: Profile) -> Task:
         """The task for a robot: fed by all its sensors of the kind, if it names none."""
         there = len(profile.channel(self.feeds).sensors)
@@ -135,7 +149,7 @@ class Task:
                 "Move the start, or make its disc smaller."
             )
         return params.Trial(
-            steps=self.steps,
+            steps=self.steps_of(profile),
             feed=FEEDS.index(self.feeds),
             channels=np.array(sensors, dtype=np.int64),
             start=np.array([start.x_cm, start.y_cm, start.radius_cm, low, high]),

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from realitygap.errors import FilmError
-from realitygap.kernels.params import STEP_S
 from realitygap.track import Track
 from realitygap.transfer.film import FILM, TRACK, keep_film
 from realitygap.transfer.paths import of_track
@@ -39,6 +38,7 @@ class FilmOfDrive:
     marker: Marker
     source: str
     begun: float
+    period_s: float
     filmed: Filmed | None = None
 
     def path(self, facts: dict[str, Any]) -> Track:
@@ -59,7 +59,7 @@ class FilmOfDrive:
             (folder / FILM).unlink()
         facts |= {"view": f"camera {self.source}", "film_lead_s": round(lead, 6)}
         facts["trouble"] = self.filmed.trouble
-        return of_track(track, round(one.seconds / STEP_S), lead)
+        return of_track(track, round(one.seconds / self.period_s), lead, period_s=self.period_s)
 
 
 class Overhead(Closing):
@@ -96,10 +96,11 @@ class Overhead(Closing):
                 return requested if pose is None else pose
 
     @contextmanager
-    def filming(self, one: Situation, folder: Path) -> Iterator[FilmOfDrive]:
-        """Film what happens in the block, which is the drive; its path is there afterwards."""
+    def filming(self, one: Situation, folder: Path, period_s: float) -> Iterator[FilmOfDrive]:
+        """Film what happens in the block, which is the drive; its path, by the steps, is there afterwards."""
         self._live.film(folder / FILM)
         settings: dict[str, Any] = {"situation": one, "folder": folder, "camera": self.camera}
+        settings["period_s"] = period_s
         film = FilmOfDrive(marker=self._marker, source=self._live.source, begun=time.monotonic(), **settings)
         try:
             yield film

@@ -37,13 +37,13 @@ BRIDGED_STEPS = 5
 """A score goes straight across a gap of so many steps at most."""
 
 
-def of_track(track: Track, steps: int, begin_s: float = 0.0) -> Track:
+def of_track(track: Track, steps: int, begin_s: float = 0.0, *, period_s: float = STEP_S) -> Track:
     """A camera's track at the times of the steps, from `begin_s` on: between the two frames about each.
 
     A step beside which the robot was lost, or nothing was filmed, is a gap: nothing is guessed.
     """
     found, t = track.found, track.t
-    times = begin_s + np.arange(steps + 1) * STEP_S
+    times = begin_s + np.arange(steps + 1) * period_s
     after = np.searchsorted(t, times - SAME_S)
     last = np.minimum(after, len(t) - 1)
     before = np.where(np.abs(t[last] - times) <= SAME_S, last, after - 1)
@@ -53,10 +53,17 @@ def of_track(track: Track, steps: int, begin_s: float = 0.0) -> Track:
         seen = track.only(found)
         columns = (seen.x, seen.y, np.unwrap(settled(seen.heading)))
         x, y, heading = (np.where(known, np.interp(times, seen.t, column), np.nan) for column in columns)
-    return Track(t=_times(steps + 1), x=x, y=y, heading=settled(heading), seen_by=track.seen_by)
+    return Track(t=_times(steps + 1, period_s), x=x, y=y, heading=settled(heading), seen_by=track.seen_by)
 
 
-def of_counters(counters: Floats, start: Pose, *, cm_per_pulse: tuple[float, float], axle_cm: float) -> Track:
+def of_counters(
+    counters: Floats,
+    start: Pose,
+    *,
+    cm_per_pulse: tuple[float, float],
+    axle_cm: float,
+    period_s: float = STEP_S,
+) -> Track:
     """The track that the wheels' counters [steps + 1, 2] tell, from a known start (odometry).
 
     A step's arc is driven at its mean heading; a row of NaN (nothing read) keeps the counters before.
@@ -66,6 +73,7 @@ def of_counters(counters: Floats, start: Pose, *, cm_per_pulse: tuple[float, flo
         start: where it began.
         cm_per_pulse: of the left wheel and the right one.
         axle_cm: from wheel to wheel.
+        period_s: of a step.
     """
     pulses = counters.copy()
     for k in range(len(pulses)):
@@ -78,13 +86,13 @@ def of_counters(counters: Floats, start: Pose, *, cm_per_pulse: tuple[float, flo
     chord = (left + right) / 2.0 * np.sinc(turn / (2.0 * np.pi))
     x = start.x + np.concatenate([[0.0], np.cumsum(chord * np.cos(mean))])
     y = start.y + np.concatenate([[0.0], np.cumsum(chord * np.sin(mean))])
-    return Track(t=_times(len(x)), x=x, y=y, heading=settled(heading), seen_by="counters")
+    return Track(t=_times(len(x), period_s), x=x, y=y, heading=settled(heading), seen_by="counters")
 
 
-def of_poses(poses: Sequence[Pose]) -> Track:
+def of_poses(poses: Sequence[Pose], period_s: float = STEP_S) -> Track:
     """The track that a robot itself knows, a pose a step."""
     x, y, heading = np.array([(one.x, one.y, one.heading) for one in poses], np.float64).T
-    return Track(t=_times(len(x)), x=x, y=y, heading=settled(heading), seen_by="robot")
+    return Track(t=_times(len(x), period_s), x=x, y=y, heading=settled(heading), seen_by="robot")
 
 
 def score(path: Track, task: Task, profile: Profile) -> float:
@@ -100,8 +108,8 @@ def score(path: Track, task: Task, profile: Profile) -> float:
     turn = np.diff(heading)
     mean = heading[:-1] + turn / 2.0
     along = np.diff(x) * np.cos(mean) + np.diff(y) * np.sin(mean)
-    forward = along / (np.sinc(turn / (2.0 * np.pi)) * STEP_S)
-    apart = turn * profile.wheels.track_cm / (2.0 * STEP_S)
+    forward = along / (np.sinc(turn / (2.0 * np.pi)) * profile.period_s)
+    apart = turn * profile.wheels.track_cm / (2.0 * profile.period_s)
     grown, arena = profile.body.grown(TOUCH_CM), task.arena.to_kernel()
     robot = profile.to_kernel()._replace(radius=grown.radius_cm, outline=grown.edges())
     places = zip(x[1:], y[1:], heading[1:], strict=True)
@@ -129,5 +137,5 @@ def _bridged(path: Track) -> tuple[Floats, Floats, Floats] | None:
     return x, y, turned
 
 
-def _times(rows: int) -> Floats:
-    return (np.arange(rows, dtype=np.float64) * STEP_S).round(6)
+def _times(rows: int, period_s: float) -> Floats:
+    return (np.arange(rows, dtype=np.float64) * period_s).round(6)

@@ -13,7 +13,6 @@ import numpy as np
 from realitygap.errors import StudyError, UsageError
 from realitygap.film.disk import Disk
 from realitygap.film.tag import Tag
-from realitygap.kernels.params import STEP_S
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import BAUD, Address
 from realitygap.robots.body import Body, Placing, Seen, channel
@@ -258,8 +257,10 @@ def check_body(study: Study, task: str, body: Body) -> None:
             f"{evolved} {feeds} counts up to {law.top:g} (profile {profile.name!r}); this robot's go up to "
             f"{one.high}: calibrate it, and evolve with its own profile."
         )
-    if body.period_s != STEP_S:
-        raise UsageError(f"{evolved} a period of {STEP_S:g} s; this robot's is {body.period_s:g} s.")
+    if body.period_s != profile.period_s:
+        raise UsageError(
+            f"{evolved} a period of {profile.period_s:g} s; this robot's is {body.period_s:g} s."
+        )
 
 
 def median_run(runs: Iterable[Run]) -> Run | None:

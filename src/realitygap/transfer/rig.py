@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from realitygap import temporary
 from realitygap.errors import UsageError
-from realitygap.kernels.params import STEP_S
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import BAUD, Address
 from realitygap.robots.body import Body, Filmed, Placing, Seen, abandon, attend, odometry_of
@@ -52,12 +51,19 @@ class Driven(NamedTuple):
         counters: [steps + 1, 2] pulses, NaN where nothing was counted.
         cm_per_pulse: of the left wheel and the right one, if anybody knows.
         poses: where it was; none of a robot that does not know.
+        period_s: of a step.
     """
 
     recording: Recording
     counters: Floats
     cm_per_pulse: tuple[float, float] | None
     poses: tuple[Pose, ...]
+    period_s: float
+
+    @property
+    def known(self) -> Track:
+        """The path as the robot itself knows it."""
+        return of_poses(self.poses, self.period_s)
 
     def counted(self, start: Pose, axle_cm: float) -> Track:
         """The path by the wheels' counters.
@@ -69,7 +75,8 @@ class Driven(NamedTuple):
             raise UsageError(
                 "robot: expected the length of its pulses: calibrate its wheels, or give it `pulses_per_mm`."
             )
-        return of_counters(self.counters, start, cm_per_pulse=self.cm_per_pulse, axle_cm=axle_cm)
+        pulse, period_s = self.cm_per_pulse, self.period_s
+        return of_counters(self.counters, start, cm_per_pulse=pulse, axle_cm=axle_cm, period_s=period_s)
 
 
 class Scaled:
@@ -125,7 +132,8 @@ def driven(
     attend(body)
     body.sense()
     last = odometry_of(body).counters or (np.nan, np.nan)
-    return Driven(made, np.vstack([made.counters, last]), _cm_per_pulse(body, profile), tuple(poses))
+    counters = np.vstack([made.counters, last])
+    return Driven(made, counters, _cm_per_pulse(body, profile), tuple(poses), body.period_s)
 
 
 def _cm_per_pulse(body: Body, profile: Profile) -> tuple[float, float] | None:
@@ -189,13 +197,14 @@ class Rig(Closing):
         length = self.task.seconds if seconds is None else seconds
         if self.robot.unit is None:
             made = self.trial(controller, stream, pose, length)
-            track = of_poses(made.poses) if made.poses else made.counted(pose, self.profile.wheels.track_cm)
+            track = made.known if made.poses else made.counted(pose, self.profile.wheels.track_cm)
             return track, made.recording
         with temporary.Folder("sealed") as folder:
             sealed = Path(folder) / "sealed.csv"
             recording = self.trial(controller, stream, pose, length, sealed=sealed).recording
             track = self.watcher.track(self.states(sealed, length), stream)
-        return of_track(track, round(length / STEP_S)), recording
+        period_s = self.profile.period_s
+        return of_track(track, round(length / period_s), period_s=period_s), recording
 
     def trial(
         self,

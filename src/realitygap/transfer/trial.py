@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 from realitygap import whole
 from realitygap.controller.network import NetworkController
-from realitygap.kernels.params import STEP_S
 from realitygap.robots.address import Address
 from realitygap.robots.body import Body, attend
 from realitygap.robots.recording import Recorder
@@ -22,7 +21,7 @@ from realitygap.study.load import Study
 from realitygap.toml import to_toml
 from realitygap.track import Track
 from realitygap.transfer.folder import made
-from realitygap.transfer.paths import of_poses, of_track, score
+from realitygap.transfer.paths import of_track, score
 from realitygap.transfer.plan import FOLDER, Situation
 from realitygap.transfer.rig import Driven, Rig, driven
 from realitygap.values import Pose
@@ -88,7 +87,9 @@ class Stage:
             facts = self._simulate(one, pose, folder)
             driven = self._drive_rig(one, pose, folder)
             if one.source in ("camera", "film"):
-                path = of_track(self._seen(one, folder, facts, tell), round(one.seconds / STEP_S))
+                period_s = self.study.profile.period_s
+                seen = self._seen(one, folder, facts, tell)
+                path = of_track(seen, round(one.seconds / period_s), period_s=period_s)
             else:
                 path = self._own_path(one, driven, pose)
             self._write(one, folder, facts, path, driven)
@@ -117,7 +118,7 @@ class Stage:
                 driven = self._drive(one, body, folder, facts)
                 path = self._own_path(one, driven, pose)
             else:
-                with overhead.filming(one, folder) as film:
+                with overhead.filming(one, folder, self.study.profile.period_s) as film:
                     driven = self._drive(one, body, folder, facts)
                 path = film.path(facts)
             self._write(one, folder, facts, path, driven)
@@ -158,7 +159,7 @@ class Stage:
     def _own_path(self, one: Situation, driven: Driven, pose: Pose) -> Track:
         """The path as the robot knows it, or by its wheels' counters."""
         if one.source == "robot":
-            return of_poses(driven.poses)
+            return driven.known
         return driven.counted(pose, self.study.profile.wheels.track_cm)
 
     def _seen(self, one: Situation, folder: Path, facts: dict[str, Any], tell: Tell) -> Track:

@@ -34,6 +34,8 @@ MEASURED = {
     "curve", "noise", "noise_rise",
 }  # fmt: skip
 """Keys that only sensors as measured have: left out of a file where they are 0 or empty."""
+PERIODS_S = (0.02, 0.2)
+"""Shortest and longest step of a robot's control."""
 TRACK = (0.2, 15.0)
 """The track's least and most, in radii of the body."""
 ON_EDGE = 1e-6
@@ -111,12 +113,13 @@ class Noise(Value):
 class Profile(Value):
     """All constants of one robot. Lengths cm, angles degrees, readings counts.
 
-    Each channel states its full scale (`top`) and its sensors, as many as there are; without `ambient` the
-    robot sees no light.
+    A step of control lasts `period_s`. Each channel states its full scale (`top`) and its sensors, as many
+    as there are; without `ambient` the robot sees no light.
     """
 
     name: str
     source: str = ""
+    period_s: float = STEP_S
     body: Body
     wheels: Wheels
     infrared: Infrared
@@ -126,6 +129,8 @@ class Profile(Value):
 
     def _check(self) -> None:
         require(bool(self.name.strip()), "name", "a name", self.name)
+        inside = PERIODS_S[0] <= self.period_s <= PERIODS_S[1]
+        require(inside, "period_s", "0.02 to 0.2 (s) of one step", self.period_s, "Is it in another unit?")
         radius = self.body.radius_cm
         least, most = (round(share * radius, 6) for share in TRACK)
         require(
@@ -140,10 +145,10 @@ class Profile(Value):
         require(top == 0 or eyes < top, "ambient.sensor_height_cm", below, eyes)
         fastest = self.wheels.top_command * max(self.wheels.speed_per_unit_cm_s)
         require(
-            fastest * STEP_S <= radius,
+            fastest * self.period_s <= radius,
             "wheels.speed_per_unit_cm_s",
-            f"a top speed of at most one body radius ({radius:g} cm) a step of {STEP_S:g} s",
-            fastest * STEP_S,
+            f"a top speed of at most one body radius ({radius:g} cm) a step of {self.period_s:g} s",
+            fastest * self.period_s,
             "Lower it, or lower wheels.top_command.",
         )
         for part, keys in (("infrared", ("proximity", "proximity_dark")), ("ambient", ("ambient",))):
@@ -167,6 +172,7 @@ class Profile(Value):
         return params.Robot(
             radius=self.body.radius_cm,
             outline=self.body.edges(),
+            period=self.period_s,
             track=wheels.track_cm,
             speed_per_unit=np.array(wheels.speed_per_unit_cm_s),
             kp=wheels.kp,
@@ -176,7 +182,7 @@ class Profile(Value):
             lag=wheels.lag,
             rest_speed=wheels.rest_speed_cm_s,
             friction=wheels.friction_cm_s2,
-            half_play=wheels.play_cm / 2 / STEP_S,
+            half_play=wheels.play_cm / 2 / self.period_s,
             top_command=wheels.top_command,
             **{f"noise_{key}": value for key, value in self.noise.to_dict().items()},
             **sensors,
@@ -211,7 +217,7 @@ class Profile(Value):
     def to_dict(self) -> dict[str, Any]:
         """Every constant the simulation uses: the file's, and under `fixed` what no file changes."""
         fixed = {
-            "step_s": STEP_S,
+            "step_s": self.period_s,
             "updates_per_step": UPDATES,
             "longest_delay_updates": MAX_DELAY,
             "ray_angles_deg": list(RAY_ANGLES_DEG),
@@ -228,6 +234,8 @@ class Profile(Value):
         for key, unsaid in (("provenance", Provenance()), ("ambient", UNLIT)):
             if getattr(self, key) == unsaid:
                 del table[key]
+        if self.period_s == STEP_S:
+            del table["period_s"]
         if not self.body.outline_cm:
             del table["body"]["outline_cm"]
         for part in ("infrared", "ambient"):

@@ -167,10 +167,17 @@ def _parts(wanted: Wanted, body: Body) -> list[SensorPlan | tuple[Trial, ...]]:
                 expected = f"{theirs} {kind} sensors, as the base {base.name!r} has" if base else ""
                 raise UsageError(f"robot: expected {expected}; this one has {has}.")
             parts.append(part)
+    if base is not None and base.period_s != body.period_s:
+        raise UsageError(
+            f"robot: expected a period of {base.period_s:g} s, as the base {base.name!r} has; this one's is "
+            f"{body.period_s:g} s. Say it with period_s in the base."
+        )
     followed = not body.counts_turns and isinstance(body, Seen | Filmed)
     if wanted.plan == "wheels" or (wanted.plan == "all" and (body.counts_turns or followed)):
         wheels = base.wheels if base else None
-        parts.append(wheel_plan(wanted.repeats, wanted.seed, wheels, followed=followed))
+        parts.append(
+            wheel_plan(wanted.repeats, wanted.seed, wheels, period_s=body.period_s, followed=followed)
+        )
     return parts
 
 

@@ -47,7 +47,7 @@ Command = tuple[int, int]
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """One trial: commands for steps of 100 ms, from standing to standing.
+    """One trial: commands for steps, from standing to standing.
 
     Attributes:
         number: from 0.
@@ -76,7 +76,7 @@ class Trial:
 
 
 def wheel_plan(
-    repeats: int, seed: int, wheels: Wheels | None = None, *, followed: bool = False
+    repeats: int, seed: int, wheels: Wheels | None = None, *, period_s: float = 0.1, followed: bool = False
 ) -> tuple[Trial, ...]:
     """All trials.
 
@@ -84,6 +84,7 @@ def wheel_plan(
         repeats: how often a standing start of each size is made.
         seed: of the random commands and the places.
         wheels: whose top command and speed; None: 10 units, of about 8 mm/s.
+        period_s: of a step of the robot.
         followed: whether a camera sees every step, as of wheels that count nothing.
     """
     draw = random.Random(f"wheels/{seed}")
@@ -94,7 +95,9 @@ def wheel_plan(
 
     def add(kind: str, commands: list[Command], pose: Pose, says: str, **camera: bool) -> None:
         scaled = [(round(scale * left), round(scale * right)) for left, right in commands]
-        whole = (*scaled, *[(0, 0)] * _steps(STAND_S))
+        tenths = (*scaled, *[(0, 0)] * _steps(STAND_S))
+        steps = round(len(tenths) / STEPS_A_SECOND / period_s)
+        whole = tuple(tenths[int(k * period_s * STEPS_A_SECOND + 1e-6)] for k in range(steps))
         seen = {"filmed": followed, **camera, **({"watched": True} if followed else {})}
         made.append(Trial(number=len(made), kind=kind, commands=whole, pose=pose, says=says, **seen))
 

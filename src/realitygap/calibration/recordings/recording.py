@@ -209,6 +209,7 @@ class WheelRecording(Recorded):
         pose: [n, 3] x, y (cm) and heading (rad) from the camera; NaN where it took no picture.
         pulses_per_mm: what one knows of the counters beforehand.
         told: the counters are none: they add up what the wheels were told, units times seconds.
+        period_s: of a step.
     """
 
     t_s: Array
@@ -220,6 +221,7 @@ class WheelRecording(Recorded):
     pose: Array | None = None
     pulses_per_mm: float = PULSES_PER_MM
     told: bool = False
+    period_s: float = 0.1
 
     def __post_init__(self) -> None:
         n = len(self.t_s)
@@ -243,13 +245,13 @@ class WheelRecording(Recorded):
         return int(both.sum()) >= FOLLOWED_STEPS
 
     def of_robot(self, base: Profile) -> WheelRecording:
-        """With what the wheels were told for counters, where they have none; its length is the base's."""
+        """In steps of the base's period; for counters, where wheels have none, what they were told."""
         if self.counted:
-            return self
+            return replace(self, period_s=base.period_s)
         steps = self.commands[:-1] * np.diff(self.t_s)[:, None]
         told = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
         per_mm = 1.0 / sum(5.0 * speed for speed in base.wheels.speed_per_unit_cm_s)
-        return replace(self, counters=told, pulses_per_mm=per_mm, told=True)
+        return replace(self, counters=told, pulses_per_mm=per_mm, told=True, period_s=base.period_s)
 
     def trials(self, *kinds: str) -> list[NDArray[np.int64]]:
         """The rows of each trial of these kinds (default: of all), in their order."""

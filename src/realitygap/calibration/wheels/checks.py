@@ -58,7 +58,8 @@ def refuse_few_steps(recording: WheelRecording, measured: Array) -> None:
     """Refuse a recording with too few speeds [n, 2] to tell anything."""
     if np.isfinite(measured).sum() < 2 * FEWEST_STEPS:
         raise CalibrationError(
-            f"{recording.source}: expected {FEWEST_STEPS} steps of 0.1 s or more, in a trial each."
+            f"{recording.source}: expected {FEWEST_STEPS} steps of {recording.period_s:g} s or more, in a "
+            "trial each."
         )
 
 

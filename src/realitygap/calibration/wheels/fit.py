@@ -33,7 +33,6 @@ from realitygap.calibration.wheels.odometry import (
     measure_odometry,
     measured_speeds,
 )
-from realitygap.kernels.params import STEP_S
 from realitygap.world.profile import Profile, largest_pole
 
 __all__ = ["WHEEL_FORMS", "WheelFit", "fit_wheels"]
@@ -222,7 +221,7 @@ def _with(base: Profile, values: dict[str, float]) -> Profile:
     gains = {key: values[key] for key in (*GAINS, "play_cm") if key in values}
     speeds = (values["speed_left"], values["speed_right"])
     # A little below the loader's bound, which rounding could pass by a bit.
-    top = min(wheels.top_command, base.body.radius_cm / STEP_S / max(speeds) * (1 - 1e-9))
+    top = min(wheels.top_command, base.body.radius_cm / base.period_s / max(speeds) * (1 - 1e-9))
     return replace(base, wheels=replace(wheels, speed_per_unit_cm_s=speeds, top_command=top, **gains))
 
 

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.constants import SIGMAS, Constant
 from realitygap.calibration.recordings.recording import WheelRecording
-from realitygap.kernels.params import STEP_S
 
 __all__ = ["Odometry", "enough_pictures", "measure_odometry", "measured_speeds"]
 
@@ -95,7 +94,7 @@ def measured_speeds(
             aside = turn * odometry.track_cm / 2
             way, lengths = np.stack([ahead - aside, ahead + aside], 1), (1.0, 1.0)
     out = np.full(recording.commands.shape, np.nan)
-    good = (np.diff(recording.trial) == 0) & (np.abs(step - STEP_S) < 0.2 * STEP_S)
+    good = (np.diff(recording.trial) == 0) & (np.abs(step - recording.period_s) < 0.2 * recording.period_s)
     out[:-1][good] = way[good] / step[good, None] * np.array(lengths)
     return out
 
