@@ -1,24 +1,37 @@
-"""Draws docs/correspondence.md's figure, prints its tables: `python -m docs.figures.correspondence`."""
+"""Draws docs/correspondence.md's figures, prints its tables: `python -m docs.figures.correspondence`.
+
+With `names`, what concerns names alone.
+"""
 
 from __future__ import annotations
 
 import itertools
+import sys
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from tests.correspondence.ladders import (
     Ladder,
+    Named,
     against,
     behaviours,
+    called,
     climb,
     held_out,
     ladders_of,
+    miscalibration,
     order_of_phrases,
     phrase_scores,
+    reliability,
+    right,
+    setting_for,
 )
+from tests.correspondence.vehicles import everybody
+from tests.exemplars.wide import FAMILIES
 
-from realitygap.correspondence.exemplars.kinds import KINDS, exemplar
+from realitygap.correspondence.names import KINDS, namer
 from realitygap.correspondence.words import PAPER_SCORES
 from realitygap.report.style import PAGE, new_figure, styled
 
@@ -30,8 +43,9 @@ PLACES: dict[str, Any] = {
     "obstacle-avoidance": {"loc": "upper center", "bbox_to_anchor": (0.5, 1.15)},
     "light-seeking": {"loc": "lower center", "bbox_to_anchor": (0.5, -0.2)},
 }
-SETS, EACH = (7000, 20_000, 40_000), 30
-"""First seeds of the held-out exemplars, and how many of a kind and level."""
+SETS, EACH, SEEDS = (7000, 20_000, 40_000), 12, 20
+"""First seeds of the held-out exemplars, how many of a kind and level; trials of a vehicle on each robot."""
+NOBODIES_OF = {task: [kind for kind in kinds if kind not in KINDS[task]] for task, kinds in FAMILIES.items()}
 
 
 def main() -> None:
@@ -64,20 +78,66 @@ def main() -> None:
 
 
 def names() -> None:
-    """Held-out exemplars by task and noise level."""
-    print("| task | noise | " + " | ".join(f"set {k + 1}" for k in range(len(SETS))) + " | without marks |")
+    """Held-out exemplars by task and noise level; vehicles on Enki's robots; how sure, how often right."""
+    print(
+        "| task | noise | " + " | ".join(f"set {k + 1}" for k in range(len(SETS))) + " | without evidence |"
+    )
     print("|---|---" + "|---" * (len(SETS) + 1) + "|")
+    found: dict[str, list[Named]] = {}
     for task, level in itertools.product(KINDS, (0.0, 1.0, 2.0)):
-        shares = [_right(task, level, first, marked=True) for first in SETS]
-        shares.append(_right(task, level, SETS[0], marked=False))
-        print(f"| {task} | {level:g} | " + " | ".join(f"{share:.1%}" for share in shares) + " |")
+        sets = [called(task, held_out(task, KINDS[task], range(k, k + EACH), level)) for k in SETS]
+        bare = called(task, held_out(task, KINDS[task], range(SETS[0], SETS[0] + EACH), level, marked=False))
+        print(f"| {task} | {level:g} | " + " | ".join(f"{right(of):.1%}" for of in (*sets, bare)) + " |")
+        label = f"exemplars held out,\n{task.replace('-', ' ')}"
+        found.setdefault(label, []).extend(itertools.chain(*sets))
+    for task, label in zip(KINDS, list(found), strict=True):
+        found[label] += called(task, held_out(task, NOBODIES_OF[task], range(SETS[0], SETS[0] + EACH), 1.0))
+    names_on_enki(found)
+    reliability_figure(found)
 
 
-def _right(task: str, level: float, first: int, *, marked: bool) -> float:
-    """Share of held-out exemplars that get their names."""
-    seeds = range(first, first + EACH)
-    trials = {kind: [exemplar(task, kind, i, level, marked=marked) for i in seeds] for kind in KINDS[task]}
-    return float(np.mean(list(held_out(task, trials).values())))
+def names_on_enki(found: dict[str, list[Named]]) -> None:
+    """Vehicles by what they are written to do, on both robots, in trials that show it; and as trials fall."""
+    made = [*everybody(range(SEEDS))]
+    setting = setting_for("obstacle-avoidance")
+    said = namer(setting).name([one.trial for one in made], setting)
+    every = [(one, Named(one.kind, name.name, name.confidence)) for one, name in zip(made, said, strict=True)]
+    print(
+        "\n| written to be | vehicle | show it | right of these | right of all | else called |\n"
+        + "|---" * 6
+        + "|"
+    )
+    for kind, family in dict.fromkeys((one.kind, one.family) for one in made):
+        own = [(one.shown, name) for one, name in every if (one.kind, one.family) == (kind, family)]
+        shown, wrong = [n for yes, n in own if yes], Counter(n.name for _, n in own if n.name != kind)
+        others = ", ".join(f"{name} {count}" for name, count in wrong.most_common())
+        shares = f"{right(shown):.0%} | {right([n for _, n in own]):.0%}"
+        print(f"| {kind} | {family} | {len(shown)} of {len(own)} | {shares} | {others} |")
+    found["vehicles on Enki's\nKhepera and e-puck"] = [name for one, name in every if one.shown]
+    found["the same,\nas trials fall"] = [name for _, name in every]
+
+
+def reliability_figure(found: dict[str, list[Named]]) -> None:
+    """Share of right names against confidence, a panel a set of robots."""
+    with styled():
+        figure = new_figure(PAGE, 2.3, layout="constrained")
+        for axes, (label, made) in zip(
+            figure.subplots(1, len(found), sharey=True), found.items(), strict=True
+        ):
+            rows = reliability(made)
+            count, sure, true = np.array(rows).T
+            error = np.sqrt(true * (1 - true) / count)
+            axes.plot([0, 1], [0, 1], color="0.6", linewidth=0.8)
+            axes.errorbar(sure, true, yerr=error, color=COLOURS[0], marker="o", markersize=3, linewidth=1)
+            for n, x, y in rows:
+                axes.annotate(str(n), (x, y), (4, -8), textcoords="offset points", fontsize=6)
+            axes.set(title=label, xlabel="confidence", xlim=(0.3, 1.03), ylim=(0, 1.05))
+            axes.title.set_fontsize(7)
+            mean = np.mean([one.confidence for one in made])
+            print(f"\n{label!r}: {len(made)} names, {right(made):.1%} right, confidence {mean:.3f}")
+            print(f"off by {miscalibration(made):.3f}: {[tuple(np.round(row, 2)) for row in rows]}")
+        figure.axes[0].set_ylabel("share of right names")
+        figure.savefig(HERE / "names.png", dpi=160, metadata={"Software": None})
 
 
 def draw(ladders: list[Ladder]) -> None:
@@ -114,4 +174,4 @@ def draw(ladders: list[Ladder]) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    names() if sys.argv[1:] == ["names"] else main()

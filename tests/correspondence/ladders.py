@@ -10,14 +10,17 @@ Nothing here sets anything: it serves the tests and docs/figures/correspondence.
 
 from __future__ import annotations
 
+import itertools
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from realitygap.correspondence.exemplars.kinds import KINDS, Behaviour
-from realitygap.correspondence.names import NONE, namer
+import realitygap
+from realitygap.correspondence.names import NONE, Namer, namer, shares
 from realitygap.correspondence.scale import exemplar_scale
 from realitygap.correspondence.score import Comparison, compare
 from realitygap.correspondence.setting import Setting, setting_of
@@ -25,8 +28,12 @@ from realitygap.correspondence.statistics import correlation
 from realitygap.correspondence.trials import Trial
 from realitygap.correspondence.words import ANOTHER, PAPER_SCORES
 from realitygap.tasks.load import load_task
+from realitygap.world.arena import Arena
 from realitygap.world.profile import Profile, load_profile
+from tests.exemplars.kinds import KINDS, Behaviour, exemplar
 
+KEPT = Path(realitygap.__file__).parent / "correspondence" / "exemplars" / "exemplars.npz"
+Exemplar = tuple[str, Trial, Arena]
 STARTS = 12
 GAINS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15)
 NOISES = (1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 8.0)
@@ -131,13 +138,62 @@ def order_of_phrases(said: dict[str, tuple[float, int]], *, least: int = 3) -> f
     return correlation(ours, [PAPER_SCORES[phrase] for phrase in phrases], resamples=1).rho
 
 
-def held_out(task: str, trials: dict[str, Sequence[Trial]]) -> dict[str, float]:
-    """Share of trials of each kind that get their kind's name (a kind of nobody: "none of these")."""
+class Named(NamedTuple):
+    """What a trial should be called, what it is called, and how surely."""
+
+    kind: str
+    name: str
+    confidence: float
+
+
+def held_out(
+    task: str, kinds: Iterable[str], seeds: Iterable[int], noise: float, **how: bool
+) -> list[Exemplar]:
+    """Exemplars, of each kind one a seed: what they should be called, their trial and where it was."""
+    return [
+        (kind if kind in KINDS[task] else NONE, *exemplar(task, kind, seed, noise, **how))
+        for kind, seed in itertools.product(kinds, seeds)
+    ]
+
+
+def called(task: str, robots: Iterable[Exemplar], names: Namer | None = None) -> list[Named]:
+    """What they are called."""
     setting = setting_for(task)
-    names = namer(setting)
-    return {
-        kind: float(np.mean([
-            found.name == (kind if kind in KINDS[task] else NONE) for found in names.name(of, setting)
-        ]))
-        for kind, of in trials.items()
-    }  # fmt: skip
+    names = names or namer(setting)
+    found = [(kind, names.name([trial], replace(setting, arena=arena))[0]) for kind, trial, arena in robots]
+    return [Named(kind, one.name, one.confidence) for kind, one in found]
+
+
+def left_out(task: str, hotter: float = 1.0) -> list[Named]:
+    """What kept exemplars of each design are called by those of all others, at `hotter` times the fitted."""
+    kept, made = np.load(KEPT), []
+    rows, names, families = (kept[f"{task} {what}"] for what in ("rows", "names", "families"))
+    for family in np.unique(families):
+        own = families == family
+        others = Namer(task, rows[~own], names[~own])
+        near = others.nearest(rows[own].astype(np.float64))
+        sure = shares(*near, float(kept[f"{task} reach"]), hotter * float(kept[f"{task} temperature"]))
+        kind = str(names[own][0]) if names[own][0] in KINDS[task] else NONE
+        made += [Named(kind, others.kinds[one.argmax()], float(one.max())) for one in sure]
+    return made
+
+
+def right(made: Sequence[Named]) -> float:
+    """The share that bear their name."""
+    return float(np.mean([one.kind == one.name for one in made]))
+
+
+BANDS = (0.0, 0.5, 0.6, 0.7, 0.8, 0.9, 1.01)
+
+
+def reliability(made: Sequence[Named]) -> list[tuple[int, float, float]]:
+    """By band of confidence: how many, how sure they were, and how many of them were right."""
+    sure = np.array([one.confidence for one in made])
+    true = np.array([one.kind == one.name for one in made])
+    bands = [(sure >= low) & (sure < high) for low, high in itertools.pairwise(BANDS)]
+    return [(int(b.sum()), float(sure[b].mean()), float(true[b].mean())) for b in bands if b.any()]
+
+
+def miscalibration(made: Sequence[Named]) -> float:
+    """How far confidence and share of right names are apart, over the bands (expected calibration error)."""
+    return sum(n * abs(sure - true) for n, sure, true in reliability(made)) / len(made)

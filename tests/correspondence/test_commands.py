@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from realitygap.correspondence.exemplars.kinds import Behaviour
 from realitygap.correspondence.judging import Pair, blind_pairs
 from realitygap.correspondence.reading import agreement
 from realitygap.correspondence.setting import setting_of
 from tests.correspondence.tracks import write
+from tests.exemplars.kinds import Behaviour
 
 ROBOT = Behaviour(task="obstacle-avoidance", kind="two way turner", seed=1)
 

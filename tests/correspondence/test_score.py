@@ -11,7 +11,6 @@ from realitygap.controller.handmade import braitenberg
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import decode
 from realitygap.correspondence.distances import Distances, matched_starts
-from realitygap.correspondence.exemplars.kinds import Behaviour
 from realitygap.correspondence.scale import exemplar_scale
 from realitygap.correspondence.score import behaviour_score, compare, ends_of
 from realitygap.correspondence.statistics import correlation, parting_s, transferability
@@ -33,6 +32,7 @@ from tests.correspondence.ladders import (
     setting_for,
 )
 from tests.correspondence.tracks import half_round, in_mirror, mirrored, turned
+from tests.exemplars.kinds import Behaviour
 
 EACH = pytest.mark.parametrize("robot", behaviours(0), ids=lambda b: f"{b.task[:5]} {b.kind}")
 TURNER = Behaviour(task="obstacle-avoidance", kind="two way turner", seed=1)

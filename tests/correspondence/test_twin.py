@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from realitygap.correspondence.exemplars.kinds import KINDS, Ruled, shows
 from realitygap.correspondence.names import namer
 from realitygap.correspondence.reading import read_trials
 from realitygap.robots.clock import VirtualClock
@@ -18,6 +17,7 @@ from realitygap.twin.process import start_twin
 from realitygap.values import Readings
 from realitygap.world.profile import load_profile
 from tests.correspondence.ladders import setting_for
+from tests.exemplars.kinds import KINDS, Ruled, shows
 
 UNITS = (1, 2)
 DRAWS = 20

@@ -9,7 +9,7 @@ that are compared.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from realitygap.correspondence.trials import STEP_S, Trial
 from realitygap.world.arena import Arena
 
 __all__ = [
-    "DESCRIPTORS", "Descriptor", "chosen", "describe_all", "in_units", "jitter", "mirrored", "table",
+    "DESCRIPTORS", "FOR_NAMES", "Descriptor", "chosen", "describe_all", "in_units", "jitter", "mirrored",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -74,6 +74,16 @@ DESCRIPTORS = (
     Descriptor("light response", "deg/s", 5.0, "light"),
 )
 
+FOR_NAMES = (
+    Descriptor("free bend", "deg/cm", 2.0, "walls", handed=True),
+    Descriptor("free straight", "share of time", 0.1, "walls"),
+    Descriptor("turning away", "share of turning", 0.15, "walls"),
+    Descriptor("side near", "share of turning", 0.15, "walls", handed=True),
+    Descriptor("wall side", "share of time", 0.15, "walls", handed=True),
+)
+"""What tells the kinds of behaviour apart and is no part of a score: how the robot goes where nothing is
+near; whether it turns away from what is ahead, and always to one side; on which side it has walls."""
+
 
 def chosen(arena: Arena | None) -> tuple[Descriptor, ...]:
     """The descriptors that can be told in an arena; of the motion alone where there is none."""
@@ -81,19 +91,15 @@ def chosen(arena: Arena | None) -> tuple[Descriptor, ...]:
     return tuple(d for d in DESCRIPTORS if d.needs in told)
 
 
-def table(trials: Sequence[Trial], arena: Arena | None) -> Floats:
-    """Descriptors of trials, a row a trial, in units of what can just be noticed: [n, d]."""
-    return in_units(describe_all(trials, arena), arena)
-
-
-def in_units(told: dict[str, Floats], arena: Arena | None) -> Floats:
+def in_units(told: dict[str, Floats], descriptors: Sequence[Descriptor]) -> Floats:
     """What `describe_all` told, a row a trial, in units of what can just be noticed: [n, d]."""
-    return np.stack([told[d.name] / d.noticeable for d in chosen(arena)], axis=1)
+    return np.stack([told[d.name] / d.noticeable for d in descriptors], axis=1)
 
 
 def describe_all(trials: Sequence[Trial], arena: Arena | None) -> dict[str, Floats]:
     """Descriptors by name, in their own units, [n] each: trials of one length are worked out together."""
-    made = {d.name: np.empty(len(trials)) for d in chosen(arena)}
+    every = (*chosen(arena), *(FOR_NAMES if arena else ()))
+    made = {d.name: np.empty(len(trials)) for d in every}
     sizes = np.array([len(t) for t in trials])
     for size in np.unique(sizes):
         rows = [int(i) for i in np.flatnonzero(sizes == size)]
@@ -215,6 +221,7 @@ def _surroundings(flat: Around, turn: Floats, forward: Floats) -> dict[str, Floa
         "touching": (clearance < TOUCH_CM).mean(axis=1),
         "along": (near & (aside > 0.8) & (np.abs(forward) > SLOW_CM_S)).mean(axis=1),
         "turning clearance": (np.maximum(clearance, 0) * turning).sum(axis=1) / (turning.sum(axis=1) + 1.0),
+        **_for_names(clearance, surface, _smooth(turn), np.abs(forward)),
     }
     if flat.lamp is not None and flat.lamp_distance is not None:
         lamp, distance = flat.lamp.reshape(turn.shape), flat.lamp_distance.reshape(turn.shape)
@@ -227,6 +234,29 @@ def _surroundings(flat: Around, turn: Floats, forward: Floats) -> dict[str, Floa
             "light response": toward.sum(axis=1) / (off.sum(axis=1) + 3.0),
         }
     return told
+
+
+def _for_names(clearance: Floats, surface: Floats, turn: Floats, pace: Floats) -> dict[str, Floats]:
+    """What tells kinds apart, of clearances, bearings of the nearest surface, turn rates and paces [n, t].
+
+    Shares have a little more below the line, so that a trial in which a thing hardly happens shows none.
+    """
+
+    def share(part: NDArray[Any], whole: NDArray[Any], more: float) -> Floats:
+        return np.asarray(part.sum(axis=1) / (whole.sum(axis=1) + more))
+
+    moving, side, rate = pace > SLOW_CM_S, np.sign(np.sin(surface)), np.abs(turn)
+    free = moving & ((clearance > 3.5) | (np.cos(surface) < 0))
+    faced = rate * ((clearance < 5.0) & (np.cos(surface) > 0.2) & (np.abs(np.sin(surface)) > 0.3))
+    close = rate * ((clearance < FEEL_CM) & (np.cos(surface) > -0.3))
+    beside = moving & (clearance < 4.0) & (np.abs(np.sin(surface)) > 0.6)
+    return {
+        "free bend": np.clip(share(turn * free, pace * free, 20.0), -20, 20),
+        "free straight": share(free * (rate < 12.0), free, 3.0),
+        "turning away": share(-np.sign(turn) * side * faced, faced, 30.0),
+        "side near": share(np.sign(turn) * close, close, 30.0),
+        "wall side": share(side * beside, beside, 5.0),
+    }
 
 
 def _smooth(values: Floats, width: int = 3) -> Floats:

@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.correspondence.descriptors import describe_all, in_units
+from realitygap.correspondence.descriptors import chosen, describe_all, in_units
 from realitygap.correspondence.trials import Trial
 from realitygap.world.arena import Arena
 
@@ -61,7 +61,7 @@ class Distances:
     @cached_property
     def rows(self) -> Floats:
         """Descriptors of both sets' trials, [n, d]: a's, then b's."""
-        return np.vstack([in_units(told, self.arena) for told in self.told])
+        return np.vstack([in_units(told, chosen(self.arena)) for told in self.told])
 
     @cached_property
     def starts(self) -> NDArray[np.int64]:

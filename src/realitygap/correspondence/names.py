@@ -4,41 +4,56 @@ A trial is named after the exemplars that are nearest to it; a descriptor counts
 kinds apart: how much it varies between them beside how much it does within one (Fisher's ratio). A robot
 and its mirror image have one name. What is nearest to robots that take no notice of anything, or far from
 every exemplar, is "none of these".
+
+How sure a name is follows from the neighbours' votes and the distance of the nearest. Two numbers make that a
+share of right names: the reach, from where on a trial is too far for any name, and the temperature. Both are
+fitted to exemplars of designs that the votes know nothing of (`python -m tests.exemplars.make`).
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from functools import cached_property
 from importlib.resources import files
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.correspondence.descriptors import chosen, mirrored, table
-from realitygap.correspondence.exemplars.kinds import KINDS
+from realitygap.correspondence.descriptors import (
+    FOR_NAMES,
+    Descriptor,
+    chosen,
+    describe_all,
+    in_units,
+    mirrored,
+)
 from realitygap.correspondence.setting import Setting
 from realitygap.correspondence.trials import Trial
 from realitygap.errors import TrackError
 from realitygap.tasks.load import load_task
 from realitygap.text import must_be
+from realitygap.world.arena import Arena
 
-__all__ = ["NONE", "Name", "Namer", "common_name", "namer"]
+__all__ = ["KINDS", "NONE", "Name", "Namer", "common_name", "descriptors_of", "namer", "rows_of", "shares"]
 
 Floats = NDArray[np.float64]
 
 NONE = "none of these"
-NEIGHBOURS = 3
+KINDS = {
+    "obstacle-avoidance": ("one way turner", "two way turner", "wall follower", "one way looper"),
+    "light-seeking": ("three point turner", "straight looper", "two way turner", "bobber"),
+}
+"""The paper's kinds of behaviour, by task (tables 1 and 2)."""
+NEIGHBOURS = 7
+DOUBT = 0.05
+"""A vote that each name has beforehand: nothing is certain."""
 UNSEEN, LEAST, MOST = 0.1, 0.3, 9.0
 """A variance that nobody sees (in just-noticeable amounts); bounds of what a descriptor counts."""
-SLACK = 1.75
-"""A trial may be so many times farther from its kind than the kind's loneliest exemplar."""
 
 
 class Name(NamedTuple):
-    """A trial's name, and how sure it is, 0 to 1."""
+    """A trial's name, and how sure it is, 0 to 1: of names given with 0.8, four in five should be right."""
 
     start: str
     name: str
@@ -51,55 +66,80 @@ class Namer:
 
     Args:
         task: whose exemplars.
-        rows: their descriptors [n, d], in just-noticeable amounts.
+        rows: their descriptors [n, d] (`rows_of`).
         names: their kinds [n].
+        reach: distance of the nearest exemplar from which on "none of these" has a vote of more than one.
+        temperature: the votes' power is one over it; more makes less sure.
     """
 
-    def __init__(self, task: str, rows: Floats, names: NDArray[np.str_]) -> None:
-        self.task = task
-        self._signs = mirrored(chosen(load_task(task).arena))
-        self._names = np.array([name if name in KINDS[task] else NONE for name in names])
-        self._unit = np.ones(rows.shape[1])
-        plain = self._folded(rows.astype(np.float64))
-        kinds = [plain[self._names == name] for name in KINDS[task]]
-        within = np.mean([rows.var(axis=0) for rows in kinds], axis=0) + UNSEEN
-        between = np.var([rows.mean(axis=0) for rows in kinds], axis=0)
+    def __init__(
+        self,
+        task: str,
+        rows: Floats,
+        names: NDArray[np.str_],
+        *,
+        reach: float = np.inf,
+        temperature: float = 1.0,
+    ) -> None:
+        self.kinds = (*KINDS[task], NONE)
+        self.reach, self.temperature = reach, temperature
+        self._signs = mirrored(descriptors_of(load_task(task).arena))
+        self._of = np.array([self.kinds.index(n) if n in self.kinds else len(self.kinds) - 1 for n in names])
+        plain = self._eased(rows.astype(np.float64))
+        named = [plain[self._of == k] for k in range(len(KINDS[task]))]
+        within = np.mean([own.var(axis=0) for own in named], axis=0) + UNSEEN
+        between = np.var([own.mean(axis=0) for own in named], axis=0)
         self._unit = np.sqrt(within / (np.minimum(between / within, MOST) + LEAST))
         self._rows = plain / self._unit
 
     def name(self, trials: Sequence[Trial], setting: Setting) -> list[Name]:
         """A name for each trial."""
-        rows = self._folded(table(trials, setting.arena))
-        return [self._named(trial, row) for trial, row in zip(trials, rows, strict=True)]
+        found = shares(*self.nearest(rows_of(trials, setting.arena)), self.reach, self.temperature)
+        best = found.argmax(axis=1)
+        return [
+            Name(trial.start, self.kinds[k], round(float(share[k]), 3), trial.unit)
+            for trial, k, share in zip(trials, best, found, strict=True)
+        ]
 
-    @cached_property
-    def _reach(self) -> dict[str, float]:
-        """How far from the nearest exemplar of its kind a trial may be."""
-        reach = {}
-        for name in KINDS[self.task]:
-            rows = self._rows[self._names == name]
-            far = np.sqrt(((rows[:, None] - rows[None]) ** 2).sum(axis=2))
-            np.fill_diagonal(far, np.inf)
-            reach[name] = SLACK * float(far.min(axis=1).max())
-        return reach
+    def nearest(self, rows: Floats) -> tuple[Floats, Floats]:
+        """Distances of the nearest exemplars of each row, nearest first, and whose they are.
 
-    def _named(self, trial: Trial, row: Floats) -> Name:
-        far = np.sqrt(((self._rows - row) ** 2).sum(axis=1))
-        nearest = np.argsort(far)[:NEIGHBOURS]
-        votes: defaultdict[str, float] = defaultdict(float)
-        for i in nearest:
-            votes[str(self._names[i])] += 1 / (far[i] + 0.5)
-        name = max(votes, key=votes.__getitem__)
-        share = votes[name] / sum(votes.values())
-        if name == NONE:
-            return Name(trial.start, NONE, round(float(share), 3), trial.unit)
-        away = float(far[self._names == name].min()) / self._reach[name]
-        if away > 1:
-            return Name(trial.start, NONE, round(1 - 0.5 / away, 3), trial.unit)
-        return Name(trial.start, name, round(float(share) * min(1.0, 1.25 - away / 2), 3), trial.unit)
+        Returns:
+            [n, neighbours], and 1 for the kind of each: [n, neighbours, kinds].
+        """
+        eased = self._eased(rows) / self._unit
+        far = np.sqrt(((eased[:, None] - self._rows) ** 2).sum(axis=2))
+        order = np.argsort(far, axis=1, kind="stable")[:, :NEIGHBOURS]
+        return np.take_along_axis(far, order, axis=1), np.eye(len(self.kinds))[self._of[order]]
 
-    def _folded(self, rows: Floats) -> Floats:
-        return np.where(self._signs < 0, np.abs(rows), rows) / self._unit
+    def _eased(self, rows: Floats) -> Floats:
+        """Of a robot and its mirror image the same; what is large anyway counts less."""
+        folded = np.where(self._signs < 0, np.abs(rows), rows)
+        return np.asarray(np.sign(folded) * 1.5 * np.sqrt(np.abs(folded)))
+
+
+def shares(far: Floats, kinds: Floats, reach: float, temperature: float) -> Floats:
+    """How sure each kind is, [n, kinds], the last being "none of these"; rows sum to one.
+
+    Args:
+        far: distances of the nearest exemplars, [n, neighbours].
+        kinds: whose they are (`Namer.nearest`).
+        reach, temperature: as of a `Namer`.
+    """
+    votes = DOUBT + (np.exp(far[:, :1] - far)[:, :, None] * kinds).sum(axis=1)
+    votes[:, -1] += np.exp(np.minimum(far[:, 0] - reach, 10.0))
+    powers = votes ** (1 / temperature)
+    return np.asarray(powers / powers.sum(axis=1, keepdims=True))
+
+
+def descriptors_of(arena: Arena | None) -> tuple[Descriptor, ...]:
+    """What trials are named by."""
+    return (*chosen(arena), *FOR_NAMES)
+
+
+def rows_of(trials: Sequence[Trial], arena: Arena | None) -> Floats:
+    """Descriptors of trials in just-noticeable amounts, [n, d]."""
+    return in_units(describe_all(trials, arena), descriptors_of(arena))
 
 
 def namer(setting: Setting) -> Namer:
@@ -117,11 +157,17 @@ def namer(setting: Setting) -> Namer:
         )
     place = files("realitygap.correspondence.exemplars").joinpath("exemplars.npz")
     with place.open("rb") as file, np.load(file) as kept:
-        rows, names = kept[f"{task} rows"], kept[f"{task} names"]
-        told = [d.name for d in chosen(load_task(task).arena)]
+        told = [d.name for d in descriptors_of(load_task(task).arena)]
         if kept[f"{task} descriptors"].tolist() != told:
-            raise RuntimeError("exemplars.npz is older than the descriptors: run correspondence.make")
-    return Namer(task, rows, names)
+            raise RuntimeError("exemplars.npz is older than the descriptors: run tests.exemplars.make")
+        reach, temperature = kept[f"{task} reach"], kept[f"{task} temperature"]
+        return Namer(
+            task,
+            kept[f"{task} rows"],
+            kept[f"{task} names"],
+            reach=float(reach),
+            temperature=float(temperature),
+        )
 
 
 def common_name(names: Sequence[Name]) -> str:

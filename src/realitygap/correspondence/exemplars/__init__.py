@@ -1,1 +1,1 @@
-"""Controllers whose behaviour is known, and what is learnt from them."""
+"""What was learnt from controllers whose behaviour is known: made by `python -m tests.exemplars.make`."""

@@ -10,10 +10,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.correspondence.exemplars.avoiders import Draw, Rule, turning
 from realitygap.values import Command
-
-__all__ = ["SEEKERS"]
+from tests.exemplars.avoiders import Draw, Rule, turning
 
 DARK = 484.0
 GLARE = 425.0

@@ -1,8 +1,9 @@
-"""Makes what the package keeps of its exemplars: `python -m realitygap.correspondence.exemplars.make`.
+"""Makes what the package keeps of its exemplars: `python -m tests.exemplars.make`.
 
-Two files beside this one: `exemplars.npz` (descriptors of trials with known names, for naming)
+Two files beside `realitygap.correspondence.exemplars`: `exemplars.npz` (descriptors of trials with known
+names, for naming)
 and `scales.json` (how far the same robot again, and another behaviour, are; for scoring).
-Everything follows from fixed seeds, none of which a test uses.
+Everything follows from fixed seeds, none of which a test uses. It takes one core some minutes.
 """
 
 from __future__ import annotations
@@ -14,21 +15,24 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from realitygap.correspondence.descriptors import chosen, table
+import realitygap
 from realitygap.correspondence.distances import Distances
-from realitygap.correspondence.exemplars.kinds import KINDS, Behaviour, exemplar, kinds_of
+from realitygap.correspondence.names import Namer, descriptors_of, rows_of, shares
 from realitygap.correspondence.scale import PARTS
 from realitygap.correspondence.trials import Trial
 from realitygap.tasks.load import load_task
 from realitygap.world.arena import Arena
+from tests.exemplars.kinds import KINDS, Behaviour, exemplar, family_of
+from tests.exemplars.wide import FAMILIES
 
-__all__ = ["main"]
-
-EACH = 300
-"""Exemplars of a kind; a third of them at each noise level."""
+EACH = 100
+"""Exemplars of a family; a third of them at each noise level."""
 FIRST_SEED = 100_000
 LEVELS = (0.0, 1.0, 2.0)
+REACHES, TEMPERATURES = (2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0), (0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3, 1.5, 2.0)
+"""What is tried for a namer's reach and temperature."""
 ROBOTS, STARTS = 8, 12
 """Of each kind, for the scales."""
 LIVES = ((1, 9), (2, 9), (4, 9), (3, 10))
@@ -37,7 +41,7 @@ FLOOR, CEILING = 0.99, 0.05
 """Quantiles: what the same robot again hardly exceeds; what hardly any other behaviour undercuts.
 Of layout's other behaviours the middle: many fill an arena alike."""
 
-_HERE = Path(__file__).parent
+_HERE = Path(realitygap.__file__).parent / "correspondence" / "exemplars"
 
 
 def main() -> None:
@@ -47,19 +51,55 @@ def main() -> None:
     (_HERE / "scales.json").write_text(json.dumps(scales(), indent=1) + "\n", encoding="utf-8")
 
 
-def exemplars() -> dict[str, np.ndarray]:
-    """By task: descriptors [n, d] in just-noticeable amounts, and names [n]."""
-    made: dict[str, np.ndarray] = {}
-    for task in KINDS:
-        arena, rows, names = load_task(task).arena, [], []
-        for kind in kinds_of(task):
-            trials = [exemplar(task, kind, FIRST_SEED + i, LEVELS[i % 3]) for i in range(EACH)]
-            rows.append(table(trials, arena))
-            names += [kind] * EACH
-        made[f"{task} rows"] = np.vstack(rows).astype(np.float16)
-        made[f"{task} names"] = np.array(names)
-        made[f"{task} descriptors"] = np.array([d.name for d in chosen(arena)])
+def exemplars() -> dict[str, Any]:
+    """By task: descriptors [n, d] in just-noticeable amounts, names [n], reach and temperature."""
+    made: dict[str, Any] = {}
+    for task, kinds in FAMILIES.items():
+        rows, names, families = [], [], []
+        for kind, makers in kinds.items():
+            for i in range(EACH * len(makers)):
+                trial, arena = exemplar(task, kind, FIRST_SEED + i, LEVELS[i // len(makers) % 3])
+                rows.append(rows_of([trial], arena))
+                names.append(kind)
+                families.append(f"{kind} {family_of(task, kind, FIRST_SEED + i)}")
+        kept = np.vstack(rows).astype(np.float16)
+        reach, temperature = calibrated(task, kept, np.array(names), np.array(families))
+        made |= {
+            f"{task} rows": kept, f"{task} names": np.array(names), f"{task} families": np.array(families),
+            f"{task} descriptors": np.array([d.name for d in descriptors_of(load_task(task).arena)]),
+            f"{task} reach": reach, f"{task} temperature": temperature,
+        }  # fmt: skip
     return made
+
+
+def calibrated(
+    task: str, rows: NDArray[np.floating[Any]], names: NDArray[np.str_], families: NDArray[np.str_]
+) -> tuple[float, float]:
+    """Reach and temperature under which exemplars that are named by others are likeliest.
+
+    Each is named twice: by those of all other designs, and by half of all; a robot that somebody brings has a
+    controller like one of ours, or has not.
+
+    Args:
+        task: whose exemplars.
+        rows: their descriptors.
+        names: their kinds.
+        families: their kinds and designs.
+    """
+    folds = [families == family for family in np.unique(families)]
+    folds += [np.arange(len(names)) // 12 % 2 == half for half in (0, 1)]
+    of = np.array(
+        [list(KINDS[task]).index(name) if name in KINDS[task] else len(KINDS[task]) for name in names]
+    )
+    told = [Namer(task, rows[~fold], names[~fold]).nearest(rows[fold].astype(np.float64)) for fold in folds]
+    right = np.concatenate([of[fold] for fold in folds])
+
+    def surprise(pair: tuple[float, float]) -> float:
+        """Minus the log of how sure the right name was, its mean over the kinds."""
+        sure = np.concatenate([shares(*near, *pair) for near in told])[np.arange(len(right)), right]
+        return float(np.mean([-np.log(sure[right == kind]).mean() for kind in np.unique(of)]))
+
+    return min(itertools.product(REACHES, TEMPERATURES), key=surprise)
 
 
 def scales() -> dict[str, dict[str, dict[str, float]]]:

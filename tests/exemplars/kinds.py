@@ -1,7 +1,8 @@
 """Exemplars: hand-written controllers let loose in the simulation, of many sizes and speeds.
 
-No two exemplars are the same robot: each has its own numbers, its own infrared and light gains and
-its own wheels, so that what is learnt of them is the kind and not the unit.
+No two exemplars are the same robot: each has its own numbers, its own infrared and light gains, its own
+wheels, size, speed and start, and often another room, so that what is learnt of them is the kind and not the
+robot.
 
 A trial counts where the robot did, for half a second in all, each thing that its kind's definition names:
 a two way turner that happens to meet everything at its left turns to the right only, and no judge could
@@ -13,43 +14,47 @@ that they are tried on.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from realitygap.correspondence.exemplars.avoiders import AVOIDERS, Draw, Rule, turning
-from realitygap.correspondence.exemplars.seekers import SEEKERS
 from realitygap.correspondence.trials import Trial
+from realitygap.errors import TaskError
 from realitygap.kernels.rng import substream
 from realitygap.simulation.body import SimulatedBody
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
+from realitygap.tasks.task import Start, Task
 from realitygap.values import Command, Pose, Readings
+from realitygap.world.arena import Arena
 from realitygap.world.profile import Profile, load_profile
-
-__all__ = ["KINDS", "Behaviour", "Ruled", "exemplar", "kinds_of", "live", "shows"]
+from tests.exemplars.avoiders import AVOIDERS, Draw, Rule
+from tests.exemplars.seekers import SEEKERS
+from tests.exemplars.wide import FAMILIES
 
 KINDS = {"obstacle-avoidance": AVOIDERS, "light-seeking": SEEKERS}
 """The paper's kinds of behaviour, by task (tables 1 and 2)."""
-DRAWS = 50
-"""An exemplar is drawn so often at most; one in three lacks its evidence where that is rarest."""
+DRAWS = 300
+"""An exemplar is drawn so often at most: some begin where something stands, some lack their evidence."""
 EVIDENCE_STEPS = 5
 """Half a second of commands."""
 
 DONE: dict[str, Callable[[float, float], bool]] = {
     "forward": lambda left, right: left + right > 0,
     "back": lambda left, right: left + right < 0,
-    "straight": lambda left, right: left == right > 0,
+    "straight": lambda left, right: 8 * abs(left - right) <= left + right > 0,
     "turn": lambda left, right: left != right,
     "left": lambda left, right: right > left,
     "right": lambda left, right: left > right,
+    "hard left": lambda left, right: right - left > 2,
+    "hard right": lambda left, right: left - right > 2,
 }
-"""What a step's commands do, by name."""
+"""What a step's commands do, by name; a smooth avoider is never quite straight, and always turns a little."""
 EVIDENCE: dict[str, dict[str, tuple[str, ...]]] = {
     "obstacle-avoidance": {
         "one way turner": ("straight", "turn"),
-        "two way turner": ("straight", "left", "right"),
+        "two way turner": ("straight", "hard left", "hard right"),
         "wall follower": ("forward", "turn"),
         "one way looper": ("turn",),
     },
@@ -61,48 +66,6 @@ EVIDENCE: dict[str, dict[str, tuple[str, ...]]] = {
     },
 }
 """By task and kind, what its definition names; a kind that is not here shows itself in any trial."""
-
-
-def standing(draw: Draw) -> Rule:
-    """Stands."""
-    return lambda _: Command(left=0, right=0)
-
-
-def spinning(draw: Draw) -> Rule:
-    """Turns on the spot."""
-    spin = int(draw.choice([-1, 1])) * int(draw.integers(1, 11))
-    return lambda _: turning(int(draw.integers(-1, 2)), spin)
-
-
-def random_walker(draw: Draw) -> Rule:
-    """Wheels that change by chance, every step or every second or so."""
-    lasts, pace = draw.uniform(1, 15), draw.uniform(0, 5)
-    bias = draw.uniform(0, 4)
-    now = Command(left=0, right=0)
-
-    def rule(_: NDArray[np.float64]) -> Command:
-        nonlocal now
-        if draw.random() < 1 / lasts:
-            turn = draw.uniform(-1, 1) * (3 + pace)
-            now = turning(draw.uniform(-pace, pace) + bias, turn)
-        return now
-
-    return rule
-
-
-def blind(draw: Draw) -> Rule:
-    """Drives on until it meets a wall, and goes on pushing."""
-    pace, bend = int(draw.integers(2, 11)) * int(draw.choice([-1, 1])), int(draw.integers(-1, 2))
-    return lambda _: turning(pace, bend if abs(pace) > 5 else 0)
-
-
-NOBODIES: dict[str, Callable[[Draw], Rule]] = {
-    "standing": standing,
-    "spinning": spinning,
-    "random walker": random_walker,
-    "blind": blind,
-}
-"""Exemplars of "none of these": robots that take no notice of anything, or do not move."""
 
 
 class Ruled:
@@ -133,11 +96,6 @@ class Ruled:
         return self.commands[-1]
 
 
-def kinds_of(task: str) -> dict[str, Callable[[Draw], Rule]]:
-    """What a task's exemplars are drawn from: the paper's kinds and the nobodies."""
-    return {**KINDS[task], **NOBODIES}
-
-
 def live(
     simulation: Simulation,
     controller: Ruled,
@@ -164,8 +122,8 @@ def live(
     )  # fmt: skip
 
 
-def another_unit(profile: Profile, draw: Draw) -> Profile:
-    """Another robot of the same make: each sensor's gain and each wheel a little its own.
+def _another_robot(profile: Profile, draw: Draw) -> Profile:
+    """A robot of other size and speed, each sensor's place and gain and each wheel a little its own.
 
     Infrared gains differ most, by cover and surface: a Khepera may feel a wall at a third of the
     distance at which another does.
@@ -174,33 +132,72 @@ def another_unit(profile: Profile, draw: Draw) -> Profile:
     gains[:16] *= np.exp(draw.uniform(np.log(0.15), np.log(1.4)))
     gains[16:] *= draw.uniform(0.75, 1.25)
     infrared, ambient, wheels = profile.infrared, profile.ambient, profile.wheels
-    near = [replace(s, a=s.a * g, b=s.b * g) for s, g in zip(infrared.sensors, gains, strict=False)]
+    size, turned = draw.uniform(0.9, 1.4), draw.normal(0.0, 4.0, len(infrared.sensors))
+    near = [
+        replace(
+            s, x_cm=s.x_cm * size, y_cm=s.y_cm * size, direction_deg=s.direction_deg + t, a=s.a * g, b=s.b * g
+        )
+        for s, g, t in zip(infrared.sensors, gains, turned, strict=False)
+    ]
     lit = [replace(s, gain=s.gain * g**2) for s, g in zip(ambient.sensors, gains[16:], strict=False)]
-    left, right = wheels.speed_per_unit_cm_s
-    slip = draw.normal(1.0, 0.01, 2)
+    left, right = draw.uniform(0.7, 1.7) * draw.normal(1.0, 0.01, 2) * wheels.speed_per_unit_cm_s
+    track = wheels.track_cm * size * draw.uniform(0.9, 1.05)
     return replace(
         profile,
-        name=f"{profile.name}, another unit",
+        name=f"{profile.name}, another robot",
+        body=replace(profile.body, radius_cm=profile.body.radius_cm * size),
         infrared=replace(infrared, sensors=tuple(near)),
         ambient=replace(ambient, sensors=tuple(lit)),
-        wheels=replace(wheels, speed_per_unit_cm_s=(left * slip[0], right * slip[1])),
+        wheels=replace(wheels, track_cm=track, speed_per_unit_cm_s=(float(left), float(right))),
     )
 
 
-def exemplar(task: str, kind: str, seed: int, noise: float, *, marked: bool = True) -> Trial:
-    """One exemplar's trial; everything about it follows from its seed.
+def _elsewhere(task: Task, draw: Draw) -> Task:
+    """A task that begins anywhere, two times in five in another room; where a lamp is, as it is.
+
+    Raises:
+        TaskError: something stands where it begins.
+    """
+    if task.arena.lamps:
+        return task
+    arena, (width, depth) = task.arena, task.arena.size_cm
+    if draw.random() < 0.4:
+        x, y = draw.uniform(0.9, 1.8, 2)
+        width, depth = float(width * x), float(depth * y)
+        moved = [
+            replace(c, x_cm=float(c.x_cm * x), y_cm=float(c.y_cm * y), radius_cm=float(draw.uniform(2, 6)))
+            for c in arena.cylinders if draw.random() < 0.6
+        ]  # fmt: skip
+        arena = replace(arena, size_cm=(width, depth), cylinders=tuple(moved))
+    start = Start(x_cm=float(draw.uniform(0, width)), y_cm=float(draw.uniform(0, depth)))
+    return replace(task, arena=arena, start=start)
+
+
+def family_of(task: str, kind: str, seed: int) -> int:
+    """Which of its kind's families an exemplar is of: they take turns."""
+    return seed % len(FAMILIES[task][kind])
+
+
+def exemplar(task: str, kind: str, seed: int, noise: float, *, marked: bool = True) -> tuple[Trial, Arena]:
+    """One exemplar's trial, and where it was; everything about it follows from its seed.
 
     Args:
+        task: a task of the paper's.
+        kind: of behaviour, or of nobody.
+        seed: names the exemplar.
+        noise: the simulation's.
         marked: draw again, robot and start, until the trial contains its kind's evidence (`EVIDENCE`).
     """
     draw = np.random.default_rng([seed, len(kind), *kind.encode()])
-    todo = load_task(task)
+    make = FAMILIES[task][kind][family_of(task, kind, seed)]
     for _ in range(DRAWS):
-        simulation = Simulation(todo, another_unit(load_profile("paper"), draw), noise)
-        controller = Ruled(kinds_of(task)[kind], int(draw.integers(2**31)), todo.feeds)
-        trial = live(simulation, controller, stream=int(draw.integers(2**62)), start=str(seed))
-        if not marked or shows(task, kind, controller.commands):
-            return trial
+        with suppress(TaskError):
+            todo = _elsewhere(load_task(task), draw)
+            simulation = Simulation(todo, _another_robot(load_profile("paper"), draw), noise)
+            controller = Ruled(make, int(draw.integers(2**31)), todo.feeds)
+            trial = live(simulation, controller, stream=int(draw.integers(2**62)), start=str(seed))
+            if not marked or shows(task, kind, controller.commands):
+                return replace(trial, radius_cm=simulation.profile.body.radius_cm), todo.arena
     raise RuntimeError(
         f"no {kind} in {DRAWS} draws showed its evidence"
     )  # fails a maker's check, not a user's
@@ -229,7 +226,7 @@ class Behaviour:
         """
         task = load_task(self.task)
         simulation = Simulation(task, profile or load_profile("paper"), noise)
-        controller = Ruled(kinds_of(self.task)[self.kind], self.seed, task.feeds)
+        controller = Ruled(KINDS[self.task][self.kind], self.seed, task.feeds)
         noises = np.uint64(substream(np.uint64(again), self.seed))
         made = []
         for k in range(count):

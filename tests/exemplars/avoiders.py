@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from realitygap.values import Command
 
-__all__ = ["AVOIDERS", "Draw", "Rule", "turning"]
-
 Rule = Callable[[NDArray[np.float64]], Command]
 """Eight readings of one step, in the Khepera's order, to wheel commands."""
 Draw = np.random.Generator

@@ -1,0 +1,41 @@
+"""Names of robots that are not ours: hand-written controllers on Enki's Khepera and e-puck."""
+
+import os
+import shutil
+
+import pytest
+
+from realitygap.correspondence.names import namer
+from tests.correspondence.ladders import Named, miscalibration, right, setting_for
+from tests.correspondence.vehicles import everybody
+
+if not os.path.exists("/usr/include/enki/PhysicalEngine.h") or shutil.which("g++") is None:
+    pytest.skip("Enki is not installed here: apt install libenki-dev g++", allow_module_level=True)
+
+
+@pytest.fixture(scope="module")
+def made():
+    """Each vehicle on each robot, two trials; what they are called."""
+    drives = list(everybody(range(100, 102)))
+    setting = setting_for("obstacle-avoidance")
+    found = namer(setting).name([drive.trial for drive in drives], setting)
+    return [(d, Named(d.kind, name.name, name.confidence)) for d, name in zip(drives, found, strict=True)]
+
+
+def test_nine_of_ten_vehicles_get_their_names(made):
+    """Of trials that show what their controller is written to do, nine of ten are named after it."""
+    assert right([name for drive, name in made if drive.shown]) >= 0.9
+
+
+def test_a_name_is_as_sure_as_it_is_right(made):
+    """Confidence and share of right names agree, on robots and controllers that no exemplar was made with."""
+    assert miscalibration([name for _, name in made]) < 0.15
+    sure = [name for _, name in made if name.confidence >= 0.9]
+    assert len(sure) > len(made) / 2 and right(sure) >= 0.93
+
+
+def test_a_smooth_avoider_follows_no_wall(made):
+    """What swings smoothly round obstacles, either way, is not surely called a wall follower."""
+    smooth = [name for drive, name in made if drive.family in ("Webots", "pyePuck", "by distance")]
+    assert len(smooth) == 12
+    assert not [name for name in smooth if name.name == "wall follower" and name.confidence > 0.8]
