@@ -114,7 +114,7 @@ def test_it_is_calibrated(five, tmp_path):
     found = [load_recording(tmp_path / str(k)) for k in range(2)]
     rough = tuple(replace(s, a=10000.0, b=-300.0) for s in five.infrared.sensors)
     base = replace(five, infrared=replace(five.infrared, sensors=rough, exponent=1.0))
-    made = calibrate(found, base)
+    made = calibrate(found, base, form="extended")
     assert made.infrared is not None and made.ambient is None and made.profile.ambient == UNLIT
     assert made.infrared.rmse < 84 and max(m.ratio for m in made.infrared.sensors) < 0.5
     for sensor, true in zip(made.profile.infrared.sensors, five.infrared.sensors, strict=True):
@@ -151,7 +151,7 @@ def test_wheels_without_counters_stay_as_they_were(five, tmp_path):
     save_recording(tmp_path / "w", made)
     assert "counter_left" not in (tmp_path / "w" / "steps.csv").read_text("utf-8")
     back = load_recording(tmp_path / "w")
-    result = calibrate([recorded(five, "wall", 1), back], five)
+    result = calibrate([recorded(five, "wall", 1), back], five, form="extended")
     assert result.wheels is None and result.profile.wheels == five.wheels
     assert any(w.startswith("wheels: no counters recorded") for w in result.warnings)
     with pytest.raises(CalibrationError, match="no counters: nothing tells how far the wheels turned"):

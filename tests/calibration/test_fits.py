@@ -23,7 +23,9 @@ PAPER = load_profile("paper")
 
 def test_the_extended_form_finds_the_robot(robot, recorded):
     """Gains, directions, offset and exponent come back, the rig's turn apart from them."""
-    made = calibrate([recorded("wall", turn=2.0), recorded("cylinder:4", turn=-1.0, seed=5)], PAPER)
+    made = calibrate(
+        [recorded("wall", turn=2.0), recorded("cylinder:4", turn=-1.0, seed=5)], PAPER, form="extended"
+    )
     fit = made.infrared
     assert fit is not None and fit.rmse < 16
     for found, true in zip(made.profile.infrared.sensors, robot.infrared.sensors, strict=True):
@@ -39,7 +41,7 @@ def test_the_extended_form_finds_the_robot(robot, recorded):
 @pytest.mark.parametrize("matt", [0.0, 1.0])
 def test_a_wall_tells_whether_it_is_matt(recorded, matt):
     """A wall read well tells whether it is matt, so that a cylinder nobody fitted is predicted too."""
-    made = calibrate([recorded("wall", matt=matt, noise=5.0)], PAPER)
+    made = calibrate([recorded("wall", matt=matt, noise=5.0)], PAPER, form="extended")
     assert made.profile.infrared.matt == matt
     assert [w for w in made.warnings if not w.startswith("ambient: no recording")] == []
     other = recorded("cylinder:2.7", matt=matt, noise=5.0, seed=9)
@@ -48,7 +50,7 @@ def test_a_wall_tells_whether_it_is_matt(recorded, matt):
 
 def test_a_surface_is_taken_for_matt(recorded):
     """Where noise hides whether a surface is matt, it is taken to be, and that is said."""
-    made = calibrate([recorded("wall", matt=0.0, noise=21.0)], PAPER)
+    made = calibrate([recorded("wall", matt=0.0, noise=21.0)], PAPER, form="extended")
     assert made.profile.infrared.matt == 1.0
     assert any("whether surfaces are Lambertian is not identifiable" in warning for warning in made.warnings)
 
@@ -238,7 +240,7 @@ def _swapped(r):
 def test_nonsense_is_refused(recorded, spoil, words):
     """No profile is made of mirrored bearings, swapped columns, dead tables, wrong units or shuffled rows."""
     with pytest.raises(CalibrationError, match=words):
-        calibrate([spoil(recorded("wall"))], PAPER)
+        calibrate([spoil(recorded("wall"))], PAPER, form="extended")
 
 
 @pytest.mark.parametrize("object", ["wall", "lamp"])
@@ -251,14 +253,14 @@ def test_neighbours_that_are_exchanged_are_named(recorded, object):
         wrong = replace(sound, counts=sound.counts[:, order])
         words = f"sensors {i} and {j} seem .* Exchange columns s{i} and s{j}"
         with pytest.raises(CalibrationError, match=words):
-            calibrate([wrong], PAPER)
+            calibrate([wrong], PAPER, form="extended")
         assert any(f"sensors {i} and {j} seem" in warning for warning in judge(wrong, PAPER).warnings)
     assert judge(sound, PAPER).warnings == ()
 
 
 def test_a_profile_is_judged_on_other_data(recorded):
     """A fit to a wall predicts a cylinder of the same robot; the paper's constants do not."""
-    made = calibrate([recorded("wall")], PAPER)
+    made = calibrate([recorded("wall")], PAPER, form="extended")
     other = recorded("cylinder:2.7", seed=9, turn=1.0)
     good, bad = judge(other, made.profile), judge(other, PAPER)
     assert good.rmse < 18 < 60 < bad.rmse
@@ -268,7 +270,7 @@ def test_a_profile_is_judged_on_other_data(recorded):
 
 def test_a_table_with_the_faults_of_real_ones(made_tables):
     """A turned rig, dirt before a sensor, rows a millimetre off, one reading a place: found, and named."""
-    made = calibrate([load_recording(made_tables / "wall.sam", object="wall")], PAPER)
+    made = calibrate([load_recording(made_tables / "wall.sam", object="wall")], PAPER, form="extended")
     assert made.infrared.rmse < 19 and made.infrared.held_out["extended"] < 1.15 * made.infrared.rmse
     assert 18 < made.profile.noise.proximity < 24  # measured by neighbouring bearings: 21 counts
     turn = next(c for c in made.infrared.fit.constants if c.key == "turn_0_deg")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -146,7 +145,9 @@ def test_a_unit_is_fitted(tmp_path, monkeypatch, recorded, driven, lit):
     for name, recording in made.items():
         save_recording(tmp_path / "recordings" / name, recording)
     (tmp_path / "unit.toml").write_text(to_toml({"unit": 11, "twin_noise": 1.0, "seed": 3}), "utf-8")
-    monkeypatch.setattr(fits, "calibrate", partial(calibrate, form="paper"))  # the quickest
+    monkeypatch.setattr(
+        fits, "calibrate", lambda *args, **facts: calibrate(*args, **{**facts, "form": "paper"})
+    )  # the quickest
     (tmp_path / "robot.toml").write_text(unit.fitted(tmp_path), "utf-8")
     profile = load_profile(tmp_path / "robot.toml")
     assert profile.name == "twin-11" and profile.provenance.date == "" and len(profile.provenance.files) == 4

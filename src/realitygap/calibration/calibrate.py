@@ -77,7 +77,7 @@ def calibrate(
     recordings: Sequence[Recording],
     base: Profile,
     *,
-    form: str = "extended",
+    form: str = "auto",
     light: str | None = None,
     beside: bool = True,
     on_progress: Callable[[int, int], None] | None = None,
@@ -87,7 +87,7 @@ def calibrate(
     Args:
         recordings: of any kinds; those of one kind are fitted together.
         base: a profile.
-        form: one of FORMS.
+        form: one of FORMS; "auto": "extended" or "measured", whichever errs less on places held out.
         light: another form for ambient light.
         beside: fit ambient light in all other forms too, for comparison.
         on_progress: is told how many of all fits are done.

@@ -28,7 +28,10 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended")
 
 @click.command()
 @click.argument("recordings", nargs=-1, required=True, metavar="RECORDING...", type=click.Path())
-@click.option("--form", type=click.Choice(FORMS), default="extended", help="Which constants are free.")
+@click.option(
+    "--form", type=click.Choice(FORMS), default="auto",
+    help="Which constants are free; auto: extended or measured, whichever errs less on places held out.",
+)  # fmt: skip
 @click.option(
     "--light", type=click.Choice(LIGHT_FORMS), help="Form for ambient light [default: that of --form]."
 )
@@ -67,10 +70,12 @@ def calibrate(
 ) -> None:
     """Fit a robot's constants to recordings, and write a profile for --profile.
 
-    A RECORDING is a folder made by `realitygap record` (or a folder of several), or a .sam table.
+    A RECORDING is a folder made by `realitygap record` (or a folder of several), a .sam table, or a
+    Thymio's series (sensor02_light.csv).
     Forms: paper has the paper's laws with common constants and its printed gains; individual has
     constants for each sensor, light read linearly, and refitted gains; extended adds directions,
-    distance offset, exponents, Lambertian surfaces and the lamp's height.
+    distance offset, exponents, Lambertian surfaces and the lamp's height; measured knows no law of
+    proximity: rays, a lobe, a curve and noise for each sensor (light as extended).
 
     \b
     Examples: a profile from two tables; judged on a third
