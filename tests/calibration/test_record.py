@@ -31,6 +31,7 @@ from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, SensorRe
 from realitygap.cli import realitygap
 from realitygap.errors import BaudError, RecordingError
 from realitygap.film.calibrate import calibrate_camera
+from realitygap.film.marker import load_marker
 from realitygap.robots.address import Address
 from realitygap.robots.body import Channel
 from realitygap.robots.khepera.body import KheperaBody
@@ -199,13 +200,18 @@ def test_ctrl_c_ends_a_recording_in_order(tmp_path):
     assert "unfinished" in load_recording(tmp_path / "a").warnings[-1]
 
 
-def test_the_camera_sees_where_a_twin_was(tmp_path):
-    """Within half a millimetre of where it was put, and turned as its counters say."""
+@pytest.mark.parametrize("marker", [None, "aruco:4x4_50:7,x=5"])
+def test_the_camera_sees_where_a_twin_was(tmp_path, marker):
+    """By its disk and by a tag: within half a millimetre of its place, and turned as its counters say."""
     commands = ((-4, 4),) * 10 + ((0, 0),) * 5
     start = Pose(x=31.0, y=27.0, heading=0.4)
     trial = Trial(number=0, kind="turn", commands=commands, pose=start, filmed=True, says="")
     room = {"size_cm": [FLOOR_CM, FLOOR_CM]}
-    with closing(Address.parse("twin:2").open()) as body, OwnSite(body, room, seed=1, camera=True) as site:
+    worn = None if marker is None else load_marker(marker)
+    with (
+        closing(Address.parse("twin:2").open()) as body,
+        OwnSite(body, room, seed=1, camera=True, marker=worn) as site,
+    ):
         assert site.begin(trial)
         rows, _ = drive_trial(body, trial)
         seen = site.end(trial)

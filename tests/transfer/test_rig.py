@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
+from realitygap.calibration.recorder.camera import plate_of
 from realitygap.controller.handmade import braitenberg
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import NetworkController
@@ -20,7 +21,7 @@ from realitygap.film.tracker import Tracker
 from realitygap.robots.recording import Recording
 from realitygap.tasks import load_task
 from realitygap.track import Track
-from realitygap.transfer.film import WATCH_FPS, plate_of
+from realitygap.transfer.film import WATCH_FPS
 from realitygap.transfer.paths import score
 from realitygap.transfer.rig import Rig
 from realitygap.twin.camera import OverheadCamera

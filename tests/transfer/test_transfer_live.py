@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from realitygap.calibration.recorder.camera import plate_of
 from realitygap.errors import FilmError, StudyError, UsageError
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import load_disk
@@ -18,7 +19,7 @@ from realitygap.film.marker import load_marker
 from realitygap.film.video import FilmReader, FilmWriter
 from realitygap.study.load import Study, load_study
 from realitygap.track import read_track
-from realitygap.transfer.film import calibrated, plate_of
+from realitygap.transfer.film import calibrated
 from realitygap.transfer.run import load_transfers
 from realitygap.twin import drawing
 from realitygap.twin.camera import OverheadCamera

@@ -44,6 +44,7 @@ PLANS = ("infrared", "ambient", "wheels", "all")
 @option.twin_noise()
 @option.baud()
 @option.base
+@option.marker
 @click.option(
     "--notes",
     default="",
@@ -77,6 +78,8 @@ def record(
     plan, base = words["plan"], words.pop("base")
     if words["object"] is not None and plan not in ("infrared", "all"):
         raise click.UsageError(f"--object belongs to the infrared's plan, not to {plan!r}; leave it out.")
+    if words["marker"] is not None and plan not in ("wheels", "all"):
+        raise click.UsageError(f"--marker belongs to the wheels' plan, not to {plan!r}; leave it out.")
     if robot.unit is None and twin_noise is not None:
         raise click.UsageError(
             "--twin-noise: expected a twin, or a robot of Enki's; this one has its own noise. Leave it out."

@@ -49,7 +49,7 @@ class Tracker:
     """
 
     def __init__(self, camera: CameraModel, marker: Marker) -> None:
-        self.finder = finder_of(camera, marker)
+        self._finder, self._marker = finder_of(camera, marker), marker
         self._last: Pose | None = None
         self.best_quality, self.doubt = 0.0, ""
 
@@ -58,13 +58,13 @@ class Tracker:
         seen, last = None, self._last
         if last is not None:
             seen = self._believed(
-                self.finder.near(picture, np.array([last.x, last.y])), self.finder.known_again
+                self._finder.near(picture, np.array([last.x, last.y])), self._finder.known_again
             )
         if seen is None:
             whole = picture(None) if callable(picture) else picture
-            seen = self._believed(self.finder.anywhere(whole), self.finder.found_anew)
+            seen = self._believed(self._finder.anywhere(whole), self._finder.found_anew)
             if seen is None and not self.doubt:
-                self.doubt = self.finder.why_not(whole)
+                self.doubt = self._finder.why_not(whole)
         self._last = None if seen is None else seen.pose
         return None if seen is None else (seen.pose, seen.quality)
 
@@ -72,6 +72,18 @@ class Tracker:
         """The track of pictures with their times (s), one after the other; none is kept."""
         with _one_thread():
             return _track([(t_s, self.see(picture)) for t_s, picture in frames])
+
+    def blame(self, frames: int) -> str:
+        """What to say of so many frames in which the robot is never seen."""
+        name = self._marker.name
+        cure = (
+            f"Check that the robot carries the {name}, that the camera was calibrated for this film, "
+            f"and that the {name} is given in its true size."
+        )
+        return (
+            f"no robot's {name} is seen in any of its {frames} frames (best quality "
+            f"{self.best_quality:.2f}, needed {self._finder.found_anew:g}). {self.doubt or cure}"
+        )
 
     def _believed(self, seen: Sighting | None, least: float) -> Sighting | None:
         self.best_quality = max(self.best_quality, 0.0 if seen is None else seen.quality)
@@ -110,14 +122,7 @@ def track_film(
     report(len(rows), len(rows))
     track = _track(rows)
     if not track.found.any():
-        cure = (
-            f"Check that the robot carries the {marker.name}, that the camera was calibrated for this film, "
-            f"and that the {marker.name} is given in its true size."
-        )
-        raise FilmError(
-            f"{film}: no robot's {marker.name} is seen in any of its {len(track)} frames (best quality "
-            f"{tracker.best_quality:.2f}, needed {tracker.finder.found_anew:g}). {tracker.doubt or cure}"
-        )
+        raise FilmError(f"{film}: {tracker.blame(len(track))}")
     trouble = "; ".join(filter(None, (reader.trouble, tracker.doubt))) or None
     return Tracked(track=track, last_frame=last, trouble=trouble)
 

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from realitygap.track import Track
     from realitygap.twin.camera import OverheadCamera
     from realitygap.twin.drawing import Window
-    from realitygap.twin.plate import Plate
     from realitygap.twin.states import States
     from realitygap.world.arena import Arena
 
@@ -42,7 +41,6 @@ __all__ = [
     "film_and_track",
     "keep_film",
     "known_poses",
-    "plate_of",
 ]
 
 FPS, WATCH_FPS = 25, 10
@@ -84,16 +82,6 @@ def known_poses(arena: Arena, radius_cm: float) -> list[Pose]:
     return [Pose.from_degrees(x, y, k * GOLDEN_DEG % 360.0) for k, (x, y) in enumerate(places)]
 
 
-def plate_of(marker: Marker | None) -> Plate | None:
-    """How a twin's camera draws a tag on it; None: it wears the disk."""
-    from realitygap.film.tag import Tag
-    from realitygap.twin.plate import Plate
-
-    if not isinstance(marker, Tag):
-        return None
-    return Plate(marker.cells, marker.points / 100, marker.height_cm / 100)
-
-
 def calibrated(
     file: Path, arena: Arena, *, unit: int, noise: float, radius_cm: float, marker: Marker | None = None
 ) -> CameraModel:
@@ -112,6 +100,7 @@ def calibrated(
     Raises:
         FilmError: no camera explains what is seen.
     """
+    from realitygap.calibration.recorder.camera import plate_of
     from realitygap.film.calibrate import KnownFrame, calibrate_camera
     from realitygap.film.camera import load_camera
     from realitygap.film.disk import load_disk
@@ -123,7 +112,7 @@ def calibrated(
         if file.is_file():
             return load_camera(file)
         frames = []
-        plate = plate_of(marker)
+        plate = plate_of(marker or load_disk())
         with OverheadCamera(arena.plain(), unit=unit, noise=noise, view="drawn", plate=plate) as overhead:
             for k, pose in enumerate(known_poses(arena, radius_cm)):
                 standing = States.standing([0], [pose.x], [pose.y], [pose.heading]).pose[0]
@@ -170,6 +159,7 @@ class Watcher:
 
     @cached_property
     def _eye(self) -> OverheadCamera:
+        from realitygap.calibration.recorder.camera import plate_of
         from realitygap.twin.camera import OverheadCamera
 
         settings: dict[str, Any] = {"unit": self._unit, "noise": self._noise, "view": "drawn"}

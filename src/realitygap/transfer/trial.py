@@ -164,7 +164,8 @@ class Stage:
 
     def _seen(self, one: Situation, folder: Path, facts: dict[str, Any], tell: Tell) -> Track:
         """The track of a trial on the twin by the camera above it, which films it or only watches."""
-        from realitygap.transfer.film import TRACK, film_and_track, plate_of
+        from realitygap.calibration.recorder.camera import plate_of
+        from realitygap.transfer.film import TRACK, film_and_track
         from realitygap.twin.camera import OverheadCamera
 
         rig = self.rig(one)

@@ -15,17 +15,26 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.recorder.wheel_plans import camera_places
 from realitygap.film.calibrate import KnownFrame, calibrate_camera
-from realitygap.film.disk import load_disk
+from realitygap.film.marker import Marker, load_marker
+from realitygap.film.tag import Tag
 from realitygap.film.tracker import Tracker
 from realitygap.twin.camera import OverheadCamera
+from realitygap.twin.plate import Plate
 from realitygap.twin.states import States
 from realitygap.values import Closing, Pose
 
-__all__ = ["FloorCamera"]
+__all__ = ["FloorCamera", "plate_of"]
 
 STEP_MS = 100
 FRAMES = 10_000
 """More than the steps of a trial: each has frame numbers of its own."""
+
+
+def plate_of(marker: Marker | None) -> Plate | None:
+    """How a twin's camera draws a tag on it; None: it wears the disk."""
+    if not isinstance(marker, Tag):
+        return None
+    return Plate(marker.cells, marker.points / 100, marker.height_cm / 100)
 
 
 class FloorCamera(Closing):
@@ -34,11 +43,14 @@ class FloorCamera(Closing):
     Args:
         room, unit, noise, seed: as the twin's. The pictures are drawn, so that they do not depend on
             what this machine can render with.
+        marker: what the robot wears; the shipped disk if None.
     """
 
-    def __init__(self, room: Mapping[str, Any], *, unit: int, noise: float, seed: int) -> None:
-        self._camera = OverheadCamera(room, unit=unit, noise=noise, view="drawn", seed=seed)
-        self._disk = load_disk()
+    def __init__(
+        self, room: Mapping[str, Any], *, unit: int, noise: float, seed: int, marker: Marker | None = None
+    ) -> None:
+        self._marker, plate = marker or load_marker(), plate_of(marker)
+        self._camera = OverheadCamera(room, unit=unit, noise=noise, view="drawn", seed=seed, plate=plate)
         try:
             known = camera_places()
             places = States.standing(
@@ -48,7 +60,7 @@ class FloorCamera(Closing):
                 KnownFrame(name=str(k), picture=self._picture(places.pose[k], k), pose=pose)
                 for k, pose in enumerate(known)
             ]
-            self._model = calibrate_camera(frames, self._disk).camera
+            self._model = calibrate_camera(frames, self._marker).camera
         except BaseException:
             self._camera.close()
             raise
@@ -56,7 +68,7 @@ class FloorCamera(Closing):
     def poses(self, film: Path, steps: Sequence[int], trial: int) -> dict[int, Pose]:
         """Where the robot is seen at steps (100 ms) of a trial's film; not those at which it is lost."""
         states = States.from_file(film)
-        tracker = Tracker(self._model, self._disk)
+        tracker = Tracker(self._model, self._marker)
         seen: dict[int, Pose] = {}
         for step in steps:
             due = int(states.time_ms[0]) + STEP_MS * step

@@ -26,6 +26,7 @@ from realitygap.calibration.recorder.wheel_plans import ROOM, Trial, wheel_plan
 from realitygap.calibration.recordings.files import POSE, READINGS, STEP_COLUMNS, STEPS, UNITS
 from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, HEIGHTS_CM
 from realitygap.errors import UsageError
+from realitygap.film.marker import load_marker
 from realitygap.robots.body import Body, Channel, Filmed, Placing, Seen, attend, channel, facts_of
 from realitygap.values import Pose
 from realitygap.world.profile import Profile, load_profile
@@ -60,6 +61,8 @@ class Wanted:
         notes: kept with it.
         base: what is known of the robot before: its radius, heights, top command and speed; None:
             the robot's own base, or a Khepera.
+        marker: what the robot wears under a camera over the wheels' floor, as `load_marker` reads it; None:
+            the disk.
     """
 
     plan: str
@@ -68,6 +71,7 @@ class Wanted:
     seed: int = 0
     notes: str = ""
     base: Profile | None = None
+    marker: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +126,7 @@ def record(
     made: list[Made] = []
     for part, name, place in zip(parts, names, places, strict=True):
         room = part.room if isinstance(part, SensorPlan) else ROOM
-        site = _site(body, ask, name, room, wanted.seed)
+        site = _site(body, ask, name, room, wanted)
         work = _Work(wanted, name, place, resume, site, on_progress or (lambda name, done, total: None))
         made.append(_sensors(part, body, work) if isinstance(part, SensorPlan) else _wheels(part, body, work))
         if made[-1].stopped:
@@ -144,6 +148,8 @@ class _Work(NamedTuple):
         """What recording.toml says of the robot and of what was asked for."""
         wanted, known = self.wanted, dict(facts_of(body))
         units = UNITS.format(known.pop("units", OWN_UNITS))
+        if self.name == "wheels" and wanted.marker is not None:
+            known["marker"] = wanted.marker
         asked = {"notes": wanted.notes, "repeats": wanted.repeats, "seed": wanted.seed, "places": places}
         return {"plan": wanted.plan, "units": units, **known, **asked}
 
@@ -182,12 +188,18 @@ def _parts(wanted: Wanted, body: Body) -> list[SensorPlan | tuple[Trial, ...]]:
 
 
 def _site(
-    body: Body, ask: Ask | None, name: str, room: Mapping[str, Any], seed: int
+    body: Body, ask: Ask | None, name: str, room: Mapping[str, Any], wanted: Wanted
 ) -> AbstractContextManager[Site]:
     """Where a part is recorded; noise differs from part to part."""
     if isinstance(body, Placing):
-        own = int.from_bytes(hashlib.sha256(f"{seed}/{name}".encode()).digest()[:7])
-        return OwnSite(body, room, seed=own, camera=name == "wheels")
+        own = int.from_bytes(hashlib.sha256(f"{wanted.seed}/{name}".encode()).digest()[:7])
+        worn = None if wanted.marker is None else load_marker(wanted.marker)
+        return OwnSite(body, room, seed=own, camera=name == "wheels", marker=worn)
+    if wanted.marker is not None:
+        raise UsageError(
+            "marker: expected a robot with a camera of its own over it, as a twin's; this one is filmed by "
+            "whoever places it: `realitygap track FILM --marker …`."
+        )
     if ask is None:
         raise UsageError("ask: a robot that does not place itself has to be placed: expected who is asked.")
     return nullcontext(PersonSite(ask))

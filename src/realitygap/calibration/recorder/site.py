@@ -8,13 +8,16 @@ import math
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from realitygap import temporary
 from realitygap.calibration.recorder.plans import Place
 from realitygap.calibration.recorder.wheel_plans import Trial
 from realitygap.robots.body import Filmed, Placing
 from realitygap.values import Closing, Pose
+
+if TYPE_CHECKING:
+    from realitygap.film.marker import Marker
 
 __all__ = ["Ask", "EnoughError", "OwnSite", "PersonSite", "Site"]
 
@@ -50,9 +53,18 @@ class OwnSite(Closing):
         room: in plain numbers (cm).
         seed: of its noise, with the place: no place or trial leaves the next a trace.
         camera: whether the camera over the floor looks, if the robot has one.
+        marker: what the robot wears under it; the shipped disk if None.
     """
 
-    def __init__(self, body: Placing, room: Mapping[str, Any], *, seed: int, camera: bool = False) -> None:
+    def __init__(
+        self,
+        body: Placing,
+        room: Mapping[str, Any],
+        *,
+        seed: int,
+        camera: bool = False,
+        marker: Marker | None = None,
+    ) -> None:
         self._body, self._room, self._seed = body, room, seed
         self._camera = None
         self._stack = ExitStack()
@@ -61,7 +73,7 @@ class OwnSite(Closing):
 
             with ExitStack() as stack:
                 self._camera = stack.enter_context(
-                    FloorCamera(room, unit=body.unit, noise=body.noise, seed=seed)
+                    FloorCamera(room, unit=body.unit, noise=body.noise, seed=seed, marker=marker)
                 )
                 self._film = Path(stack.enter_context(temporary.Folder("record"))) / "film.csv"
                 self._stack = stack.pop_all()
