@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from realitygap.kernels.trial import act, begin, draw_noise, draw_start, feed_ne
 from realitygap.kernels.work import new_work
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.tasks import TASKS, load_task
-from realitygap.world.profile import load_profile
+from realitygap.world.profile import Profile, load_profile
 
 PARTS = ("nothing", "sensing", "network", "wheels", "noise")
 NOTHING, SENSING, NETWORK, WHEELS, NOISE = range(5)
@@ -87,7 +88,34 @@ def seconds_for(simulation: Simulation, nets: Networks) -> Callable[[int], float
     return seconds
 
 
+def as_measured(printed: Profile) -> Profile:
+    """A robot whose sensors read by curves about what they read by the printed law before a wall."""
+    law, share = printed.infrared, np.arange(41) / 40
+    far = 4.0 * (1.0 / np.maximum(share, 1e-9) - 1.0)
+
+    def curve(a: float, b: float) -> tuple[float, ...]:
+        return tuple(np.clip(6.3 * (a / np.maximum(far, 0.1) ** 2 + b), 0.0, law.top).tolist())
+
+    noise = (3.0, *(21.0,) * 8)
+    sensors = tuple(replace(s, a=1.0, b=0.0, curve=curve(s.a, s.b), noise=noise) for s in law.sensors)
+    optics = {"lobe": (0.3, 0.28, 0.22, 0.14, 0.06), "aperture_deg": 60.0, "width_cm": 0.5, "curve_cm": 4.0}
+    return replace(printed, infrared=replace(law, sensors=sensors, **optics))
+
+
+def compare_laws() -> None:
+    """How long steps with sensors by curves take, over those by a printed law, in turn in one run."""
+    for name in ("paper", "khepera"):
+        timed = []
+        for profile in (load_profile(name), as_measured(load_profile(name))):
+            simulation = Simulation(load_task("avoidance"), profile, 1.0)
+            timed.append(seconds_for(simulation, random_networks(simulation, stream=1995)))
+            timed[-1](NOTHING)
+        rounds = np.array([[seconds(NOTHING) for seconds in timed] for _ in range(ROUNDS)])
+        print(f"sensors by curves, over the law of {name}: {np.median(rounds[:, 1] / rounds[:, 0]):.3f}")
+
+
 def main() -> None:
+    compare_laws()
     for name in TASKS:
         simulation = Simulation(load_task(name), load_profile("paper"), 1.0)
         seconds = seconds_for(simulation, random_networks(simulation, stream=1995))
