@@ -16,7 +16,7 @@ from realitygap.enki.build import program
 from realitygap.enki.process import EnkiProcess
 from realitygap.enki.unit import MODELS, draw_unit
 from realitygap.errors import RobotError, UsageError
-from realitygap.robots.address import Address
+from realitygap.robots.address import Address, StandIn
 from realitygap.robots.body import Body, Filmed, Placing, Seen
 from realitygap.robots.clock import Clock
 from realitygap.robots.enki import EnkiBody
@@ -225,6 +225,18 @@ def test_its_address_says_model_and_unit():
     short, long = Address.parse("enki"), Address.parse("enki:khepera:1")
     assert short == long and str(short) == "enki:khepera:1" and short.unit == 1 and short.port is None
     assert Address.parse("enki:epuck:3").folder(2.0) == "enki-epuck-3-noise-2"
+
+
+def test_its_folder_says_what_it_is():
+    """Enki's units are judged apart from the twin's, each model and noise scale apart; a port is a robot."""
+    kinds = {
+        name: StandIn.of_folder(Address.parse(name).folder(scale))
+        for name, scale in (("twin", 1.0), ("enki:epuck:3", 1.0), ("enki", 2.0), ("serial:/dev/ttyUSB0", 1.0))
+    }
+    assert [one and one.kind for one in kinds.values()] == [
+        "twin", "Enki epuck", "Enki khepera with 2 times its noise", None,
+    ]  # fmt: skip
+    assert kinds["enki:epuck:3"].words == "Enki epuck unit 3" and kinds["twin"].words == "twin unit 1"
 
 
 def test_what_is_missing_is_said_with_its_cure(tmp_path, monkeypatch):

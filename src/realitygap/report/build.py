@@ -18,6 +18,7 @@ from realitygap.report.robots import robot_figure
 from realitygap.report.sections import Section, Sections
 from realitygap.report.statistics import mean_of
 from realitygap.report.transfers import pairs_of
+from realitygap.robots.address import ROBOT
 from realitygap.study.load import Study, load_study
 from realitygap.transfer.score_rows import marks_of
 from realitygap.work.workers import Workers
@@ -63,6 +64,7 @@ def build_report(
         "sections": sections,
         "calibrated": calibrated,
         "stand_in": _stand_in(sections),
+        "stand_in_is": _stand_in_is(sections),
     }
     return write_page(folder / "index.html", "page.html.j2", figures, facts, step, tables=tables)
 
@@ -98,6 +100,17 @@ def _scripts() -> str:
 
 def _stand_in(sections: Sequence[Section]) -> str:
     """What the evolved networks were let have besides the simulation: "twin", "robot", "both" or nothing."""
-    pairs = [pair for s in sections if s.situated for group in s.situated.groups for pair in group.pairs]
-    kinds = {pair.twin for pair in pairs}
-    return "both" if len(kinds) > 1 else "" if not kinds else "twin" if True in kinds else "robot"
+    kinds = {name == ROBOT for name in _driven(sections)}
+    return "both" if len(kinds) > 1 else "" if not kinds else "robot" if True in kinds else "twin"
+
+
+def _stand_in_is(sections: Sequence[Section]) -> str:
+    """The stand-in in words."""
+    enki = any(name.startswith("Enki") for name in _driven(sections))
+    return "a robot of EPFL’s simulator Enki" if enki else "a physics twin of the robot"
+
+
+def _driven(sections: Sequence[Section]) -> set[str]:
+    """The kinds of robot that individuals drove."""
+    groups = [group for s in sections if s.situated for group in s.situated.groups]
+    return {pair.kind for group in groups for pair in group.pairs}

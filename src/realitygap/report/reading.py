@@ -9,7 +9,8 @@ import numpy as np
 from realitygap.report.scores import SCORES, ScoreClass, ScoreTable
 from realitygap.report.statistics import difference, mean_of
 from realitygap.report.tables import Table, counted
-from realitygap.report.transfers import ROBOT, Group
+from realitygap.report.transfers import Group
+from realitygap.robots.address import ROBOT
 
 __all__ = ["read_scores", "read_table", "read_transfers"]
 

@@ -12,18 +12,17 @@ import numpy as np
 from realitygap.report.gather import TaskPart, chosen
 from realitygap.report.statistics import Mean, mean_of
 from realitygap.report.tables import NoiseClass, Row, Table
+from realitygap.robots.address import ROBOT, StandIn
 from realitygap.study.load import Study
 from realitygap.text import to_csv
 from realitygap.track import Track
 from realitygap.transfer.load import Transferred, load_transfers
 
 __all__ = [
-    "ROBOT", "TWIN", "Group", "Pair", "groups_of", "kinds_of", "on_robot", "pairs_of", "robots_of",
+    "Group", "Pair", "groups_of", "kinds_of", "on_robot", "pairs_of", "robots_of",
     "shown_pair", "transfers_csv",
 ]  # fmt: skip
 
-ROBOT, TWIN = "robot", "twin"
-"""Kinds of situation; only the first is real."""
 TAIL_S = 0.1
 """Strokes of a tail are this far apart, whatever the film's rate: as the simulation's steps are."""
 
@@ -49,26 +48,20 @@ class Pair:
     folder: Path
 
     @property
-    def twin(self) -> bool:
-        """On a twin, which is no robot."""
-        return self.robot.startswith("twin")
+    def stand_in(self) -> StandIn | None:
+        """Which simulated robot it is; None for a robot."""
+        return StandIn.of_folder(self.robot)
 
     @property
     def kind(self) -> str:
-        """What may be averaged: all robots, all units of the twin whose noise has one size."""
-        if not self.twin:
-            return ROBOT
-        _, _, scale = self.robot.partition("-noise-")
-        return f"{TWIN} with {scale} times its noise" if scale else TWIN
+        """What may be averaged: all robots, all units of a kind whose noise has one size."""
+        return ROBOT if self.stand_in is None else self.stand_in.kind
 
     @property
     def where(self) -> str:
         """The robot in words."""
-        if not self.twin:
-            return f"Khepera on {self.robot.removeprefix('serial-')}"
-        _, _, scale = self.robot.partition("-noise-")
-        unit = self.robot.split("-")[1]
-        return f"twin unit {unit}, {scale} × noise" if scale else f"twin unit {unit}"
+        there = self.stand_in
+        return f"Khepera on {self.robot.removeprefix('serial-')}" if there is None else there.words
 
     @property
     def drop(self) -> float:
@@ -103,7 +96,9 @@ def pairs_of(study: Study, parts: Sequence[TaskPart]) -> dict[str, list[Pair]]:
     """The study's transfers by task, in the order of its runs, robots and starts."""
     rows = {row.run: (c.level, row) for part in parts for c in part.conditions for row in c.rows}
     pairs = [_pair(one, *rows[one.run]) for one in load_transfers(study.folder) if one.run in rows]
-    pairs.sort(key=lambda pair: (pair.row.run, pair.twin, len(pair.robot), pair.robot, pair.start))
+    pairs.sort(
+        key=lambda pair: (pair.row.run, pair.stand_in is not None, len(pair.robot), pair.robot, pair.start)
+    )
     return {part.task.name: [p for p in pairs if p.task == part.task.name] for part in parts}
 
 

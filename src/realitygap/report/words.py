@@ -113,17 +113,23 @@ SOURCES = {
 """Where a situated path comes from."""
 
 
+STAND_INS = {
+    "robot": "a Khepera",
+    "twin": "a physics twin of the robot, with sensors, wheels and noise of its own: a stand-in, "
+    "called pseudo-reality, in other code than the simulation’s, though sizes of noise, arenas "
+    "and starts have common sources. It is not a robot",
+    "Enki": "a robot of EPFL’s simulator Enki, whose sensor models and noise others made: a stand-in, called "
+    "pseudo-reality. It is not a robot",
+}
+"""What a situated individual drives, by the first word of its kind."""
+
+
 def about(pairs: Sequence[Pair]) -> str:
     """What "situated" means on this page."""
-    twin, robot = any(pair.twin for pair in pairs), not all(pair.twin for pair in pairs)
-    stand_in = (
-        "a physics twin of the robot, with sensors, wheels and noise of its own: a stand-in, "
-        "called pseudo-reality, in other code than the simulation’s, though sizes of noise, arenas "
-        "and starts have common sources. It is not a robot"
-    )
-    if twin and robot:
-        return f"Situated means: on a Khepera, or on {stand_in}; each row says which."
-    return f"Situated means: on {stand_in}." if twin else "Situated means: on a Khepera."
+    kinds = {pair.kind.split()[0] for pair in pairs}
+    places = [words for name, words in STAND_INS.items() if name in kinds]
+    which = "; each row says which" if len(places) > 1 else ""
+    return f"Situated means: on {', or on '.join(places)}{which}."
 
 
 def pair_words(part: TaskPart, shown: Sequence[Pair]) -> Words:
@@ -143,7 +149,9 @@ def transfer_sheet_words(many: int, where: str, *, counted: bool) -> Words:
 def _caption(part: TaskPart, shown: Sequence[Pair]) -> str:
     """What stands under figure 3 or 5."""
     where, unit = shown[0].where, part.task.fitness_unit
-    what = f"{where}, a physics stand-in for the robot (pseudo-reality)" if shown[0].twin else f"the {where}"
+    kind = "physics stand-in" if shown[0].kind.startswith("twin") else "stand-in"
+    stood_in = shown[0].stand_in is not None
+    what = f"{where}, a {kind} for the robot (pseudo-reality)" if stood_in else f"the {where}"
     sources = {pair.source for pair in shown}
     source = ", or ".join(words for name, words in SOURCES.items() if name in sources)
     who = {"champion": "retested champion", "fittest": "fittest individual"}

@@ -15,14 +15,14 @@ import importlib
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from realitygap.errors import UsageError
 
 if TYPE_CHECKING:
     from realitygap.robots.body import Body
 
-__all__ = ["BAUD_RATES", "FORMS", "Address"]
+__all__ = ["BAUD_RATES", "FORMS", "ROBOT", "Address", "StandIn"]
 
 FORMS = (
     "twin, twin:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT, epuck:PORT, epuck2:HOST, thymio:PORT, "
@@ -47,6 +47,42 @@ BAUD_RATES = (9600, 19200, 38400, 57600, 115200)
 LARGEST_UNIT = 2**63 - 1
 MODELS = ("khepera", "epuck", "thymio2")
 """Enki's robots; the first is meant where none is named."""
+
+
+ROBOT = "robot"
+"""What is driven and is no stand-in."""
+
+
+class StandIn(NamedTuple):
+    """A simulated robot, as its folder's name says: "twin-1", "enki-epuck-3-noise-2".
+
+    Attributes:
+        name: of such robots: "twin", or of Enki's "Enki khepera".
+        unit: its number.
+        scale: of its noise, "" for 1.
+    """
+
+    name: str
+    unit: str
+    scale: str
+
+    @classmethod
+    def of_folder(cls, name: str) -> Self | None:
+        """None for a robot."""
+        found = re.fullmatch(r"(twin|enki-\w+)-(\d+)(?:-noise-(.+))?", name)
+        if found is None:
+            return None
+        return cls(found[1].replace("enki-", "Enki "), found[2], found[3] or "")
+
+    @property
+    def kind(self) -> str:
+        """What may be judged and averaged together."""
+        return f"{self.name} with {self.scale} times its noise" if self.scale else self.name
+
+    @property
+    def words(self) -> str:
+        """Which one it is."""
+        return f"{self.name} unit {self.unit}" + (f", {self.scale} × noise" if self.scale else "")
 
 
 @dataclass(frozen=True, kw_only=True)

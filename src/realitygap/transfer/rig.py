@@ -116,6 +116,7 @@ def driven(
         recorder: keeps the steps.
     """
     poses: list[Pose] = []
+    sensors = task.of(profile).sensors
 
     def look() -> None:
         if isinstance(body, Seen):
@@ -124,7 +125,7 @@ def driven(
     def inputs(readings: Readings) -> list[int]:
         look()
         fed = readings.proximity if task.feeds == "proximity" else readings.ambient
-        return profile.inputs(fed.tolist(), task.feeds, task.of(profile).sensors)
+        return profile.inputs(fed.tolist(), task.feeds, sensors)
 
     attend(body, task.feeds)
     made = drive(body, Scaled(controller, profile), seconds=seconds, inputs=inputs, recorder=recorder)

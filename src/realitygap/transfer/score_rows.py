@@ -15,6 +15,7 @@ from collections import Counter
 from collections.abc import Callable
 from os import PathLike
 
+from realitygap.robots.address import ROBOT, StandIn
 from realitygap.study.load import Study, as_study
 from realitygap.transfer.kept_rows import Kept
 from realitygap.transfer.load import Transferred, load_transfers
@@ -52,9 +53,8 @@ def marks_of(study: Study | str | PathLike[str], *, on_progress: OnProgress | No
 
 def kind_of(one: Transferred) -> str:
     """The kind of robot: what may be judged together."""
-    if one.unit is None:
-        return "robot"
-    return "twin" if one.twin_noise == 1 else f"twin with {one.twin_noise:g} times its noise"
+    stand_in = StandIn.of_folder(one.robot)
+    return ROBOT if stand_in is None else stand_in.kind
 
 
 def _jobs(study: Study, task: str) -> list[Job]:
@@ -69,7 +69,7 @@ def _jobs(study: Study, task: str) -> list[Job]:
         counts.setdefault((kind, individual), Counter())[len({one.start for one in several})] += 1
     usual = {key: min(count, key=lambda starts: (-count[starts], starts)) for key, count in counts.items()}
     bench = Bench(study=study, task=study.task(task), scales=usual)
-    order = sorted(usual, key=lambda key: (key[0] != "robot", len(key[0]), key)) or [("", "champion")]
+    order = sorted(usual, key=lambda key: (key[0] != ROBOT, len(key[0]), key)) or [("", "champion")]
     return [
         Job(bench=bench, run=run, individual=individual, kind=kind,
              transfers=tuple(found.get((run.id, kind, individual), ())))
