@@ -23,6 +23,7 @@ CONVERT = {
     "calibration/recorder/plans.py": (1, "a bearing that is told to a person becomes a pose"),
     "calibration/recorder/record.py": (1, "a recording's CSV"),
     "calibration/recordings/files.py": (2, "a recording's CSV"),
+    "calibration/recordings/recording.py": (1, "where a robot stood whose sensor looked straight at a wall"),
     "calibration/wheels/odometry.py": (1, "drift, told in degrees a metre"),
     # descriptors are in the degrees that people can just tell apart
     "correspondence/descriptors.py": (3, "turn rates and bearings, deg/s and deg"),
