@@ -24,7 +24,7 @@ from realitygap.transfer.folder import half_folder
 from realitygap.transfer.replay import Replays
 from realitygap.transfer.run import Transferred, load_transfers
 from realitygap.twin.process import start_twin
-from realitygap.twin.states import States
+from realitygap.twin.states import States, heading_of
 from tests.transfer.helpers import transfer
 
 SECONDS = 1.0
@@ -133,8 +133,8 @@ def test_a_film_is_tracked_to_the_truth(study, monkeypatch):
         assert film.notes["view"] == one.view
     assert len(track) == round(25 * SECONDS) + 1 and track.lost == 0
     shown = np.searchsorted(truth.time_ms - truth.time_ms[0], track.t * 1000 + 1e-3, side="right") - 1
-    off = np.hypot(track.x - truth.x_cm[shown], track.y - truth.y_cm[shown])
-    turned = (track.heading_deg - np.degrees(truth.heading[shown]) + 180) % 360 - 180
+    off = np.hypot(track.x - 100 * truth.pose[shown, 0], track.y - 100 * truth.pose[shown, 1])
+    turned = (track.heading_deg - np.degrees(heading_of(truth.pose[shown])) + 180) % 360 - 180
     assert off.mean() < 0.04 and off.max() < 0.15
     assert np.abs(turned).mean() < 0.5
     assert (one.folder / "tails.png").read_bytes()[:4] == b"\x89PNG"
@@ -156,7 +156,7 @@ def test_a_watched_trial_is_seen_ten_times_a_second(made, study):
     track, truth = read_track(one.folder / "track.csv"), States.from_file(one.folder / "sealed.csv")
     shown = np.searchsorted(truth.time_ms - truth.time_ms[0], one.situated.t * 1000 + 1e-3, "right") - 1
     path = one.situated
-    off = np.hypot(path.x - truth.x_cm[shown], path.y - truth.y_cm[shown])
+    off = np.hypot(path.x - 100 * truth.pose[shown, 0], path.y - 100 * truth.pose[shown, 1])
     assert len(track) == len(path.t) and off.mean() < 0.03 and off.max() < 0.1
     counted = transfer(study, [one.run], seconds=SECONDS, workers=1, watch=False)[0]
     assert counted.situated_from == "counters" and counted.view is None

@@ -68,7 +68,7 @@ def robot_figure(profile: Profile) -> Figure:
     for place, ray, name in _sensors(robot):
         _draw_sensor(ax, place, ray, name)
     ax.plot([-robot.radius, robot.radius], [-span * 0.93] * 2, color=style.INK, linewidth=0.9, marker="|")
-    ax.text(0, -span * 0.98, f"{2 * robot.radius:g} cm", ha="center", va="top", fontsize=7.5)
+    ax.text(0, -span * 0.98, f"{2 * robot.radius:.3g} cm", ha="center", va="top", fontsize=7.5)
     ax.set(xlim=(-span, span), ylim=(-span * 1.12, span), aspect="equal")
     ax.axis("off")
     return figure
