@@ -56,6 +56,7 @@ def experiment() -> None:
 @option.seed(None, " [default: 1995]")
 @click.option("--tasks", metavar="TASK|both", help="obstacle-avoidance or light-seeking [default: both].")
 @option.seconds
+@option.arena
 @option.workers
 @option.resume
 @option.as_json

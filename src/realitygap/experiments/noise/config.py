@@ -14,6 +14,7 @@ from realitygap.study.settings import LARGEST, whole
 from realitygap.tasks.load import TASKS, load_task
 from realitygap.toml import read_toml
 from realitygap.user_code import place_of, placed
+from realitygap.world.arena import load_arena
 from realitygap.world.files import Value, build, require
 from realitygap.world.noise import noise_level
 
@@ -43,6 +44,7 @@ class NoiseConfig(Value):
         robot: in the twin's place `enki:MODEL`, whose units are meant; or one of your own, `file.py:Class` or
             `module:Class`: the only unit.
         base: the rough profile of one's own, by name or file.
+        arena: another than the task's, by name or file, where there is one task; for a larger robot.
 
     Raises:
         ConfigError: names the key, what was expected and what came.
@@ -60,6 +62,7 @@ class NoiseConfig(Value):
     seconds: float | None = None
     robot: str | None = None
     base: str | None = None
+    arena: str | None = None
 
     def _check(self) -> None:
         for key, largest in (("runs", 10**4), ("seed_sets", 100), ("units", 100), ("evaluations", 10**9)):
@@ -78,6 +81,10 @@ class NoiseConfig(Value):
         require(known, "tasks", f"different ones of {', '.join(TASKS)}", list(self.tasks))
         if self.seconds is not None:
             object.__setattr__(self, "seconds", _seconds(self.seconds))
+        if self.arena is not None:
+            load_arena(self.arena)
+            require(len(self.tasks) == 1, "arena", "none where there are several tasks", self.arena)
+            object.__setattr__(self, "arena", _whole_path(self.arena))
         self._check_robot()
 
     def _check_robot(self) -> None:
@@ -105,8 +112,7 @@ class NoiseConfig(Value):
         file = place_of(self.robot)
         if file is not None:
             object.__setattr__(self, "robot", placed(self.robot, file[0].resolve()))
-        if Path(str(self.base)).is_file():
-            object.__setattr__(self, "base", str(Path(str(self.base)).resolve()))
+        object.__setattr__(self, "base", _whole_path(str(self.base)))
 
     def address(self, unit: int) -> str:
         """Of the robot that is this unit."""
@@ -153,6 +159,11 @@ class NoiseConfig(Value):
             return cls.from_dict(table)
         except ConfigError as error:
             raise ConfigError(f"{path}: {error}") from None
+
+
+def _whole_path(name: str) -> str:
+    """A file by its whole path; what is no file is a shipped one's name."""
+    return str(Path(name).resolve()) if Path(name).is_file() else name
 
 
 def levels_of(text: str) -> tuple[float, ...]:

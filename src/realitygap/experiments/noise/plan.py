@@ -102,6 +102,7 @@ def evolution(config: NoiseConfig, seed_set: int, unit: int, profile: Path) -> S
         profile=str(profile),
         conditions=tuple(conditions),
         task=TaskSettings(seconds=config.seconds),
+        arenas={} if config.arena is None else {config.tasks[0]: config.arena},
     )
 
 

@@ -17,6 +17,7 @@ from realitygap.study.load import Study, load_study
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.values import Pose
+from realitygap.world.arena import load_arena
 from realitygap.world.profile import Profile, load_profile
 
 __all__ = ["Stage"]
@@ -73,7 +74,8 @@ class Stage:
 
     def _task(self, name: str) -> Task:
         task, seconds = load_task(name), self.config.seconds
-        return task if seconds is None else replace(task, seconds=seconds)
+        task = task if seconds is None else replace(task, seconds=seconds)
+        return task if self.config.arena is None else replace(task, arena=load_arena(self.config.arena))
 
     def _load(self, seed_set: int, unit: int) -> Study:
         return load_study(evolved_folder(self.folder, seed_set, unit))
