@@ -16,6 +16,7 @@ from realitygap.cli.failure import Commands
 from realitygap.cli.judge import judge
 from realitygap.cli.probe import probe
 from realitygap.cli.profile import profile
+from realitygap.cli.realities import realities
 from realitygap.cli.record import record
 from realitygap.cli.replay import replay
 from realitygap.cli.report import report
@@ -53,8 +54,8 @@ def realitygap(ctx: click.Context) -> None:
 
 
 for _command in (
-    reproduce, evolve, experiment, simulate, probe, show, replay, report, transfer, score, classify, judge,
-    robot, twin, record, calibrate, track, camera, profile, arena, bench,
+    reproduce, evolve, experiment, realities, simulate, probe, show, replay, report, transfer, score,
+    classify, judge, robot, twin, record, calibrate, track, camera, profile, arena, bench,
 ):  # fmt: skip
     realitygap.add_command(_command)
 

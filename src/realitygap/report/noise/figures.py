@@ -21,7 +21,10 @@ from realitygap.report.style import INK, MUTED, PAGE, new_figure, noise_styles
 if TYPE_CHECKING:
     from matplotlib.typing import LineStyleType
 
-__all__ = ["SETS", "claims_figure", "fitness_figure", "map_figure", "noisiness_figure", "titled"]
+__all__ = [
+    "SETS", "claims_figure", "curve_of", "dots", "fitness_figure", "legend", "levels_axis", "map_figure",
+    "noisiness_figure", "titled",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 
@@ -103,16 +106,16 @@ def claims_figure(facts: NoiseFacts) -> Figure:
         ax.set_title(title, fontsize=8)
     for ax, (_, label) in zip(axes[-1], PANELS.values(), strict=True):
         ax.set_xlabel(label)
-    _legend(figure, axes)
+    legend(figure, axes)
     return figure
 
 
 def _claim_panel(ax: Axes, data: Crossed, scope: Scope, key: str) -> None:
     level, score = points(data, key)
     again = len(score) // len(data)
-    _dots(ax, data, level, score, np.repeat(data.seed_set, again))
-    _levels_axis(ax, data.levels, data.robot)
-    _curve(ax, scope.curves[key])
+    dots(ax, data, level, score, np.repeat(data.seed_set, again))
+    levels_axis(ax, data.levels, data.robot)
+    curve_of(ax, scope.curves[key])
     paper = PAPER.get(scope.name, {})
     if key == "c" and paper:
         at = [np.sqrt(level * data.robot) for level in paper]
@@ -124,7 +127,7 @@ def _claim_panel(ax: Axes, data: Crossed, scope: Scope, key: str) -> None:
     ax.set_ylim(-0.3, 10.3)
 
 
-def _dots(ax: Axes, data: Crossed, level: Floats, score: Floats, sets: NDArray[np.int64]) -> None:
+def dots(ax: Axes, data: Crossed, level: Floats, score: Floats, sets: NDArray[np.int64]) -> None:
     """Every run: filled left of its level for odd seed sets, hollow right of it for even ones."""
     styles = noise_styles(data.levels.tolist())
     for one in data.sets:
@@ -146,7 +149,7 @@ def _scatter(count: int) -> Floats:
     return places
 
 
-def _levels_axis(ax: Axes, levels: Floats, robot: float) -> None:
+def levels_axis(ax: Axes, levels: Floats, robot: float) -> None:
     """The root of the level, so that small levels stand apart; a line at the robot's."""
     ax.set_xticks(np.sqrt(levels), [f"{level:g}" for level in levels])
     ax.axvline(np.sqrt(robot), color=MUTED, linewidth=0.7, linestyle=(0, (1, 2)), zorder=1)
@@ -154,7 +157,8 @@ def _levels_axis(ax: Axes, levels: Floats, robot: float) -> None:
     ax.set_axisbelow(True)
 
 
-def _curve(ax: Axes, curve: Curve) -> None:
+def curve_of(ax: Axes, curve: Curve) -> None:
+    """Means with their intervals; those of each of several seed sets."""
     x = np.sqrt(curve.levels)
     if len(curve.sets) > 1:
         for number, means in curve.sets.items():
@@ -174,7 +178,8 @@ def _bars(ax: Axes, x: Floats, spans: Sequence[Span], of: str, label: str = "") 
     )  # fmt: skip
 
 
-def _legend(figure: Figure, axes: NDArray[np.object_]) -> None:
+def legend(figure: Figure, axes: NDArray[np.object_]) -> None:
+    """One legend, below, of what all panels name."""
     found: dict[str, Artist] = {}
     for ax in axes.ravel():
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
@@ -197,21 +202,21 @@ def fitness_figure(facts: NoiseFacts, scales: Mapping[str, tuple[float, str]], w
         data, (scale, unit) = facts.data.part(task=task), scales[task]
         rows = [row for row in facts.fitness if row.task == task]
         _fitness_panel(both, data, rows, scale, f"on the {who}")
-        _dots(drop, data, data.evolved, (data.simulated - data.situated) / scale, data.seed_set)
+        dots(drop, data, data.evolved, (data.simulated - data.situated) / scale, data.seed_set)
         _bars(drop, np.sqrt(data.levels), [_scaled(r.drop, scale) for r in rows], "drop")
         drop.axhline(0, color=MUTED, linewidth=0.7)
         for ax in (both, drop):
-            _levels_axis(ax, data.levels, data.robot)
+            levels_axis(ax, data.levels, data.robot)
             ax.set_xlabel("noise evolved under")
         unit = f" ({unit})" if unit else ""
         both.set_ylabel(f"{titled(task)}\nfitness{unit}")
         drop.set_ylabel(f"drop in fitness{unit}")
-    _legend(figure, axes)
+    legend(figure, axes)
     return figure
 
 
 def _fitness_panel(ax: Axes, data: Crossed, rows: Sequence[FitnessRow], scale: float, situated: str) -> None:
-    _dots(ax, data, data.evolved, data.situated / scale, data.seed_set)
+    dots(ax, data, data.evolved, data.situated / scale, data.seed_set)
     x = np.sqrt(data.levels)
     _bars(ax, x - 0.012, [_scaled(r.simulated, scale) for r in rows], "simulated")
     _bars(ax, x + 0.012, [_scaled(r.situated, scale) for r in rows], "situated", situated)
@@ -229,12 +234,12 @@ def noisiness_figure(facts: NoiseFacts, who: str = "twin") -> Figure:
     for ax, scope in zip(axes[0], scopes, strict=True):
         data = facts.data.part(task=scope.name)
         level, _ = points(data, "a")
-        _dots(ax, data, level, data.noisiness.ravel(), np.repeat(data.seed_set, len(data.levels)))
-        _levels_axis(ax, data.levels, data.robot)
-        _curve(ax, scope.noisiness)
+        dots(ax, data, level, data.noisiness.ravel(), np.repeat(data.seed_set, len(data.levels)))
+        levels_axis(ax, data.levels, data.robot)
+        curve_of(ax, scope.noisiness)
         ax.axhline(0, color=INK, linewidth=0.8)
         ax.set_title(titled(scope.name), fontsize=8)
         ax.set_xlabel(PANELS["a"][1])
     axes[0][0].set_ylabel(f"noisiness of the {who}\n(log2 of the ratio of jitter)")
-    _legend(figure, axes)
+    legend(figure, axes)
     return figure

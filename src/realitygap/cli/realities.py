@@ -1,0 +1,111 @@
+"""`realitygap realities`: the whole loop on each reality at hand, and one matrix of them all."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from realitygap.cli import option
+from realitygap.cli.estimate import consider
+from realitygap.cli.failure import StoppedError
+from realitygap.cli.kinds import Whole
+from realitygap.cli.output import print_json, print_table, warn
+from realitygap.cli.progress import ProgressLine
+from realitygap.errors import RobotStoppedError, StudyInterruptedError
+
+if TYPE_CHECKING:
+    from realitygap.experiments.realities import Realities
+    from realitygap.work.workers import Workers
+
+__all__ = ["realities"]
+
+SMALL = {"runs": 2, "starts": 2, "evaluations": 200}
+
+
+@click.command()
+@option.out("out/realities")
+@click.option(
+    "--robot", "robots", multiple=True, metavar="R",
+    help="A reality that must be there: twin, enki:MODEL, or a body of your own that places itself, "
+    "file.py:Class; may be repeated.",
+)  # fmt: skip
+@click.option("--only", is_flag=True, default=None, help="Only those that --robot names.")
+@option.base
+@click.option("--small", is_flag=True, help="2 runs, 2 starts, 200 evaluations: to try, in minutes.")
+@click.option("--levels", metavar="L,L,…", help="Noise levels (1 = observed) [default: 0,1,2].")
+@option.runs("Runs at each level [default: 6].")
+@click.option("--starts", type=Whole(2, 1000), help="Trials of each controller [default: 4].")
+@option.evaluations
+@option.seed(None, " [default: 1995]")
+@option.seconds
+@option.workers
+@option.resume
+@option.as_json
+def realities(
+    out: Path, workers: Workers, small: bool, resume: bool, json_output: bool, **options: Any
+) -> None:
+    """Carry out the whole loop on each reality at hand.
+
+    The twin, the robots of EPFL's simulator Enki (its Khepera, e-puck and Thymio II) and what --robot
+    names are each recorded and calibrated to; controllers that avoid obstacles evolve in each
+    simulation at every noise level, drive the robot and are compared with the simulation. Prints one
+    matrix of them all: model error over noise, noise, correspondence by level, and where the
+    simulation is as noisy as the reality. What is not installed is left out, unless --robot names it.
+    With --resume, omitted options keep their saved values.
+
+    \b
+    Examples: a small one to try; a robot of your own beside all others; two of Enki's alone
+        realitygap realities --small
+        realitygap realities --robot my_robot.py:MyRobot --base my_robot.toml --out out/mine
+        realitygap realities --only --robot enki:epuck --robot enki:thymio2 --out out/enki
+    """
+    from realitygap.experiments.realities import carry_out
+    from realitygap.report.realities import (
+        build_realities_report,
+        matrix,
+        read_realities,
+        realities_summary,
+    )  # fmt: skip
+
+    asked = _asked(out, resume, {**(SMALL if small else {}), **option.given(options)})
+    if not resume:
+        runs = asked.runs * len(asked.levels) * len(asked.every)
+        consider(runs=runs, evaluations=asked.evaluations, trials=runs * asked.starts, workers=workers)
+    try:
+        with ProgressLine() as progress:
+            places = carry_out(out, asked, workers=workers, resume=resume, on_progress=progress.show)
+            page = build_realities_report(out, places, on_progress=progress.report)
+    except (KeyboardInterrupt, StudyInterruptedError, RobotStoppedError):
+        robots = "".join(f" --robot {shlex.quote(robot)}" for robot in asked.robots if asked.programs)
+        again = f"realitygap realities --out {shlex.quote(str(out))}{robots} --resume"
+        raise StoppedError(f"stopped; what is done is kept in {out}; resume with `{again}`") from None
+    warn(f"{place.robot} is left out: {place.why}" for place in places if place.why)
+    if json_output:
+        print_json({"folder": str(out), "report": str(page), **realities_summary(places)})
+        return
+    table = matrix(read_realities(places))
+    print_table(("reality", *table.head[1:]), table.texts())
+    click.echo(f"\nreport {page}")
+
+
+def _asked(out: Path, resume: bool, given: dict[str, Any]) -> Realities:
+    """The usual one with what was given; or, resumed, the one that is there."""
+    from dataclasses import replace
+
+    from realitygap.experiments.noise.config import levels_of
+    from realitygap.experiments.realities import ASKED, Realities
+
+    begun = Realities.from_folder(out) if resume and (out / ASKED).is_file() else Realities()
+    if not given["robots"]:
+        del given["robots"]
+        if begun.programs:
+            raise click.UsageError(
+                f"--robot: expected {', '.join(begun.robots)}, the robots of this experiment: programs are "
+                "run when you name them."
+            )
+    if "levels" in given:
+        given["levels"] = levels_of(given["levels"])
+    return replace(begun, **given)

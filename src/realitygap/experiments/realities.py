@@ -1,0 +1,198 @@
+"""The whole loop on several realities: each is an experiment of noise in a folder of its own.
+
+from realitygap.experiments.realities import Realities, carry_out
+
+carry_out("out/realities", Realities(runs=2, starts=2, evaluations=200))
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple, Self
+
+from realitygap.errors import ConfigError, StudyError, UsageError
+from realitygap.experiments.noise.config import CONFIG, NoiseConfig
+from realitygap.experiments.noise.run import noise_study
+from realitygap.experiments.noise.situated import check_robot
+from realitygap.robots.address import Address
+from realitygap.study.lock import LOCK, lock
+from realitygap.study.schema import told
+from realitygap.study.settings import refuse_difference
+from realitygap.toml import read_toml, to_toml
+from realitygap.whole import write
+from realitygap.work.progress import OnProgress, Progress
+from realitygap.work.workers import Workers
+from realitygap.world.files import Value, build, require
+
+__all__ = ["ASKED", "AT_HAND", "Place", "Realities", "carry_out"]
+
+AT_HAND = ("twin", "enki:khepera", "enki:epuck", "enki:thymio2")
+"""The realities that come with the package, or with a library."""
+ASKED = "realities.toml"
+HEADER = "# What `realitygap realities` was asked for; each reality has a folder of its own.\n"
+TASK = "obstacle-avoidance"
+"""The one task for which every reality has sensors: Enki has no ambient light."""
+LARGE, WIDE = "obstacle-avoidance-large", ("enki:thymio2",)
+"""The arena of robots that are too large for the paper's, and which these are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Realities(Value):
+    """What is asked for; on each reality the same.
+
+    Attributes:
+        robots: addresses that must be there: "twin", "enki:MODEL", or a robot of one's own that places
+            itself, "file.py:Class".
+        only: leave out what is not among `robots`; else all that is at hand is tried.
+        base: the rough profile of one's own robots.
+        levels: of noise: controllers evolve at each, and are compared with the simulation at each.
+        runs: controllers of each level; starts: trials of each; evaluations: of each run.
+        seconds: length of a trial; 0 for the task's own.
+        seed: everything random follows from it.
+
+    Raises:
+        ConfigError: names the key, what was expected and what came.
+    """
+
+    robots: tuple[str, ...] = ()
+    only: bool = False
+    base: str = ""
+    levels: tuple[float, ...] = (0.0, 1.0, 2.0)
+    runs: int = 6
+    starts: int = 4
+    evaluations: int = 1000
+    seconds: float = 0.0
+    seed: int = 1995
+
+    def _check(self) -> None:
+        require(not self.only or bool(self.robots), "only", "robots that are named", self.only)
+        require(bool(self.programs) or not self.base, "base", "a robot of your own that it is of", self.base)
+        named = (self.study(robot).robot or "twin" for robot in self.robots)
+        object.__setattr__(self, "robots", tuple(dict.fromkeys(named)))
+        self.study(AT_HAND[0])  # which checks all the rest
+
+    @property
+    def every(self) -> tuple[str, ...]:
+        """The robots that are tried, each once, those at hand first."""
+        known = () if self.only else AT_HAND
+        return tuple(dict.fromkeys((*known, *self.robots)))
+
+    @property
+    def programs(self) -> tuple[str, ...]:
+        """Robots that are programs of a user's, run only where somebody names them."""
+        return tuple(robot for robot in self.robots if Address.parse(robot).kind == "own")
+
+    def study(self, robot: str) -> NoiseConfig:
+        """The experiment of one reality: one unit, one set of seeds."""
+        own = Address.parse(robot).kind == "own"
+        return NoiseConfig(
+            robot=None if robot == "twin" else robot,
+            base=self.base or None if own else None,
+            levels=self.levels, runs=self.runs, seed_sets=1, units=1, starts=self.starts,
+            evaluations=self.evaluations, seconds=self.seconds or None, seed=self.seed, tasks=(TASK,),
+            arena=LARGE if robot in WIDE else None,
+        )  # fmt: skip
+
+    @classmethod
+    def from_folder(cls, folder: Path) -> Self:
+        """What the experiment in a folder was asked for.
+
+        Raises:
+            StudyError: there is none.
+            ConfigError: its file is broken.
+        """
+        path, cure = folder / ASKED, "Give the folder of `realitygap realities`."
+        if not path.is_file():
+            raise StudyError(f"{folder}: no experiment on realities there ({ASKED} is missing). {cure}")
+        try:
+            return build(cls, read_toml(path, ConfigError, cure, broken="Restore it from a copy."))
+        except ConfigError as error:
+            raise ConfigError(f"{path}: {error}") from None
+
+
+class Place(NamedTuple):
+    """A reality and the folder of its experiment; or, in words, why it was left out."""
+
+    robot: str
+    folder: Path
+    why: str = ""
+
+
+def carry_out(
+    folder: str | Path,
+    requested: Realities | None = None,
+    *,
+    workers: Workers = None,
+    resume: bool = False,
+    on_progress: OnProgress | None = None,
+) -> list[Place]:
+    """Record, calibrate, evolve, drive and compare on one reality after the other; or go on with that.
+
+    Neither `workers` nor an interruption changes a bit of what comes out.
+
+    Args:
+        folder: made if it does not exist.
+        requested: what to do; None to resume as it was asked for.
+        workers: processes, one a core if None; or a pool.
+        resume: go on with what is in the folder.
+        on_progress: called a few times a second.
+
+    Returns:
+        All realities; those that were left out say why.
+
+    Raises:
+        UsageError: a reality that was named is not there, wrong settings, a folder that cannot be used.
+        StudyInterruptedError: Ctrl-C; what was done is kept.
+    """
+    folder = Path(folder)
+    if requested is not None:
+        list(_places(folder, requested))  # whoever is named and missing is told before a folder is made
+    with lock(folder):
+        asked = _begun(folder, requested, resume)
+        places = list(_places(folder, asked))
+        for robot, place, why in places:
+            if why:
+                continue
+
+            def heard(event: Progress, robot: str = robot) -> None:
+                if on_progress is not None:
+                    on_progress(replace(event, phase=f"{robot}: {event.phase}"))
+
+            begun = (place / CONFIG).is_file()
+            noise_study(place, asked.study(robot), workers=workers, resume=begun, on_progress=heard)
+    return places
+
+
+def _places(folder: Path, asked: Realities) -> Iterator[Place]:
+    """Each reality; of one that is not there, and was not named, why it is left out."""
+    for robot in asked.every:
+        config, why = asked.study(robot), ""
+        try:
+            check_robot(config)
+        except UsageError as error:
+            if robot in asked.robots:
+                raise
+            why = str(error)
+        yield Place(robot, folder / Address.parse(config.address(1)).folder(), why)
+
+
+def _begun(folder: Path, requested: Realities | None, resume: bool) -> Realities:
+    """Write down what is requested, or see that it is what was requested before; the lock is held."""
+    if (folder / ASKED).is_file():
+        there = Realities.from_folder(folder)
+        if not resume:
+            cure = "Go on with it (--resume) or choose another --out."
+            raise StudyError(f"{folder} already holds an experiment on realities. {cure}")
+        if requested is not None:
+            refuse_difference(f"{folder}: the experiment was begun", there.to_dict(), requested.to_dict())
+        return there
+    if requested is None:
+        raise StudyError(f"{folder}: no experiment on realities there. Start it without --resume.")
+    strange = [path.name for path in folder.iterdir() if path.name != LOCK and path.name[0] != "."]
+    if strange:
+        raise StudyError(f"{folder} holds other files ({min(strange)}). Choose another --out.")
+    with told(folder):
+        write(folder / ASKED, HEADER + to_toml(requested.to_dict()))
+    return requested

@@ -1,0 +1,250 @@
+"""The matrix of realities: how near each calibrated simulation is, what becomes of controllers there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from realitygap.experiments.noise.folder import RESULTS
+from realitygap.experiments.noise.plan import calibration_folder
+from realitygap.experiments.realities import ASKED, Place
+from realitygap.report.noise.facts import NoiseFacts, Span, gather_facts, points
+from realitygap.report.noise.figures import curve_of, dots, legend, levels_axis
+from realitygap.report.noise.report import build_noise_report
+from realitygap.report.noise.results import Misfit, read_results
+from realitygap.report.noise.tables import NoiseTable, Number, Row
+from realitygap.report.page import Figures, OnProgress, Steps, Words, noise_key, report_folder, write_page
+from realitygap.report.style import INK, MUTED, PAGE, SIMULATED, new_figure
+from realitygap.robots.address import Address
+from realitygap.world.noise import noise_name
+from realitygap.world.profile import load_profile
+
+__all__ = ["Reality", "build_realities_report", "matrix", "read_realities", "realities_summary"]
+
+CHANNELS = {"infrared": "proximity", "ambient": "light"}
+CAPTION = (
+    "A row a reality. Error / noise: what the calibrated model is off by, on readings that it was not fitted "
+    "to, where they are neither dark nor saturated, over the noise's deviation there; beside it the error in "
+    "% of the full scale. Noise: as measured, and the reality's own where its makers state it, counts. "
+    "Correspondence, 0 to 10: with the simulation at each level; as evolved: of each level's controllers "
+    "with the simulation that they evolved in. Noisiness passes zero: the level at which the simulation is "
+    "as noisy as the reality in how the robot turns (< or >: beyond the levels tried)."
+)
+BY_LEVEL = (
+    "Correspondence, and how much noisier the robot's turning is than the simulation's, by the level "
+    "compared with: a dot a controller, lines are means. Above zero the reality is noisier."
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reality:
+    """What came of one reality.
+
+    Attributes:
+        robot: its address; folder: of its experiment.
+        facts: scores by level; calibration: model error and noise by channel.
+        own: the noise that its makers gave it, counts, by channel; full_scale: of its sensors, counts.
+    """
+
+    robot: str
+    folder: Path
+    facts: NoiseFacts
+    calibration: Mapping[str, Misfit]
+    own: Mapping[str, float]
+    full_scale: Mapping[str, float]
+
+    def error(self, channel: str) -> tuple[float, float]:
+        """Model error over noise, and in shares of the full scale; NaN where the channel was not recorded."""
+        found = self.calibration.get(channel)
+        return (found.ratio, found.model_error / self.full_scale[channel]) if found else (math.nan, math.nan)
+
+    @property
+    def name(self) -> str:
+        """As it is shown: of a robot of one's own the file's name, without its folder."""
+        return Path(self.robot).name if Address.parse(self.robot).kind == "own" else self.robot
+
+    @property
+    def zero(self) -> str:
+        """Where noisiness passes zero, in words: beyond the levels it is "< 0" or "> 2"."""
+        curve = self.facts.headline.noisiness
+        if math.isfinite(curve.top.value):
+            return str(Number(span=curve.top))
+        known = curve.means[np.isfinite(curve.means)]
+        if not len(known) or (known > 0).any() == (known < 0).any():
+            return "–"
+        return f"> {curve.levels[-1]:g}" if (known > 0).all() else f"< {curve.levels[0]:g}"
+
+    def to_dict(self) -> dict[str, object]:
+        """Ready for JSON."""
+        scope = self.facts.headline
+        levels = [f"{level:g}" for level in self.facts.data.levels]
+        return {
+            "robot": self.robot, "folder": str(self.folder),
+            "channels": {
+                channel: {
+                    "model_error": one.model_error, "noise": one.noise, "own_noise": self.own.get(channel),
+                    "error_over_noise": one.ratio, "error_over_full_scale": self.error(channel)[1],
+                }
+                for channel, one in self.calibration.items()
+            },
+            "correspondence": dict(zip(levels, scope.curves["a"].means, strict=True)),
+            "correspondence_as_evolved": dict(zip(levels, scope.curves["c"].means, strict=True)),
+            "noisiness": dict(zip(levels, scope.noisiness.means, strict=True)),
+            "noisiness_passes_zero_at": scope.noisiness.top.value,
+        }  # fmt: skip
+
+
+def read_realities(places: Sequence[Place]) -> list[Reality]:
+    """What came of all that were tried.
+
+    Raises:
+        StudyError: results are missing or broken.
+    """
+    return [_read(place.robot, place.folder) for place in places if not place.why]
+
+
+def _read(robot: str, folder: Path) -> Reality:
+    results = read_results(folder / RESULTS)
+    profile = load_profile(calibration_folder(folder, 1) / "robot.toml")
+    return Reality(
+        robot=robot,
+        folder=folder,
+        facts=gather_facts(results.data),
+        calibration={one.channel: one for one in results.calibration},
+        own=_own_noise(robot),
+        full_scale={channel: profile.channel(channel).top for channel in CHANNELS},
+    )
+
+
+def _own_noise(robot: str) -> dict[str, float]:
+    """What is published of a simulated reality's noise, counts."""
+    from realitygap.enki.unit import MODELS
+    from realitygap.twin.noise import AMBIENT_COUNTS, PROXIMITY_COUNTS
+
+    address = Address.parse(robot)
+    if address.kind == "enki":
+        published = load_profile(MODELS[address.rest.partition(":")[0]].profile)
+        return {"infrared": published.noise.proximity}
+    return {"infrared": PROXIMITY_COUNTS, "ambient": AMBIENT_COUNTS} if address.kind == "twin" else {}
+
+
+def matrix(realities: Sequence[Reality]) -> NoiseTable:
+    """All realities beside each other."""
+    levels = [f"{level:g}" for level in realities[0].facts.data.levels]
+    some = [c for c in CHANNELS if any(c in one.calibration for one in realities)]
+    head = ["reality"]
+    for channel in some:
+        word = CHANNELS[channel]
+        head += [f"{word}: error / noise", "% of scale", "noise", "its own"]
+    head += [f"corr. at {level}" for level in levels] + [f"as evolved at {level}" for level in levels]
+    return NoiseTable(
+        name="realities", title=CAPTION, head=(*head, "noisiness passes zero"),
+        rows=tuple(_row(one, some) for one in realities),
+    )  # fmt: skip
+
+
+def _row(one: Reality, channels: Sequence[str]) -> Row:
+    cells: list[Number] = []
+    for channel in channels:
+        ratio, share = one.error(channel)
+        noise = one.calibration[channel].noise if channel in one.calibration else math.nan
+        own = one.own.get(channel, math.nan) if channel in one.calibration else math.nan
+        cells += [Number(span=Span(value), places=places) for value, places in
+                  ((ratio, 1), (100 * share, 2), (noise, 1), (own, 1))]  # fmt: skip
+    for key in ("a", "c"):
+        cells += [Number(span=Span(mean), places=1) for mean in one.facts.headline.curves[key].means]
+    return (one.name, *cells, one.zero)
+
+
+def levels_figure(realities: Sequence[Reality]) -> Figure:
+    """A column a reality: correspondence above, noisiness below, by the level compared with."""
+    figure = new_figure(PAGE, 4.4, layout="constrained")
+    axes = figure.subplots(2, len(realities), squeeze=False, sharey="row")
+    for (above, below), one in zip(axes.T, realities, strict=True):
+        scope, data = one.facts.headline, one.facts.data
+        level, score = points(data, "a")
+        sets = np.repeat(data.seed_set, len(data.levels))
+        for ax, values, curve in (
+            (above, score, scope.curves["a"]), (below, data.noisiness.ravel(), scope.noisiness),
+        ):  # fmt: skip
+            dots(ax, data, level, values, sets)
+            levels_axis(ax, data.levels, data.robot)
+            curve_of(ax, curve)
+        above.set_title(one.name, fontsize=8)
+        above.set_ylim(-0.3, 10.3)
+        below.axhline(0, color=INK, linewidth=0.8)
+        below.set_xlabel("compared with noise")
+    axes[0][0].set_ylabel("correspondence score")
+    axes[1][0].set_ylabel("noisiness of the reality\n(log2 of the ratio of jitter)")
+    legend(figure, axes)
+    return figure
+
+
+def error_figure(realities: Sequence[Reality]) -> Figure:
+    """Model error over noise of each reality and channel, on a logarithmic axis; a line at one deviation."""
+    figure = new_figure(PAGE, 0.7 + 0.28 * len(realities), layout="constrained")
+    ax = figure.subplots()
+    y = np.arange(len(realities))[::-1]
+    for channel, marker, face in (("infrared", "o", INK), ("ambient", "D", "none")):
+        ratios = np.array([one.error(channel)[0] for one in realities])
+        if np.isfinite(ratios).any():
+            ax.plot(ratios, y, linestyle="none", marker=marker, color=INK, markerfacecolor=face,
+                    label=CHANNELS[channel])  # fmt: skip
+    ax.axvline(1.0, color=MUTED, linewidth=0.8, linestyle=SIMULATED.line)
+    ax.set_xscale("log")
+    ax.set_yticks(y, [one.name for one in realities])
+    ax.set_ylim(-0.6, len(realities) - 0.4)
+    ax.grid(axis="x")
+    ax.set_xlabel("model error over noise deviation (held out, where lit)")
+    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
+def build_realities_report(
+    folder: str | Path, places: Sequence[Place], *, on_progress: OnProgress | None = None
+) -> Path:
+    """Write the page of an experiment on realities into its folder `report/`, and a page of each of them.
+
+    Args:
+        folder: the experiment's.
+        places: what was tried, and what was left out.
+        on_progress: called with parts done, parts in all, and the name of the next one.
+
+    Raises:
+        StudyError: results are missing or broken.
+        OSError: a page cannot be written.
+    """
+    realities, figures = read_realities(places), Figures()
+    target, table = report_folder(Path(folder)) / "index.html", matrix(realities)
+    step = Steps(on_progress, len(realities) + 3)
+    for one in realities:
+        step(one.name)
+        build_noise_report(one.folder)
+    told = "; ".join(f"{one.name} {one.error('infrared')[0]:.1f}" for one in realities)
+    words = "Model error over noise deviation by channel, on a logarithmic axis; the line is one deviation."
+    figures.add("error", partial(error_figure, realities), Words(f"{words} Proximity: {told}.", words))
+    said = Words(f"{BY_LEVEL} The table has the means.", BY_LEVEL)
+    figures.add("levels", partial(levels_figure, realities), said)
+    levels = {level: noise_name(level) for level in realities[0].facts.data.levels.tolist()}
+    facts = {
+        "table": table,
+        "realities": [(one.name, one.folder.name) for one in realities],
+        "left_out": [place for place in places if place.why],
+        "cards": figures,
+        "key": noise_key(levels),
+        "text": (Path(folder) / ASKED).read_text("utf-8"),
+    }
+    tables = {table.name: table.csv()}
+    return write_page(target, "realities.html.j2", figures, facts, step, tables=tables)
+
+
+def realities_summary(places: Sequence[Place]) -> dict[str, object]:
+    """What an experiment on realities found, ready for JSON."""
+    left = [{"robot": place.robot, "why": place.why} for place in places if place.why]
+    return {"realities": [one.to_dict() for one in read_realities(places)], "left_out": left}
