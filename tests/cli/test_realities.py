@@ -59,6 +59,7 @@ def test_a_reality_that_is_named_must_be_there(no_enki, refused, tmp_path):
     out = ("realities", "--out", tmp_path / "study", *SMALL)
     assert "apt install libenki-dev g++" in refused(*out, "--robot", "enki:epuck")
     assert "Enki's robots are khepera, epuck, thymio2" in refused(*out, "--robot", "enki:alice")
+    assert "goes through record, calibrate, evolve and transfer" in refused(*out, "--robot", "epuck:/dev/x")
     assert "base: expected a robot of your own that it is of" in refused(*out, "--base", BASE)
     assert "base: expected the rough profile" in refused(*out, "--robot", ROBOT)
     assert "only: expected robots that are named" in refused(*out, "--only")

@@ -198,6 +198,7 @@ def error_figure(realities: Sequence[Reality]) -> Figure:
                     label=CHANNELS[channel])  # fmt: skip
     ax.axvline(1.0, color=MUTED, linewidth=0.8, linestyle=SIMULATED.line)
     ax.set_xscale("log")
+    ax.xaxis.set_major_formatter("{x:g}")
     ax.set_yticks(y, [one.name for one in realities])
     ax.set_ylim(-0.6, len(realities) - 0.4)
     ax.grid(axis="x")

@@ -102,7 +102,8 @@ class NoiseConfig(Value):
             require(self.base is None, "base", "none of a robot of Enki's", self.base, "Leave it out.")
             object.__setattr__(self, "robot", model)
             return
-        require(address.kind == "own", "robot", form, self.robot)
+        cure = "One that a person carries goes through record, calibrate, evolve and transfer, one by one."
+        require(address.kind == "own", "robot", form, self.robot, "" if address.port is None else cure)
         rough = f"the rough profile of {self.robot}: its radius, heights, top command and speed"
         require(isinstance(self.base, str), "base", rough, self.base)
         alone = "1 with a robot of your own, which is the only unit"
