@@ -11,16 +11,17 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from realitygap.calibration.unit import PROFILE
 from realitygap.experiments.noise.folder import RESULTS
 from realitygap.experiments.noise.plan import calibration_folder
 from realitygap.experiments.realities import ASKED, Place
 from realitygap.report.noise.facts import NoiseFacts, Span, gather_facts, points
 from realitygap.report.noise.figures import curve_of, dots, legend, levels_axis
 from realitygap.report.noise.report import build_noise_report
-from realitygap.report.noise.results import Misfit, read_results
+from realitygap.report.noise.results import read_results
 from realitygap.report.noise.tables import NoiseTable, Number, Row
 from realitygap.report.page import Figures, OnProgress, Steps, Words, noise_key, report_folder, write_page
-from realitygap.report.style import INK, MUTED, PAGE, SIMULATED, new_figure
+from realitygap.report.style import INK, PAGE, new_figure
 from realitygap.robots.address import Address
 from realitygap.world.noise import noise_name
 from realitygap.world.profile import load_profile
@@ -42,27 +43,25 @@ BY_LEVEL = (
 )
 
 
+FIGURES = {"error_over_noise": ("error / noise", 1, 1.0), "error_over_full_scale": ("% of scale", 2, 0.01),
+           "noise": ("noise", 1, 1.0), "own_noise": ("its own", 1, 1.0)}  # fmt: skip
+"""Of each channel: heading, decimal places and unit in the matrix."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reality:
     """What came of one reality.
 
     Attributes:
         robot: its address; folder: of its experiment.
-        facts: scores by level; calibration: model error and noise by channel.
-        own: the noise that its makers gave it, counts, by channel; full_scale: of its sensors, counts.
+        facts: scores by level.
+        channels: FIGURES of each that was recorded; noise in counts, `own_noise` only where it is stated.
     """
 
     robot: str
     folder: Path
     facts: NoiseFacts
-    calibration: Mapping[str, Misfit]
-    own: Mapping[str, float]
-    full_scale: Mapping[str, float]
-
-    def error(self, channel: str) -> tuple[float, float]:
-        """Model error over noise, and in shares of the full scale; NaN where the channel was not recorded."""
-        found = self.calibration.get(channel)
-        return (found.ratio, found.model_error / self.full_scale[channel]) if found else (math.nan, math.nan)
+    channels: Mapping[str, Mapping[str, float]]
 
     @property
     def name(self) -> str:
@@ -85,14 +84,7 @@ class Reality:
         scope = self.facts.headline
         levels = [f"{level:g}" for level in self.facts.data.levels]
         return {
-            "robot": self.robot, "folder": str(self.folder),
-            "channels": {
-                channel: {
-                    "model_error": one.model_error, "noise": one.noise, "own_noise": self.own.get(channel),
-                    "error_over_noise": one.ratio, "error_over_full_scale": self.error(channel)[1],
-                }
-                for channel, one in self.calibration.items()
-            },
+            "robot": self.robot, "folder": str(self.folder), "channels": self.channels,
             "correspondence": dict(zip(levels, scope.curves["a"].means, strict=True)),
             "correspondence_as_evolved": dict(zip(levels, scope.curves["c"].means, strict=True)),
             "noisiness": dict(zip(levels, scope.noisiness.means, strict=True)),
@@ -111,15 +103,15 @@ def read_realities(places: Sequence[Place]) -> list[Reality]:
 
 def _read(robot: str, folder: Path) -> Reality:
     results = read_results(folder / RESULTS)
-    profile = load_profile(calibration_folder(folder, 1) / "robot.toml")
-    return Reality(
-        robot=robot,
-        folder=folder,
-        facts=gather_facts(results.data),
-        calibration={one.channel: one for one in results.calibration},
-        own=_own_noise(robot),
-        full_scale={channel: profile.channel(channel).top for channel in CHANNELS},
-    )
+    profile, own = load_profile(calibration_folder(folder, 1) / PROFILE), _own_noise(robot)
+    channels = {
+        one.channel: {
+            "error_over_noise": one.ratio, "noise": one.noise, "own_noise": own.get(one.channel, math.nan),
+            "error_over_full_scale": one.model_error / profile.channel(one.channel).top,
+        }
+        for one in results.calibration
+    }  # fmt: skip
+    return Reality(robot=robot, folder=folder, facts=gather_facts(results.data), channels=channels)
 
 
 def _own_noise(robot: str) -> dict[str, float]:
@@ -137,26 +129,20 @@ def _own_noise(robot: str) -> dict[str, float]:
 def matrix(realities: Sequence[Reality]) -> NoiseTable:
     """All realities beside each other."""
     levels = [f"{level:g}" for level in realities[0].facts.data.levels]
-    some = [c for c in CHANNELS if any(c in one.calibration for one in realities)]
-    head = ["reality"]
-    for channel in some:
-        word = CHANNELS[channel]
-        head += [f"{word}: error / noise", "% of scale", "noise", "its own"]
+    some = [channel for channel in CHANNELS if any(channel in one.channels for one in realities)]
+    head = [f"{CHANNELS[channel]}: {title}" for channel in some for title, *_ in FIGURES.values()]
     head += [f"corr. at {level}" for level in levels] + [f"as evolved at {level}" for level in levels]
     return NoiseTable(
-        name="realities", title=CAPTION, head=(*head, "noisiness passes zero"),
+        name="realities", title=CAPTION, head=("reality", *head, "noisiness passes zero"),
         rows=tuple(_row(one, some) for one in realities),
     )  # fmt: skip
 
 
 def _row(one: Reality, channels: Sequence[str]) -> Row:
-    cells: list[Number] = []
-    for channel in channels:
-        ratio, share = one.error(channel)
-        noise = one.calibration[channel].noise if channel in one.calibration else math.nan
-        own = one.own.get(channel, math.nan) if channel in one.calibration else math.nan
-        cells += [Number(span=Span(value), places=places) for value, places in
-                  ((ratio, 1), (100 * share, 2), (noise, 1), (own, 1))]  # fmt: skip
+    cells = [
+        Number(span=Span(one.channels.get(channel, {}).get(key, math.nan) / unit), places=places)
+        for channel in channels for key, (_, places, unit) in FIGURES.items()
+    ]  # fmt: skip
     for key in ("a", "c"):
         cells += [Number(span=Span(mean), places=1) for mean in one.facts.headline.curves[key].means]
     return (one.name, *cells, one.zero)
@@ -186,27 +172,6 @@ def levels_figure(realities: Sequence[Reality]) -> Figure:
     return figure
 
 
-def error_figure(realities: Sequence[Reality]) -> Figure:
-    """Model error over noise of each reality and channel, on a logarithmic axis; a line at one deviation."""
-    figure = new_figure(PAGE, 0.7 + 0.28 * len(realities), layout="constrained")
-    ax = figure.subplots()
-    y = np.arange(len(realities))[::-1]
-    for channel, marker, face in (("infrared", "o", INK), ("ambient", "D", "none")):
-        ratios = np.array([one.error(channel)[0] for one in realities])
-        if np.isfinite(ratios).any():
-            ax.plot(ratios, y, linestyle="none", marker=marker, color=INK, markerfacecolor=face,
-                    label=CHANNELS[channel])  # fmt: skip
-    ax.axvline(1.0, color=MUTED, linewidth=0.8, linestyle=SIMULATED.line)
-    ax.set_xscale("log")
-    ax.xaxis.set_major_formatter("{x:g}")
-    ax.set_yticks(y, [one.name for one in realities])
-    ax.set_ylim(-0.6, len(realities) - 0.4)
-    ax.grid(axis="x")
-    ax.set_xlabel("model error over noise deviation (held out, where lit)")
-    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return figure
-
-
 def build_realities_report(
     folder: str | Path, places: Sequence[Place], *, on_progress: OnProgress | None = None
 ) -> Path:
@@ -223,13 +188,10 @@ def build_realities_report(
     """
     realities, figures = read_realities(places), Figures()
     target, table = report_folder(Path(folder)) / "index.html", matrix(realities)
-    step = Steps(on_progress, len(realities) + 3)
+    step = Steps(on_progress, len(realities) + 2)
     for one in realities:
         step(one.name)
         build_noise_report(one.folder)
-    told = "; ".join(f"{one.name} {one.error('infrared')[0]:.1f}" for one in realities)
-    words = "Model error over noise deviation by channel, on a logarithmic axis; the line is one deviation."
-    figures.add("error", partial(error_figure, realities), Words(f"{words} Proximity: {told}.", words))
     said = Words(f"{BY_LEVEL} The table has the means.", BY_LEVEL)
     figures.add("levels", partial(levels_figure, realities), said)
     levels = {level: noise_name(level) for level in realities[0].facts.data.levels.tolist()}
