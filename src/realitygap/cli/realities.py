@@ -87,7 +87,7 @@ def realities(
         print_json({"folder": str(out), "report": str(page), **realities_summary(places)})
         return
     table = matrix(read_realities(places))
-    print_table(("reality", *table.head[1:]), table.texts())
+    print_table(table.head, table.texts())
     click.echo(f"\nreport {page}")
 
 

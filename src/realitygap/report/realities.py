@@ -30,8 +30,8 @@ __all__ = ["Reality", "build_realities_report", "matrix", "read_realities", "rea
 
 CHANNELS = {"infrared": "proximity", "ambient": "light"}
 CAPTION = (
-    "A row a reality. Error / noise: what the calibrated model is off by, on readings that it was not fitted "
-    "to, where they are neither dark nor saturated, over the noise's deviation there; beside it the error in "
+    "A column a reality. Error / noise: what the calibrated model is off by, on readings not fitted, where "
+    "they are neither dark nor saturated, over the noise's deviation there; below it the error in "
     "% of the full scale. Noise: as measured, and the reality's own where its makers state it, counts. "
     "Correspondence, 0 to 10: with the simulation at each level; as evolved: of each level's controllers "
     "with the simulation that they evolved in. Noisiness passes zero: the level at which the simulation is "
@@ -132,20 +132,22 @@ def matrix(realities: Sequence[Reality]) -> NoiseTable:
     some = [channel for channel in CHANNELS if any(channel in one.channels for one in realities)]
     head = [f"{CHANNELS[channel]}: {title}" for channel in some for title, *_ in FIGURES.values()]
     head += [f"corr. at {level}" for level in levels] + [f"as evolved at {level}" for level in levels]
+    titles = (*head, "noisiness passes zero")
+    columns = [_figures(one, some) for one in realities]
     return NoiseTable(
-        name="realities", title=CAPTION, head=("reality", *head, "noisiness passes zero"),
-        rows=tuple(_row(one, some) for one in realities),
+        name="realities", title=CAPTION, head=("", *(one.name for one in realities)),
+        rows=tuple(zip(titles, *columns, strict=True)),
     )  # fmt: skip
 
 
-def _row(one: Reality, channels: Sequence[str]) -> Row:
+def _figures(one: Reality, channels: Sequence[str]) -> Row:
     cells = [
         Number(span=Span(one.channels.get(channel, {}).get(key, math.nan) / unit), places=places)
         for channel in channels for key, (_, places, unit) in FIGURES.items()
     ]  # fmt: skip
     for key in ("a", "c"):
         cells += [Number(span=Span(mean), places=1) for mean in one.facts.headline.curves[key].means]
-    return (one.name, *cells, one.zero)
+    return (*cells, one.zero)
 
 
 def levels_figure(realities: Sequence[Reality]) -> Figure:
