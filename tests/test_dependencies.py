@@ -23,10 +23,16 @@ def imported() -> set[str]:
     return {name.partition(".")[0] for name in found} - {"realitygap", *sys.stdlib_module_names}
 
 
+def asked_for() -> list[str]:
+    """What an installation brings, with all that a user may add to it."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    extras = {name: texts for name, texts in project["optional-dependencies"].items() if name != "dev"}
+    return [*project["dependencies"], *(text for texts in extras.values() for text in texts)]
+
+
 def test_every_import_is_declared():
     """Nothing is there only because something else happens to bring it."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-    declared = {re.split(r"[<>=\[; ]", text)[0].lower() for text in project["dependencies"]}
+    declared = {re.split(r"[<>=\[; ]", text)[0].lower() for text in asked_for()}
     known = packages_distributions()
     assert len(imported()) > 5
     for name in imported():
@@ -70,8 +76,7 @@ def test_numba_is_bounded_for_as_long_as_need_be():
 
 def test_licences_of_all_dependencies_are_named():
     """`docs/licences.md` has a line for every package that an installation brings at first hand."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     named = (ROOT / "docs" / "licences.md").read_text("utf-8").lower()
-    for text in project["dependencies"]:
+    for text in asked_for():
         name = re.split(r"[<>=\[; ]", text)[0].lower()
         assert f"| {name} |" in named, name
