@@ -78,8 +78,9 @@ def off_segment(outline, ax, ay, bx, by):
 
 
 @step
-def way_out(arena, outline, j, x, y, c, s):
-    """Off surface `j` of the room (four walls, cylinders, inner walls), for a body at (x, y)."""
+def way_out(arena, outline, j, at, c, s):
+    """Off surface `j` of the room (four walls, cylinders, inner walls), for a body at a Move's end."""
+    x, y = at.x, at.y
     cylinders = arena.cylinders.shape[0]
     if j < 4:
         # x = 0, y = 0, x = width, y = depth: the normal points into the room.
@@ -104,7 +105,7 @@ def push_out(arena, outline, to, c, s):
     for k in range(ROUNDS + 1):
         clear = True
         for j in range(surfaces):
-            way = way_out(arena, outline, j, to.x, to.y, c, s)
+            way = way_out(arena, outline, j, to, c, s)
             if way.depth > FREE:
                 to = push(to, way.nx, way.ny, way.depth, arena.sliding)
                 clear = False
@@ -148,5 +149,5 @@ def body_clear(robot, arena, x, y, heading):
     s, c = sin_cos(heading)
     inside = 0.0 <= x <= arena.size[0] and 0.0 <= y <= arena.size[1]
     for j in range(4 + arena.cylinders.shape[0] + arena.segments.shape[0]):
-        inside = inside and way_out(arena, robot.outline, j, x, y, c, s).depth <= FREE
+        inside = inside and way_out(arena, robot.outline, j, Move(x, y, 0.0, 0.0), c, s).depth <= FREE
     return inside
