@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -11,15 +10,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.errors import ConfigError
 from realitygap.kernels.params import CONE, LANES, NARROW, RAYS
 from realitygap.world.files import Value, require
 from realitygap.world.rays import fan_weights, ray_weights, rays, unit
+from realitygap.world.sensor_checks import (
+    check_alike,
+    check_bands,
+    check_direction,
+    check_radians,
+    check_tables,
+    places,
+    table,
+)
 
 __all__ = ["RAY_NUMBERS", "RESPONSES", "UNLIT", "Ambient", "AmbientSensor", "Infrared", "ProximitySensor"]
 
-FEWEST_TURNED, OUTWARDS_DEG = 2, 35.0
-"""So many sensors that look aside tell radians from degrees; and how nearly a sensor looks outwards."""
 RESPONSES = ("paper", "linear", "measured")
 """Laws from illumination to counts."""
 ONE_SIDED = 0.74
@@ -45,9 +50,9 @@ class ProximitySensor(Value):
     noise_rise: float = 0.0
 
     def _check(self) -> None:
-        _check_direction(self.direction_deg)
+        check_direction(self.direction_deg)
         require(self.a > 0, "a", "more than 0", self.a)
-        _check_tables(self)
+        check_tables(self)
         rising = all(one <= two for one, two in pairwise(self.curve))
         require(rising, "curve", "counts that never fall", self.curve)
 
@@ -91,7 +96,7 @@ class Infrared(Value):
         fan = self.aperture_deg if self.measured else 0.0
         weight = fan_weights(n, self.lobe) if fan else ray_weights(n, self.exponent)
         return {
-            "proximity_place": _places(sensors),
+            "proximity_place": places(sensors),
             "proximity_ray": rays([s.direction_deg for s in sensors], aperture_deg=fan),
             "proximity_weight": weight,
             "proximity_cone": unit(fan)[0] if fan else CONE,
@@ -100,12 +105,12 @@ class Infrared(Value):
             "proximity_b": np.array([s.b for s in sensors]),
             "proximity_offset": np.array([s.offset_cm for s in sensors]),
             "proximity_reach": np.array([self.reach_cm(s) for s in sensors]),
-            "proximity_curve": _table([s.curve for s in sensors]),
+            "proximity_curve": table([s.curve for s in sensors]),
             "proximity_knee": 1.0 / self.curve_cm if self.curve_cm else 0.0,
             "proximity_width2": self.width_cm**2,
             "proximity_least": 1.0 / self.range_cm if self.range_cm else 0.0,
             "proximity_dead": self.dead,
-            "proximity_noise": _table([s.noise for s in sensors]),
+            "proximity_noise": table([s.noise for s in sensors]),
             "proximity_rise": np.array([s.noise_rise for s in sensors]),
             "proximity_top": self.top,
             "proximity_lambertian": self.matt,
@@ -127,7 +132,7 @@ class Infrared(Value):
     def _check(self) -> None:
         require(self.exponent >= 0, "exponent", "0 or more", self.exponent)
         require(self.top > 0, "top", "more than 0", self.top)
-        _check_alike(self.sensors, self.top)
+        check_alike(self.sensors, self.top)
         if self.measured:
             shares = f"{RAYS // 2} shares from the middle outwards, their sum above 0"
             require(len(self.lobe) == RAYS // 2 and sum(self.lobe) > 0, "lobe", shares, self.lobe)
@@ -138,10 +143,10 @@ class Infrared(Value):
             require(getattr(self, key) >= 0, key, "0 or more", getattr(self, key))
         require(0 <= self.dead < self.top, "dead", "counts from 0 to below top", self.dead)
         require(self.matt in (0.0, 1.0), "matt", "0 (as in the paper) or 1", self.matt)
-        _check_bands(self.bands)
+        check_bands(self.bands)
         far, near = self.bands
         require(far < near, "bands", "what is read far off, then what is read near by", self.bands, TURN)
-        _check_radians(self.sensors)
+        check_radians(self.sensors)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,9 +167,9 @@ class AmbientSensor(Value):
     noise_rise: float = 0.0
 
     def _check(self) -> None:
-        _check_direction(self.direction_deg)
+        check_direction(self.direction_deg)
         require(self.gain > 0, "gain", "more than 0", self.gain)
-        _check_tables(self)
+        check_tables(self)
         falling = all(one >= two for one, two in pairwise(self.curve))
         require(falling, "curve", "counts that never rise", self.curve)
 
@@ -212,11 +217,11 @@ class Ambient(Value):
         require(self.top >= self.dark, "top", f"at least dark ({self.dark:g})", self.top)
         require(self.reflectance >= 0, "reflectance", "0 or more", self.reflectance)
         require(self.exponent >= 0, "exponent", "0 or more", self.exponent)
-        _check_bands(self.bands)
+        check_bands(self.bands)
         dark, bright = self.bands
         require(dark > bright, "bands", "what is read in the dark, then what is read near a lamp",
                 self.bands, TURN)  # fmt: skip
-        _check_radians(self.sensors)
+        check_radians(self.sensors)
         require(self.response in RESPONSES, "response", " or ".join(map(repr, RESPONSES)), self.response)
         require(0 <= self.facing <= 20, "facing", "an exponent from 0 to 20", self.facing)
         require(0 <= self.lamp_height_cm <= 1e6, "lamp_height_cm", "0 to 1e6", self.lamp_height_cm)
@@ -226,7 +231,7 @@ class Ambient(Value):
         require(self.near_cm >= 0, "near_cm", "0 or more", self.near_cm)
         require(self.matt in (0.0, 1.0), "matt", "0 (as in the paper) or 1", self.matt)
         require(self.sensor_height_cm >= 0, "sensor_height_cm", "0 or more", self.sensor_height_cm)
-        _check_alike(self.sensors, self.top)
+        check_alike(self.sensors, self.top)
         curves = [bool(sensor.curve) for sensor in self.sensors]
         alike = any(curves) == self.measured and (self.curve_light > 0) == self.measured
         require(alike, "response", '"measured" with, and only with, curve_light and curves', self.response)
@@ -243,7 +248,7 @@ class Ambient(Value):
         fans = [ray_weights(1, self.exponent, thrown_back, shift, per_fan) for shift in shifts]
         floor, dark = np.array(self.ranges()).reshape(-1, 2).T
         return {
-            "ambient_place": _places(sensors),
+            "ambient_place": places(sensors),
             "ambient_facing": np.array([unit(s.direction_deg) for s in sensors]).reshape(-1, 2),
             "ambient_ray": rays([s.direction_deg + shift for s in sensors for shift in shifts], per_fan),
             "ambient_weight": np.concatenate([np.zeros((0, LANES)), *fans * len(sensors)]),
@@ -251,9 +256,9 @@ class Ambient(Value):
             "ambient_floor": floor.copy(),
             "ambient_dark": dark.copy(),
             "ambient_full": self._full(dark - floor),
-            "ambient_curve": _table([s.curve for s in sensors]),
+            "ambient_curve": table([s.curve for s in sensors]),
             "ambient_knee": math.sqrt(self.curve_light),
-            "ambient_noise": _table([s.noise for s in sensors]),
+            "ambient_noise": table([s.noise for s in sensors]),
             "ambient_rise": np.array([s.noise_rise for s in sensors]),
             "ambient_top": self.top,
             "light_linear": float(self.response == "linear"),
@@ -286,62 +291,6 @@ class Ambient(Value):
     def ranges(self) -> tuple[tuple[float, float], ...]:
         """Floor and dark reading of each sensor, counts."""
         return tuple((self.floor + s.floor_shift, self.dark + s.dark_shift) for s in self.sensors)
-
-
-def _table(rows: Sequence[Sequence[float]]) -> NDArray[np.float64]:
-    """[sensors, n] one row a sensor."""
-    return np.array(rows, float).reshape(len(rows), len(rows[0]) if rows else 0)
-
-
-def _check_tables(sensor: ProximitySensor | AmbientSensor) -> None:
-    for key in ("curve", "noise"):
-        values = getattr(sensor, key)
-        require(len(values) != 1, key, "two values or more, or none", values)
-        require(all(value >= 0 for value in values), key, "values of 0 or more", values)
-    require(sensor.noise_rise >= 0, "noise_rise", "0 or more", sensor.noise_rise)
-
-
-def _check_alike(sensors: Sequence[ProximitySensor | AmbientSensor], top: float) -> None:
-    """Refuse tables of several lengths, and values above the full scale."""
-    for key in ("curve", "noise"):
-        lengths = {len(getattr(sensor, key)) for sensor in sensors}
-        require(len(lengths) <= 1, f"sensors.{key}", "as many values for every sensor", sorted(lengths))
-        for i, sensor in enumerate(sensors):
-            most = max(getattr(sensor, key), default=0.0)
-            require(most <= top, f"sensors[{i}].{key}", f"at most top ({top:g})", most)
-
-
-def _places(sensors: Sequence[ProximitySensor | AmbientSensor]) -> NDArray[np.float64]:
-    return np.array([(s.x_cm, s.y_cm) for s in sensors]).reshape(-1, 2)
-
-
-def _check_direction(direction_deg: float) -> None:
-    require(-360 <= direction_deg <= 360, "direction_deg", "degrees from -360 to 360", direction_deg)
-
-
-def _check_radians(sensors: Sequence[ProximitySensor | AmbientSensor]) -> None:
-    """Refuse directions that are none in degrees, but look outwards in radians."""
-    turned = [s for s in sensors if s.direction_deg and math.hypot(s.x_cm, s.y_cm) > 0]
-    if len(turned) < FEWEST_TURNED or any(abs(s.direction_deg) > math.tau + 1e-3 for s in sensors):
-        return
-    places = [math.degrees(math.atan2(s.y_cm, s.x_cm)) for s in turned]
-    here = [_apart(s.direction_deg, place) for s, place in zip(turned, places, strict=True)]
-    there = [_apart(math.degrees(s.direction_deg), place) for s, place in zip(turned, places, strict=True)]
-    if max(there) < OUTWARDS_DEG < min(here):
-        key = f"sensors[{sensors.index(turned[0])}].direction_deg"
-        cure = "These look like radians: sensors would look where they sit. Convert all of them."
-        require(False, key, "degrees", turned[0].direction_deg, cure)
-
-
-def _apart(a_deg: float, b_deg: float) -> float:
-    return abs((a_deg - b_deg + 180.0) % 360.0 - 180.0)
-
-
-def _check_bands(bands: tuple[float, float]) -> None:
-    if bands[0] == bands[1]:
-        raise ConfigError(
-            f"bands: expected two different readings (they become inputs -10 and +10), got {list(bands)}."
-        )
 
 
 UNLIT = Ambient(floor=0, dark=1, top=1, reflectance=0, exponent=0, bands=(1, 0), sensors=())

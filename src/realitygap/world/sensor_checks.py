@@ -1,0 +1,97 @@
+"""What both kinds of sensors have in common: their places and tables for the kernels, and what is refused."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.errors import ConfigError
+from realitygap.world.files import require
+
+__all__ = [
+    "check_alike", "check_bands", "check_direction", "check_radians", "check_tables", "places", "table",
+]  # fmt: skip
+
+FEWEST_TURNED, OUTWARDS_DEG = 2, 35.0
+"""So many sensors that look aside tell radians from degrees; and how nearly a sensor looks outwards."""
+
+
+class Sensor(Protocol):
+    """Its place and direction in the robot's frame, and its tables."""
+
+    @property
+    def x_cm(self) -> float: ...
+    @property
+    def y_cm(self) -> float: ...
+    @property
+    def direction_deg(self) -> float: ...
+    @property
+    def curve(self) -> tuple[float, ...]: ...
+    @property
+    def noise(self) -> tuple[float, ...]: ...
+    @property
+    def noise_rise(self) -> float: ...
+
+
+def table(rows: Sequence[Sequence[float]]) -> NDArray[np.float64]:
+    """[sensors, n] one row a sensor."""
+    return np.array(rows, float).reshape(len(rows), len(rows[0]) if rows else 0)
+
+
+def check_tables(sensor: Sensor) -> None:
+    """Refuse a curve or noise of one value or below 0."""
+    for key in ("curve", "noise"):
+        values = getattr(sensor, key)
+        require(len(values) != 1, key, "two values or more, or none", values)
+        require(all(value >= 0 for value in values), key, "values of 0 or more", values)
+    require(sensor.noise_rise >= 0, "noise_rise", "0 or more", sensor.noise_rise)
+
+
+def check_alike(sensors: Sequence[Sensor], top: float) -> None:
+    """Refuse tables of several lengths, and values above the full scale."""
+    for key in ("curve", "noise"):
+        lengths = {len(getattr(sensor, key)) for sensor in sensors}
+        require(len(lengths) <= 1, f"sensors.{key}", "as many values for every sensor", sorted(lengths))
+        for i, sensor in enumerate(sensors):
+            most = max(getattr(sensor, key), default=0.0)
+            require(most <= top, f"sensors[{i}].{key}", f"at most top ({top:g})", most)
+
+
+def places(sensors: Sequence[Sensor]) -> NDArray[np.float64]:
+    """[sensors, 2] cm, in the robot's frame."""
+    return np.array([(s.x_cm, s.y_cm) for s in sensors]).reshape(-1, 2)
+
+
+def check_direction(direction_deg: float) -> None:
+    """Refuse what is no direction in degrees."""
+    require(-360 <= direction_deg <= 360, "direction_deg", "degrees from -360 to 360", direction_deg)
+
+
+def check_radians(sensors: Sequence[Sensor]) -> None:
+    """Refuse directions that are none in degrees, but look outwards in radians."""
+    turned = [s for s in sensors if s.direction_deg and math.hypot(s.x_cm, s.y_cm) > 0]
+    if len(turned) < FEWEST_TURNED or any(abs(s.direction_deg) > math.tau + 1e-3 for s in sensors):
+        return
+    places = [math.degrees(math.atan2(s.y_cm, s.x_cm)) for s in turned]
+    here = [_apart(s.direction_deg, place) for s, place in zip(turned, places, strict=True)]
+    there = [_apart(math.degrees(s.direction_deg), place) for s, place in zip(turned, places, strict=True)]
+    if max(there) < OUTWARDS_DEG < min(here):
+        key = f"sensors[{sensors.index(turned[0])}].direction_deg"
+        cure = "These look like radians: sensors would look where they sit. Convert all of them."
+        require(False, key, "degrees", turned[0].direction_deg, cure)
+
+
+def _apart(a_deg: float, b_deg: float) -> float:
+    return abs((a_deg - b_deg + 180.0) % 360.0 - 180.0)
+
+
+def check_bands(bands: tuple[float, float]) -> None:
+    """Refuse an input range without extent."""
+    if bands[0] == bands[1]:
+        raise ConfigError(
+            f"bands: expected two different readings (they become inputs -10 and +10), got {list(bands)}."
+        )
