@@ -11,7 +11,7 @@ import click
 from realitygap.cli import option
 from realitygap.cli.estimate import consider
 from realitygap.cli.scene import note_dark
-from realitygap.cli.studies import carry_out, interrupted_config
+from realitygap.cli.studies import carry_out, interrupted_config, show_study
 
 if TYPE_CHECKING:
     from realitygap.study.config import Condition, StudyConfig
@@ -78,7 +78,8 @@ def evolve(
     if not resume:
         _notes(chosen, task, workers)
     words = f"evolve {shlex.quote(task)}"
-    carry_out(folder, chosen, words=words, workers=workers, resume=resume, json_output=json_output)
+    carried = carry_out(folder, chosen, words=words, workers=workers, resume=resume)
+    show_study(carried, json_output=json_output)
 
 
 def _notes(config: StudyConfig, task: str, workers: Workers) -> None:

@@ -11,7 +11,7 @@ import click
 from realitygap.cli import option
 from realitygap.cli.estimate import consider
 from realitygap.cli.kinds import Whole
-from realitygap.cli.studies import carry_out
+from realitygap.cli.studies import carry_out, show_study
 
 if TYPE_CHECKING:
     from realitygap.cli.progress import ProgressLine
@@ -67,4 +67,5 @@ def reproduce(
         return {"transfers": [one.to_dict() for one in made]}
 
     words, last = ("reproduce --no-transfer", None) if no_transfer else ("reproduce", then)
-    carry_out(out, prepare, words=words, workers=workers, resume=resume, json_output=json_output, then=last)
+    carried = carry_out(out, prepare, words=words, workers=workers, resume=resume, then=last)
+    show_study(carried, json_output=json_output)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -15,7 +15,7 @@ from realitygap.cli.show import describe, print_runs
 from realitygap.errors import StudyInterruptedError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from realitygap.report.scores import ScoreTable
     from realitygap.study.config import StudyConfig
@@ -24,9 +24,19 @@ if TYPE_CHECKING:
 
     Then = Callable[[Study, ProgressLine], dict[str, Any]]
 
-__all__ = ["carry_out", "interrupted_config", "print_scores"]
+__all__ = ["carry_out", "interrupted_config", "print_scores", "show_study"]
 
 SCORES = ("behaviour", "correspondence")
+
+
+class Carried(NamedTuple):
+    """A study that was carried out, its report's page, its tables of scores, and more parts of the JSON."""
+
+    folder: Path
+    study: Study
+    page: Path
+    tables: Sequence[ScoreTable]
+    more: Mapping[str, Any]
 
 
 def carry_out(
@@ -36,10 +46,9 @@ def carry_out(
     words: str,
     workers: Workers,
     resume: bool,
-    json_output: bool,
     then: Then | None = None,
-) -> None:
-    """Run or continue the study in `folder`, then report on it.
+) -> Carried:
+    """Run or continue the study in `folder`, then report on it; what came of it, for `show_study`.
 
     Args:
         folder: the study's.
@@ -47,7 +56,6 @@ def carry_out(
         words: how this command is called, up to its options: what to type to resume.
         workers: processes; one a core if None.
         resume: continue what is there.
-        json_output: print JSON.
         then: what is done between the study and its report; it gives further parts of the JSON.
 
     Raises:
@@ -69,6 +77,12 @@ def carry_out(
     except (KeyboardInterrupt, StudyInterruptedError):
         again = f"realitygap {words} --out {shlex.quote(str(folder))} --resume"
         raise StoppedError(f"stopped; what is done is kept in {folder}; resume with `{again}`") from None
+    return Carried(folder, study, page, tables, more)
+
+
+def show_study(carried: Carried, *, json_output: bool) -> None:
+    """Print a study's runs and scores, and where it and its report are."""
+    folder, study, page, tables, more = carried
     if json_output:
         runs = [describe(study, run) for run in study.runs]
         told = [table.to_dict() for table in tables]

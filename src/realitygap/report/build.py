@@ -63,8 +63,7 @@ def build_report(
         "scripts": Markup(_scripts()),
         "sections": sections,
         "calibrated": calibrated,
-        "stand_in": _stand_in(sections),
-        "stand_in_is": _stand_in_is(sections),
+        **_stand_in(sections),
     }
     return write_page(folder / "index.html", "page.html.j2", figures, facts, step, tables=tables)
 
@@ -98,19 +97,13 @@ def _scripts() -> str:
     return f'"use strict";\n(() => {{\n{text}}})();'
 
 
-def _stand_in(sections: Sequence[Section]) -> str:
-    """What the evolved networks were let have besides the simulation: "twin", "robot", "both" or nothing."""
-    kinds = {name == ROBOT for name in _driven(sections)}
-    return "both" if len(kinds) > 1 else "" if not kinds else "robot" if True in kinds else "twin"
-
-
-def _stand_in_is(sections: Sequence[Section]) -> str:
-    """The stand-in in words."""
-    enki = any(name.startswith("Enki") for name in _driven(sections))
-    return "a robot of EPFL’s simulator Enki" if enki else "a physics twin of the robot"
-
-
-def _driven(sections: Sequence[Section]) -> set[str]:
-    """The kinds of robot that individuals drove."""
+def _stand_in(sections: Sequence[Section]) -> dict[str, str]:
+    """What the evolved networks drove besides the simulation: "twin", "robot", "both" or nothing; and that
+    in words."""
     groups = [group for s in sections if s.situated for group in s.situated.groups]
-    return {pair.kind for group in groups for pair in group.pairs}
+    driven = {pair.kind for group in groups for pair in group.pairs}
+    kinds = {name == ROBOT for name in driven}
+    which = "both" if len(kinds) > 1 else "" if not kinds else "robot" if True in kinds else "twin"
+    enki = any(name.startswith("Enki") for name in driven)
+    told = "a robot of EPFL’s simulator Enki" if enki else "a physics twin of the robot"
+    return {"stand_in": which, "stand_in_is": told}
