@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from realitygap.calibration.recordings.checks import FACTS
 from realitygap.calibration.recordings.files import (
-    FACTS,
     POLAR,
     POSE,
     READINGS,

@@ -102,17 +102,16 @@ def calibrate(
     near, lit = (_of_kind(recordings, kind) for kind in ("infrared", "ambient"))
     driven = [r for r in recordings if isinstance(r, WheelRecording) and (r.counted or r.followed)]
     infrared_form, light_form, wheel_form = FORMS[form]
-    total = ticks("infrared", infrared_form) * bool(near) + len(driven)
-    total += ticks("ambient", light_form, beside=beside) * bool(lit)
+    total = len(driven) + ticks(near, infrared_form) + ticks(lit, light_form, beside=beside)
     tick = _counter(on_progress, total)
     infrared = fit_infrared(near, base, infrared_form, tick=tick) if near else None
     ambient = fit_light(lit, base, light or light_form, beside=beside, tick=tick) if lit else None
     wheels = fit_wheels(driven[0], base, wheel_form, tick=tick) if driven else None
     tick()
-    profile = _joined(base, infrared, ambient, wheels)
     made = Calibration(
-        profile=profile, infrared=infrared, ambient=ambient, wheels=wheels, recordings=tuple(recordings)
-    )
+        profile=_joined(base, infrared, ambient, wheels), infrared=infrared, ambient=ambient, wheels=wheels,
+        recordings=tuple(recordings),
+    )  # fmt: skip
     return _told(made, base)
 
 

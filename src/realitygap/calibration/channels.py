@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.checks import refuse_nonsense
-from realitygap.calibration.forms import Tick, fit_forms, with_columns
+from realitygap.calibration.forms import Tick, fit_forms, mend_dead, mended, with_columns
 from realitygap.calibration.infrared import INFRARED_FORMS, PROXIMITY_COUNTS, infrared_problems, with_infrared
 from realitygap.calibration.light import LIGHT_FORMS, as_bright_as_the_paper, with_light
 from realitygap.calibration.light_forms import AMBIENT_COUNTS, light_problems
@@ -18,7 +18,7 @@ from realitygap.calibration.misfit import LIMITS, Misfit, measure_noise, misfits
 from realitygap.calibration.noise import NoiseEstimate, noise_tables
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import FOLDS, Rows
-from realitygap.calibration.solve import Fit, Free
+from realitygap.calibration.solve import Fit
 from realitygap.errors import CalibrationError, ConfigError
 from realitygap.world.profile import Profile
 
@@ -89,9 +89,11 @@ class ChannelFit:
         return float(np.sqrt(np.mean(np.square(told)))) if told else np.nan
 
 
-def ticks(kind: str, form: str, *, beside: bool = True) -> int:
-    """How often the fit of a kind of sensor says that it goes on."""
-    if kind == "infrared":
+def ticks(recordings: Sequence[SensorRecording], form: str, *, beside: bool = True) -> int:
+    """How often the fit of one kind of sensor says that it goes on; 0 without recordings."""
+    if not recordings:
+        return 0
+    if recordings[0].kind == "infrared":
         return FOLDS + len(INFRARED_FORMS) + (1 + FOLDS) * (form not in INFRARED_FORMS)
     return FOLDS + (len(LIGHT_FORMS) if beside else 1)
 
@@ -114,8 +116,8 @@ def fit_infrared(
     problems, doubt = infrared_problems(rows, base)
     printed = form if form in problems else "extended"
     fits, held_out = fit_forms(rows, problems, printed, PROXIMITY_COUNTS * rows.unit, tick)
-    values = _mend_dead(fits[printed].values, problems[printed].frees, rows.dead)
-    fits[printed] = _mended(fits[printed], values, rows.dead)
+    values = mend_dead(fits[printed].values, problems[printed].frees, rows.dead)
+    fits[printed] = mended(fits[printed], values, rows.dead)
     made = {printed: with_infrared(problems[printed].base, values)}
     off = {printed: held_out}
     if form != printed:
@@ -149,52 +151,25 @@ def fit_light(
         CalibrationError: the recordings are no robot's, or of lamps both known and unknown.
     """
     rows = Rows(recordings, base)
-    rooms = {r.pose is not None and r.arena is not None for r in recordings}
-    if len(rooms) > 1:
+    room, *other = {r.pose is not None and r.arena is not None for r in recordings}
+    if other:
         raise CalibrationError(
-            "ambient recordings: some are in an arena, some before a lamp of unknown "
-            "brightness: calibrate from one kind."
+            "ambient recordings: some are in an arena, some before a lamp of unknown brightness: calibrate "
+            "from one kind."
         )
-    room = rooms.pop()
     try:
         problems = light_problems(rows, base, form, room=room, beside=beside)
         fits, held_out = fit_forms(rows, problems, form, AMBIENT_COUNTS * rows.unit, tick)
     except ConfigError as error:  # on its way the fit came to a robot that cannot be
-        named = ", ".join(r.source for r in recordings)
-        raise CalibrationError(
-            f"{named}: no ambient light's readings: {str(error).rstrip('.')}. Is its kind right?"
-        ) from None
-    values = _mend_dead(fits[form].values, problems[form].frees, rows.dead)
-    fits[form] = _mended(fits[form], values, rows.dead)
+        named, why = ", ".join(r.source for r in recordings), str(error).rstrip(".")
+        expected = f"no ambient light's readings: {why}. Is its kind right?"
+        raise CalibrationError(f"{named}: {expected}") from None
+    values = mend_dead(fits[form].values, problems[form].frees, rows.dead)
+    fits[form] = mended(fits[form], values, rows.dead)
     profile = with_light(problems[form].base, values, form)
     if not room:
         profile = as_bright_as_the_paper(profile)
     return _channel("ambient", form, rows, fits, {form: held_out}, profile)
-
-
-def _mend_dead(values: dict[str, Array], frees: Sequence[Free], dead: dict[int, str]) -> dict[str, Array]:
-    """A sensor that told nothing gets the others' median, and its own direction."""
-    start = {f.key: f.start for f in frees}
-    out = {}
-    for key, value in values.items():
-        out[key] = value.copy()
-        for k in dead:
-            if len(value) > 1:
-                live = [i for i in range(len(value)) if i not in dead]
-                out[key][k] = start[key][k] if key == "direction_deg" else np.median(value[live])
-    return out
-
-
-def _mended(fit: Fit, values: dict[str, Array], dead: Collection[int]) -> Fit:
-    """The fit with dead sensors' constants as the profile has them: no reading told them."""
-    at = {f"{key}[{k}]": float(value[k]) for key, value in values.items() if len(value) > 1 for k in dead}
-    constants = tuple(
-        replace(c, value=at[c.key], low=min(c.low, at[c.key]), high=max(c.high, at[c.key]), told=False)
-        if c.key in at
-        else c
-        for c in fit.constants
-    )
-    return replace(fit, constants=constants)
 
 
 def _channel(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
@@ -16,8 +16,8 @@ from realitygap.world.profile import Profile
 from realitygap.world.sensors import AmbientSensor, ProximitySensor
 
 __all__ = [
-    "Problem", "Tick", "columns_of", "fit_forms", "free_directions", "free_turns", "nominal", "solve_form",
-    "with_columns",
+    "Problem", "Tick", "columns_of", "fit_forms", "free_directions", "free_turns", "mend_dead", "mended",
+    "nominal", "solve_form", "with_columns",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -179,3 +179,28 @@ def _scan(problem: Problem, values: Values, measured: Measured, reach: float) ->
         chosen = np.where(cost < best, turned["direction_deg"], chosen)
         best = np.minimum(cost, best)
     return {**values, "direction_deg": chosen}
+
+
+def mend_dead(values: dict[str, Array], frees: Sequence[Free], dead: dict[int, str]) -> dict[str, Array]:
+    """A sensor that told nothing gets the others' median, and its own direction."""
+    start = {f.key: f.start for f in frees}
+    out = {}
+    for key, value in values.items():
+        out[key] = value.copy()
+        for k in dead:
+            if len(value) > 1:
+                live = [i for i in range(len(value)) if i not in dead]
+                out[key][k] = start[key][k] if key == "direction_deg" else np.median(value[live])
+    return out
+
+
+def mended(fit: Fit, values: dict[str, Array], dead: Collection[int]) -> Fit:
+    """The fit with dead sensors' constants as the profile has them: no reading told them."""
+    at = {f"{key}[{k}]": float(value[k]) for key, value in values.items() if len(value) > 1 for k in dead}
+    constants = tuple(
+        replace(c, value=at[c.key], low=min(c.low, at[c.key]), high=max(c.high, at[c.key]), told=False)
+        if c.key in at
+        else c
+        for c in fit.constants
+    )
+    return replace(fit, constants=constants)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from realitygap import whole
-from realitygap.calibration.recordings.files import FACTS
+from realitygap.calibration.recordings.checks import FACTS
 from realitygap.errors import CalibrationError
 from realitygap.text import as_path, must_be, refuse_unknown
 from realitygap.toml import read_toml, to_toml

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from realitygap import whole
-from realitygap.calibration.recordings.files import FACTS
+from realitygap.calibration.recordings.checks import FACTS
+from realitygap.calibration.recordings.files import READINGS, STEPS
 from realitygap.errors import RecordingError
 from realitygap.toml import read_toml, to_toml
 
@@ -25,8 +26,7 @@ class Journal:
 
     Args:
         folder: the recording's.
-        facts: of recording.toml, written when the recording is begun.
-        table: the table's file name.
+        facts: of recording.toml, written when the recording is begun; its kind tells which table is kept.
         columns: of the table.
         key: the columns that name a place.
         rows: how many rows a finished place has, by its key.
@@ -41,14 +41,13 @@ class Journal:
         folder: str | Path,
         *,
         facts: Mapping[str, Any],
-        table: str,
         columns: Sequence[str],
         key: Sequence[str],
         rows: Callable[[tuple[str, ...]], int],
         resume: bool,
     ) -> None:
         self.folder = Path(folder)
-        self.path = self.folder / table
+        self.path = self.folder / (STEPS if facts["kind"] == "wheels" else READINGS)
         self.columns = tuple(columns)
         self._key = [self.columns.index(name) for name in key]
         self.done: set[tuple[str, ...]] = set()

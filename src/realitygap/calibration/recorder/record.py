@@ -8,11 +8,10 @@ record(Wanted(plan="all"), "unit-7", Address.parse("twin:7").open())
 
 from __future__ import annotations
 
-import hashlib
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -21,13 +20,12 @@ from realitygap import whole
 from realitygap.calibration.recorder.acts import drive_trial, read_standing
 from realitygap.calibration.recorder.journal import ARENA, Journal, refuse_another
 from realitygap.calibration.recorder.plans import Place, SensorPlan, sensor_plans
-from realitygap.calibration.recorder.site import Ask, EnoughError, OwnSite, PersonSite, Site
+from realitygap.calibration.recorder.site import Ask, EnoughError, Site, site_of
 from realitygap.calibration.recorder.wheel_plans import ROOM, Trial, wheel_plan
-from realitygap.calibration.recordings.files import POSE, READINGS, STEP_COLUMNS, STEPS, UNITS
+from realitygap.calibration.recordings.files import POSE, STEP_COLUMNS, UNITS
 from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, HEIGHTS_CM
 from realitygap.errors import UsageError
-from realitygap.film.marker import load_marker
-from realitygap.robots.body import Body, Channel, Filmed, Placing, Seen, attend, channel, facts_of
+from realitygap.robots.body import Body, Channel, Filmed, Seen, attend, channel, facts_of
 from realitygap.values import Pose
 from realitygap.world.profile import Profile, load_profile
 
@@ -126,7 +124,7 @@ def record(
     made: list[Made] = []
     for part, name, place in zip(parts, names, places, strict=True):
         room = part.room if isinstance(part, SensorPlan) else ROOM
-        site = _site(body, ask, name, room, wanted)
+        site = site_of(body, ask, room, part=name, seed=wanted.seed, marker=wanted.marker)
         work = _Work(wanted, name, place, resume, site, on_progress or (lambda name, done, total: None))
         made.append(_sensors(part, body, work) if isinstance(part, SensorPlan) else _wheels(part, body, work))
         if made[-1].stopped:
@@ -187,40 +185,16 @@ def _parts(wanted: Wanted, body: Body) -> list[SensorPlan | tuple[Trial, ...]]:
     return parts
 
 
-def _site(
-    body: Body, ask: Ask | None, name: str, room: Mapping[str, Any], wanted: Wanted
-) -> AbstractContextManager[Site]:
-    """Where a part is recorded; noise differs from part to part."""
-    if isinstance(body, Placing):
-        own = int.from_bytes(hashlib.sha256(f"{wanted.seed}/{name}".encode()).digest()[:7])
-        worn = None if wanted.marker is None else load_marker(wanted.marker)
-        return OwnSite(body, room, seed=own, camera=name == "wheels", marker=worn)
-    if wanted.marker is not None:
-        raise UsageError(
-            "marker: expected a robot with a camera of its own over it, as a twin's; this one is filmed by "
-            "whoever places it: `realitygap track FILM --marker …`."
-        )
-    if ask is None:
-        raise UsageError("ask: a robot that does not place itself has to be placed: expected who is asked.")
-    return nullcontext(PersonSite(ask))
-
-
 def _sensors(plan: SensorPlan, body: Body, work: _Work) -> Made:
     begun, wanted = time.perf_counter(), work.wanted
     one = channel(body, CHANNELS[plan.kind])
     own = {"kind": plan.kind, "object": plan.object, **_shape(wanted.base, one)}
     if plan.arena is not None:
-        heights = HEIGHTS_CM
-        if wanted.base is not None:
-            heights = dict(
-                zip(heights, (wanted.base.body.height_cm, wanted.base.ambient.sensor_height_cm), strict=True)
-            )
-        own |= {"arena": ARENA, **heights}
+        own |= {"arena": ARENA, **_heights(wanted.base)}
         work.folder.mkdir(parents=True, exist_ok=True)
     journal = Journal(
         work.folder,
         facts={**own, **work.facts(body, len(plan.places))},
-        table=READINGS,
         columns=(*plan.columns, "repeat", *(f"s{i}" for i in range(one.sensors))),
         key=plan.columns,
         rows=lambda key: wanted.repeats,
@@ -254,6 +228,12 @@ def _shape(base: Profile | None, one: Channel) -> dict[str, Any]:
     return shape
 
 
+def _heights(base: Profile | None) -> dict[str, float]:
+    if base is None:
+        return HEIGHTS_CM
+    return dict(zip(HEIGHTS_CM, (base.body.height_cm, base.ambient.sensor_height_cm), strict=True))
+
+
 def _wheels(trials: Sequence[Trial], body: Body, work: _Work) -> Made:
     begun = time.perf_counter()
     lengths = {str(trial.number): len(trial.commands) for trial in trials}
@@ -261,7 +241,6 @@ def _wheels(trials: Sequence[Trial], body: Body, work: _Work) -> Made:
     journal = Journal(
         work.folder,
         facts={"kind": "wheels", **work.facts(body, len(trials))},
-        table=STEPS,
         columns=(*counted, *POSE),
         key=("trial",),
         rows=lambda key: lengths.get(key[0], -1),

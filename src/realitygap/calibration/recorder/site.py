@@ -6,20 +6,21 @@ import contextlib
 import hashlib
 import math
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from realitygap import temporary
 from realitygap.calibration.recorder.plans import Place
 from realitygap.calibration.recorder.wheel_plans import Trial
-from realitygap.robots.body import Filmed, Placing
+from realitygap.errors import UsageError
+from realitygap.robots.body import Body, Filmed, Placing
 from realitygap.values import Closing, Pose
 
 if TYPE_CHECKING:
     from realitygap.film.marker import Marker
 
-__all__ = ["Ask", "EnoughError", "OwnSite", "PersonSite", "Site"]
+__all__ = ["Ask", "EnoughError", "OwnSite", "PersonSite", "Site", "site_of"]
 
 Ask = Callable[[str], str]
 """Says something to a person and returns the answer."""
@@ -167,3 +168,35 @@ class PersonSite:
                 x, y, heading = map(float, words)
                 if all(map(math.isfinite, (x, y, heading))):
                     return Pose.from_degrees(x, y, heading)
+
+
+def site_of(
+    body: Body, ask: Ask | None, room: Mapping[str, Any], *, part: str, seed: int, marker: str | None
+) -> AbstractContextManager[Site]:
+    """Where a part of a plan is recorded.
+
+    Args:
+        body: the robot.
+        ask: says something to the person who places it; not needed for one that places itself.
+        room: in plain numbers (cm).
+        part: its name; noise differs from part to part.
+        seed: of the noise of a robot that places itself.
+        marker: what it wears under a camera over the wheels' floor, as `load_marker` reads it.
+
+    Raises:
+        UsageError: nobody is there to place the robot, or it wears a marker but has no camera of its own.
+    """
+    if isinstance(body, Placing):
+        from realitygap.film.marker import load_marker
+
+        own = int.from_bytes(hashlib.sha256(f"{seed}/{part}".encode()).digest()[:7])
+        worn = None if marker is None else load_marker(marker)
+        return OwnSite(body, room, seed=own, camera=part == "wheels", marker=worn)
+    if marker is not None:
+        raise UsageError(
+            "marker: expected a robot with a camera of its own over it, as a twin's; this one is filmed by "
+            "whoever places it: `realitygap track FILM --marker …`."
+        )
+    if ask is None:
+        raise UsageError("ask: a robot that does not place itself has to be placed: expected who is asked.")
+    return nullcontext(PersonSite(ask))

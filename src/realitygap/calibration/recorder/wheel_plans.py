@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,6 +44,8 @@ SEEN_EVERY = 10
 """A camera that is asked for pictures looks at every tenth step (1 s) or at each, first and last."""
 
 Command = tuple[int, int]
+Sketch = tuple[tuple[str, list[Command], Pose, str], dict[str, bool]]
+"""A trial's kind, commands (of TOP), pose and words, and what a camera sees of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,31 +93,36 @@ def wheel_plan(
     draw = random.Random(f"wheels/{seed}")
     scale = 1.0 if wheels is None else wheels.top_command / TOP
     unit_cm_s = UNIT_CM_S if wheels is None else scale * math.fsum(wheels.speed_per_unit_cm_s) / 2
-    middle = FLOOR_CM / 2
-    made: list[Trial] = []
 
-    def add(kind: str, commands: list[Command], pose: Pose, says: str, **camera: bool) -> None:
+    def trial(
+        number: int, kind: str, commands: list[Command], pose: Pose, says: str, camera: dict[str, bool]
+    ) -> Trial:
         scaled = [(round(scale * left), round(scale * right)) for left, right in commands]
         tenths = (*scaled, *[(0, 0)] * _steps(STAND_S))
         steps = round(len(tenths) / STEPS_A_SECOND / period_s)
         whole = tuple(tenths[int(k * period_s * STEPS_A_SECOND + 1e-6)] for k in range(steps))
         seen = {"filmed": followed, **camera, **({"watched": True} if followed else {})}
-        made.append(Trial(number=len(made), kind=kind, commands=whole, pose=pose, says=says, **seen))
+        return Trial(number=number, kind=kind, commands=whole, pose=pose, says=says, **seen)
 
-    def anywhere() -> Pose:
-        """A place about the middle: another ground for each trial."""
-        x, y = (middle + draw.uniform(-8, 8) for _ in range(2))
-        return Pose(x=x, y=y, heading=draw.uniform(-math.pi, math.pi))
+    wanted = [*_without_camera(draw, repeats), *_filmed(draw, unit_cm_s)]
+    return tuple(trial(k, *what, camera) for k, (what, camera) in enumerate(wanted))
 
+
+def _without_camera(draw: random.Random, repeats: int) -> Iterator[Sketch]:
+    """Steps and standing starts."""
     for level in LEVELS:
-        add("step", _steps_of(level), anywhere(), "15 cm free all round")
-    add("step", _between(), anywhere(), "15 cm free all round")
+        yield ("step", _steps_of(level), _anywhere(draw), "15 cm free all round"), {}
+    yield ("step", _between(), _anywhere(draw), "15 cm free all round"), {}
     for _ in range(RANDOM_TRIALS):
-        add("step", _random(draw), anywhere(), "25 cm free all round")
+        yield ("step", _random(draw), _anywhere(draw), "25 cm free all round"), {}
     for _ in range(HASTY_TRIALS):
-        add("step", _hasty(draw), anywhere(), "25 cm free all round")
+        yield ("step", _hasty(draw), _anywhere(draw), "25 cm free all round"), {}
     for level in START_LEVELS:
-        add("start", _starts(level, repeats), anywhere(), "10 cm free ahead and behind")
+        yield ("start", _starts(level, repeats), _anywhere(draw), "10 cm free ahead and behind"), {}
+
+
+def _filmed(draw: random.Random, unit_cm_s: float) -> Iterator[Sketch]:
+    """Straight lines and turns, which a camera sees."""
     for level in STRAIGHT:
         for run in range(STRAIGHT_RUNS):
             seconds = min(LONGEST_S, WAY_CM / (level * unit_cm_s))
@@ -123,14 +131,19 @@ def wheel_plan(
             ahead = "ahead" if sign > 0 else "behind"
             line = [(sign * level, sign * level)] * _steps(seconds)
             watched = run < WATCHED.get(level, 0)
-            add("straight", line, pose, f"35 cm free {ahead}", filmed=True, watched=watched)
+            yield ("straight", line, pose, f"35 cm free {ahead}"), {"filmed": True, "watched": watched}
     for level in SPINS:
         for sign in (1, -1):
             spin = [(-sign * level, sign * level)] * _steps(TURN_S)
-            add("turn", spin, anywhere(), "10 cm free all round", filmed=True)
+            yield ("turn", spin, _anywhere(draw), "10 cm free all round"), {"filmed": True}
     for arc in ARCS:
-        add("turn", [arc] * _steps(TURN_S), anywhere(), "25 cm free all round", filmed=True)
-    return tuple(made)
+        yield ("turn", [arc] * _steps(TURN_S), _anywhere(draw), "25 cm free all round"), {"filmed": True}
+
+
+def _anywhere(draw: random.Random) -> Pose:
+    """A place about the middle: another ground for each trial."""
+    x, y = (FLOOR_CM / 2 + draw.uniform(-8, 8) for _ in range(2))
+    return Pose(x=x, y=y, heading=draw.uniform(-math.pi, math.pi))
 
 
 def camera_places() -> tuple[Pose, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,12 @@ from realitygap.calibration.recordings.recording import count_unit
 from realitygap.errors import RecordingError
 from realitygap.table import Table, read_table
 
-__all__ = ["check_readings", "check_steps", "read_rows"]
+__all__ = ["FACTS", "check_readings", "check_steps", "read_rows"]
 
 Array = NDArray[np.float64]
+
+FACTS = "recording.toml"
+"""What is known of a recording's robot, and how it was made."""
 
 REACH_CM = 20.0
 """Twice the way that a Khepera's infrared goes: beyond it nothing reads as on a near object."""
@@ -54,6 +58,12 @@ def check_readings(
     Raises:
         RecordingError: readings that no robot in centimetres and degrees can have had.
     """
+    top = math.inf if full_scale is None else full_scale
+    expected = "counts from 0 on" if full_scale is None else f"counts from 0 to {top:g}"
+    cure = "" if full_scale is None else f"The converter's highest count is said with full_scale in {FACTS}."
+    for k, values in enumerate(counts.T):
+        table.refuse(values < 0, f"s{k}", expected, values)
+        table.refuse(values > top, f"s{k}", expected, values, cure)
     bright = BRIGHT if full_scale is None else BRIGHT * count_unit(full_scale)
     far = (distance_cm > REACH_CM) & (counts.max(axis=1) > bright)
     if kind == "infrared" and far.any():

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.recordings.checks import check_readings, check_steps, read_rows
+from realitygap.calibration.recordings.checks import FACTS, check_readings, check_steps, read_rows
 from realitygap.calibration.recordings.recording import (
     BODY_RADIUS_CM,
     HEIGHTS_CM,
@@ -32,13 +32,13 @@ from realitygap.toml import read_toml
 from realitygap.world.arena import Arena, load_arena
 
 __all__ = [
-    "FACTS", "READINGS", "STEPS", "STEP_COLUMNS", "UNITS",
-    "WHEEL_COUNTS", "find_recordings", "load_recording", "read_facts", "read_folder",
+    "READINGS", "STEPS", "STEP_COLUMNS", "UNITS", "WHEEL_COUNTS",
+    "find_recordings", "load_recording", "read_facts", "read_folder",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
 
-FACTS, READINGS, STEPS = "recording.toml", "readings.csv", "steps.csv"
+READINGS, STEPS = "readings.csv", "steps.csv"
 POLAR = ("distance_cm", "bearing_deg")
 POSE = ("x_cm", "y_cm", "heading_deg")
 STEP_COLUMNS = (
@@ -171,7 +171,6 @@ def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> S
         table.refuse(np.abs(bearing) > 360, "bearing_deg", "degrees from −360 to 360", bearing)
     counts = np.stack([table.numbers(sensor) for sensor in sensors], 1)
     full_scale = _number(folder, facts, "full_scale", "the highest count")
-    _check_counts(table, sensors, counts, full_scale)
     warned = check_readings(
         table, kind=kind, distance_cm=distance, bearing_deg=bearing, counts=counts, full_scale=full_scale
     )
@@ -255,16 +254,6 @@ def _number(folder: Path, facts: Mapping[str, Any], key: str, what: str) -> floa
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < LARGEST:
         raise RecordingError(f"{folder / FACTS}: {key}: expected {what}, got {value!r}.")
     return float(value)
-
-
-def _check_counts(table: Table, sensors: Sequence[str], counts: Array, full_scale: float | None) -> None:
-    top = math.inf if full_scale is None else full_scale
-    expected = "counts from 0 on" if full_scale is None else f"counts from 0 to {top:g}"
-    cure = "" if full_scale is None else f"The converter's highest count is said with full_scale in {FACTS}."
-    for k, sensor in enumerate(sensors):
-        values = counts[:, k]
-        table.refuse(values < 0, sensor, expected, values)
-        table.refuse(values > top, sensor, expected, values, cure)
 
 
 def _pose(table: Table, *, empty: bool) -> Array:

@@ -44,17 +44,8 @@ def read_thymio(path: Path) -> SensorRecording:
         cells = [cell.strip() for cell in line.split(",") if cell.strip()]
         if not cells:
             continue
-        told = DISTANCE.fullmatch(cells[0])
-        if told is None:
-            raise RecordingError(f"{path}, line {number}: expected a distance as in 9cm, got {cells[0]!r}.")
-        try:
-            counts = [float(cell) for cell in cells[1 + STALE :]]
-        except ValueError:
-            counts = []
-        if not counts or not min(counts) >= 0 or not np.isfinite(counts).all():
-            expected = f"more than {STALE} readings, counts from 0 on"
-            raise RecordingError(f"{path}, line {number}: expected {expected}, got {line[:40]!r}.")
-        distance += [float(told[1]) / (10.0 if told[2] == "mm" else 1.0)] * len(counts)
+        away, counts = _row(cells, f"{path}, line {number}", line)
+        distance += [away] * len(counts)
         values += counts
     if not values:
         raise RecordingError(f"{path}: empty: expected a line for each distance.")
@@ -66,3 +57,19 @@ def read_thymio(path: Path) -> SensorRecording:
         hash=hashlib.sha256(path.read_bytes()).hexdigest(),
         notes=f"sensor {sensor} of a Thymio II before a wall, the first {STALE} readings of a row left out",
     )  # fmt: skip
+
+
+def _row(cells: list[str], at: str, line: str) -> tuple[float, list[float]]:
+    """A line's distance, cm, and its counts."""
+    told = DISTANCE.fullmatch(cells[0])
+    if told is None:
+        raise RecordingError(f"{at}: expected a distance as in 9cm, got {cells[0]!r}.")
+    try:
+        counts = [float(cell) for cell in cells[1 + STALE :]]
+    except ValueError:
+        counts = []
+    if not counts or not min(counts) >= 0 or not np.isfinite(counts).all():
+        raise RecordingError(
+            f"{at}: expected more than {STALE} readings, counts from 0 on, got {line[:40]!r}."
+        )
+    return float(told[1]) / (10.0 if told[2] == "mm" else 1.0), counts

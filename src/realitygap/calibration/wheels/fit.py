@@ -105,31 +105,43 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
     refuse_few_steps(recording, measured)
     # Of a wheel that only a camera sees nobody knows in which step it began to turn.
     friction = measure_friction(recording, measured) if recording.counted else None
-    track = odometry.track_cm if odometry else base.wheels.track_cm
-    threshold = friction.value if friction else base.wheels.friction_cm_s2
-    start = replace(base, wheels=replace(base.wheels, track_cm=track, friction_cm_s2=threshold))
+    start = _measured_alone(base, odometry, friction)
     fits = {name: _fit(name, start, recording, measured) for name in WHEEL_FORMS}
     profile, constants, alike = fits[form]
-    constants = with_lengths(constants, odometry)
+    constants = _with_others(constants, odometry, friction)
     if odometry is not None:
         profile = replace(profile, noise=replace(profile.noise, wheel=odometry.slip))
-        constants += odometry.constants
-    if friction is not None:
-        low, high = friction.low, friction.high
-        constants += (Constant(key="friction_cm_s2", value=threshold, low=low, high=high, told=low > 0),)
     model = wheel_speeds(profile, recording)
-    bounded = {
-        c.key: c.value for c in constants if c.key in SPEED_KEYS and at_bound(c.value, *_speed_bounds(base))
-    }
-    refuse_wheels(recording, measured, model, bounded)
-    off = {name: wheel_speeds(made, recording) - measured for name, (made, _, _) in fits.items()}
+    speeds = [c for c in constants if c.key in SPEED_KEYS and at_bound(c.value, *_speed_bounds(base))]
+    refuse_wheels(recording, measured, model, {c.key: c.value for c in speeds})
     return WheelFit(
         profile=profile, form=form, constants=constants, alike=alike,
-        rmse={name: _rmse(left) for name, left in off.items()}, friction=friction, odometry=odometry,
+        rmse={name: _rmse(wheel_speeds(one.profile, recording) - measured) for name, one in fits.items()},
+        friction=friction, odometry=odometry,
         camera=recording.pose is not None and bool(np.isfinite(recording.pose).any()),
         pulses_per_mm=tuple(0.1 / length for length in per_pulse if recording.counted),
         measured=measured, model=model,
     )  # fmt: skip
+
+
+def _measured_alone(base: Profile, odometry: Odometry | None, friction: Friction | None) -> Profile:
+    """The base with what no fit of speeds is needed for: track and friction."""
+    track = odometry.track_cm if odometry else base.wheels.track_cm
+    threshold = friction.value if friction else base.wheels.friction_cm_s2
+    return replace(base, wheels=replace(base.wheels, track_cm=track, friction_cm_s2=threshold))
+
+
+def _with_others(
+    constants: tuple[Constant, ...], odometry: Odometry | None, friction: Friction | None
+) -> tuple[Constant, ...]:
+    """A form's constants with the camera's and the standing starts'."""
+    constants = with_lengths(constants, odometry)
+    if odometry is not None:
+        constants += odometry.constants
+    if friction is None:
+        return constants
+    value, low, high = friction.value, friction.low, friction.high
+    return (*constants, Constant(key="friction_cm_s2", value=value, low=low, high=high, told=low > 0))
 
 
 def _seen(recording: WheelRecording, base: Profile) -> Odometry | None:
