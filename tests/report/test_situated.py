@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -178,6 +179,17 @@ def _situated(study: Study, task: str, names: list[str] | None = None) -> Situat
     return made
 
 
+def test_a_robot_is_called_by_its_make(study: Study) -> None:
+    """And one of the user's own by its folder's name."""
+    names = {
+        "thymio-ttyACM0": "Thymio II on ttyACM0", "epuck2-10.0.0.5": "e-puck2 on 10.0.0.5",
+        "khepera-ttyUSB0": "Khepera on ttyUSB0", "mine-Five": "mine-Five", "twin-2": "twin unit 2",
+    }  # fmt: skip
+    write_transfer(study, study.runs[0], robot="twin-1")
+    (pair,) = pairs_of(study, parts_of(study))[AVOID]
+    assert {name: replace(pair, robot=name).where for name in names} == names
+
+
 def test_the_table_has_every_transfer(study: Study) -> None:
     """Run, robot, start, both scores, and the drop, which is their difference."""
     run = study.runs[0]
@@ -197,7 +209,7 @@ def test_the_table_has_every_transfer(study: Study) -> None:
     assert [row["where"] for row in shown[0][1][:-1]] == ["Khepera on ttyUSB0"] * 2
     means = [float(value) for value, _ in shown[1][1][-1]["cells"]]
     assert means == pytest.approx([0.7, 0.15, 0.55]) and not shown[1][1][0]["average"]
-    assert "on a Khepera, or on a physics twin" in made.about
+    assert "on a robot, or on a physics twin" in made.about
     assert len(made.sentences) == 2 and "(pseudo-reality)" in made.sentences[1]
 
 

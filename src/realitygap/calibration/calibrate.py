@@ -275,7 +275,7 @@ def _warnings(made: Calibration, base: Profile) -> list[str]:
     """All that a person should know."""
     kept = f"as profile {base.name!r} has them"
     out = [w for part in (*made.recordings, *made.channels) for w in part.warnings]
-    if made.infrared is not None and made.ambient is None:
+    if made.infrared is not None and made.ambient is None and base.ambient.sensors:
         out.append(f"ambient: no recording: its constants stay {kept}")
     wheels = made.wheels
     if wheels is None:

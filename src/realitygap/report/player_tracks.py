@@ -71,7 +71,7 @@ class Inside(NamedTuple):
 
     Attributes:
         readings: [n, S] counts of the sensors that the task feeds.
-        commands: [n, 2] Khepera units.
+        commands: [n, 2] in the robot's own units.
         outputs: [n, N] of the network's neurons.
     """
 

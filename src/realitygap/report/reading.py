@@ -155,7 +155,7 @@ def read_transfers(table: Table, groups: Sequence[Group], kind: str) -> str:
 
 
 def _told_transfers(table: Table, groups: Sequence[Group], kind: str) -> Iterator[str]:
-    where = "On Kheperas" if kind == ROBOT else f"On the {kind} (pseudo-reality)"
+    where = "On robots" if kind == ROBOT else f"On the {kind} (pseudo-reality)"
     parts, drops = [], []
     for group in groups:
         simulated, situated, drop = (group.mean(of) for of in ("simulated", "situated", "drop"))

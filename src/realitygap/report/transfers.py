@@ -26,6 +26,11 @@ __all__ = [
 TAIL_S = 0.1
 """Strokes of a tail are this far apart, whatever the film's rate: as the simulation's steps are."""
 
+MAKES = {
+    "khepera": "Khepera", "serial": "Khepera", "epuck": "e-puck", "epuck2": "e-puck2", "thymio": "Thymio II",
+}  # fmt: skip
+"""Robots by how their folders' names begin; a body of one's own is called by its folder."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Pair:
@@ -60,8 +65,10 @@ class Pair:
     @property
     def where(self) -> str:
         """The robot in words."""
-        there = self.stand_in
-        return f"Khepera on {self.robot.removeprefix('serial-')}" if there is None else there.words
+        if (there := self.stand_in) is not None:
+            return there.words
+        kind, _, port = self.robot.partition("-")
+        return f"{MAKES[kind]} on {port}" if kind in MAKES else self.robot
 
     @property
     def drop(self) -> float:

@@ -114,7 +114,7 @@ SOURCES = {
 
 
 STAND_INS = {
-    "robot": "a Khepera",
+    "robot": "a robot",
     "twin": "a physics twin of the robot, with sensors, wheels and noise of its own: a stand-in, "
     "called pseudo-reality, in other code than the simulation’s, though sizes of noise, arenas "
     "and starts have common sources. It is not a robot",
