@@ -175,6 +175,11 @@ def refuse_other_kind(recording: SensorRecording, top: float) -> None:
 def refuse_nonsense(where: str, counts: Array, model: Array, dead: dict[int, str]) -> None:
     """Refuse a fit that explains less than half of what the sensors did.
 
+    Args:
+        where: the recordings, for the message.
+        counts, model: [n, S]; NaN where a reading does not count.
+        dead: sensors that told nothing, and why.
+
     Raises:
         CalibrationError: names the share.
     """

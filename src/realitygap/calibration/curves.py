@@ -137,7 +137,14 @@ class Curves:
 
 
 def smoothness(seen: Seen, u: Array, folds: NDArray[np.int64], *, weights: Sequence[float] = SMOOTH) -> float:
-    """The weight of second differences with which curves err least on places held out."""
+    """The weight of second differences with which curves err least on places held out.
+
+    Args:
+        seen: what the curves are fitted to.
+        u: [n, S] where on its curve a sensor reads.
+        folds: [n] with which others a row is held out.
+        weights: those to choose from.
+    """
     errors = []
     for weight in weights:
         off = np.zeros(u.shape)

@@ -98,7 +98,12 @@ def fit_forms(
 ) -> tuple[dict[str, Fit], Array]:
     """Every form's fit, and what the form that was asked for reads [n, S] on places held out.
 
-    `tick` is called before each fit.
+    Args:
+        rows: all readings.
+        problems: by form, the simplest first.
+        form: the one that was asked for.
+        noise: counts.
+        tick: called before each fit.
     """
     fits: dict[str, Fit] = {}
     for name, problem in problems.items():
@@ -144,7 +149,16 @@ def solve_form(
     without: NDArray[np.bool_] | None = None,
     intervals: bool,
 ) -> Fit:
-    """A form's least squares, from `start` or as the problem has it; `without` [n] rows held out."""
+    """A form's least squares.
+
+    Args:
+        rows: all readings.
+        problem: the form.
+        noise: counts.
+        start: where to begin; None: as the problem has it.
+        without: [n] rows held out.
+        intervals: whether they are estimated.
+    """
     measured = rows.measured(noise, without=without)
 
     def once(begin: Values | None, intervals: bool) -> Fit:

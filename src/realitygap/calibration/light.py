@@ -173,7 +173,15 @@ def _moved(profile: Profile, values: Values) -> dict[str, list[float]]:
 
 
 def light_model(profile: Profile, values: Values, scenes: Scenes, form: str, memory: LightMemory) -> Array:
-    """Noise-free readings [n, A] of several recordings, one after another, at each rig's turn."""
+    """Noise-free readings [n, A] of several recordings, one after another, at each rig's turn.
+
+    Args:
+        profile: what is not free.
+        values: of what is.
+        scenes: each recording's turn, by its key, and its places.
+        form: of the law.
+        memory: of the last illumination.
+    """
     made = with_light(profile, values, form)
     return light_readings(made, memory.light(made, values, scenes))
 

@@ -38,7 +38,14 @@ class Misfit:
 def measure_noise(
     recordings: Sequence[SensorRecording], models: Sequence[Array], top: float, dead: float = 0.0
 ) -> list[NoiseEstimate]:
-    """Noise of recordings of one kind and full scale `top`, pooled: lit and dark proximity, or ambient."""
+    """Noise of recordings of one kind, pooled: lit and dark proximity, or ambient.
+
+    Args:
+        recordings: of one kind.
+        models: [n, S] of each, without noise.
+        top: their full scale, counts.
+        dead: counts below which a sensor reads 0.
+    """
     joined = pooled_noise(recordings, models, top)
     if recordings[0].kind == "ambient":
         found = [lit_noise(joined, "ambient", top)]

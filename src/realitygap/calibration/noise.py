@@ -199,7 +199,14 @@ def _at(table: Array, share: Array) -> Array:
 
 
 def lit_noise(sample: Sample, channel: str, top: float, dead: float = 0.0) -> NoiseEstimate | None:
-    """Noise where readings are neither dark, dead nor saturated; for light, everywhere. None: too few."""
+    """Noise where readings are neither dark, dead nor saturated; for light, everywhere. None: too few.
+
+    Args:
+        sample: deviations of readings, and what was read there.
+        channel: "proximity" or "ambient".
+        top: full scale, counts.
+        dead: counts below which a sensor reads 0.
+    """
     deviation = FIRST_GUESS * count_unit(top)
     use = np.isfinite(sample.z)
     if channel == "proximity":
@@ -213,7 +220,13 @@ def lit_noise(sample: Sample, channel: str, top: float, dead: float = 0.0) -> No
 
 
 def dark_noise(counts: Array, model: Array, place: NDArray[np.int64], top: float) -> NoiseEstimate | None:
-    """Noise of proximity sensors where nothing is in reach: how their readings [n, S] spread there."""
+    """Noise of proximity sensors where nothing is in reach: how their readings [n, S] spread there.
+
+    Args:
+        counts, model: [n, S].
+        place: [n] where a row was read.
+        top: full scale, counts.
+    """
     use = (model <= 0) & (counts < 2 * DARK_COUNTS * count_unit(top))
     many = np.maximum(use.sum(axis=0), 1)
     mean = np.where(use, counts, 0.0).sum(axis=0) / many

@@ -37,6 +37,13 @@ class Scene:
     def load(cls, *, task: str, profile: str, noise: float, pose: Numbers, arena: str | None = None) -> Scene:
         """The scene that a person names; `arena` takes the place of the task's own.
 
+        Args:
+            task: its name or file.
+            profile: the robot's.
+            noise: a scale.
+            pose: x, y (cm), heading (degrees).
+            arena: a file, instead of the task's own.
+
         Raises:
             BadParameter: the robot cannot stand at the pose.
         """

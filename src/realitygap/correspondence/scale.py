@@ -87,7 +87,13 @@ def scale_of(
 
 
 def exemplar_scale(task: str | None, starts_a: int, starts_b: int, *, matched: bool = True) -> Scale:
-    """The scale of the project's own exemplars, for so many starts in the two sets, pairs or not."""
+    """The scale of the project's own exemplars, for so many starts in the two sets, pairs or not.
+
+    Args:
+        task: whose exemplars; None: of both tasks.
+        starts_a, starts_b: how many trials are in either set.
+        matched: whether trials of the two sets share their starts.
+    """
     text = files("realitygap.correspondence.exemplars").joinpath("scales.json").read_text(encoding="utf-8")
     made = json.loads(text)[task or "motion"]
     shrink = float(np.sqrt((1 / starts_a + 1 / starts_b) / 2))

@@ -114,7 +114,13 @@ def around(arena: Arena, x: Floats, y: Floats, heading: Floats, radius_cm: Float
 
 
 def fits(arena: Arena, x: Floats, y: Floats, radius_cm: float) -> bool:
-    """Whether a robot whose body is so wide could have been at all these places."""
+    """Whether a robot whose body is so wide could have been at all these places.
+
+    Args:
+        arena: the room.
+        x, y: [n] places, cm.
+        radius_cm: of the body.
+    """
     return bool((_nearest_surface(arena, x, y)[2] > _told(radius_cm) - OUTSIDE_CM).all())
 
 

@@ -121,8 +121,12 @@ def cast(arena: Arena, origin: F, direction: F) -> F:
 def sensor_rays(arena: Arena, place: F, ray: F, pose: tuple[float, float, float], reach: F | float) -> F:
     """Where the rays of all sensors start and end, [S · RAYS, 2 ends, 2] in cm.
 
-    `place` [S, 2] and `ray` [S, 2, lanes] are in the robot's frame, `reach` [S] bounds each
-    sensor's rays; `pose` is x, y and heading.
+    Args:
+        arena: the room.
+        place: [S, 2] sensors in the robot's frame, cm.
+        ray: [S, 2, lanes] unit vectors in the robot's frame.
+        pose: x, y (cm), heading (rad).
+        reach: [S] cm: bounds each sensor's rays.
     """
     x, y, heading = pose
     turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])

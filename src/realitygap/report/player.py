@@ -55,7 +55,14 @@ def player_json(data: Json) -> str:
 def player_data(
     study: Study, parts: Sequence[TaskPart], pairs: Mapping[str, Sequence[Pair]], paths: Paths
 ) -> Json | None:
-    """All that the player knows; None where no run has been begun."""
+    """All that the player knows; None where no run has been begun.
+
+    Args:
+        study: the study.
+        parts: its tasks.
+        pairs: transfers by task.
+        paths: drives the champions.
+    """
     body = study.profile.to_kernel()
     gather = _Gather(study, paths, {c.level for part in parts for c in part.conditions})
     tasks = [

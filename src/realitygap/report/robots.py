@@ -33,7 +33,15 @@ def draw_robot(
     *,
     edge: str = style.INK,
 ) -> list[Patch | Line2D]:
-    """A robot to scale: body, wheels, and a line to its leading edge; its artists are returned."""
+    """A robot to scale: body, wheels, and a line to its leading edge; its artists are returned.
+
+    Args:
+        ax: the axes, in cm.
+        robot: its body.
+        pose: x, y (cm), heading (rad).
+        look: colours and lines.
+        edge: the outline's colour.
+    """
     x, y, heading = pose
     cos, sin = math.cos(heading), math.sin(heading)
     turned = robot.outline[:, :2] @ np.array([[cos, sin], [-sin, cos]]) + (x, y)

@@ -133,6 +133,12 @@ def save_figure(figure: Figure, folder: Path | None, name: str, *, dpi: int = 20
     """Write NAME.png and NAME.svg into a folder, if there is one; the SVG's text is returned.
 
     The same figure gives the same bytes: no date, fixed ids.
+
+    Args:
+        figure: the figure.
+        folder: where; None: nowhere.
+        name: of both files.
+        dpi: of the PNG.
     """
     buffer = io.StringIO()
     if folder is not None:

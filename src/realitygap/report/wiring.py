@@ -115,7 +115,12 @@ def place_neurons(
 ) -> dict[int, F]:
     """Inputs at their sensors, outputs beside their wheels, hidden neurons near what they join.
 
-    `unit` is how many cm of robot one unit of drawing takes: neurons have a radius of 0.36 of it.
+    Args:
+        wiring: the network.
+        robot: its body.
+        sensor_places: [S, 2] cm.
+        sensors: which sensor feeds each input.
+        unit: how many cm of robot one unit of drawing takes: a neuron's radius is 0.36 of it.
     """
     places: dict[int, F] = {}
     for i in range(wiring.inputs):
@@ -166,7 +171,14 @@ def _free_places(gap: float, radius: float, places: dict[int, F], unit: float) -
 
 
 def bend_links(wiring: Wiring, places: dict[int, F], sizes: dict[int, float], unit: float) -> list[F]:
-    """The curve [SAMPLES, 2] of each link, ending at its neurons' rims, clear of other neurons."""
+    """The curve [SAMPLES, 2] of each link, ending at its neurons' rims, clear of other neurons.
+
+    Args:
+        wiring: the network.
+        places: [2] of each neuron.
+        sizes: their radii.
+        unit: of drawing.
+    """
     curves: list[F] = []
     loops: dict[int, int] = {}
     outside = max(float(np.hypot(*place)) for place in places.values()) + 0.45 * unit
@@ -233,7 +245,14 @@ def _crowding(curve: F, others: F, room: F, earlier: list[F], unit: float) -> fl
 
 
 def label_places(curves: list[F], neurons: F, sizes: F, unit: float) -> list[F]:
-    """Where each link's number stands: at its curve, away from neurons, curves and other numbers."""
+    """Where each link's number stands: at its curve, away from neurons, curves and other numbers.
+
+    Args:
+        curves: [SAMPLES, 2] of each link.
+        neurons: [n, 2] their places.
+        sizes: [n] their radii.
+        unit: of drawing.
+    """
     placed: list[F] = []
     for i, curve in enumerate(curves):
         along = curve[5:-2] - curve[3:-4]

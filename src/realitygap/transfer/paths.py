@@ -41,6 +41,12 @@ def of_track(track: Track, steps: int, begin_s: float = 0.0, *, period_s: float 
     """A camera's track at the times of the steps, from `begin_s` on: between the two frames about each.
 
     A step beside which the robot was lost, or nothing was filmed, is a gap: nothing is guessed.
+
+    Args:
+        track: the camera's.
+        steps: how many.
+        begin_s: when the first begins, in the track's time.
+        period_s: of a step.
     """
     found, t = track.found, track.t
     times = begin_s + np.arange(steps + 1) * period_s

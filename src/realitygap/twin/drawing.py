@@ -133,6 +133,11 @@ class Drawing:
     def frame(self, x: float, y: float, heading: float, window: Window = WHOLE) -> Array:
         """The picture with the robot at x, y (m): grey levels as floats, without the camera's noise.
 
+        Args:
+            x, y: m.
+            heading: rad.
+            window: which rows and columns of the picture.
+
         Returns:
             [rows, columns, 3] of the window.
         """

@@ -103,7 +103,16 @@ def _robot(unit: Unit) -> str:
 
 def build_xml(arena: Mapping[str, Any], unit: Unit, *, timestep: float = 0.001, extra: str = "",
               disk: str = "", visual: str = "") -> str:  # fmt: skip
-    """The whole model. `extra` goes into the world, `disk` onto the robot, `visual` before both."""
+    """The whole model.
+
+    Args:
+        arena: the room, in plain numbers.
+        unit: sizes of this robot.
+        timestep: s.
+        extra: goes into the world.
+        disk: goes onto the robot.
+        visual: goes before both.
+    """
     motor = (f'nominal="{NOMINAL_VOLT} {STALL_TORQUE} {NO_LOAD_SPEED}" lugre="{LUGRE}" '
              f'ctrllimited="true" ctrlrange="{-NOMINAL_VOLT} {NOMINAL_VOLT}"')  # fmt: skip
     return f"""<mujoco model="twin">

@@ -132,6 +132,11 @@ class Creep:
         """Creep of a wheel (0 left, 1 right) that stands at x, y (m) and has turned by `angle` (rad).
 
         To be asked once in `CREEP_MS`.
+
+        Args:
+            wheel: 0 left, 1 right.
+            x, y: where it stands, m.
+            angle: by which it has turned, rad.
         """
         if self._noise == 0.0:
             return 0.0

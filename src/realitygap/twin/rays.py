@@ -100,7 +100,12 @@ class Scene:
         return distance, incidence, x + distance * dx, y + distance * dy, nx, ny
 
     def clear(self, x: Array, y: Array, ax: Array, ay: Array) -> NDArray[np.bool_]:
-        """Whether nothing stands between a point and another, `ax`, `ay` further on."""
+        """Whether nothing stands between a point and another, `ax`, `ay` further on.
+
+        Args:
+            x, y: from where, m.
+            ax, ay: the way to the other point, m.
+        """
         way = hypot(ax, ay) + 1e-12
         dx, dy = ax / way, ay / way
         free = np.ones(np.shape(dx), dtype=np.bool_)

@@ -59,7 +59,14 @@ LAMP_PROUD = 0.006  # m: the lamp hangs this far in front of a wall it is fixed 
 
 
 class Sensors:
-    """The eight sensors of one unit in one arena."""
+    """The eight sensors of one unit in one arena.
+
+    Args:
+        arena: the room, in plain numbers.
+        unit: its sensors' own gains and places.
+        noise: a scale.
+        seed: of the noise.
+    """
 
     def __init__(self, arena: Mapping[str, Any], unit: Unit, *, noise: float, seed: int) -> None:
         place = np.array(SENSORS_MM_DEG, dtype=np.float64)

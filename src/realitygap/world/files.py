@@ -51,7 +51,15 @@ class Value:
 
 
 def require(fact: bool, key: str, expected: str, got: object, cure: str = "") -> None:
-    """Refuse `key` unless `fact` holds."""
+    """Refuse `key` unless `fact` holds.
+
+    Args:
+        fact: whether it is as it must be.
+        key: of what is wrong.
+        expected: in words.
+        got: what came.
+        cure: what to do.
+    """
     if not fact:
         raise ConfigError(f"{key}: expected {expected}, got {_shown(got)}.{' ' + cure if cure else ''}")
 

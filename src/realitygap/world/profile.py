@@ -45,7 +45,12 @@ TOP_INPUT = 10
 
 
 def largest_pole(kp: float, ki: float, kd: float, divisor: float) -> float:
-    """Largest closed-loop pole of the printed law with P = (V − U)/0.1 and five terms in I (§3.2.2)."""
+    """Largest closed-loop pole of the printed law with P = (V − U)/0.1 and five terms in I (§3.2.2).
+
+    Args:
+        kp, ki, kd: gains.
+        divisor: of all three.
+    """
     p, i, d = (gain / divisor for gain in (kp, ki, kd))
     p, i = p / STEP_S, i / STEP_S
     # δ_t = −p·U_t − i·(U_t + … + U_{t−4}) + d·δ_{t−1}, U_{t+1} = U_t + δ_t

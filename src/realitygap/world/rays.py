@@ -51,7 +51,15 @@ def rays(
 def ray_weights(
     sensors: int, exponent: float, factor: float = 1.0, shift_deg: float = 0.0, number: int = RAYS
 ) -> NDArray[np.float64]:
-    """factor · cos^m β of each ray [sensors, LANES] of a fan turned by a shift; 0 in the pad lanes."""
+    """factor · cos^m β of each ray [sensors, LANES] of a fan turned by a shift; 0 in the pad lanes.
+
+    Args:
+        sensors: how many.
+        exponent: m.
+        factor: of all weights.
+        shift_deg: of the fan.
+        number: of its rays.
+    """
     angles = [beta + shift_deg for beta in ray_angles(number)]
     row = [factor * round(math.cos(math.radians(beta)) ** exponent, 15) for beta in angles]
     return np.tile(np.array(row + [0.0] * (LANES - number)), (sensors, 1))

@@ -55,6 +55,13 @@ def check_readings(
 ) -> tuple[str, ...]:
     """Warnings about sensor readings [n, S] at [n] distances and bearings in a table's rows.
 
+    Args:
+        table: names file and line.
+        kind: "infrared" or "ambient".
+        distance_cm, bearing_deg: [n].
+        counts: [n, S].
+        full_scale: the converter's highest count; None: not said.
+
     Raises:
         RecordingError: readings that no robot in centimetres and degrees can have had.
     """

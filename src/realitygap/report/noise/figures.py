@@ -128,7 +128,15 @@ def _claim_panel(ax: Axes, data: Crossed, scope: Scope, key: str) -> None:
 
 
 def dots(ax: Axes, data: Crossed, level: Floats, score: Floats, sets: NDArray[np.int64]) -> None:
-    """Every run: filled left of its level for odd seed sets, hollow right of it for even ones."""
+    """Every run: filled left of its level for odd seed sets, hollow right of it for even ones.
+
+    Args:
+        ax: the axes.
+        data: the study's table.
+        level: [n] of each run.
+        score: [n].
+        sets: [n] its seed set.
+    """
     styles = noise_styles(data.levels.tolist())
     for one in data.sets:
         for lv in data.levels.tolist():

@@ -46,6 +46,12 @@ def opened(
 ) -> KheperaBody:
     """The Khepera on a serial port, told to stand; with a clock channel a twin in virtual time.
 
+    Args:
+        port: of the line.
+        baud: its rate; None: try all.
+        kinds: of sensors to read.
+        clock_channel: of a twin in virtual time.
+
     Raises:
         UsageError: the port cannot be opened, or is too slow for these sensors.
         LineError: nobody answers.

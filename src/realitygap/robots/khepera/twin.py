@@ -104,5 +104,12 @@ def opened(
     kinds: tuple[str, ...] = ("proximity",),
     **_: Any,
 ) -> TwinBody:
-    """A unit by its number in words; its line has the usual rate if any will do."""
+    """A unit by its number in words; its line has the usual rate if any will do.
+
+    Args:
+        unit: its number.
+        baud: of its line.
+        noise: a scale.
+        kinds: of sensors to read.
+    """
     return TwinBody(int(unit), noise=noise, baud=baud or 38400, kinds=kinds)

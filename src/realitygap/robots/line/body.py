@@ -37,6 +37,12 @@ def step_budget(dialect: Dialect, kinds: tuple[str, ...], baud: int | None, *, t
     Without sensors it is the counters alone: one question, which takes a body no further in its time.
     Times are the worst case: command and answer one after the other, every number at its longest.
 
+    Args:
+        dialect: the line's.
+        kinds: of sensors.
+        baud: the line's; None: one that takes no time, as over a network.
+        turns: whether counters and speeds are asked for.
+
     Raises:
         BaudError: sensors and speed command alone take longer than a step; shows the arithmetic.
         UsageError: an unknown kind, or none.
