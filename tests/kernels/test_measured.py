@@ -42,14 +42,14 @@ def measured(profile: Profile, random: np.random.Generator) -> Profile:
 def test_agrees_with_the_reference():
     """Every measured sensor reads what the slow reference reads: short cuts change nothing."""
     random, lit = np.random.default_rng(3), 0
-    for profile, arena, pose in random_scenes(seed=4, count=250):
+    for profile, arena, pose in random_scenes(seed=4, count=60):
         robot = measured(profile, random)
         expected = reference.proximity(robot, arena, pose)
         got, light = readings(robot, arena, pose)
         np.testing.assert_allclose(got, expected, rtol=1e-7, atol=1e-5)
         np.testing.assert_allclose(light, reference.ambient(robot, arena, pose), rtol=1e-7, atol=1e-5)
         lit += sum(0 < value < robot.infrared.top for value in expected)
-    assert lit > 200, "the scenes are too empty to judge anything"
+    assert lit > 60, "the scenes are too empty to judge anything"
 
 
 def test_nothing_reads_above_the_full_scale_and_nearer_never_less():

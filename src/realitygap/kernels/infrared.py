@@ -165,13 +165,15 @@ def infrared(robot, arena, work, out):
     rays, measured = fan_of(robot, work), robot.proximity_curve.shape[1] > 0
     notice(robot, arena, work)
     for k in range(out.shape[0]):
-        out[k] = robot.proximity_curve[k, 0] if measured else 0.0
+        out[k] = 0.0
     for n in range(list_noticed(work)):
         k = work.listed[n]
         follow(robot, arena, k, rays, work)
         if measured:
-            light = gathered(robot, k, rays, work.terms)
-            out[k] = respond(robot.proximity_curve, k, robot.proximity_knee, light)
+            out[k] = gathered(robot, k, rays, work.terms)
         else:
             total = reflected(robot, k, rays, work.terms)
             out[k] = min(max(total, 0.0), robot.proximity_top)
+    if measured:  # of all at once: side by side their roots cost less than a few one by one
+        for k in range(out.shape[0]):
+            out[k] = respond(robot.proximity_curve, k, robot.proximity_knee, out[k])

@@ -5,26 +5,33 @@ All three are tables of one sensor each, with values at equal steps and straight
 
 import math
 
+import numpy as np
+
 from realitygap.kernels.jit import step
 
 
 @step
-def between(table, k, share):
-    """Row `k` of a table at a share from 0 (its first value) to 1 (its last)."""
-    last = table.shape[1] - 1
-    at = share * last
-    j = min(int(at), last - 1)
-    return table[k, j] + (at - j) * (table[k, j + 1] - table[k, j])
+def between(table, k, at):
+    """Row `k` of a table, `at` steps from its first value: from 0 to the number of its steps."""
+    j = min(int(at), table.shape[1] - 2)
+    # An unsigned index is never counted from the end, which is asked otherwise at each look.
+    here = np.uint64(j)
+    return table[k, here] + (at - j) * (table[k, here + np.uint64(1)] - table[k, here])
 
 
 @step
 def respond(curve, k, knee, light):
     """Counts of sensor `k` under a light: its curve at √light / (√light + knee)."""
     root = math.sqrt(max(light, 0.0))
-    return between(curve, k, root / (root + knee))
+    return between(curve, k, root / (root + knee) * (curve.shape[1] - 1))
 
 
 @step
-def deviation(table, rise, k, reading, speed):
-    """Noise of sensor `k`: by its reading as a share of the full scale, and the wheels' speed (cm/s)."""
-    return between(table, k, min(max(reading, 0.0), 1.0)) * (1.0 + rise[k] * speed)
+def weigh(table, rise, readings, top, speed, noise):
+    """Normal numbers become each sensor's noise: by its reading's share of the full scale `top`, and the
+    wheels' speed (cm/s)."""
+    last = np.float64(table.shape[1] - 1)
+    steps = last / top
+    for k in range(readings.shape[0]):
+        at = min(max(readings[k] * steps, 0.0), last)
+        noise[k] *= between(table, k, at) * (1.0 + rise[k] * speed)

@@ -11,7 +11,7 @@ from realitygap.kernels.infrared import infrared
 from realitygap.kernels.jit import step
 from realitygap.kernels.network import LIMIT, output, think, wake
 from realitygap.kernels.outline import settle_outline
-from realitygap.kernels.response import deviation
+from realitygap.kernels.response import weigh
 from realitygap.kernels.rng import normals, sin_cos, uniform
 from realitygap.kernels.wheels import FASTEST, Arc, bound_wheel, drive_arc, turn_wheel
 from realitygap.kernels.work import DRAWS, MOTOR_NOISE, noise_blocks
@@ -64,18 +64,22 @@ def draw_noise(level, stream, k, sensors, work):
 
 @step
 def read(robot, feed, level, speed, noise, readings):
-    """What the robot's converter makes of noise-free `readings`: noise, whole counts, clipping, dead zone."""
+    """What the robot's converter makes of noise-free `readings`: noise, whole counts, clipping, dead zone.
+
+    Where noise is a table, `noise` is used up: its normal numbers are weighed in place.
+    """
     lit, dark, top = robot.noise_proximity, robot.noise_proximity_dark, robot.proximity_top
     table, rise, dead = robot.proximity_noise, robot.proximity_rise, robot.proximity_dead
     if feed == AMBIENT:
         lit, dark, top = robot.noise_ambient, robot.noise_ambient, robot.ambient_top
         table, rise, dead = robot.ambient_noise, robot.ambient_rise, 0.0
+    if table.shape[1] > 0 and level > 0.0:
+        lit = dark = 1.0
+        weigh(table, rise, readings, top, speed, noise[MOTOR_NOISE:])
     for i in range(readings.shape[0]):
         value = readings[i]
         if level > 0.0:
             size = lit if value > 0.0 else dark
-            if table.shape[1] > 0:
-                size = deviation(table, rise, i, value / top, speed)
             value += level * size * noise[MOTOR_NOISE + i]
         value = min(max(math.floor(value + 0.5), 0.0), top)
         readings[i] = value if value >= dead else 0.0
