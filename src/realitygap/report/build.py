@@ -59,6 +59,7 @@ def build_report(
         **_told(study, parts),
         "paper": maker.paper,
         "robot": robot,
+        "profile": study.profile,
         "player": Markup("" if player is None else player_json(player)),
         "scripts": Markup(_scripts()),
         "sections": sections,
