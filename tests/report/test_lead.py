@@ -142,15 +142,15 @@ def test_a_calibrated_simulation_is_not_passed_off_as_the_printed_one(reproduced
     paper = load_profile("paper")
     infrared = FittedChannel(channel="infrared", form="extended", rmse=1.0)
     near = replace(paper, provenance=Provenance(base="paper", fits=(infrared,)))
-    assert departures(near) == "the infrared sensors have another equation than the printed one"
+    assert departures(near) == "the infrared sensors have an equation other than the printed one"
     driven = FittedChannel(channel="wheels", form="refitted", rmse=1.0)
     wheels = replace(paper.wheels, ki=1e-9, friction_cm_s2=0.0)
     made = replace(paper, wheels=wheels, provenance=Provenance(base="paper", fits=(driven,)))
     assert departures(made) == "the wheels have no integral term and no static friction"
-    assert "calibrated, not printed" not in _page(reproduced, monkeypatch)
+    assert "calibrated, not the paper’s as printed" not in _page(reproduced, monkeypatch)
     config = StudyConfig.reproduction(runs=1, evaluations=64, seed=3).with_settings(["profile=khepera"])
     text = _page(run_study(tmp_path / "measured", config, workers=1), monkeypatch)
-    assert f"The simulation is calibrated, not printed: {both}." in text
+    assert f"The simulation is calibrated, not the paper’s as printed: {both}." in text
 
 
 def test_the_lead_says_noise_and_length(reproduced, tmp_path, monkeypatch):

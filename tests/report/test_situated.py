@@ -162,7 +162,7 @@ def _says_what_the_twin_is(text: str) -> None:
     around = [
         text[m.start() - 40 : m.end() + 30] for m in re.finditer(r"\breal(ity)?\b", text, re.IGNORECASE)
     ]
-    allowed = ("pseudo-reality", "reality gap", "let the real robot have them", "in the real robot’s place")
+    allowed = ("pseudo-reality", "reality gap", "ran them on the real robot", "the real robot’s place is")
     assert around and all(any(words in one.lower() for words in allowed) for one in around), around
     assert "a stand-in" in text and "It is not a robot" in text
 
@@ -183,7 +183,7 @@ def test_a_robot_is_called_by_its_make(study: Study) -> None:
     """And one of the user's own by its folder's name."""
     names = {
         "thymio-ttyACM0": "Thymio II on ttyACM0", "epuck2-10.0.0.5": "e-puck2 on 10.0.0.5",
-        "khepera-ttyUSB0": "Khepera on ttyUSB0", "mine-Five": "mine-Five", "twin-2": "twin unit 2",
+        "khepera-ttyUSB0": "Khepera on ttyUSB0", "mine-Five": "robot mine-Five", "twin-2": "twin unit 2",
     }  # fmt: skip
     write_transfer(study, study.runs[0], robot="twin-1")
     (pair,) = pairs_of(study, parts_of(study))[AVOID]

@@ -39,7 +39,7 @@ CONDITIONS = 6
 def reproduce(
     out: Path, workers: Workers, no_transfer: bool, resume: bool, json_output: bool, **options: Any
 ) -> None:
-    """Make the paper's experiment, and the page about it.
+    """Repeat the paper's experiment, and make the page about it.
 
     Records the readings of unit 1 of the twin (pseudo-reality: a physics model behind the robot's
     own serial protocol) and fits the simulation to them, as the paper did first; evolves both tasks in

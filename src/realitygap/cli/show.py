@@ -76,7 +76,7 @@ def describe(study: Study, run: Run) -> dict[str, Any]:
 
 
 def print_runs(runs: list[Run]) -> None:
-    """A line a run."""
+    """One line per run."""
     rows = [
         [
             run.id, run.name, run.evaluations, shown(run.best_fitness), shown(run.champion_fitness),

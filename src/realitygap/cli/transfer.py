@@ -117,7 +117,7 @@ def transfer(study: str, workers: Workers, trust: bool, json_output: bool, **wor
 
 
 def print_transfers(made: list[Transferred]) -> None:
-    """A line a trial."""
+    """One line per trial."""
     rows = [
         [
             one.robot, one.name, one.start, shown(one.fitness_simulated), shown(one.fitness_situated),

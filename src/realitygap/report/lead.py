@@ -57,13 +57,13 @@ def lead(study: Study, parts: Sequence[TaskPart]) -> str:
 
 
 def departures(profile: Profile) -> str:
-    """What a calibrated simulation has of the paper's printed equations no more; "" where it has all."""
+    """Which of the paper's printed equations a calibrated simulation no longer has; "" where it has all."""
     forms = {fit.channel: fit.form for fit in profile.provenance.fits}
     other = [forms.get(channel, "paper") != "paper" for channel in ("infrared", "ambient")]
     sensors = {
         (True, True): "none of the printed sensor equations is used as it stands",
-        (True, False): "the infrared sensors have another equation than the printed one",
-        (False, True): "the ambient light sensors have other equations than the printed ones",
+        (True, False): "the infrared sensors have an equation other than the printed one",
+        (False, True): "the ambient light sensors have equations other than the printed ones",
     }.get((other[0], other[1]), "")
     wheels = profile.wheels
     gone = [

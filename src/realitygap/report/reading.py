@@ -96,7 +96,7 @@ def _champions(table: Table) -> str:
 
 
 def _robustness(table: Table) -> list[str]:
-    """What becomes of each class between the least and the most noise it was tested at."""
+    """How each class fares from the least to the most noise it was tested at."""
     if len(table.levels) < 2:
         return []
     low, high = min(table.levels), max(table.levels)
@@ -111,7 +111,7 @@ def _robustness(table: Table) -> list[str]:
 
 
 def read_scores(table: ScoreTable) -> list[str]:
-    """How both scores go with the noise level; nothing where there are none."""
+    """How both scores change with the noise level; nothing where there are none."""
     where = f" on the {table.kind}" if table.kind else ""
     told = [
         *_told_scores(table, "behaviour", "The behaviour score averages"),

@@ -68,7 +68,7 @@ class Pair:
         if (there := self.stand_in) is not None:
             return there.words
         kind, _, port = self.robot.partition("-")
-        return f"{MAKES[kind]} on {port}" if kind in MAKES else self.robot
+        return f"{MAKES[kind]} on {port}" if kind in MAKES else f"robot {self.robot}"
 
     @property
     def drop(self) -> float:

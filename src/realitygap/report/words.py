@@ -43,7 +43,7 @@ def arena_words(part: TaskPart) -> Words:
     )
     caption = (
         f"The arena, {width:g} × {depth:g} cm, with {named or 'no obstacles'}, where trials start, "
-        f"and a robot with its {what}, to what they meet."
+        f"and a robot with its {what}, drawn up to whatever they meet."
     )
     return Words(caption, caption)
 
@@ -58,7 +58,7 @@ def curve_words(part: TaskPart, curves: Mapping[float, Sequence[np.ndarray]], fr
     caption = f"{begins} noise level of the fittest individual's stored fitness at each evaluation{ends}"
     if fresh:
         caption += (
-            "  Open markers at the right: what the final fittest score on fresh trials at their own noise."
+            " Open markers at the right: what the final fittest score on fresh trials at their own noise."
         )
     ends = ", ".join(
         f"{part.names[level]} {np.mean([run[-1] for run in runs]) / part.task.fitness_scale:.2f}"
@@ -86,13 +86,13 @@ def sheet_words(part: TaskPart, seen: str) -> Words:
     few = f"the first {PER_CONDITION} of {most} runs" if most > PER_CONDITION else "every run"
     return Words(
         f"Paths of {few}. {seen}.",
-        f"One trial of the retested champion of {few}, all from the same start; a row a noise level. The "
+        f"One trial of the retested champion of {few}, all from the same start, one row per noise level. The "
         "number is the trial's score.",
     )
 
 
 def network_words(genes: np.ndarray, title: str, inputs: int, *, champion: bool) -> Words:
-    """Of one network.
+    """The words of one network's picture.
 
     Args:
         genes: its genotype.
@@ -140,7 +140,7 @@ def about(pairs: Sequence[Pair]) -> str:
 
 
 def pair_words(part: TaskPart, shown: Sequence[Pair]) -> Words:
-    """Of figure 3 or 5."""
+    """The words of figure 3 or 5."""
     return Words(f"Paths. {_seen(part, shown)}.", _caption(part, shown))
 
 
@@ -166,8 +166,8 @@ def _caption(part: TaskPart, shown: Sequence[Pair]) -> str:
     name = names.pop() if len(names) == 1 else "individual"
     many = any(len(c.rows) > 1 for c in part.conditions)
     return (
-        f"Above: simulated (thin whole strokes, empty body), at the noise that each {name} evolved under. "
-        f"Below: situated (broad broken strokes, filled body), on {what}; the path is {source}. "
+        f"Above: simulated (thin solid strokes, open body), at the noise that each {name} evolved under. "
+        f"Below: situated (broad dashed strokes, filled body), on {what}; the path is {source}. "
         + ("For each noise level the median run on fresh trials, where it was transferred. " if many else "")
         + "Both from the same start (ring). After the colon: the path’s score"
         + (f" in {unit}. " if unit else ". ")

@@ -1,4 +1,4 @@
-// Rays of the sensors: to what they meet, or as far as they matter; the stronger, the more a sensor says.
+// Rays of the sensors: up to whatever they meet, or as far as they matter; the stronger, the more a sensor says.
 function distanceAlong(arena, x, y, dx, dy, reach) {
   const [width, depth] = arena.size_cm;
   const walls = [[0, 0, width, 0], [width, 0, width, depth], [width, depth, 0, depth], [0, depth, 0, 0], ...arena.walls];
