@@ -16,7 +16,7 @@ CONVERT = {
     "track.py": (5, "a track's CSV and JSON; and kept scores' last bit (settled)"),
     # a robot's constants and an arena's are in degrees, as their TOML has them
     "world/rays.py": (2, "a sensor's direction becomes a unit vector"),
-    "world/sensors.py": (2, "directions that were given in radians are refused"),
+    "world/sensor_checks.py": (2, "directions that were given in radians are refused"),
     "tasks/task.py": (1, "a task's range of start headings becomes the kernels'"),
     "calibration/forward.py": (2, "the rig's turn and bearings, which are fitted in a profile's degrees"),
     "calibration/checks.py": (3, "bearings against a profile's directions"),

@@ -20,6 +20,10 @@ COUNTS = 2**16
 """Its counters begin again after so many steps: 8 m."""
 
 
+GREETING_S = 0.3
+"""An e-puck2 does not speak first; another service at its address does, and is known by what it says."""
+
+
 class Epuck(Driver):
     """The driver."""
 
@@ -41,6 +45,7 @@ class Epuck(Driver):
         """
         line = PacketLine(place)
         try:
+            line.hear(GREETING_S)
             line.ask(EPUCK.request("Q"))
             return cls.awake(line)
         except RobotError as error:
