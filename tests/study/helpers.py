@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from realitygap.study.config import StudyConfig
+from realitygap.study.digest import seal
+from realitygap.study.load import load_study
 from realitygap.study.parts import Condition
 
 CHILD = Path(__file__).with_name("child.py")
@@ -38,9 +40,32 @@ def content(folder: Path) -> dict[str, tuple[int, str]]:
     with closing(sqlite3.connect(folder / "study.db")) as database:
         assert database.execute("PRAGMA integrity_check").fetchone() == ("ok",)
         for table in TABLES:
-            rows = sorted(map(repr, database.execute(f"SELECT * FROM {table}")))
+            columns = [
+                row[1] for row in database.execute(f"PRAGMA table_info({table})") if row[1] != "genotype"
+            ]
+            rows = sorted(map(repr, database.execute(f"SELECT {', '.join(columns)} FROM {table}")))
             found[table] = (len(rows), hashlib.sha256("".join(rows).encode()).hexdigest())
+    study = load_study(folder)
+    genes = [study.genotypes(run.id) for run in study.runs]
+    found["genotypes"] = (sum(map(len, genes)), hashlib.sha256(b"".join(genes)).hexdigest())
     return found
+
+
+def in_format_3(folder: Path, version: int = 3) -> None:
+    """Make a study's database one as earlier versions wrote it: a genotype in each evaluation's row."""
+    genes = {run.id: load_study(folder).genotypes(run.id) for run in load_study(folder).runs}
+    with closing(sqlite3.connect(folder / "study.db")) as database, database:
+        database.execute("ALTER TABLE evaluation ADD COLUMN genotype BLOB NOT NULL DEFAULT x''")
+        for run, every in genes.items():
+            rows = [(one.tobytes(), run, number) for number, one in enumerate(every)]
+            database.executemany("UPDATE evaluation SET genotype = ? WHERE run = ? AND number = ?", rows)
+            database.execute(
+                "DELETE FROM digest WHERE run = ? AND part IN ('genotypes', 'evaluation')", (run,)
+            )
+            if rows:
+                seal(database, run, "evaluation")
+        database.execute("DROP TABLE genotypes")
+        database.execute(f"PRAGMA user_version = {version}")
 
 
 def start(folder: Path, *options: str) -> subprocess.Popen[str]:

@@ -171,13 +171,14 @@ class Study:
         """Every evaluation of a run, or of all: run, number, fitness, score_1 …, parents, cell."""
         with self._reader.reading() as database:
             names = [row[1] for row in database.execute("PRAGMA table_info(evaluation)")]
-        kinds = {name: float if name.startswith(("fitness", "score_")) else np.int64 for name in names[:-1]}
+        names = [name for name in names if name != "genotype"]  # in older formats
+        kinds = {name: float if name.startswith(("fitness", "score_")) else np.int64 for name in names}
         return self._table("evaluation", kinds, "run, number", run)
 
     def genotypes(self, run: int) -> Genes:
         """[n, ...]: all individuals of a run, in the order of evaluation; of slots [n, slots, fields]."""
         kind, shape = self._form(run)
-        return np.frombuffer(b"".join(self._reader.genotypes(self.run(run).id)), kind).reshape(-1, *shape)
+        return np.frombuffer(self._reader.genotypes(self.run(run).id)[1], kind).reshape(-1, *shape)
 
     def genotype(self, run: int, number: int) -> Genes:
         """The individual of one evaluation, of the type and shape that its run keeps.
@@ -186,10 +187,12 @@ class Study:
             StudyError: no such evaluation.
         """
         kind, shape = self._form(run)
-        rows = self._reader.genotypes(self.run(run).id, number)
-        if not rows:
+        first, found = self._reader.genotypes(self.run(run).id, number)
+        genes: Genes = np.frombuffer(found, kind).reshape(-1, *shape)
+        if not 0 <= number - first < len(genes):
             raise StudyError(f"{self.folder}: run {run} has no evaluation {number}.")
-        return np.frombuffer(rows[0], kind).reshape(shape).copy()
+        one: Genes = genes[number - first].copy()
+        return one
 
     def tests(self, run: int | None = None) -> Table:
         """Fresh trials: run, who (fittest or champion), noise, trial, score."""

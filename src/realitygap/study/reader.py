@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.study.digest import verify
-from realitygap.study.schema import SEALED, check_format, told
+from realitygap.study.schema import BLOCKS, SEALED, check_format, told
 
 __all__ = ["DATABASE", "Reader", "Table"]
 
@@ -85,12 +86,20 @@ class Reader:
             row = database.execute("SELECT state FROM checkpoint WHERE run = ?", (run,)).fetchone()
         return None if row is None else bytes(row[0])
 
-    def genotypes(self, run: int, number: int | None = None) -> list[bytes]:
-        """Of all evaluations of a run in their order, or of one."""
-        which, values = ("", (run,)) if number is None else (" AND number = ?", (run, number))
-        query = f"SELECT genotype FROM evaluation WHERE run = ?{which} ORDER BY number"
-        with self.reading("evaluation", run) as database:
-            return [row[0] for row in database.execute(query, values)]
+    def genotypes(self, run: int, number: int | None = None) -> tuple[int, bytes]:
+        """Of all evaluations of a run, or of some with this one: number of the first, and their bytes."""
+        with self.reading() as database:
+            blocks = check_format(database, self._path) >= BLOCKS
+        part, column = ("genotypes", "content") if blocks else ("evaluation", "genotype")
+        which, values = "", [run]
+        if number is not None:
+            which = f"AND number = (SELECT max(number) FROM {part} WHERE run = ? AND number <= ?)"
+            values += [*values, number]
+        query = f"SELECT number, {column} FROM {part} WHERE run = ? {which} ORDER BY number"
+        with self.reading(part, run) as database:
+            rows = database.execute(query, values).fetchall()
+        found = b"".join(zlib.decompress(row[1]) if blocks else row[1] for row in rows)
+        return rows[0][0] if rows else 0, found
 
     def table(self, name: str, kinds: Mapping[str, Any], order: str, run: int | None) -> Table:
         """Columns of a table, of a run or of all; NaN where there is nothing.

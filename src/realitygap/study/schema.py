@@ -10,14 +10,16 @@ from pathlib import Path
 
 from realitygap.errors import StudyError
 
-__all__ = ["APPLICATION", "FORMAT", "SEALED", "check_format", "schema", "told"]
+__all__ = ["APPLICATION", "BLOCKS", "FORMAT", "SEALED", "check_format", "schema", "told"]
 
 APPLICATION = 0x52474150
 """`PRAGMA application_id` of a study's database: "RGAP"."""
-FORMAT = 3
+FORMAT = 4
 """`PRAGMA user_version`: raised when the tables change."""
 SEALED = 2
 """From this format on a database keeps its study's sources, and a digest of all that it holds."""
+BLOCKS = 4
+"""From this format on genotypes stand compressed in a table of their own, many to a row."""
 
 _FIXED = """
 CREATE TABLE run (            -- one evolutionary run; its numbers are those of its checkpoint
@@ -90,7 +92,12 @@ CREATE TABLE evaluation (     -- every individual that was ever evaluated
     parent_a INTEGER NOT NULL, -- evaluation numbers; -1: none
     parent_b INTEGER NOT NULL,
     cell INTEGER NOT NULL,    -- the place in the population that it took, or was offered
-    genotype BLOB NOT NULL,   -- of the dtype and shape in run.encoding, row by row
+    PRIMARY KEY (run, number)
+) WITHOUT ROWID;
+CREATE TABLE genotypes (      -- of all evaluations, as many to a row as were kept at once
+    run INTEGER NOT NULL REFERENCES run(id),
+    number INTEGER NOT NULL,  -- of the first of them
+    content BLOB NOT NULL,    -- zlib: one after the other, of the dtype and shape in run.encoding
     PRIMARY KEY (run, number)
 );
 PRAGMA application_id = {APPLICATION};

@@ -10,6 +10,7 @@ import json
 import math
 import os
 import sqlite3
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from datetime import UTC, datetime
@@ -23,7 +24,7 @@ from realitygap.study.jobs import Kept
 from realitygap.study.materials import Materials
 from realitygap.study.plan import plans
 from realitygap.study.run import Records, Results
-from realitygap.study.schema import SEALED, check_format, schema, told
+from realitygap.study.schema import BLOCKS, SEALED, check_format, schema, told
 from realitygap.values import Closing
 
 __all__ = ["Store", "create"]
@@ -73,7 +74,8 @@ class Store(Closing):
         with told(path):
             self._database = sqlite3.connect(path, isolation_level=None)
             try:
-                self._sealed = check_format(self._database, path) >= SEALED
+                version = check_format(self._database, path)
+                self._sealed, self._blocks = version >= SEALED, version >= BLOCKS
                 self._check_whole()
                 self._database.execute("PRAGMA journal_mode = WAL")
                 self._database.execute("PRAGMA synchronous = NORMAL")
@@ -121,14 +123,21 @@ class Store(Closing):
         """Keep evaluations, and the state after the last of them."""
         done = kept.evaluations
         with self._transaction():
-            self._database.executemany(self._insert, _rows(run, records, self._trials))
+            genes = records.genes.astype(records.genes.dtype.newbyteorder("<"), copy=False)
+            rows = _rows(run, records, self._trials)
+            if self._blocks:
+                block = (run, done - len(genes), zlib.compress(genes.tobytes()))
+                self._database.execute("INSERT INTO genotypes VALUES (?, ?, ?)", block)
+            else:
+                rows = ((*row, one.tobytes()) for row, one in zip(rows, genes, strict=True))
+            self._database.executemany(self._insert, rows)
             self._database.execute("REPLACE INTO checkpoint VALUES (?, ?, ?)", (run, done, kept.state))
             self._database.execute(
                 "UPDATE run SET evaluations = ?, best_fitness = ?, fittest = ? WHERE id = ?",
                 (done, kept.best_fitness, kept.best_number, run),
             )
-            if self._sealed:
-                seal_more(self._database, run, "evaluation", done - len(records.number))
+            for part in ("evaluation", "genotypes")[: self._sealed + self._blocks]:
+                seal_more(self._database, run, part, done - len(genes))
             self._seal(run, "checkpoint", "run")
 
     def finish(self, run: int, results: Results) -> None:
@@ -193,8 +202,7 @@ def _rows(run: int, records: Records, trials: int) -> Iterator[tuple[object, ...
         records.scores.tolist(),
         records.parents.tolist(),
         records.cell.tolist(),
-        records.genes.astype(records.genes.dtype.newbyteorder("<"), copy=False),
         strict=True,
     )
-    for number, fitness, scores, (first, second), cell, genes in columns:
-        yield (run, number, fitness, *scores, *empty, first, second, cell, genes.tobytes())
+    for number, fitness, scores, (first, second), cell in columns:
+        yield (run, number, fitness, *scores, *empty, first, second, cell)
