@@ -81,6 +81,7 @@ def page(told: dict[str, Told]) -> str:
         failed=f"{FAILED:g}", saturated=f"{SATURATED:g}",
         loud_at_two=judged_against(loud, 2.0), makings=Makings(first, default),
         real={m.channel: f"{m.ratio:.2f}" for m in real_misfits()},
+        over_all={m.channel: f"{m.ratio_over_all:.2f}" for m in real_misfits()},
         paper={level: _paper_mean(level) for level in (0, 1, 2)}, paper_table=marks, paper_p=p,
         studies=STUDIES, power_table=table(rows), least_delta=f"{least_delta(rows):.2f}",
         failures_found=one_of(rows[-1]), overview=overview([*told.values()]),

@@ -86,7 +86,13 @@ def unit_profile(unit: int) -> Profile:
 def unit_by_hand(folder: Path, *, unit: int, **_: Any) -> Path:
     """A unit's profile without its recordings."""
     fit = FittedChannel(
-        channel="infrared", form="extended", rmse=20.0, model_error=9.0, noise=20.0, ratio=0.45
+        channel="infrared",
+        form="extended",
+        rmse=20.0,
+        model_error=9.0,
+        noise=20.0,
+        ratio=0.45,
+        ratio_over_all=0.3,
     )
     made = replace(unit_profile(unit), provenance=Provenance(base="paper", fits=(fit,)))
     folder.mkdir(parents=True, exist_ok=True)

@@ -178,11 +178,29 @@ def test_a_fall_from_home_that_shrinks_with_noise_is_found() -> None:
 
 
 def test_beside_the_twins_model_error_stands_a_real_robots(built: Path) -> None:
-    """The calibration's table ends with the provenance of the profile khepera, and words compare the two."""
-    table = noise.NoiseReport(read_results(built / "results")).tables["calibration"].texts()
-    fits = {fit.channel: f"{fit.ratio:.2f}" for fit in load_profile("khepera").provenance.fits}
-    assert {row[1]: row[4] for row in table if row[0] == "a real Khepera"} == fits
-    assert f"a real robot's tables: {fits['ambient']}" in said(built)
+    """The calibration's table ends with the profile khepera's ratios, and words compare the two."""
+    assert beside(built, said(built), "ratio_over_all") == "over all readings, of which the dark ones flatter"
+
+
+def test_like_is_compared_with_like(built: Path, tmp_path: Path) -> None:
+    """A study that keeps both figures is held against the robot's where readings are not dark."""
+    out = shutil.copytree(built, tmp_path / "study")
+    file = out / "results" / "calibration.csv"
+    head, *rows = file.read_text().splitlines()
+    file.write_text("\n".join([f"{head},ratio_over_all", *(f"{row},0.5" for row in rows)]) + "\n")
+    found = beside(out, said(out), "ratio")
+    assert found == "on places held out, where readings are neither dark nor saturated"
+    assert noise_summary(out)["calibration"][0]["ratio_over_all"] == 0.5
+    assert noise_summary(built)["calibration"][0]["ratio_over_all"] is None
+
+
+def beside(out: Path, words: str, figure: str) -> str:
+    """How the calibration's table says that it counts; table and words have this figure of the khepera."""
+    table = noise.NoiseReport(read_results(out / "results")).tables["calibration"]
+    fits = {fit.channel: f"{getattr(fit, figure):.2f}" for fit in load_profile("khepera").provenance.fits}
+    assert {row[1]: row[4] for row in table.texts() if row[0] == "a real Khepera"} == fits
+    assert f"a real robot's tables: {fits['ambient']}" in words
+    return table.title.split("in counts, ")[1].split(". ▲")[0]
 
 
 def test_behaviours_that_are_as_frequent_are_told_by_name() -> None:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from realitygap.calibration.judge import Judgement
+    from realitygap.world.profile import Profile
 
 __all__ = ["CalibratedPart", "calibrated_part"]
 
@@ -77,16 +78,22 @@ def calibrated_part(study: Study, figures: Figures) -> CalibratedPart | None:
         rows=rows,
         sensors=[_ratios(one) for one in found if one.kind in LIMITS],
         limits=" and ".join(f"{value:g} for {CHANNELS[kind]}" for kind, value in LIMITS.items()),
-        real=_real(study.profile.name),
+        real=_real(study.profile),
         figure=figure,
     )
 
 
-def _real(name: str) -> str:
+def _real(profile: Profile) -> str:
     """How near such a fit comes to a real robot; nothing beside that robot's own profile."""
-    ratios = " and ".join(f"{m.ratio:.2f} in {CHANNELS[m.channel]}" for m in real_misfits())
+    judged = any(fit.ratio_over_all for fit in profile.provenance.fits)
+    ratios = " and ".join(f"{m.ratio:.2f} in {CHANNELS[m.channel]}" for m in real_misfits(judged=judged))
     beside = f"On the tables of a real Khepera (profile khepera) the error over noise is {ratios}."
-    return "" if name == "khepera" else beside
+    counted = (
+        "Counted on places held out, where readings are neither dark nor saturated."
+        if judged
+        else "The profile is of an earlier version: counted over all readings, which dark ones flatter."
+    )
+    return counted if profile.name == "khepera" else f"{beside} {counted}"
 
 
 def _said(study: Study, kept: bool) -> str:

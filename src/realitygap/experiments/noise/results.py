@@ -22,6 +22,7 @@ __all__ = ["write_results"]
 
 DIGITS = 5
 CELL = ("score", "behaviour", "layout", "noisiness", "responsiveness", "fitness_simulated")
+CALIBRATION = ("unit", "channel", "model_error", "noise", "ratio", "ratio_over_all")
 
 
 def write_results(stage: Stage) -> Path:
@@ -90,18 +91,14 @@ def _calibration(stage: Stage) -> Iterator[dict[str, object]]:
     for unit in range(1, stage.config.units + 1):
         for fit in stage.profile(unit).provenance.fits:
             if fit.noise > 0:
-                yield {
-                    "unit": unit,
-                    "channel": fit.channel,
-                    "model_error": fit.model_error,
-                    "noise": fit.noise,
-                    "ratio": fit.ratio,
-                }
+                over_all = fit.ratio_over_all or math.nan
+                values = (unit, fit.channel, fit.model_error, fit.noise, fit.ratio, over_all)
+                yield dict(zip(CALIBRATION, values, strict=True))
 
 
 def _table(file: Path, rows: Sequence[Mapping[str, object]]) -> None:
     """A CSV file; what is not known is empty."""
-    head = list(rows[0]) if rows else ["unit", "channel", "model_error", "noise", "ratio"]
+    head = list(rows[0]) if rows else list(CALIBRATION)
     whole.write(file, to_csv([head, *([_text(row[key]) for key in head] for row in rows)]))
 
 

@@ -180,8 +180,8 @@ def falls_words(falls: Sequence[Fall]) -> str:
 
 def nearness_words(calibration: Sequence[Misfit]) -> str:
     """How near the simulations come to the twin, beside how near they come to a robot."""
-    said = []
-    for real in real_misfits():
+    said, judged = [], all(m.judged for m in calibration)
+    for real in real_misfits(judged=judged):
         ratios = sorted(m.ratio for m in calibration if m.channel == real.channel)
         if ratios:
             low, high = f"{ratios[0]:.2f}", f"{ratios[-1]:.2f}"
@@ -189,4 +189,5 @@ def nearness_words(calibration: Sequence[Misfit]) -> str:
             said.append(f"in {CHANNELS[real.channel]} {ours} (a real robot's tables: {real.ratio:.2f})")
     if not said:
         return ""
-    return f"Model error over noise is {', '.join(said)}: the twin is easier to model than a robot."
+    where = "" if judged else ", over all readings,"
+    return f"Model error over noise{where} is {', '.join(said)}: the twin is easier to model than a robot."

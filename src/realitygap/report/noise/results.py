@@ -36,7 +36,8 @@ NEEDS = {
 class Misfit(NamedTuple):
     """How far a unit's calibrated model is from it in one channel; beyond `limit` noise explains nothing.
 
-    Unit 0 is a real robot.
+    Unit 0 is a real robot. `ratio_over_all` is of all readings, dark ones too; it is NaN of calibrations
+    that were made before there was another, whose `ratio` is just that.
     """
 
     unit: int
@@ -45,11 +46,17 @@ class Misfit(NamedTuple):
     noise: float
     ratio: float
     limit: float
+    ratio_over_all: float = math.nan
 
     @property
     def too_far(self) -> bool:
         """Whether model error exceeds noise here."""
         return self.ratio > self.limit
+
+    @property
+    def judged(self) -> bool:
+        """Whether `ratio` is of readings held out that are neither dark nor saturated."""
+        return math.isfinite(self.ratio_over_all)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -215,16 +222,25 @@ def _who(key: Key) -> str:
     return f"{key[0]}, seed set {key[1]}, evolved at {key[2]:g}, run {key[3]}"
 
 
-def real_misfits() -> tuple[Misfit, ...]:
-    """How near the fit came to a real robot's tables: the provenance of the profile khepera."""
+def real_misfits(*, judged: bool = True) -> tuple[Misfit, ...]:
+    """How near the fit came to a real robot's tables: the provenance of the profile khepera.
+
+    Over all readings where not `judged`, to stand beside calibrations that have no other figure.
+    """
     from realitygap.calibration.judge import LIMITS
     from realitygap.world.profile import load_profile
 
     fits = load_profile("khepera").provenance.fits
-    return tuple(
-        Misfit(0, fit.channel, fit.model_error, fit.noise, fit.ratio, LIMITS[fit.channel])
+    known = [
+        Misfit(0, fit.channel, fit.model_error, fit.noise, fit.ratio, LIMITS[fit.channel], fit.ratio_over_all)
         for fit in fits if fit.channel in LIMITS
-    )  # fmt: skip
+    ]  # fmt: skip
+    return tuple(known if judged else map(_over_all, known))
+
+
+def _over_all(m: Misfit) -> Misfit:
+    ratio = m.ratio_over_all
+    return m._replace(model_error=ratio * m.noise, ratio=ratio, ratio_over_all=math.nan)
 
 
 def _calibration(file: Path) -> Iterator[Misfit]:
@@ -233,9 +249,13 @@ def _calibration(file: Path) -> Iterator[Misfit]:
 
     table = _table(file)
     error, noise, ratio = (table.numbers(name, empty=True) for name in ("model_error", "noise", "ratio"))
+    name = "ratio_over_all"
+    over_all = table.numbers(name, empty=True) if name in table.columns else np.full(len(ratio), math.nan)
     for k, (unit, channel) in enumerate(
         zip(table.whole("unit").tolist(), table.texts("channel"), strict=True)
     ):
         if math.isfinite(ratio[k]):
             limit = LIMITS.get(channel, LIMITS["infrared"])
-            yield Misfit(unit, channel, float(error[k]), float(noise[k]), float(ratio[k]), limit)
+            yield Misfit(
+                unit, channel, float(error[k]), float(noise[k]), float(ratio[k]), limit, float(over_all[k])
+            )

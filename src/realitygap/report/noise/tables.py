@@ -237,7 +237,13 @@ def paper_table(facts: NoiseFacts) -> NoiseTable:
 
 def calibration_table(calibration: Sequence[Misfit]) -> NoiseTable:
     """Model error over noise, for each unit and channel, and beside them those of a real robot."""
-    real = real_misfits() if calibration else ()
+    judged = all(m.judged for m in calibration)
+    real = real_misfits(judged=judged) if calibration else ()
+    counted = (
+        "on places held out, where readings are neither dark nor saturated"
+        if judged
+        else "over all readings, of which the dark ones flatter"
+    )
     rows = tuple(
         (
             str(m.unit) if m.unit else "a real Khepera", m.channel, Number(span=Span(m.model_error)),
@@ -248,8 +254,8 @@ def calibration_table(calibration: Sequence[Misfit]) -> NoiseTable:
     )  # fmt: skip
     return NoiseTable(
         name="calibration",
-        title="The calibrated simulations: model error over noise deviation, in counts. ▲: above the limit, "
-        "where model error exceeds noise. Last, how near such a fit comes to a real robot: to "
+        title=f"The calibrated simulations: model error over noise deviation, in counts, {counted}. ▲: above "
+        "the limit, where model error exceeds noise. Last, how near such a fit comes to a real robot: to "
         "the tables behind the profile khepera.",
         head=("unit", "channel", "model error", "noise", "ratio", "limit", ""),
         rows=rows,
