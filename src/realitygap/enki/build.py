@@ -23,13 +23,16 @@ LONGEST_S = 300.0
 """Compiling takes 3 s."""
 
 
-def program() -> Path:
-    """The program's path, named after its text, the compiler's options and the library.
+def program(text: bytes | None = None) -> Path:
+    """The path of the program that `text` in C++ compiles to, by default of the one that is talked to.
+
+    It is named after its text, the compiler's options and the library.
 
     Raises:
         UsageError: without the library or the compiler, or where nothing can be kept.
     """
-    text = resources.files(__package__).joinpath(SOURCE).read_bytes()
+    if text is None:
+        text = resources.files(__package__).joinpath(SOURCE).read_bytes()
     library = _library()
     digest = hashlib.sha256(repr(COMPILER).encode() + text + library.read_bytes()).hexdigest()[:16]
     home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
