@@ -103,6 +103,16 @@ def weights(inputs: int) -> Encoding:
     return make_encoding(f"{EXAMPLES / 'real_weights.py'}:Weights", Variation(), {}, inputs=inputs)
 
 
+def test_a_controller_is_written_for_a_chip_of_ones_own(tmp_path):
+    """Evolved, written as C, compiled, and passed its test vectors."""
+    if shutil.which("cc") is None:
+        pytest.skip("no C compiler here")
+    words = [sys.executable, EXAMPLES / "down_load.py", tmp_path]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.endswith("avoider: 200 steps as in the simulation\n")
+
+
 def stop_at(done: int) -> Callable[[Progress], None]:
     """Ctrl-C once so many evaluations are done."""
 

@@ -5,6 +5,7 @@ import numpy as np
 from realitygap.kernels.jit import kernel
 from realitygap.kernels.network import output, think, wake
 from realitygap.kernels.rng import below, bits, log, normals, sin_cos, substream, uniform
+from realitygap.kernels.trial import scale_input
 
 
 @kernel
@@ -49,3 +50,11 @@ def evaluate(x, logs, sines, cosines):
     for i in range(x.shape[0]):
         logs[i] = log(abs(x[i]))
         sines[i], cosines[i] = sin_cos(x[i])
+
+
+@kernel
+def scale_inputs(low, high, readings, inputs):
+    """Readings [steps, I] as inputs."""
+    for k in range(readings.shape[0]):
+        for i in range(readings.shape[1]):
+            inputs[k, i] = scale_input(low, high, readings[k, i])

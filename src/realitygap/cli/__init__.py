@@ -12,6 +12,7 @@ from realitygap.cli.camera import camera
 from realitygap.cli.classify import classify
 from realitygap.cli.evolve import evolve
 from realitygap.cli.experiment import experiment
+from realitygap.cli.export import export
 from realitygap.cli.failure import Commands
 from realitygap.cli.judge import judge
 from realitygap.cli.probe import probe
@@ -54,7 +55,7 @@ def realitygap(ctx: click.Context) -> None:
 
 
 for _command in (
-    reproduce, evolve, experiment, realities, simulate, probe, show, replay, report, transfer, score,
+    reproduce, evolve, experiment, realities, simulate, probe, show, replay, report, export, transfer, score,
     classify, judge, robot, twin, record, calibrate, track, camera, profile, arena, bench,
 ):  # fmt: skip
     realitygap.add_command(_command)

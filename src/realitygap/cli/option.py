@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from realitygap.world.profile import Profile
 
 __all__ = [
-    "Numbers", "arena", "as_json", "base", "baud", "checked_pose", "disk", "evaluations", "given", "marker",
-    "noise", "out", "picture", "pose", "profile", "resume", "runs", "seconds", "seed", "task", "trust",
-    "twin_noise", "workers",
+    "Numbers", "arena", "as_json", "base", "baud", "checked_pose", "disk", "evaluations", "given",
+    "individual", "marker", "noise", "out", "picture", "pose", "profile", "resume", "runs", "seconds",
+    "seed", "task", "trust", "twin_noise", "workers",
 ]  # fmt: skip
 
 BAUDS = tuple(map(str, BAUD_RATES))
@@ -50,6 +50,12 @@ marker = click.option(
 )
 evaluations = click.option(
     "--evaluations", type=Whole(1, 10**9), help="Evaluations in each run [default: 1000]."
+)
+individual = click.option(
+    "--individual",
+    default="champion",
+    metavar="WHO",
+    help="champion (retested), fittest (as in the paper), or the number of an evaluation.",
 )
 picture = click.option("--picture", type=PICTURE, help="Draw the path to FILE (.png, .svg or .pdf).")
 resume = click.option(

@@ -18,18 +18,13 @@ if TYPE_CHECKING:
     from realitygap.controller.layout import Genes
     from realitygap.study.load import Run, Study
 
-__all__ = ["replay"]
+__all__ = ["replay", "the_individual"]
 
 
 @click.command()
 @click.argument("study", type=click.Path())
 @click.argument("run")
-@click.option(
-    "--individual",
-    default="champion",
-    metavar="WHO",
-    help="champion (retested), fittest (as in the paper), or the number of an evaluation.",
-)
+@option.individual
 @option.profile(None, " [default: the study's own]")
 @option.noise(None, " [default: the run's own]")
 @option.seed()
@@ -69,7 +64,7 @@ def replay(
     ask_trust(study, trust)
     loaded = load_study(study)
     one = loaded.run(run)
-    who, genes = _individual(loaded, one, individual)
+    who, genes = the_individual(loaded, one, individual)
     scene = _scene(loaded, one, profile, noise, pose)
     trajectory, score = scene.simulation().trajectory(
         loaded.networks(one.task, genes), stream=seed, pose=scene.pose, seconds=seconds
@@ -99,7 +94,7 @@ def _scene(study: Study, run: Run, profile: str | None, noise: float | None, pos
     return Scene(task=task, profile=robot, noise=level, pose=place)
 
 
-def _individual(study: Study, run: Run, who: str) -> tuple[str, Genes]:
+def the_individual(study: Study, run: Run, who: str) -> tuple[str, Genes]:
     """An individual of a run in words, and its genotype."""
     if who in ("champion", "fittest"):
         genes = run.champion if who == "champion" else run.fittest

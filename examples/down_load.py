@@ -1,0 +1,30 @@
+"""An evolved controller on a chip of one's own: evolved, written as C, compiled, tried (some seconds).
+
+python examples/down_load.py FOLDER
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+from realitygap import StudyConfig, run_study
+from realitygap.export import on_board, write_source
+from realitygap.study.parts import Condition
+
+
+def main(folder: Path) -> None:
+    """Evolve for a short while, then leave the champion's source in FOLDER/avoider."""
+    config = StudyConfig(evaluations=200, conditions=(Condition(task="avoidance", noise=1.0),))
+    run = run_study(folder / "study", config).runs[0]
+    board = on_board(run, "champion", run.champion, name="avoider")
+    header, source, test = write_source(board, "c99", folder / "avoider")
+    print(
+        f"{header.name}, {source.name}: {len(board.thresholds)} neurons, {board.state_bytes} bytes of state"
+    )
+    program = folder / "test_avoider"
+    subprocess.run(["cc", "-std=c99", "-Wall", "-Werror", "-o", program, test, source], check=True)
+    subprocess.run([program], check=True)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

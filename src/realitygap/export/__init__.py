@@ -1,0 +1,10 @@
+"""Evolved networks as source for a robot's own processor (the paper's down-load): C, MicroPython, Arduino."""
+
+from __future__ import annotations
+
+from realitygap.lazy import names_of
+
+__all__, __getattr__ = names_of(__name__, {
+    "onboard": "OnBoard on_board",
+    "source": "LANGUAGES sizes write_source",
+})  # fmt: skip

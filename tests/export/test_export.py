@@ -1,0 +1,181 @@
+"""What is exported does what the simulation did, to the bit, in the languages that it is written in."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from realitygap.controller.genotype import random_genotype
+from realitygap.controller.handmade import constant
+from realitygap.controller.layout import Layout
+from realitygap.controller.network import decode
+from realitygap.errors import UsageError
+from realitygap.export.onboard import OnBoard, on_board
+from realitygap.export.source import sizes, write_source
+from realitygap.study.load import Study
+from realitygap.study.parts import Condition
+from realitygap.study.runner import run_study
+from realitygap.world.profile import load_profile
+from tests.kernels import calls
+from tests.kernels.scenes import PAPER, work_for
+from tests.study.helpers import small
+
+HERE = Path(__file__).parent
+STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Werror")
+ARDUINO = Path("/usr/share/arduino/hardware/arduino/avr")
+RICH = random_genotype(Layout(), np.uint64(8), start_neurons=1.0, start_links=1.0)
+"""As full as a genotype may be."""
+STEPS = int(os.environ.get("REALITYGAP_STEPS", "1000"))
+"""For MicroPython, which takes a millisecond for each."""
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory) -> Study:
+    """Two short runs: one is fed by proximity, one by light."""
+    return run_study(tmp_path_factory.mktemp("export") / "study", small(), workers=1)
+
+
+def compiler(name: str) -> str:
+    found = shutil.which(name)
+    if found is None:
+        pytest.skip(f"no {name} here")
+    return found
+
+
+def run(*words: object, given: bytes = b"", cwd: Path | None = None) -> bytes:
+    """What a program prints; it must not fail."""
+    done = subprocess.run(list(map(str, words)), input=given, capture_output=True, timeout=300, cwd=cwd)
+    assert done.returncode == 0, done.stderr.decode()
+    return done.stdout
+
+
+def by_kernel(board: OnBoard, study: Study, genes: np.ndarray, readings: np.ndarray) -> np.ndarray:
+    """Commands [steps, 2] by the simulation's own compiled scaling and network."""
+    inputs = np.zeros(readings.shape, np.int64)
+    calls.scale_inputs(*study.profile.channel(board.feeds).bands, readings.astype(float), inputs)
+    nets = decode(genes, Layout.of(genes))
+    outputs = np.zeros((len(readings), 2), np.int64)
+    calls.drive(nets, 0, inputs, work_for(PAPER, nets=nets), outputs)
+    return np.array(board.commands)[outputs + 10]
+
+
+@pytest.mark.parametrize("which", [0, 1], ids=["proximity", "light"])
+def test_a_million_steps_in_c(study, tmp_path, which):
+    """Warnings are errors, and every command of a million random steps is the kernel's."""
+    cc, run_of = compiler("gcc"), study.runs[which]
+    board = on_board(run_of, "random", RICH)
+    write_source(board, "c99", tmp_path)
+    for file in ("controller.c", "test_controller.c"):
+        run(cc, *STRICT, "-O2", "-c", tmp_path / file, "-o", tmp_path / f"{file}.o")
+    run(cc, tmp_path / "controller.c.o", tmp_path / "test_controller.c.o", "-o", tmp_path / "vectors")
+    assert b"200 steps as in the simulation" in run(tmp_path / "vectors")
+    run(
+        cc,
+        *STRICT,
+        "-O2",
+        "-I",
+        tmp_path,
+        HERE / "million.c",
+        tmp_path / "controller.c.o",
+        "-o",
+        tmp_path / "all",
+    )
+    random = np.random.default_rng(which)
+    readings = random.integers(0, board.top + 1, (1_000_000, board.there)).astype(np.int16)
+    held = random.random(readings.shape) < 0.7
+    for begin in range(1, 400):  # where nothing changes for long a network settles
+        readings[begin] = np.where(held[begin], readings[begin - 1], readings[begin])
+    made = np.frombuffer(run(tmp_path / "all", given=readings.tobytes()), np.int16).reshape(-1, 2)
+    assert (made == by_kernel(board, study, RICH, readings)).all()
+    assert len(np.unique(made)) > 5
+
+
+def test_every_reading_is_scaled_as_the_kernel_scales_it(study):
+    """The edges give, for each count that there is, the very input of the simulation."""
+    for one in study.runs:
+        board = on_board(one, "fittest", one.fittest)
+        counts = np.arange(board.top + 1)
+        passed = counts[:, None] >= board.edges if board.rising else counts[:, None] <= board.edges
+        readings, inputs = (
+            np.repeat(counts[:, None], 8, 1).astype(float),
+            np.zeros((len(counts), 8), np.int64),
+        )
+        calls.scale_inputs(*study.profile.channel(board.feeds).bands, readings, inputs)
+        assert (passed.sum(1) - 10 == inputs[:, 0]).all()
+    assert {on_board(one, "fittest", one.fittest).rising for one in study.runs} == {True, False}
+
+
+def test_a_wrong_weight_is_found(study, tmp_path):
+    """The test vectors fail on another network than the one they were made with."""
+    cc, one = compiler("gcc"), study.runs[0]
+    _, source, test = write_source(on_board(one, "random", RICH), "c99", tmp_path)
+    text = source.read_text()
+    begin = text.index("weight[")
+    at = text.index("{ ", begin) + 2
+    source.write_text(text[:at] + ("3" if text[at] != "3" else "2") + text[text.index(",", at) :])
+    run(cc, source, test, "-o", tmp_path / "vectors")
+    done = subprocess.run([tmp_path / "vectors"], capture_output=True, text=True)
+    assert done.returncode == 1 and "expected" in done.stdout
+
+
+@pytest.mark.parametrize("genes", [RICH, constant(3, -2, Layout())], ids=["rich", "without links"])
+def test_python(study, tmp_path, genes):
+    """The module needs nothing but Python, and passes its test vectors."""
+    write_source(on_board(study.runs[1], "random", genes), "micropython", tmp_path)
+    assert b"as in the simulation" in run(sys.executable, "-c", "import test_controller", cwd=tmp_path)
+
+
+def test_micropython(study, tmp_path):
+    """A real MicroPython passes, where there is one: node, and MICROPYTHON names npm's package."""
+    node, package = compiler("node"), os.environ.get("MICROPYTHON", "")
+    if not Path(package, "micropython.mjs").is_file():
+        pytest.skip("MICROPYTHON names no folder of npm's @micropython/micropython-webassembly-pyscript")
+    for one in study.runs:
+        write_source(on_board(one, "random", RICH, steps=STEPS), "micropython", tmp_path)
+        said = run(node, HERE / "micropython.mjs", package, tmp_path).decode()
+        assert said.split("\n")[0] == "micropython" and f"{STEPS} steps as in the simulation" in said
+
+
+def test_arduino(study, tmp_path):
+    """The sketch's folder compiles as it is, for an ATmega328P, and its size is told."""
+    cxx = compiler("avr-g++")
+    _, source, sketch = write_source(on_board(study.runs[0], "random", RICH), "arduino", tmp_path)
+    assert sketch == tmp_path / "controller" / "controller.ino"
+    size = sizes(source)["ATmega328P"]
+    assert 500 < size < 4000
+    if not ARDUINO.is_dir():
+        pytest.skip(f"no Arduino core in {ARDUINO}")
+    run(cxx, "-mmcu=atmega328p", "-DF_CPU=16000000L", "-DARDUINO=10819", "-Os", "-Wall", "-Wextra", "-Werror",
+        "-I", ARDUINO / "cores" / "arduino", "-I", ARDUINO / "variants" / "standard", "-include", "Arduino.h",
+        "-x", "c++", "-c", sketch, "-o", tmp_path / "sketch.o")  # fmt: skip
+
+
+def test_another_robot(tmp_path):
+    """An e-puck's counts, up to 4095, and its commands, hundreds of units, are exported in its own scale."""
+    e_puck = load_profile("e-puck")
+    config = replace(
+        small(evaluations=5, profile="e-puck"), conditions=(Condition(task="avoidance", noise=1.0),)
+    )
+    one = run_study(tmp_path / "study", config, workers=1).runs[0]
+    board = on_board(one, "random", RICH)
+    assert (board.top, board.commands[-1]) == (4095, round(e_puck.wheels.top_command))
+    write_source(board, "micropython", tmp_path)
+    assert (board.vectors.readings.max(), np.abs(board.vectors.commands).max()) > (2000, 100)
+    run(sys.executable, "-c", "import test_controller", cwd=tmp_path)
+
+
+def test_refusals(study, tmp_path):
+    """A name that is none in C, and a language that there is not."""
+    one = study.runs[0]
+    for name in ("", "2fast", "Avoider", "a b", "x" * 41):
+        with pytest.raises(UsageError, match="name: expected a lower-case letter"):
+            on_board(one, "fittest", one.fittest, name=name)
+    with pytest.raises(UsageError, match="language: expected c99, micropython, arduino, got 'rust'"):
+        write_source(on_board(one, "fittest", one.fittest), "rust", tmp_path)
