@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from realitygap.calibration.forward import scene_of
 from realitygap.calibration.recorder import camera
 from realitygap.calibration.recorder import record as recorder
 from realitygap.calibration.recorder.acts import drive_trial
@@ -36,6 +37,11 @@ from realitygap.robots.address import Address
 from realitygap.robots.body import Channel
 from realitygap.robots.khepera.body import KheperaBody
 from realitygap.values import Pose, Readings
+from realitygap.world.arena import Arena, Cylinder
+from realitygap.world.body import Body
+from tests.calibration.written import save_recording
+from tests.kernels.reference.outline import clearance
+from tests.kernels.test_outline import OUTLINES
 from tests.robots.conftest import ROOT, Bench, bench
 
 __all__ = ["bench"]
@@ -67,6 +73,39 @@ def test_a_plan_puts_the_robot_where_its_table_says(name):
             assert "left" in place.says
     assert len({place.where for place in plan.places}) == len(plan.places)
     assert {place.where[0] for place in plan.places} >= {0.5, 8.0}
+
+
+@pytest.mark.parametrize("outline", OUTLINES)
+@pytest.mark.parametrize("name", ["wall", "cylinder:2.7"])
+def test_a_polygons_distances_count_from_its_outline(tmp_path, name, outline):
+    """The plan puts it down, and a calibration sees it stand, that far from its very edge; files keep it."""
+    body = Body(outline_cm=outline)
+    plan = infrared_plan(name, body)
+    distance, bearing = np.array([place.where for place in plan.places]).T
+    save_recording(tmp_path, SensorRecording(
+        kind="infrared", object=name, distance_cm=distance, bearing_deg=bearing,
+        repeat=np.zeros(len(distance), np.int64), counts=np.zeros((len(distance), 2)),
+        body_radius_cm=body.radius_cm, body_outline_cm=body.outline_cm,
+    ))  # fmt: skip
+    scene = scene_of(load_recording(tmp_path))
+    stands = [(place.pose.x, place.pose.y, place.pose.heading) for place in plan.places]
+    for size, things, poses in (
+        (plan.room["size_cm"], plan.room.get("cylinders", []), stands),
+        (scene.arena.size, scene.arena.cylinders, scene.poses[scene.row]),
+    ):
+        round_ones = tuple(Cylinder(x_cm=x, y_cm=y, radius_cm=radius) for x, y, radius in things)
+        room = Arena(name="room", size_cm=tuple(size), cylinders=round_ones)
+        gaps = [clearance(room, outline, pose) for pose in poses]
+        assert gaps == pytest.approx(distance.tolist(), abs=1e-9)
+
+
+def test_an_outline_that_is_none_is_refused(tmp_path):
+    """With the file and the key."""
+    facts = 'kind = "infrared"\nobject = "wall"\nbody_outline_cm = [[0, 1], [1, 0]]\n'
+    (tmp_path / "recording.toml").write_text(facts, "utf-8")
+    (tmp_path / "readings.csv").write_text("distance_cm,bearing_deg,repeat,s0\n1,0,0,5\n", "utf-8")
+    with pytest.raises(RecordingError, match=r"recording.toml: body_outline_cm: expected three corners"):
+        load_recording(tmp_path)
 
 
 def test_an_unknown_object_is_refused():

@@ -33,6 +33,8 @@ def save_recording(folder: str | Path, recording: Recording) -> None:
         facts |= {"kind": recording.kind, "object": recording.object, "sensors": recording.sensors}
         if recording.body_said:
             facts["body_radius_cm"] = recording.body_radius_cm
+        if recording.body_outline_cm:
+            facts["body_outline_cm"] = [list(corner) for corner in recording.body_outline_cm]
         if recording.pose is not None and recording.arena is not None:
             facts["arena"] = "arena.toml"
             (folder / "arena.toml").write_text(recording.arena.to_toml(), "utf-8")

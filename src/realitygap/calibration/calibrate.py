@@ -160,15 +160,24 @@ def _of_its_size(recordings: Sequence[Recording], base: Profile) -> Profile:
     A .sam table states none: there it is what the maker states. The sensors read by it.
     """
     seen = [r for r in recordings if isinstance(r, SensorRecording) and r.from_sensor is None]
-    radii = {r.body_radius_cm: r.source for r in seen if "body_radius_cm" in r.facts or not r.body_said}
-    radii = radii or {r.body_radius_cm: r.source for r in seen}
+    said = [r for r in seen if "body_radius_cm" in r.facts or not r.body_said] or seen
+    radii = {r.body_radius_cm: r.source for r in said}
+    outlines = {r.body_outline_cm: r.source for r in said if r.body_outline_cm}
+    if len(outlines) > 1:
+        here, there = list(outlines.values())[:2]
+        raise CalibrationError(
+            f"body_outline_cm: expected one robot; {here} and {there} have different ones. Correct them."
+        )
     if len(radii) > 1:
         (one, here), (two, there) = list(radii.items())[:2]
         raise CalibrationError(
             f"body_radius_cm: expected one robot, got {one:g} cm in {here} and {two:g} cm in {there}. "
             "Correct them; a recording that does not say it has that of --base."
         )
-    return replace(base, body=replace(base.body, radius_cm=next(iter(radii)))) if radii else base
+    if not radii:
+        return base
+    outline = next(iter(outlines), base.body.outline_cm)
+    return replace(base, body=replace(base.body, radius_cm=next(iter(radii)), outline_cm=outline))
 
 
 def _of_its_height(recordings: Sequence[Recording], base: Profile) -> Profile:

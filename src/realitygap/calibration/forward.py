@@ -53,7 +53,7 @@ def scene_of(recording: SensorRecording) -> Scene:
     if recording.pose is not None and recording.arena is not None:
         return Scene(arena=recording.arena.to_kernel(), poses=recording.pose[first], row=row)
     half, radius = ROOM_CM / 2, recording.radius_cm
-    away = recording.body_radius_cm + recording.distance_cm[first]
+    away = recording.reach_cm()[first] + recording.distance_cm[first]
     cylinders: tuple[Cylinder, ...] = ()
     lamps: tuple[Lamp, ...] = ()
     edge = ROOM_CM

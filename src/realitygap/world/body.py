@@ -64,6 +64,37 @@ class Body(Value):
         normals = np.stack([ahead[:, 1], -ahead[:, 0]], axis=1) / np.hypot(*ahead.T)[:, None]
         return np.hstack([corners, normals])
 
+    def reach_cm(
+        self, bearing: NDArray[np.float64], gap_cm: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
+        """How far the edge stands out from the axle's middle, towards what lies in a direction.
+
+        Args:
+            bearing: [n] of the direction, rad from the robot's front.
+            gap_cm: [n] from the edge to the middle of what lies there; None: a wall, square to the direction.
+
+        Returns:
+            [n] cm: the thing is this much, and the gap, from the axle's middle.
+        """
+        if not self.outline_cm:
+            return np.full(len(bearing), self.radius_cm)
+        corners, normals = np.hsplit(self.edges(), 2)
+        ahead = np.stack([np.cos(bearing), np.sin(bearing)])
+        out = corners @ ahead
+        if gap_cm is None:
+            return np.asarray(out.max(axis=0))
+        # Whatever is within the gap of the edge: a disc about each corner, a strip before each edge.
+        aside = corners @ np.stack([-ahead[1], ahead[0]])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            discs = out + np.sqrt(gap_cm**2 - aside**2)
+            strips = ((normals * corners).sum(axis=1)[:, None] + gap_cm) / (normals @ ahead)
+            along = strips * (np.stack([-normals[:, 1], normals[:, 0]], axis=1) @ ahead)
+        begin = (corners[:, 1] * normals[:, 0] - corners[:, 0] * normals[:, 1])[:, None]
+        lengths = np.hypot(*(np.roll(corners, -1, axis=0) - corners).T)[:, None]
+        before = (strips > 0) & (along >= begin) & (along <= begin + lengths)
+        last = np.fmax(np.fmax.reduce(discs), np.where(before, strips, -np.inf).max(axis=0))
+        return np.asarray(last - gap_cm)
+
     def grown(self, by_cm: float) -> Body:
         """The body with its edge farther out."""
         corners, normals = np.hsplit(self.edges(), 2)

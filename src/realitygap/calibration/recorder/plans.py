@@ -7,12 +7,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, check_object, cylinder_radius
 from realitygap.errors import RecordingError
 from realitygap.values import Pose
 from realitygap.world.arena import Arena, load_arena
+from realitygap.world.body import Body
 
-__all__ = ["Place", "SensorPlan", "ambient_plan", "infrared_plan", "sensor_plans"]
+__all__ = ["KHEPERA", "Place", "SensorPlan", "ambient_plan", "infrared_plan", "sensor_plans"]
 
 DISTANCES_CM = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.5, 8.0)
 """From nearly touching to where a Khepera sees nothing; close together where the curve is steep."""
@@ -21,6 +24,8 @@ BEARINGS = 24
 
 ROOM_CM = 100.0
 """A room so large that only the object is in reach of the infrared."""
+KHEPERA = Body(radius_cm=BODY_RADIUS_CM)
+"""Of a robot of which nothing is said."""
 CYLINDER = "cylinder:4"
 """The paper's obstacles (§4)."""
 
@@ -70,12 +75,12 @@ class SensorPlan:
     begins: str
 
 
-def infrared_plan(name: str, body_cm: float = BODY_RADIUS_CM) -> SensorPlan:
-    """A wall or a cylinder at all bearings, from 0.5 to 8 cm.
+def infrared_plan(name: str, body: Body = KHEPERA) -> SensorPlan:
+    """A wall or a cylinder at all bearings, from 0.5 to 8 cm before the body's edge.
 
     Args:
         name: "wall" or "cylinder:RADIUS_CM".
-        body_cm: radius of the robot's body.
+        body: the robot's.
 
     Raises:
         RecordingError: another object.
@@ -100,7 +105,7 @@ def infrared_plan(name: str, body_cm: float = BODY_RADIUS_CM) -> SensorPlan:
         room=room,
         arena=None,
         places=tuple(
-            _before(edge, short, distance, k * 360.0 / BEARINGS, body_cm)
+            _before(edge, radius, distance, k * 360.0 / BEARINGS, body)
             for distance in DISTANCES_CM
             for k in range(BEARINGS)
         ),
@@ -132,25 +137,26 @@ def ambient_plan() -> SensorPlan:
     )
 
 
-def sensor_plans(
-    plan: str, name: str | None = None, body_cm: float = BODY_RADIUS_CM
-) -> tuple[SensorPlan, ...]:
+def sensor_plans(plan: str, name: str | None = None, body: Body = KHEPERA) -> tuple[SensorPlan, ...]:
     """The sensors' part of the plan "infrared", "ambient", "wheels" or "all".
 
-    `name` is the infrared's one object, `body_cm` the radius of the robot's body.
+    `name` is the infrared's one object, `body` the robot's.
     """
     out = []
     if plan in ("infrared", "all"):
-        out += [infrared_plan(one, body_cm) for one in ((name,) if name else ("wall", CYLINDER))]
+        out += [infrared_plan(one, body) for one in ((name,) if name else ("wall", CYLINDER))]
     if plan in ("ambient", "all"):
         out.append(ambient_plan())
     return tuple(out)
 
 
-def _before(edge: float, what: str, distance: float, bearing: float, body_cm: float) -> Place:
-    """The place before an object whose edge is at x = edge, on the middle line."""
+def _before(edge: float, radius: float | None, distance: float, bearing: float, body: Body) -> Place:
+    """The place before an object whose edge is at x = edge, on the middle line: a wall, or round."""
     bearing = 180.0 - (180.0 - bearing) % 360.0
-    pose = Pose(x=edge + distance + body_cm, y=ROOM_CM / 2, heading=math.radians(180.0 - bearing))
+    what = "wall" if radius is None else "cylinder"
+    gap = None if radius is None else np.array([distance + radius])
+    reach = float(body.reach_cm(np.radians([bearing]), gap)[0])
+    pose = Pose(x=edge + distance + reach, y=ROOM_CM / 2, heading=math.radians(180.0 - bearing))
     return Place(
         pose=pose,
         where=(distance, bearing),

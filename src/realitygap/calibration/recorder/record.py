@@ -19,17 +19,17 @@ from typing import Any, NamedTuple, TypeVar
 from realitygap import whole
 from realitygap.calibration.recorder.acts import drive_trial, read_standing
 from realitygap.calibration.recorder.journal import ARENA, Journal, refuse_another
-from realitygap.calibration.recorder.plans import Place, SensorPlan, sensor_plans
+from realitygap.calibration.recorder.plans import KHEPERA, Place, SensorPlan, sensor_plans
 from realitygap.calibration.recorder.site import Ask, EnoughError, Site, site_of
 from realitygap.calibration.recorder.wheel_plans import ROOM, Trial, wheel_plan
 from realitygap.calibration.recordings.files import POSE, STEP_COLUMNS, UNITS
-from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, HEIGHTS_CM
+from realitygap.calibration.recordings.recording import HEIGHTS_CM
 from realitygap.errors import UsageError
 from realitygap.robots.body import Body, Channel, Filmed, Seen, attend, channel, facts_of
 from realitygap.values import Pose
 from realitygap.world.profile import Profile, load_profile
 
-__all__ = ["REPEATS", "Made", "Wanted", "record"]
+__all__ = ["REPEATS", "Made", "Wanted", "check_period", "record"]
 
 REPEATS = 10
 
@@ -160,7 +160,7 @@ def _parts(wanted: Wanted, body: Body) -> list[SensorPlan | tuple[Trial, ...]]:
     """
     base, kinds = wanted.base, [one.name for one in body.channels]
     parts: list[SensorPlan | tuple[Trial, ...]] = []
-    for part in sensor_plans(wanted.plan, wanted.object, base.body.radius_cm if base else BODY_RADIUS_CM):
+    for part in sensor_plans(wanted.plan, wanted.object, base.body if base else KHEPERA):
         kind = CHANNELS[part.kind]
         if wanted.plan != "all" or kind in kinds:
             has = channel(body, kind).sensors
@@ -171,11 +171,8 @@ def _parts(wanted: Wanted, body: Body) -> list[SensorPlan | tuple[Trial, ...]]:
                 expected = f"{theirs} {kind} sensors, as the base {base.name!r} has" if base else ""
                 raise UsageError(f"robot: expected {expected}; this one has {has}.")
             parts.append(part)
-    if base is not None and base.period_s != body.period_s:
-        raise UsageError(
-            f"robot: expected a period of {base.period_s:g} s, as the base {base.name!r} has; this one's is "
-            f"{body.period_s:g} s. Say it with period_s in the base."
-        )
+    if base is not None:
+        check_period(body, base)
     followed = not body.counts_turns and isinstance(body, Seen | Filmed)
     if wanted.plan == "wheels" or (wanted.plan == "all" and (body.counts_turns or followed)):
         wheels = base.wheels if base else None
@@ -183,6 +180,19 @@ def _parts(wanted: Wanted, body: Body) -> list[SensorPlan | tuple[Trial, ...]]:
             wheel_plan(wanted.repeats, wanted.seed, wheels, period_s=body.period_s, followed=followed)
         )
     return parts
+
+
+def check_period(body: Body, base: Profile) -> None:
+    """Refuse a robot whose step is not as long as its base's.
+
+    Raises:
+        UsageError: says both, and the cure.
+    """
+    if base.period_s != body.period_s:
+        raise UsageError(
+            f"robot: expected a period of {base.period_s:g} s, as the base {base.name!r} has; this one's is "
+            f"{body.period_s:g} s. Say it with period_s in the base."
+        )
 
 
 def _sensors(plan: SensorPlan, body: Body, work: _Work) -> Made:
@@ -219,8 +229,11 @@ def _sensors(plan: SensorPlan, body: Body, work: _Work) -> Made:
 
 
 def _shape(base: Profile | None, one: Channel) -> dict[str, Any]:
-    """The body's radius, and what its sensors are."""
-    shape: dict[str, Any] = {"body_radius_cm": base.body.radius_cm if base else BODY_RADIUS_CM}
+    """The body's outline, and what its sensors are."""
+    body = base.body if base else KHEPERA
+    shape: dict[str, Any] = {"body_radius_cm": body.radius_cm}
+    if body.outline_cm:
+        shape["body_outline_cm"] = [list(corner) for corner in body.outline_cm]
     shape["sensors"] = one.sensors
     usual = load_profile(USUAL)
     if one.high != (usual.infrared if one.name == "proximity" else usual.ambient).top:

@@ -25,11 +25,13 @@ from realitygap.calibration.recordings.recording import (
 )
 from realitygap.calibration.recordings.sam import read_sam
 from realitygap.calibration.recordings.thymio import NAME, read_thymio
-from realitygap.errors import RecordingError
+from realitygap.errors import ConfigError, RecordingError
 from realitygap.table import LARGEST, Table
 from realitygap.text import as_path, refuse_unknown
 from realitygap.toml import read_toml
 from realitygap.world.arena import Arena, load_arena
+from realitygap.world.body import Body
+from realitygap.world.files import build
 
 __all__ = [
     "READINGS", "STEPS", "STEP_COLUMNS", "UNITS", "WHEEL_COUNTS",
@@ -50,11 +52,11 @@ UNITS = "cm, degrees, s, counts, {}, pulses"
 WHEEL_COUNTS = ("counter_left", "counter_right", "speed_left", "speed_right")
 """Columns that only wheels with counters have."""
 KNOWN = (
-    "kind", "object", "sensors", "full_scale", "body_radius_cm", *HEIGHTS_CM, "arena", "units", "notes",
-    "robot", "unit", "twin_noise", "port", "bios", "protocol", "firmware", "plan", "seed", "repeats",
-    "places", "date", "base", "pulses_per_mm",
+    "kind", "object", "sensors", "full_scale", "body_radius_cm", "body_outline_cm", *HEIGHTS_CM, "arena",
+    "units", "notes", "robot", "unit", "twin_noise", "port", "bios", "protocol", "firmware", "plan", "seed",
+    "repeats", "places", "date", "base", "pulses_per_mm",
 )  # fmt: skip
-"""Keys of recording.toml: the first nine a calibration reads, the others are its history."""
+"""Keys of recording.toml: the first ten a calibration reads, the others are its history."""
 DRIVE = "end"
 """A key of a drive's recording.toml, which is another file of the same name."""
 
@@ -154,12 +156,12 @@ def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> S
     table = read_rows(folder / READINGS, ends="places" in facts)
     sensors = _sensor_columns(table, facts)
     _check_heights(folder, facts)
-    pose, arena = None, None
+    pose, arena, body = None, None, _body(folder, facts)
     if "arena" in facts and "x_cm" in table.columns:
         table.need((*POSE, "repeat"))
         arena = load_arena(folder / str(facts["arena"]))
         pose = _pose(table, empty=False)
-        distance, bearing = _from_lamp(pose, arena, _body_radius(folder, facts))
+        distance, bearing = _from_lamp(pose, arena, body.radius_cm)
     else:
         if "x_cm" in table.columns and "distance_cm" not in table.columns:
             raise RecordingError(
@@ -183,8 +185,9 @@ def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> S
         counts=counts,
         pose=pose,
         arena=arena,
-        body_radius_cm=_body_radius(folder, facts),
-        body_said="body_radius_cm" in facts,
+        body_radius_cm=body.radius_cm,
+        body_outline_cm=body.outline_cm,
+        body_said="body_radius_cm" in facts or "body_outline_cm" in facts,
         full_scale=full_scale,
         speed_cm_s=table.numbers("speed_cm_s") if "speed_cm_s" in table.columns else None,
         warnings=(*warned, *_unfinished(table, facts)),
@@ -271,11 +274,17 @@ def _from_lamp(pose: Array, arena: Arena, body_radius_cm: float) -> tuple[Array,
     return np.hypot(dx, dy) - body_radius_cm, np.degrees(np.arctan2(dy, dx) - pose[:, 2])
 
 
-def _body_radius(folder: Path, facts: Mapping[str, Any]) -> float:
-    value = facts.get("body_radius_cm", BODY_RADIUS_CM)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e3:
+def _body(folder: Path, facts: Mapping[str, Any]) -> Body:
+    """Whose edge distances count from: a disc, or a polygon."""
+    outline = facts.get("body_outline_cm", ())
+    value = facts.get("body_radius_cm", 0.0 if outline else BODY_RADIUS_CM)
+    number = isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < 1e3
+    if not number or not (value or outline):
         raise RecordingError(f"{folder / FACTS}: body_radius_cm: expected cm above 0, got {value!r}.")
-    return float(value)
+    try:
+        return build(Body, {"radius_cm": value, "outline_cm": outline})
+    except ConfigError as error:
+        raise RecordingError(f"{folder / FACTS}: body_{error}") from None
 
 
 def _check_heights(folder: Path, facts: Mapping[str, Any]) -> None:

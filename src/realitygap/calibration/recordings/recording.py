@@ -11,8 +11,9 @@ A folder with `recording.toml` (kind, object, robot, unit, date, plan, units, no
                                                          speed_left, speed_right; and with a camera x_cm,
                                                          y_cm, heading_deg
 
-distance_cm: from the body's edge to a wall along its normal, to a round object's edge, to a lamp's
-centre. bearing_deg: where the object stands, counter-clockwise from the robot's front.
+distance_cm: from the body's edge, a disc's or a polygon's, to a wall along its normal, to a round
+object's edge, to a lamp's centre. bearing_deg: where the object stands, counter-clockwise from the
+robot's front.
 A row of a place is one of its repeated readings; a row of steps is what was read at t_s and the
 command that was given then.
 """
@@ -30,6 +31,7 @@ from numpy.typing import NDArray
 
 from realitygap.errors import RecordingError
 from realitygap.world.arena import Arena
+from realitygap.world.body import Body
 from realitygap.world.profile import Profile, load_profile
 from realitygap.world.sensors import AmbientSensor, ProximitySensor
 
@@ -98,6 +100,7 @@ class SensorRecording(Recorded):
         pose: [n, 3] x, y (cm) and heading (rad) of the robot's centre in `arena`, if known.
         arena: the room, if poses are given.
         body_radius_cm: of the body whose edge distances count from.
+        body_outline_cm: its corners, as a profile has them; none: it is a disc.
         body_said: whether the recording says so itself; else a calibration takes its base's body.
         full_scale: the converter's highest count; None: not said, it is its robot's.
         from_sensor: the sensor that a wall stood straight before, at distances counted from it; None: they
@@ -114,6 +117,7 @@ class SensorRecording(Recorded):
     pose: Array | None = None
     arena: Arena | None = None
     body_radius_cm: float = BODY_RADIUS_CM
+    body_outline_cm: tuple[tuple[float, float], ...] = ()
     body_said: bool = True
     full_scale: float | None = None
     speed_cm_s: Array | None = None
@@ -162,6 +166,7 @@ class SensorRecording(Recorded):
         return replace(
             self,
             body_radius_cm=radius_cm,
+            body_outline_cm=robot.body.outline_cm,
             distance_cm=self.distance_cm - nearer,
             warnings=(*self.warnings, told),
         )
@@ -185,6 +190,13 @@ class SensorRecording(Recorded):
     def radius_cm(self) -> float | None:
         """Of a cylinder; None for other objects."""
         return cylinder_radius(self.object)
+
+    def reach_cm(self) -> Array:
+        """[n] how far the body's edge stands out from its axle's middle, towards the object."""
+        round_cm = 0.0 if self.object == "lamp" else self.radius_cm
+        gap = None if round_cm is None else self.distance_cm + round_cm
+        body = Body(radius_cm=self.body_radius_cm, outline_cm=self.body_outline_cm)
+        return body.reach_cm(np.radians(self.bearing_deg), gap)
 
     def place(self) -> NDArray[np.int64]:
         """[n] the number of each row's place, from 0 in the order of first appearance."""
