@@ -103,7 +103,7 @@ def steps_figure(fit: WheelFit, recording: WheelRecording) -> Figure:
     trials = [rows for rows in recording.trials("step") if len(rows) > 8][:8] or recording.trials()[:8]
     figure, panels = _panels(len(trials))
     for rows, axes in zip(trials, panels, strict=True):
-        t = recording.t_s[rows] + 0.1
+        t = recording.t_s[rows] + recording.period_s
         asked = recording.commands[rows, 0] * fit.profile.wheels.speed_per_unit_cm_s[0]
         axes.step(recording.t_s[rows], asked, where="post", color=MUTED, lw=0.8, label="asked for")
         axes.plot(t, fit.model[rows, 0], color=COLOURS[1], lw=1.0, label="model")

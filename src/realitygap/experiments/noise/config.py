@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -12,6 +12,7 @@ from realitygap.errors import ConfigError, StudyError
 from realitygap.robots.address import Address
 from realitygap.study.settings import LARGEST, whole
 from realitygap.tasks.load import TASKS, load_task
+from realitygap.tasks.task import Task
 from realitygap.toml import read_toml
 from realitygap.user_code import place_of, placed
 from realitygap.world.arena import load_arena
@@ -118,6 +119,12 @@ class NoiseConfig(Value):
     def address(self, unit: int) -> str:
         """Of the robot that is this unit."""
         return self.robot if self.robot and self.base else f"{self.robot or 'twin'}:{unit}"
+
+    def task(self, name: str) -> Task:
+        """A task, in this study's arena and for its time."""
+        task = load_task(name)
+        task = task if self.seconds is None else replace(task, seconds=self.seconds)
+        return task if self.arena is None else replace(task, arena=load_arena(self.arena))
 
     @property
     def runs_in_set(self) -> int:

@@ -128,7 +128,7 @@ def _seen(stage: Stage, one: Controller) -> tuple[dict[Pair, Trial], list[float]
                 trial = resampled(track, start=str(k), unit=str(u), source=one.name, radius_cm=radius)
             except TrackError:
                 continue  # lost for too long: nobody knows what it did
-            if len(trial) == len(track):
+            if track.found[0] and track.found[-1]:
                 trials[Pair(u, k)] = trial
         fitness.append(_mean(scores))
     return trials, fitness, units * starts - len(trials)

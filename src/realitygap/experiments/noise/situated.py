@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap import whole
+from realitygap.calibration.recorder.record import check_period
 from realitygap.controller.network import NetworkController
 from realitygap.errors import LineError, StudyError, UsageError
 from realitygap.experiments.noise.config import NoiseConfig
 from realitygap.experiments.noise.plan import Controller, situated_file, stream
 from realitygap.experiments.noise.stage import Stage
-from realitygap.kernels.params import STEP_S
 from realitygap.robots.address import Address
 from realitygap.robots.body import Placing, Seen
 from realitygap.tasks.load import TASKS, load_task
@@ -43,18 +43,20 @@ class Situated(NamedTuple):
     """A controller's trials on the twin: no Tracks, but arrays as the file has them.
 
     Attributes:
-        poses: [units, starts, rows, 3]: x, y (cm), heading (rad), a row a step of 0.1 s, the first
-            one the start; NaN where the camera lost the robot.
+        poses: [units, starts, rows, 3]: x, y (cm), heading (rad), a row a step, the first one the
+            start; NaN where the camera lost the robot.
         streams: [units, starts], of the twin's noise.
+        period_s: of a step.
     """
 
     poses: Floats
     streams: NDArray[np.uint64]
+    period_s: float
 
     def track(self, unit: int, start: int) -> Track:
         """One trial, by its numbers from 1."""
         x, y, heading = self.poses[unit - 1, start - 1].T
-        t = np.arange(len(x), dtype=np.float64) * STEP_S
+        t = np.arange(len(x), dtype=np.float64) * self.period_s
         return Track(t=t, x=x, y=y, heading=settled(heading, wrapped=False))
 
 
@@ -95,13 +97,13 @@ def check_robot(config: NoiseConfig) -> None:
     """Refuse a robot of one's own that cannot do the trials, before any work.
 
     Raises:
-        UsageError: it does not place itself, nothing tells its path, or it lacks a task's sensors.
+        UsageError: it does not place itself, nothing tells its path, it lacks a task's sensors, its period
+            is not its base's, or a trial lasts no whole steps of it.
         ConfigError: its base is no profile.
     """
     if config.robot is None:
         return
-    if config.base is not None:
-        load_profile(config.base)
+    base = None if config.base is None else load_profile(config.base)
     with closing(Address.parse(config.address(1)).open()) as body:
         who = f"robot {config.robot}: expected"
         if not isinstance(body, Placing):
@@ -109,16 +111,16 @@ def check_robot(config: NoiseConfig) -> None:
             raise UsageError(f"{who} one that places itself; it has no `enter`. {cure}")
         if not (isinstance(body, Seen) or body.counts_turns):
             raise UsageError(f"{who} one whose path is known; it has neither a `pose` nor counters.")
-        if body.period_s != STEP_S:
-            raise UsageError(
-                f"{who} a period of {STEP_S:g} s, as a simulation's step; got {body.period_s:g} s."
-            )
+        if base is not None:
+            check_period(body, base)
         kinds = [one.name for one in body.channels]
     fit = [name for name in TASKS if load_task(name).feeds in kinds]
     for name in config.tasks:
         if name not in fit:
             needs = f"{who} {load_task(name).feeds} sensors for {name}; it has {', '.join(kinds)}."
             raise UsageError(f"{needs} Leave that task out: --tasks {','.join(fit)}.")
+        if base is not None:
+            config.task(name).steps_of(base)
 
 
 def situate(
@@ -134,7 +136,8 @@ def situate(
     """
     config, starts = stage.config, stage.starts(one.task, one.seed_set)
     driver = stage.driver(one)
-    rows = stage.task(one.task).steps + 1
+    home = stage.profile(one.home)
+    rows = stage.task(one.task).steps_of(home) + 1
     poses = np.full((config.units, config.starts, rows, 3), np.nan)
     streams = np.zeros((config.units, config.starts), np.uint64)
     for u in range(config.units):
@@ -145,7 +148,7 @@ def situate(
             track = _driven(rig, driver, int(streams[u, k]), pose)
             poses[u, k] = np.stack([track.x, track.y, track.heading], axis=1)
             tell(1.0 / streams.size)
-    return Situated(poses, streams)
+    return Situated(poses, streams, home.period_s)
 
 
 def _driven(rig: Rig, driver: NetworkController, name: int, pose: Pose) -> Track:
@@ -169,14 +172,14 @@ def read_situated(stage: Stage, one: Controller) -> Situated:
         StudyError: they are not there, or the file is broken.
     """
     file = situated_file(stage.folder, one)
-    config = stage.config
-    shape = (config.units, config.starts, stage.task(one.task).steps + 1, 3)
+    config, home = stage.config, stage.profile(one.home)
+    shape = (config.units, config.starts, stage.task(one.task).steps_of(home) + 1, 3)
     try:
         with ZipFile(file) as parts:
             if parts.testzip() is not None:  # before a damaged head is believed
                 raise ValueError
         with np.load(file) as kept:
-            found = Situated(kept["poses"], kept["streams"])
+            found = Situated(kept["poses"], kept["streams"], home.period_s)
         if found.poses.shape != shape:
             raise ValueError
     except Exception:  # a broken archive has a dozen ways to say so

@@ -14,10 +14,7 @@ from realitygap.experiments.noise.plan import Controller, calibration_folder, ev
 from realitygap.kernels.params import Networks
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study, load_study
-from realitygap.tasks.load import load_task
-from realitygap.tasks.task import Task
 from realitygap.values import Pose
-from realitygap.world.arena import load_arena
 from realitygap.world.profile import Profile, load_profile
 
 __all__ = ["Stage"]
@@ -29,7 +26,7 @@ class Stage:
     def __init__(self, folder: Path, config: NoiseConfig) -> None:
         self.folder, self.config = folder, config
         self.profile = cache(self._profile)
-        self.task = cache(self._task)
+        self.task = cache(config.task)
         self.starts = cache(self._starts)
         self._study = cache(self._load)
 
@@ -71,11 +68,6 @@ class Stage:
 
     def _profile(self, unit: int) -> Profile:
         return load_profile(calibration_folder(self.folder, unit) / PROFILE)
-
-    def _task(self, name: str) -> Task:
-        task, seconds = load_task(name), self.config.seconds
-        task = task if seconds is None else replace(task, seconds=seconds)
-        return task if self.config.arena is None else replace(task, arena=load_arena(self.config.arena))
 
     def _load(self, seed_set: int, unit: int) -> Study:
         return load_study(evolved_folder(self.folder, seed_set, unit))
