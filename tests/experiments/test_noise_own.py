@@ -69,7 +69,7 @@ def test_a_robot_of_ones_own_takes_the_twins_place(tmp_path, small):
 
 def test_a_period_that_does_not_fit_is_refused(small, tmp_path):
     """Before any work: a base whose step is not the robot's, a trial of no whole steps."""
-    with pytest.raises(UsageError, match=r"seconds: expected whole steps of 0.06 s, .* got 2$"):
+    with pytest.raises(UsageError, match=r"seconds: expected whole steps of 0.06 s, .* got 2\.$"):
         check_robot(replace(small, seconds=2.0))
     with pytest.raises(
         UsageError, match=r"expected a period of 0.1 s, as the base 'five-eyes' has; .*0.06 s"
