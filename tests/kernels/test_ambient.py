@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from realitygap.world.arena import Cylinder, Lamp
+from realitygap.world.body import Body
 from tests.kernels.reference import sensors as reference
 from tests.kernels.reference.rays import overlap, place_and_direction
 from tests.kernels.scenes import EMPTY, PAPER, RADIUS, SEEKING, random_pose, random_scenes, readings
+from tests.kernels.test_outline import OUTLINES, free_pose
 
 FULL = 4.19 + 4.24 + 8.24 + 4.24 + 4.19 - 4.15
 LAMP = Lamp(x_cm=50, y_cm=50)
@@ -65,6 +67,30 @@ def test_agrees_over_a_lamp():
             np.testing.assert_allclose(got, reference.ambient(profile, arena, over), rtol=1e-9)
             judged += 1
     assert judged > 50
+
+
+@pytest.mark.parametrize("outline", OUTLINES)
+def test_a_polygons_shadow_is_its_outlines(outline):
+    """Light that passes a polygon's edges is not shaded by the circle about it, by whichever law."""
+    random = np.random.default_rng(8)
+    body = Body(outline_cm=outline)
+    lit = differ = 0
+    for profile, arena, _ in random_scenes(seed=9, count=40):
+        eyes = [replace(s, x_cm=0.0, y_cm=0.0) for s in profile.ambient.sensors]
+        if not arena.lamps or (pose := free_pose(random, arena, outline)) is None:
+            continue
+        unseen = replace(profile.infrared, sensors=())
+        polygon = replace(
+            profile, infrared=unseen, body=replace(body, height_cm=profile.body.height_cm),
+            ambient=replace(profile.ambient, sensors=tuple(eyes)),
+        )  # fmt: skip
+        expected = reference.ambient(polygon, arena, pose)
+        _, got = readings(polygon, arena, pose)
+        np.testing.assert_allclose(got, expected, rtol=1e-9)
+        disc = replace(PAPER.body, radius_cm=body.radius_cm, height_cm=polygon.body.height_cm)
+        lit += 1
+        differ += bool((readings(replace(polygon, body=disc), arena, pose)[1] != got).any())
+    assert lit > 15 and differ > 5, "no shadow tells a polygon from its circle"
 
 
 def test_against_the_wall_beneath_the_lamp():

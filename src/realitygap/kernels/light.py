@@ -50,12 +50,39 @@ def light_on_surfaces(robot, arena, lamp, work):
             work.hidden[i] = hidden
         if covers(x - lx, y - ly, robot.radius):
             work.hidden[:] = 1.0
+        if robot.outline.shape[0] > 0:
+            hide_behind_outline(robot, (lx, ly, 1.0), 0, work.light.shape[0], work)
         hide_behind_obstacles(arena, lx, ly, 0, work.light.shape[0], work)
         for i in range(work.light.shape[0]):
             work.light[i] += weight * (1.0 - work.hidden[i])
     for i in range(work.light.shape[0]):
         d = work.far[i] * (1.0 / LAMP_POINTS)
         work.light[i] = max(work.light[i], 0.0) / (d * d)
+
+
+@step
+def hide_behind_outline(robot, light, a, b, work):
+    """Mark anew, of the ray ends from lane `a` to `b`, those that a polygon keeps from a lamp's point.
+
+    `light`: the point's x and y, and the share of the way there that is below the body's top. A line meets a
+    convex body unless it lies beyond one of its edges, or all corners lie on one side of the line.
+    """
+    lx, ly, low = light
+    outline = robot.outline
+    x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
+    end_x, end_y, hidden = work.end_x[a:b], work.end_y[a:b], work.hidden[a:b]
+    for i in range(b - a):
+        wx, wy, ex, ey = end_x[i] - x, end_y[i] - y, low * (lx - end_x[i]), low * (ly - end_y[i])
+        wx, wy, ex, ey = c * wx + s * wy, c * wy - s * wx, c * ex + s * ey, c * ey - s * ex
+        left, right, beyond = False, False, False
+        for k in range(outline.shape[0]):
+            dx, dy = wx - outline[k, 0], wy - outline[k, 1]
+            side = ey * dx - ex * dy
+            left, right = left or side >= 0.0, right or side <= 0.0
+            near = dx * outline[k, 2] + dy * outline[k, 3]
+            far = near + ex * outline[k, 2] + ey * outline[k, 3]
+            beyond = beyond or min(near, far) >= 0.0
+        hidden[i] = 1.0 if left and right and not beyond else 0.0
 
 
 @step

@@ -13,6 +13,7 @@ from realitygap.kernels.light import (
     follow_fan,
     go_to_ends,
     hide_behind_obstacles,
+    hide_behind_outline,
     light_on_sensor,
     look,
     obstacles_hide,
@@ -186,6 +187,8 @@ def light_walls(robot, arena, lamp, a, b, work):
             wx, wy, ex, ey = x - end_x[i], y - end_y[i], low * ex, low * ey
             under = 1.0 if covers(wx - ex, wy - ey, robot.radius) else 0.0
             hidden[i] = max(circle_blocks(wx, wy, ex, ey, robot.radius), under)
+        if robot.outline.shape[0] > 0:
+            hide_behind_outline(robot, (lx, ly, low), a, b, work)
         hide_behind_obstacles(arena, lx, ly, a, b, work)
         for i in range(b - a):
             light[i] += weight * (1.0 - hidden[i])

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from realitygap.world.arena import Arena, Cylinder
+from realitygap.world.body import Body
 from realitygap.world.profile import Profile
 from realitygap.world.sensors import Ambient
+from tests.kernels.reference import outline
 from tests.kernels.reference.rays import ANGLES, Point, crossing, distance, from_wall, place_and_direction
 
 DRAWN_BACK = 1e-6
@@ -81,6 +84,13 @@ def circle_hides(circle: Cylinder, a: Point, b: Point) -> bool:
     return math.hypot(wx - share * ex, wy - share * ey) < circle.radius_cm
 
 
+def body_hides(body: Body, pose, a: Point, b: Point) -> bool:
+    """The line from `a` to `b` passes through the robot's body."""
+    if body.outline_cm:
+        return outline.cut(np.array(a), np.array(b), outline.corners(body.outline_cm, pose)) > 0
+    return circle_hides(Cylinder(x_cm=pose[0], y_cm=pose[1], radius_cm=body.radius_cm), a, b)
+
+
 def wall_hides(wall, a: Point, b: Point) -> bool:
     """The line from `a` to `b` crosses an inner wall."""
     t, u = crossing(wall[:2], wall[2:], a, (b[0] - a[0], b[1] - a[1]))
@@ -123,16 +133,14 @@ def light_on_sensor(arena: Arena, lamp, place: Point, direction: float, law: Amb
     return light * mean**law.facing
 
 
-def light_on_surface(
-    arena: Arena, lamp, place: Point, body: Cylinder, height: float, top: float = math.inf
-) -> float:
-    """D_ij of the place where a ray ends: the robot's own disc throws a shadow too, where light passes
-    less than `top` above the place."""
+def light_on_surface(arena: Arena, lamp, place: Point, hides, height: float, top: float = math.inf) -> float:
+    """D_ij of the place where a ray ends: the robot's own body throws a shadow too, where light passes
+    less than `top` above the place; hides(a, b): it stands in the way of a line."""
 
     def visible(point: Point) -> bool:
         share = min(top / height, 1.0) if height else 1.0
         risen = tuple(a + share * (b - a) for a, b in zip(place, point, strict=True))
-        return not circle_hides(body, place, risen) and not hidden_by_obstacles(arena, place, point)
+        return not hides(place, risen) and not hidden_by_obstacles(arena, place, point)
 
     return direct(lamp, place, visible, height)
 
@@ -143,7 +151,7 @@ def illumination(profile: Profile, arena: Arena, pose, k: int) -> float:
     sensor = profile.ambient.sensors[k]
     lamps = [Hung(lamp, law, arena) for lamp in arena.lamps]
     place, direction = place_and_direction(sensor, pose)
-    body = Cylinder(x_cm=pose[0], y_cm=pose[1], radius_cm=profile.body.radius_cm)
+    hides = partial(body_hides, profile.body, pose)
     total = sum(light_on_sensor(arena, lamp, place, direction, law) for lamp in lamps)
     top = profile.body.height_cm - law.sensor_height_cm if profile.body.height_cm else math.inf
     step = 180 / law.rays
@@ -157,7 +165,7 @@ def illumination(profile: Profile, arena: Arena, pose, k: int) -> float:
         light = 0.0
         for lamp in lamps:
             cosine = incidence(lamp, end, normal_at(arena, end, ray), law.lamp_height_cm) if law.matt else 1.0
-            light += cosine * light_on_surface(arena, lamp, end, body, law.lamp_height_cm, top)
+            light += cosine * light_on_surface(arena, lamp, end, hides, law.lamp_height_cm, top)
         reached = 1 / d**2 if law.falloff == 2 else 1 / math.hypot(d, law.near_cm)
         total += light * math.cos(beta) ** law.exponent * law.reflectance * reached * 10 / len(angles)
     return total * sensor.gain
