@@ -45,7 +45,7 @@ def test_the_page_has_claims_verdicts_warnings_and_limits(built: Path) -> None:
     assert all(claim.text in plain for claim in CLAIMS)
     assert 'class="word">supported' in text
     assert 'class="word">not supported' in text
-    assert "To be known before it is read" in text
+    assert "Before you read on" in text
     assert "pseudo-reality" in text
     assert "the twin's noise was set by us" in plain.lower()
     assert not re.search(r'(src|href)="https?:', text)
@@ -108,7 +108,7 @@ def test_nothing_found_is_said_as_plainly(tmp_path: Path) -> None:
 def test_the_wrong_way_round_is_said(tmp_path: Path) -> None:
     """A valley at the robot's level, and a peak elsewhere, are called what they are."""
     valley = said(write(study(comparison(1.0, by=-3.0), runs=8, levels=SMALL), tmp_path / "valley"))
-    assert "is turned upside down" in valley
+    assert "is reversed" in valley
     assert "Reliably better than the robot's level: levels 0 and 2" in valley
     shifted = said(write(study(comparison(2.0, by=3.0), runs=8), tmp_path / "shifted"))
     assert "another level does better" in shifted

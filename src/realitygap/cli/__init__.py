@@ -41,7 +41,7 @@ __all__ = ["main", "realitygap"]
 @click.version_option(__version__, prog_name="realitygap")
 @click.pass_context
 def realitygap(ctx: click.Context) -> None:
-    """Evolve robot controllers in a noisy simulation of a Khepera.
+    """Evolve robot controllers in a calibrated, noisy simulation, and measure the reality gap.
 
     A rebuild of Jakobi, Husbands and Harvey, "Noise and the Reality Gap" (1995). Lengths are in
     cm, headings in degrees counter-clockwise from +x; the origin is the arena's lower left corner.

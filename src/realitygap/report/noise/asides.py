@@ -1,4 +1,4 @@
-"""What nobody had planned to ask, in tables and words: the calibration unit alone, both ends, falls."""
+"""What was not planned, in tables and words: the calibration unit alone, both ends of the scores, falls."""
 
 from __future__ import annotations
 
@@ -81,8 +81,8 @@ def ends_table(facts: NoiseFacts) -> NoiseTable:
     return NoiseTable(
         name="ends",
         title=f"Scores against the simulation at {data.robot:g}, as in (b), by evolved level. From "
-        f"{SATURATED:g} on a score lies within the scale's floor, where ranks are mostly chance; means hang "
-        f"on the few below {FAILED:g}. So means and ranks may disagree.",
+        f"{SATURATED:g} on a score lies within the scale's floor, where ranks are mostly chance; the few "
+        f"below {FAILED:g} decide the means. So means and ranks may disagree.",
         head=("tasks", "level", "controllers", "mean", "median", f"below {FAILED:g}",
               f"{SATURATED:g} or more"),
         rows=tuple(rows),
@@ -157,19 +157,19 @@ def ends_words(facts: NoiseFacts) -> str:
     high, low = (100 * float(share.mean()) for share in (scores >= SATURATED, scores < FAILED))
     return (
         f"Means and ranks may disagree: of the scores in (b) {high:.0f} % are {SATURATED:g} or more, where "
-        f"ranks are mostly chance, and {low:.0f} % are below {FAILED:g}, on which means hang."
+        f"ranks are mostly chance, and {low:.0f} % are below {FAILED:g}, which decide the means."
     )
 
 
 def falls_words(falls: Sequence[Fall]) -> str:
-    """How fitness falls from the calibration unit to the others; nobody had planned to ask."""
+    """How fitness falls from the calibration unit to the others; not planned."""
     said = []
     for fall in falls:
         rho, task = f"rho {shown(fall.rho, signed=True)}", titled(fall.task).lower()
         way = "shrinks" if fall.rho.value < 0 else "grows"
         said.append(
-            f"in {task} its fall {way} with evolved noise, {rho}" if fall.shown
-            else f"in {task} no change of its fall with evolved noise is shown, {rho}"
+            f"in {task} the fall {way} with evolved noise, {rho}" if fall.shown
+            else f"in {task} no change of the fall with evolved noise is shown, {rho}"
         )  # fmt: skip
     if not said:
         return ""

@@ -22,8 +22,8 @@ LIMITS = (
     "had read the paper.",
     "The twin's noise was set by us, to what a Khepera is believed to have. That a curve peaks at the "
     "twin's own level says how the score behaves, not how noisy a Khepera is.",
-    "The score has not been validated by people who judged films. It was examined on ladders of known "
-    "differences and on the order of the paper's phrases, and no more.",
+    "The score has not been validated by people who judged films. It was tested on series of graded, "
+    "known differences and on the order of the paper's phrases, and on nothing else.",
     "Of each run only the champion was studied: the one that did best when the last population was tested "
     "again in its own simulation. Testing again weeds out, at every level, those that were lucky once, and "
     "may make champions of different levels more alike than what evolved there: it may work against claim "
@@ -39,9 +39,9 @@ OF_A_TWIN = 2
 SET_BY_US = "The robot here is a twin, and its noise was set by us."
 
 OF_ENKI = (
-    "The robot is one of EPFL's simulator Enki: pseudo-reality. Its sensor models and its noise are those of "
-    "the people who made it; how units differ was set by us. That a curve peaks at its own level says "
-    "how the score behaves, not how noisy a robot is.",
+    "The robot is simulated by Enki, EPFL's simulator: pseudo-reality. Its sensor models and its noise are "
+    "its makers'; how units differ was set by us. That a curve peaks at its own level says how the score "
+    "behaves, not how noisy a robot is.",
 )
 
 Scales = Mapping[str, tuple[float, str]]
@@ -52,8 +52,8 @@ _SENTENCES = {
     "supported": "is supported",
     "in part": "is supported in part",
     "not supported": "is not supported",
-    "elsewhere": "is not what came out: another level does better",
-    "opposite": "is turned upside down",
+    "elsewhere": "does not hold: another level does better",
+    "opposite": "is reversed",
 }
 _WHAT = {
     "a": "Claim (a), that tracks look most like a simulation as noisy as the robot,",
@@ -215,19 +215,21 @@ def _together(findings: Sequence[Finding]) -> str:
     """What the three verdicts mean beside each other; of what was not shown no more than that."""
     held = {finding.claim.key for finding in findings if finding.verdict == "supported"}
     if held == {"a", "b", "c"}:
-        return "So both count: the simulation that a robot is compared with, and the level it was evolved at."
+        return (
+            "So both matter: the simulation that a robot is compared with, and the level it was evolved at."
+        )
     if "b" in held:
         return "So what a controller was evolved under makes a difference to how well it transfers."
     if "a" in held:
         return (
-            "So the simulation that a robot is held against counts. Whether controllers transfer better for "
-            "having been evolved at the robot's noise is open."
+            "So it matters which simulation a robot is compared with. Whether controllers transfer better "
+            "for having been evolved at the robot's noise is open."
         )
     if "c" in held:
-        return "So the paper's result appears again, but neither of its two explanations can be told from it."
+        return "So the paper's result appears again, without telling which of its two explanations is right."
     if any(finding.verdict == "in part" for finding in findings):
         return "So the paper's effect was shown in part at most."
-    return "So the paper's effect was shown by none of the three; that does not show that there is none."
+    return "So none of the three showed the paper's effect; that does not show that there is none."
 
 
 def _noisiness(scope: Scope) -> str:
