@@ -100,7 +100,7 @@ def test_nothing_found_is_said_as_plainly(tmp_path: Path) -> None:
     """Without any effect the paragraph claims none, and says that sets disagree."""
     text = said(write(study(flat, runs=8, levels=SMALL), tmp_path))
     assert text.count("is not supported") == 3
-    assert "shown by none of the three; that does not show that there is none" in text
+    assert "none of the three showed the paper's effect; that does not show that there is none" in text
     assert text.count("Not shown is not none") == 3
     assert "The seed sets disagree about" in text
 
@@ -170,10 +170,10 @@ def test_a_fall_from_home_that_shrinks_with_noise_is_found() -> None:
     """Fitness that falls less the noisier its evolution was is said to, with rho; level falls are not."""
     data = study(flat, runs=20, levels=SMALL)
     level = gather_facts(data, resamples=0).falls
-    assert falls_words(level).count("no change of its fall with evolved noise is shown") == 2
+    assert falls_words(level).count("no change of the fall with evolved noise is shown") == 2
     falls = (0.02 * (3 - data.evolved) + 0.1 * data.home) * data.simulated
     found = gather_facts(replace(data, situated_foreign=data.situated_home - falls), resamples=0).falls
-    assert falls_words(found).count("its fall shrinks with evolved noise") == 2
+    assert falls_words(found).count("the fall shrinks with evolved noise") == 2
     assert all(fall.shown and fall.rho.high < 0 for fall in found)
 
 
