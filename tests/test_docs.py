@@ -111,6 +111,10 @@ def test_commands_that_are_shown_exist(line: str) -> None:
     while isinstance(command, click.Group):
         command = command.commands[words.pop(0)]
     known = {name for param in command.params for name in (*param.opts, *param.secondary_opts)}
+    inner = next((realitygap.commands[word] for word in words if word in realitygap.commands), command)
+    known |= {
+        name for param in inner.params for name in param.opts
+    }  # of a command that is another's argument
     used = {word.partition("=")[0] for word in words if word.startswith("--")}
     assert used <= known
 

@@ -15,6 +15,7 @@ from realitygap.cli.experiment import experiment
 from realitygap.cli.export import export
 from realitygap.cli.failure import Commands
 from realitygap.cli.judge import judge
+from realitygap.cli.merge import merge
 from realitygap.cli.probe import probe
 from realitygap.cli.profile import profile
 from realitygap.cli.realities import realities
@@ -26,6 +27,7 @@ from realitygap.cli.robot import robot
 from realitygap.cli.score import score
 from realitygap.cli.show import show
 from realitygap.cli.simulate import simulate
+from realitygap.cli.slurm import slurm
 from realitygap.cli.track import track
 from realitygap.cli.transfer import transfer
 from realitygap.cli.twin import twin
@@ -56,7 +58,7 @@ def realitygap(ctx: click.Context) -> None:
 
 for _command in (
     reproduce, evolve, experiment, realities, simulate, probe, show, replay, report, export, transfer, score,
-    classify, judge, robot, twin, record, calibrate, track, camera, profile, arena, bench,
+    merge, slurm, classify, judge, robot, twin, record, calibrate, track, camera, profile, arena, bench,
 ):  # fmt: skip
     realitygap.add_command(_command)
 

@@ -11,10 +11,11 @@ import click
 from realitygap.cli import option
 from realitygap.cli.estimate import consider
 from realitygap.cli.scene import note_dark
-from realitygap.cli.studies import carry_out, interrupted_config, show_study
+from realitygap.cli.studies import carry_out, carry_out_shard, interrupted_config, show_study
 
 if TYPE_CHECKING:
     from realitygap.study.config import Condition, StudyConfig
+    from realitygap.work.shard import Shard
     from realitygap.work.workers import Workers
 
 __all__ = ["evolve"]
@@ -39,6 +40,7 @@ __all__ = ["evolve"]
     help="Change one setting, such as evolution.rows=10, variation.mutation=0.1 or task.seconds=10.",
 )
 @option.workers
+@option.shard
 @option.resume
 @option.as_json
 def evolve(
@@ -48,6 +50,7 @@ def evolve(
     config: Path | None,
     settings: tuple[str, ...],
     workers: Workers,
+    shard: Shard | None,
     resume: bool,
     json_output: bool,
     **options: Any,
@@ -65,9 +68,11 @@ def evolve(
 
     from realitygap.study.config import StudyConfig
     from realitygap.tasks import load_task
+    from realitygap.work.shard import read_mark
 
     name = load_task(task).name
     folder = Path("out", name) if out is None else out
+    folder = folder if shard is None else shard.folder(folder)
     if config is not None:
         begun = StudyConfig.from_toml(config, task=task)
     else:
@@ -76,13 +81,18 @@ def evolve(
     begun = replace(begun, conditions=_conditions(begun, task, noise), arenas=arenas).with_settings(settings)
     chosen = replace(begun, **option.given(options))
     if not resume:
-        _notes(chosen, task, workers)
+        _notes(chosen, task, workers, shard)
     words = f"evolve {shlex.quote(task)}"
+    if shard is not None or read_mark(folder) is not None:
+        carry_out_shard(
+            folder, chosen, shard, words=words, workers=workers, resume=resume, json_output=json_output
+        )
+        return
     carried = carry_out(folder, chosen, words=words, workers=workers, resume=resume)
     show_study(carried, json_output=json_output)
 
 
-def _notes(config: StudyConfig, task: str, workers: Workers) -> None:
+def _notes(config: StudyConfig, task: str, workers: Workers, shard: Shard | None) -> None:
     """What is taken as it was said, though it may be a slip."""
     from realitygap.tasks import load_task
     from realitygap.world.arena import load_arena
@@ -93,6 +103,7 @@ def _notes(config: StudyConfig, task: str, workers: Workers) -> None:
     note_dark(loaded, loaded.arena if named is None else load_arena(named))
     population = config.evolution.make(config.encoding_for(loaded.of(load_profile(config.profile)))).cells
     runs = config.runs * len(config.conditions)
+    runs = runs if shard is None else len(shard.own(range(runs)))
     consider(runs=runs, evaluations=config.evaluations, workers=workers, population=population)
 
 

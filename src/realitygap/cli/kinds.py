@@ -11,7 +11,8 @@ import click
 from realitygap.errors import UsageError
 
 __all__ = [
-    "FILM", "MOST", "PICTURE", "SECONDS", "SEED", "FileToWrite", "Finite", "Noise", "RobotKind", "Whole",
+    "FILM", "MOST", "PICTURE", "SECONDS", "SEED", "FileToWrite", "Finite", "Noise", "RobotKind", "ShardKind",
+    "Whole",
 ]  # fmt: skip
 
 STEP_S = 0.1
@@ -73,6 +74,20 @@ class NumberOrPool(Whole):
         if ctx is not None:
             ctx.call_on_close(pool.close)
         return pool
+
+
+class ShardKind(click.ParamType):
+    """A share of the work, "2/3"."""
+
+    name = "I/N"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        from realitygap.work.shard import Shard
+
+        try:
+            return value if isinstance(value, Shard) else Shard.parse(value)
+        except UsageError as error:
+            self.fail(str(error).removeprefix("shard: "), param, ctx)
 
 
 class Seconds(Finite):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from realitygap.cli.kinds import PICTURE, SECONDS, SEED, Finite, Noise, NumberOrPool, Whole
+from realitygap.cli.kinds import PICTURE, SECONDS, SEED, Finite, Noise, NumberOrPool, ShardKind, Whole
 from realitygap.robots.address import BAUD_RATES
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Numbers", "arena", "as_json", "base", "baud", "checked_pose", "disk", "evaluations", "given",
     "individual", "marker", "noise", "out", "picture", "pose", "profile", "resume", "runs", "seconds",
-    "seed", "task", "trust", "twin_noise", "workers",
+    "seed", "shard", "task", "trust", "twin_noise", "workers",
 ]  # fmt: skip
 
 BAUDS = tuple(map(str, BAUD_RATES))
@@ -64,6 +64,11 @@ resume = click.option(
 seconds = click.option("--seconds", type=SECONDS, help="Length of a trial [default: the task's own].")
 trust = click.option(
     "--trust", is_flag=True, help="Run task files of a study made elsewhere: they are programs."
+)
+shard = click.option(
+    "--shard",
+    type=ShardKind(),
+    help="Do only share I of N, in a folder of its own, DIR-shard-I-of-N (`realitygap merge`).",
 )
 task = click.option(
     "--task", metavar="TASK", help="Task whose arena the tracks were made in [default: guessed]."

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from realitygap.cli.failure import StoppedError
-from realitygap.cli.output import print_json, print_table
+from realitygap.cli.output import print_json, print_table, tell
 from realitygap.cli.progress import ProgressLine
 from realitygap.cli.show import describe, print_runs
 from realitygap.errors import StudyInterruptedError
@@ -20,11 +20,15 @@ if TYPE_CHECKING:
     from realitygap.report.scores import ScoreTable
     from realitygap.study.config import StudyConfig
     from realitygap.study.load import Study
+    from realitygap.work.shard import Shard
     from realitygap.work.workers import Workers
 
     Then = Callable[[Study, ProgressLine], dict[str, Any]]
 
-__all__ = ["carry_out", "interrupted_config", "print_scores", "show_study"]
+__all__ = [
+    "carry_out", "carry_out_shard", "interrupted_config", "print_scores", "reported", "show_shard",
+    "show_study",
+]  # fmt: skip
 
 SCORES = ("behaviour", "correspondence")
 
@@ -61,23 +65,90 @@ def carry_out(
     Raises:
         StoppedError: on Ctrl-C, saying how to go on.
     """
-    from realitygap.report.build import build_report
-    from realitygap.report.scores import study_tables
     from realitygap.study.runner import run_study
-    from realitygap.transfer.score_rows import marks_of
 
     try:
         with ProgressLine() as progress:
             requested = config(progress) if callable(config) else config
             study = run_study(folder, requested, workers=workers, resume=resume, on_progress=progress.show)
             more = {} if then is None else then(study, progress)
-            marks_of(study, on_progress=progress.marks)
-            page = build_report(folder, workers=workers, on_progress=progress.report)
-            tables = study_tables(study)
+            return reported(folder, study, workers, progress, more)
     except (KeyboardInterrupt, StudyInterruptedError):
         again = f"realitygap {words} --out {shlex.quote(str(folder))} --resume"
         raise StoppedError(f"stopped; what is done is kept in {folder}; resume with `{again}`") from None
-    return Carried(folder, study, page, tables, more)
+
+
+def reported(
+    folder: Path, study: Study, workers: Workers, progress: ProgressLine, more: Mapping[str, Any]
+) -> Carried:
+    """Score a study's runs and make its page.
+
+    Args:
+        folder: the study's.
+        study: as it is now.
+        workers: processes; one a core if None.
+        progress: hears how far it is.
+        more: further parts of the JSON.
+    """
+    from realitygap.report.build import build_report
+    from realitygap.report.scores import study_tables
+    from realitygap.transfer.score_rows import marks_of
+
+    marks_of(study, on_progress=progress.marks)
+    page = build_report(folder, workers=workers, on_progress=progress.report)
+    return Carried(folder, study, page, study_tables(study), more)
+
+
+def carry_out_shard(
+    folder: Path,
+    config: StudyConfig,
+    shard: Shard | None,
+    *,
+    words: str,
+    workers: Workers,
+    resume: bool,
+    json_output: bool,
+) -> None:
+    """Run or continue a shard in its `folder`, and say how shards are put together.
+
+    Args:
+        folder: the shard's.
+        config: of the whole study.
+        shard: which; None continues the one that is there.
+        words: how this command is called, up to its options.
+        workers: processes; one a core if None.
+        resume: continue what is there.
+        json_output: print JSON.
+
+    Raises:
+        StoppedError: on Ctrl-C, saying how to go on.
+    """
+    from realitygap.study.runner import run_study
+
+    try:
+        with ProgressLine() as progress:
+            study = run_study(
+                folder, config, workers=workers, resume=resume, shard=shard, on_progress=progress.show
+            )
+    except (KeyboardInterrupt, StudyInterruptedError):
+        again = f"realitygap {words} --out {shlex.quote(str(folder))} --resume"
+        raise StoppedError(f"stopped; what is done is kept in {folder}; resume with `{again}`") from None
+    done = [run for run in study.runs if run.finished]
+    if not json_output:
+        print_runs(done)
+    show_shard(folder, {"runs": [describe(study, run) for run in done]}, json_output=json_output)
+
+
+def show_shard(folder: Path, more: Mapping[str, Any], *, json_output: bool) -> None:
+    """Say where a shard is, and how all of them are put together."""
+    from realitygap.work.shard import read_mark, whole_of
+
+    mark = read_mark(folder)
+    assert mark is not None
+    each = whole_of(folder)
+    facts = {"study": str(folder), "shard": str(mark.shard), **more}
+    merging = f"realitygap merge {shlex.quote(str(folder.with_name(each.name)))}-shard-*-of-{mark.shard.of}"
+    tell(json_output, facts, f"\nshard {mark.shard} in {folder}\nwhen all are done: {merging}")
 
 
 def show_study(carried: Carried, *, json_output: bool) -> None:

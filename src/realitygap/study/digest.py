@@ -15,7 +15,7 @@ from typing import Any
 
 from realitygap.errors import StudyError
 
-__all__ = ["check_of", "seal", "seal_more", "verify", "verify_all"]
+__all__ = ["OF_RUN", "check_of", "seal", "seal_more", "verify", "verify_all"]
 
 OF_RUN = {
     "run": "id",

@@ -22,6 +22,7 @@ from realitygap.study.settings import refuse_difference, refuse_edited_settings
 from realitygap.study.sources import changed, inside, refuse_edited
 from realitygap.study.trust import agree_to, refuse_strange, strange
 from realitygap.toml import to_toml
+from realitygap.work.shard import MARK
 from realitygap.world.profile import Profile, load_profile
 
 __all__ = [
@@ -35,12 +36,13 @@ __all__ = [
     "read_config",
     "read_materials",
     "read_profile",
+    "refuse_other",
     "take_back",
     "versions",
 ]
 
 CONFIG = "study.toml"
-OURS = {CONFIG, LOCK, "profile.toml", "arenas", "tasks", "evolution", "encoding", "report"}
+OURS = {CONFIG, LOCK, MARK, "profile.toml", "arenas", "tasks", "evolution", "encoding", "report"}
 OURS |= {"reproduce.toml", "calibration", "reproduce.tmp"}  # the last one of earlier versions
 """What a study that was killed while it was being made may have left."""
 
@@ -97,7 +99,7 @@ def take_back(folder: Path, requested: Materials) -> None:
                 return
     files = [folder / name for name in requested.copies()[1]]
     made = [folder / f"{DATABASE}{end}" for end in ("", "-wal", "-shm")]
-    for path in (*made, folder / CONFIG, *files):
+    for path in (*made, folder / CONFIG, folder / MARK, *files):
         path.unlink(missing_ok=True)
     folders = {parent for path in files for parent in path.relative_to(folder).parents} - {Path()}
     for name in sorted(folders, reverse=True):
@@ -231,6 +233,22 @@ def _refuse_difference(folder: Path, requested: Materials) -> None:
 def _decisive(table: Mapping[str, object]) -> dict[str, object]:
     """A configuration without what changes no result."""
     return {key: value for key, value in table.items() if key not in ("title", "checkpoint_every")}
+
+
+def refuse_other(folder: Path, other: Path) -> None:
+    """Refuse to take two studies for one.
+
+    Raises:
+        StudyError: names the first setting or file in which they differ.
+    """
+    cure = "Only shards of one study are merged."
+    here, there = (_decisive(own_config(one) and read_config(one).to_dict()) for one in (folder, other))
+    refuse_difference(f"{folder}: the study was made", here, there, f"{other} has that. {cure}")
+    ours, theirs = (Reader(one / DATABASE).sources() or {} for one in (folder, other))
+    for name in sorted((ours.keys() | theirs.keys()) - {CONFIG}):
+        where = changed(name, ours.get(name, b""), theirs.get(name, b""))
+        if where is not None:
+            raise StudyError(f"{folder} and {other} keep different files {name}: {where}. {cure}")
 
 
 def _refuse_strangers(folder: Path) -> None:

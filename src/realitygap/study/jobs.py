@@ -69,6 +69,11 @@ class Workshop:
         self._plans = {plan.id: plan for plan in plans(materials)}
         self._benches: dict[int, Bench] = {}
 
+    @property
+    def runs(self) -> list[int]:
+        """Ids of all runs."""
+        return list(self._plans)
+
     def plan(self, run: int) -> Plan:
         """The plan of a run."""
         return self._plans[run]

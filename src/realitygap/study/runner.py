@@ -15,18 +15,22 @@ from realitygap.study.load import Study, load_study
 from realitygap.study.lock import lock
 from realitygap.study.materials import Materials, gather, own
 from realitygap.study.reader import DATABASE, Reader
+from realitygap.study.schema import told
 from realitygap.study.store import Store
 from realitygap.text import as_path, must_be
 from realitygap.work.pool import Pool, Setup
 from realitygap.work.progress import OnProgress, Progress, Reporter
+from realitygap.work.shard import Mark, Shard, marked
 from realitygap.work.workers import Workers, opened
 
-__all__ = ["COMPILING", "EVOLVING", "FINISHED", "TESTING", "Progress", "run_study"]
+__all__ = ["COMPILING", "EVOLVING", "FINISHED", "TESTING", "WORK", "Progress", "run_study"]
 
 COMPILING = "compiling (once)"
 EVOLVING = "evolving"
 TESTING = "testing"
 """Of individuals, when all evaluations are done."""
+WORK = "evolve"
+"""Of whose runs a shard is a share."""
 FINISHED = "finished already"
 """A study that is resumed for nothing."""
 
@@ -37,6 +41,7 @@ def run_study(
     *,
     workers: Workers = None,
     resume: bool = False,
+    shard: Shard | None = None,
     on_progress: OnProgress | None = None,
 ) -> Study:
     """Carry out a study in a folder, or go on with the one that is there.
@@ -48,10 +53,12 @@ def run_study(
         config: what to do; None to resume a study as it was made.
         workers: processes that carry out runs, one a core if None, 1 stays in this process; or a pool.
         resume: go on with the study that is in the folder; without one, make it from `config`.
+        shard: the share of the runs to carry out; one that was begun is gone on with as it was. `merge`
+            makes the study of all shards' folders.
         on_progress: called a few times a second.
 
     Returns:
-        The finished study. A study that is finished already is left as it is.
+        The study, finished (of a shard its runs). A study that is finished already is left as it is.
 
     Raises:
         UsageError: a wrong configuration, or a folder that cannot be used.
@@ -64,8 +71,15 @@ def run_study(
         with opened(workers) as pool:
             requested = None if config is None else gather(config)
             with lock(folder), _taken_back(folder, requested):
+                mark = marked(folder, shard, WORK, begun=exists(folder))
+                if mark is not None and not exists(folder):
+                    with told(folder):
+                        mark.write(folder, finished=False)
                 workshop = Workshop(open_folder(folder, requested, resume=resume))
-                _carry_out(folder, workshop, pool, on_progress)
+                _carry_out(folder, workshop, pool, mark, on_progress)
+                if mark is not None:
+                    with told(folder):
+                        mark.write(folder, finished=True)
     except KeyboardInterrupt:
         kept = f"What was saved in {folder} is kept: resume it (--resume)."
         raise StudyInterruptedError(f"stopped. {kept}") from None
@@ -84,11 +98,14 @@ def _taken_back(folder: Path, requested: Materials | None) -> Iterator[None]:
         raise
 
 
-def _carry_out(folder: Path, workshop: Workshop, pool: Pool, on_progress: OnProgress | None) -> None:
-    """All runs that are not finished."""
+def _carry_out(
+    folder: Path, workshop: Workshop, pool: Pool, mark: Mark | None, on_progress: OnProgress | None
+) -> None:
+    """All runs that are not finished, of a shard its own."""
     with Store(folder / DATABASE) as store:
-        left = {run: workshop.config.evaluations - done for run, done in store.unfinished()}
-        keeper = _Keeper(workshop, store, left, on_progress)
+        runs = workshop.runs if mark is None else mark.shard.own(workshop.runs)
+        left = {run: workshop.config.evaluations - done for run, done in store.unfinished() if run in runs}
+        keeper = _Keeper(workshop, store, left, len(runs), on_progress)
         if not left:
             return
         store.begin_session(versions())
@@ -105,11 +122,15 @@ class _Keeper:
     """Writes messages to the store, then counts them."""
 
     def __init__(
-        self, workshop: Workshop, store: Store, left: Mapping[int, int], on_progress: OnProgress | None
+        self,
+        workshop: Workshop,
+        store: Store,
+        left: Mapping[int, int],
+        runs: int,
+        on_progress: OnProgress | None,
     ) -> None:
-        self._workshop, self._store = workshop, store
-        self._runs = workshop.config.runs * len(workshop.config.conditions)
-        self._total = self._runs * workshop.config.evaluations
+        self._workshop, self._store, self._runs = workshop, store, runs
+        self._total = runs * workshop.config.evaluations
         self._done, self._runs_done, self._new = self._total - sum(left.values()), self._runs - len(left), 0
         evolving = sum(workshop.cost(run, n) for run, n in left.items())
         work = {EVOLVING: evolving, TESTING: sum(map(workshop.tests_cost, left))}

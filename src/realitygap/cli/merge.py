@@ -1,0 +1,65 @@
+"""`realitygap merge`: put together what shards did apart."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from realitygap.cli import option
+from realitygap.cli.estimate import note
+from realitygap.cli.progress import ProgressLine
+from realitygap.cli.studies import reported, show_study
+from realitygap.cli.trust import ask_trust
+
+if TYPE_CHECKING:
+    from realitygap.study.load import Study
+    from realitygap.work.workers import Workers
+
+__all__ = ["merge"]
+
+
+@click.command()
+@click.argument("shards", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="The folder of the whole [default: as the shards' without -shard-I-of-N].",
+)
+@option.workers
+@option.trust
+@option.as_json
+def merge(
+    shards: tuple[Path, ...], out: Path | None, workers: Workers, trust: bool, json_output: bool
+) -> None:
+    """Put SHARDS together: the folders that --shard 1/N to N/N made of one study.
+
+    The result is that of one process, to the bit. Every shard has to be there, finished, and of the same
+    settings; nothing is overwritten, and the shards stay as they are.
+
+    \b
+    Example:
+        realitygap evolve avoidance --runs 9 --out out/nine --shard 1/3   # and 2/3, 3/3, anywhere
+        realitygap merge out/nine-shard-*-of-3
+    """
+    from realitygap.study.merge import all_shards, merge_runs
+    from realitygap.work.shard import whole_of
+
+    found = all_shards(shards)
+    target = whole_of(shards[0]) if out is None else out
+    for folder in found.values():
+        ask_trust(str(folder), trust)
+    study = merge_runs(found, target)
+    _note_versions(study)
+    with ProgressLine() as progress:
+        carried = reported(target, study, workers, progress, {"shards": list(map(str, found.values()))})
+    show_study(carried, json_output=json_output)
+
+
+def _note_versions(study: Study) -> None:
+    """Say what differed between the machines, as bits may."""
+    for name, values in study.versions().items():
+        if len(values) > 1 and name != "platform":
+            note(f"the shards were made with different {name}: {', '.join(values)}")

@@ -1,0 +1,99 @@
+"""`realitygap slurm`: a script that gives a command's shards to a cluster's queue."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+
+import click
+
+from realitygap.cli import option
+from realitygap.cli.kinds import Whole
+from realitygap.cli.output import tell
+
+__all__ = ["slurm"]
+
+SHARED = ("evolve", "transfer", "experiment")
+"""Commands that take --shard."""
+OURS = ("--shard", "--workers", "--resume")
+"""Options that the script gives."""
+
+SCRIPT = """\
+#!/bin/bash
+# {command}
+# as {shards} jobs of a Slurm array:
+#     jobs=$(sbatch --parsable THIS_FILE)
+# and, when all of them are done, put together:
+#     sbatch --dependency=afterok:$jobs --wrap {wrapped}
+#SBATCH --job-name=realitygap
+#SBATCH --array=1-{shards}
+#SBATCH --ntasks=1
+#SBATCH --cpus-per-task={cores}
+#SBATCH --time={hours}:00:00
+#SBATCH --requeue
+set -euo pipefail
+cd {here}
+{python} -m realitygap {words} --shard "$SLURM_ARRAY_TASK_ID/{shards}" --workers {cores}{resume}
+"""
+
+
+@click.command(context_settings={"ignore_unknown_options": True, "allow_interspersed_args": False})
+@click.option("--shards", type=Whole(1, 10**5), required=True, help="Jobs of the array, a shard each.")
+@click.option("--cores", type=Whole(1, 1024), default=4, help="Cores of a job, a worker each.")
+@click.option("--hours", type=Whole(1, 10**4, "H"), default=24, help="Longest time of a job.")
+@option.as_json
+@click.argument("command", nargs=-1, required=True, type=click.UNPROCESSED)
+@click.pass_context
+def slurm(
+    ctx: click.Context, shards: int, cores: int, hours: int, json_output: bool, command: tuple[str, ...]
+) -> None:
+    """Print an array job for Slurm: COMMAND (evolve, transfer, experiment noise) in shards.
+
+    Nothing is installed on the cluster but realitygap; a job that is requeued goes on where it was. The
+    script begins with how it is submitted, and how the shards are put together.
+
+    \b
+    Example:
+        realitygap slurm --shards 20 evolve light-seeking --runs 400 --out out/many > many.sh
+    """
+    given = _checked(ctx, list(command))
+    out = given.get("study") or given.get("out") or f"out/{_task(command)}"
+    merging = f"realitygap merge {shlex.quote(str(out))}-shard-*-of-{shards}"
+    here, python = shlex.quote(str(Path.cwd())), shlex.quote(sys.executable)
+    script = SCRIPT.format(
+        command=shlex.join(["realitygap", *command]), words=shlex.join(command), shards=shards, cores=cores,
+        hours=hours, here=here, python=python, resume=" --resume" if "resume" in given else "",
+        wrapped=shlex.quote(f"cd {here} && {python} -m {merging}"),
+    )  # fmt: skip
+    tell(json_output, {"script": script, "merge": merging}, script.rstrip("\n"))
+
+
+def _checked(ctx: click.Context, words: list[str]) -> dict[str, object]:
+    """A command's options, read as it will read them in every job.
+
+    Raises:
+        click.UsageError: no command that takes shards, or options that it would refuse.
+    """
+    for word in words:
+        if word.partition("=")[0] in OURS:
+            raise click.UsageError(f"{word}: the script gives it; leave it out.", ctx)
+    assert ctx.parent is not None
+    group, above = ctx.parent.command, ctx.parent
+    assert isinstance(group, click.Group)
+    if words[0] not in SHARED:
+        raise click.UsageError(
+            f"expected a command that can be sharded ({', '.join(SHARED)}), got {words[0]!r}.", ctx
+        )
+    while isinstance(group, click.Group):
+        name, found, words = group.resolve_command(above, words)
+        assert found is not None
+        above, group = click.Context(found, parent=above, info_name=name), found
+    return dict(group.make_context(group.name, words, parent=above.parent).params)
+
+
+def _task(command: tuple[str, ...]) -> str:
+    """The name of `evolve`'s task: its usual folder."""
+    from realitygap.tasks import load_task
+
+    return load_task(command[1]).name

@@ -1,0 +1,137 @@
+"""Put a study together of its shards, which were carried out apart: the same to the bit as in one piece."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+from realitygap.errors import StudyError
+from realitygap.study.digest import OF_RUN, seal, verify_all
+from realitygap.study.folder import refuse_other
+from realitygap.study.load import Study, load_study
+from realitygap.study.reader import DATABASE, Reader
+from realitygap.study.schema import told
+from realitygap.whole import move
+from realitygap.work.shard import MARK, Mark, Shard, read_mark
+
+__all__ = ["all_shards", "merge_runs", "new_folder"]
+
+
+def all_shards(folders: Sequence[Path]) -> dict[Shard, Path]:
+    """The folders of all shards of one work, finished, in their order.
+
+    Raises:
+        StudyError: a folder that holds no shard, one of other work, one that comes twice, is not finished, or
+            is missing: says which.
+    """
+    found: dict[Shard, Path] = {}
+    first: Mark | None = None
+    for folder in folders:
+        mark = read_mark(folder)
+        if mark is None:
+            raise StudyError(
+                f"{folder}: expected a shard's folder, such as `--shard 1/3` makes ({MARK} is missing)."
+            )
+        first = first or mark
+        if (mark.work, mark.shard.of) != (first.work, first.shard.of):
+            raise StudyError(
+                f"{folder} holds shard {mark.shard} of {mark.work!r}; {folders[0]} holds {first.shard} of "
+                f"{first.work!r}. Merge shards of one work only."
+            )
+        if mark.shard in found:
+            raise StudyError(f"shard {mark.shard} comes twice: {found[mark.shard]}, {folder}. Leave one out.")
+        if not mark.finished:
+            raise StudyError(f"{folder}: shard {mark.shard} is not finished. Go on with it first.")
+        found[mark.shard] = folder
+    if first is None:
+        raise StudyError("expected the folders of all shards, got none.")
+    every = [Shard(number, first.shard.of) for number in range(1, first.shard.of + 1)]
+    missing = [str(shard) for shard in every if shard not in found]
+    if missing:
+        shown = ", ".join(missing[:10]) + (f" … ({len(missing)} in all)" if len(missing) > 10 else "")
+        raise StudyError(f"missing: shard {shown}. Give the folders of all {first.shard.of} shards.")
+    return {shard: found[shard] for shard in every}
+
+
+@contextmanager
+def new_folder(out: Path) -> Iterator[Path]:
+    """A folder to fill, which becomes `out` when all of it is there; what a kill left is begun anew.
+
+    Raises:
+        StudyError: there is something already.
+    """
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise StudyError(f"{out} exists already, and is not overwritten. Choose another --out.")
+    with told(out):
+        half = out.with_name(f".{out.name}.half")
+        shutil.rmtree(half, ignore_errors=True)
+        half.mkdir(parents=True)
+        yield half
+        if out.exists():
+            out.rmdir()
+        move(half, out)
+
+
+def merge_runs(shards: Mapping[Shard, Path], out: Path) -> Study:
+    """The study of all shards' runs, in a folder of its own.
+
+    Args:
+        shards: their folders, as `all_shards` has them.
+        out: the study's, made whole or not at all.
+
+    Raises:
+        StudyError: shards of different studies, a damaged one, or `out` exists.
+    """
+    first, *others = shards.values()
+    for other in others:
+        refuse_other(first, other)
+    sources = Reader(first / DATABASE).sources() or {}
+    with new_folder(out) as half:
+        for name, content in sources.items():
+            (half / name).parent.mkdir(parents=True, exist_ok=True)
+            (half / name).write_bytes(content)
+        with closing(_opened(first)) as source, closing(sqlite3.connect(half / DATABASE)) as database:
+            source.backup(database)
+            database.execute("PRAGMA journal_mode = DELETE")
+        for shard, folder in [*shards.items()][1:]:
+            with closing(_opened(half, write=True)) as database:
+                _take(database, folder, shard)
+    return load_study(out)
+
+
+def _opened(folder: Path, *, write: bool = False) -> sqlite3.Connection:
+    """A study's database, which holds what was written there."""
+    path = folder / DATABASE
+    uri = f"{path.resolve().as_uri()}?mode={'rw' if write else 'ro'}"
+    database = sqlite3.connect(uri, uri=True, isolation_level=None)
+    try:
+        if not write:
+            verify_all(database, path)
+    except BaseException:
+        database.close()
+        raise
+    return database
+
+
+def _take(database: sqlite3.Connection, folder: Path, shard: Shard) -> None:
+    """Copy all rows of a shard's runs."""
+    with told(folder), closing(_opened(folder)) as source:
+        runs = shard.own(row[0] for row in source.execute("SELECT id FROM run ORDER BY id"))
+        database.execute("BEGIN")
+        for part, key in (
+            *((part, "run") for part in OF_RUN if part != "run"),
+            ("digest", "run"),
+            ("run", "id"),
+        ):
+            for run in runs:
+                database.execute(f"DELETE FROM {part} WHERE {key} = ?", (run,))
+                rows = source.execute(f"SELECT * FROM {part} WHERE {key} = ?", (run,))
+                insert = f"INSERT INTO {part} VALUES ({', '.join('?' * len(rows.description))})"
+                database.executemany(insert, rows)
+        rows = source.execute("SELECT began, pid, versions FROM session ORDER BY id")
+        database.executemany("INSERT INTO session (began, pid, versions) VALUES (?, ?, ?)", rows)
+        seal(database, 0, "session")
+        database.execute("COMMIT")

@@ -1,0 +1,134 @@
+"""A share of some work, done apart from the other shares, and the folder that holds it.
+
+    Shard.parse("2/3").folder(Path("out/study"))  # out/study-shard-2-of-3
+
+A shard's folder is marked, so that what was made apart is put together only when it belongs together.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Self, TypeVar
+
+from realitygap import whole
+from realitygap.errors import ConfigError, StudyError
+
+__all__ = ["MARK", "Mark", "Shard", "marked", "read_mark", "whole_of"]
+
+MARK = "shard.json"
+MOST = 10**5
+"""Shards; a cluster's array jobs are fewer."""
+
+_SUFFIX = re.compile(r"-shard-\d+-of-\d+$")
+One = TypeVar("One")
+
+
+@dataclass(frozen=True)
+class Shard:
+    """Share `number` (from 1) of `of`."""
+
+    number: int
+    of: int
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """From "2/3".
+
+        Raises:
+            ConfigError: no shard, or one that there is not.
+        """
+        found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", str(text).strip())
+        if found is None or not 1 <= int(found[1]) <= int(found[2]) <= MOST:
+            raise ConfigError(
+                f"shard: expected I/N, share I (from 1 to N) of N up to {MOST}, such as 2/3, got {text!r}."
+            )
+        return cls(int(found[1]), int(found[2]))
+
+    def __str__(self) -> str:
+        return f"{self.number}/{self.of}"
+
+    def own(self, every: Iterable[One]) -> list[One]:
+        """Its share of things that are the same, in the same order, in every shard."""
+        return list(every)[self.number - 1 :: self.of]
+
+    def folder(self, out: Path) -> Path:
+        """Its folder, beside the one that the whole is to have."""
+        suffix = f"-shard-{self.number}-of-{self.of}"
+        return out if out.name.endswith(suffix) else out.with_name(out.name + suffix)
+
+
+def whole_of(folder: Path) -> Path:
+    """The folder that the whole is to have, by the name of a shard's."""
+    folder = folder if folder.name.strip(".") else folder.resolve()
+    return folder.with_name(_SUFFIX.sub("", folder.name))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mark:
+    """What a shard's folder says of itself.
+
+    Attributes:
+        shard: which it is.
+        work: of what, as a command's name.
+        facts: what all shards of one work share.
+        finished: whether its share is done.
+    """
+
+    shard: Shard
+    work: str
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    finished: bool = False
+
+    def write(self, folder: Path, *, finished: bool) -> None:
+        """Put it down in the folder, which is made if need be."""
+        folder.mkdir(parents=True, exist_ok=True)
+        table = {"shard": str(self.shard), "work": self.work, "finished": finished, "facts": self.facts}
+        whole.write(folder / MARK, json.dumps(table, indent=1) + "\n")
+
+
+def read_mark(folder: Path) -> Mark | None:
+    """What a folder says that it is a shard of; None of one that holds a whole.
+
+    Raises:
+        StudyError: the mark cannot be read.
+    """
+    file = folder / MARK
+    if not file.is_file():
+        return None
+    try:
+        table = json.loads(file.read_text("utf-8"))
+        shard = Shard.parse(table["shard"])
+        facts = dict(table["facts"])
+        return Mark(shard=shard, work=str(table["work"]), facts=facts, finished=table["finished"] is True)
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        raise StudyError(f"{file}: expected a shard's mark. Restore it from a copy.") from None
+
+
+def marked(folder: Path, shard: Shard | None, work: str, *, begun: bool, **facts: Any) -> Mark | None:
+    """The mark of the share that is worked on in a folder; None if all of the work is done there.
+
+    Args:
+        folder: in which work begins or goes on.
+        shard: that was asked for; None goes on with whatever the folder holds.
+        work: what the command does.
+        begun: whether there is work of its kind in the folder.
+        facts: what all shards share.
+
+    Raises:
+        StudyError: the folder holds another share, or all of it.
+    """
+    there, cure = read_mark(folder), "Choose another --out."
+    if there is None:
+        if shard is not None and begun:
+            raise StudyError(f"{folder} holds more than a shard: it was begun without a shard. {cure}")
+        return None if shard is None else Mark(shard=shard, work=work, facts=facts)
+    if shard not in (None, there.shard) or there.work != work:
+        asked = there.shard if shard is None else shard
+        raise StudyError(
+            f"{folder} holds shard {there.shard} of {there.work!r}, not {asked} of {work!r}. {cure}"
+        )
+    return replace(there, facts=facts)
