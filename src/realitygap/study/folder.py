@@ -242,7 +242,9 @@ def refuse_other(folder: Path, other: Path) -> None:
         StudyError: names the first setting or file in which they differ.
     """
     cure = "Only shards of one study are merged."
-    here, there = (_decisive(own_config(one) and read_config(one).to_dict()) for one in (folder, other))
+    for one in (folder, other):
+        own_config(one)  # its files are as they were
+    here, there = (_decisive(read_config(one).to_dict()) for one in (folder, other))
     refuse_difference(f"{folder}: the study was made", here, there, f"{other} has that. {cure}")
     ours, theirs = (Reader(one / DATABASE).sources() or {} for one in (folder, other))
     for name in sorted((ours.keys() | theirs.keys()) - {CONFIG}):
