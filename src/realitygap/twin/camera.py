@@ -18,6 +18,7 @@ from realitygap.twin.arena import check_arena
 from realitygap.twin.drawing import WHOLE, Drawing, Window
 from realitygap.twin.lens import HEIGHT, WIDTH, hang_camera
 from realitygap.twin.noise import check_scale, draws, normal_draws
+from realitygap.twin.painting import expose
 from realitygap.twin.plate import Plate
 from realitygap.twin.render import open_renderer
 from realitygap.twin.states import States, heading_of
@@ -102,18 +103,19 @@ class OverheadCamera(Closing):
             number: of the frame: names its noise.
             window: rows and columns that are wanted: the whole frame's, to the last bit.
         """
+        picture: NDArray[Any]
         if self._renderer is not None:
-            picture = self._renderer.frame(pose)[window] * self._light[window]
+            picture = self._renderer.frame(pose)[window]
         else:
             assert self._drawing is not None
             where = float(pose[0]), float(pose[1]), float(heading_of(pose))
             picture = self._drawing.frame(*where, window)
-            picture *= self._light[window]
-        if self._noise:
-            size = self._light.size
-            start = int(draws(self._seed, 59, number).integers(size))
-            picture += self._bank[start : start + size].reshape(self._light.shape)[window]
-        return np.asarray(np.clip(picture + np.float32(0.5), 0, 255).astype(np.uint8))
+        size = self._light.size
+        start = int(draws(self._seed, 59, number).integers(size))
+        noise = self._bank[start : start + size].reshape(self._light.shape)
+        frame = np.empty(picture.shape, np.uint8)
+        expose(*(part.ravel() for part in (picture, self._light[window], noise[window])), frame.reshape(-1))
+        return frame
 
     def looks(
         self, states: States, *, fps: float = FPS, first: int = 0

@@ -14,7 +14,7 @@ import numpy as np
 
 from realitygap.twin.arithmetic import jit, step
 
-__all__ = ["Look", "Still", "paint_robot"]
+__all__ = ["Look", "Still", "expose", "paint_robot"]
 
 
 class Still(NamedTuple):
@@ -155,3 +155,18 @@ def paint_robot(picture: Any, corner: Any, about: Any, still: Any, place: Any, l
                 for k in range(sub * sub):
                     total += shown[k // sub, colour, column * sub + k % sub]
                 picture[row - corner[0], columns[0] + column - corner[1], colour] = total * part
+
+
+@jit
+def expose(picture: Any, light: Any, noise: Any, frame: Any) -> None:
+    """What the camera makes of a picture: its lens takes light away, its pixels add noise.
+
+    Args:
+        picture: grey levels, a number a colour.
+        light: the share of each that is left.
+        noise: of each, grey levels.
+        frame: into which it goes, rounded.
+    """
+    for k in range(frame.shape[0]):
+        level = np.float32(picture[k]) * light[k] + noise[k] + np.float32(0.5)
+        frame[k] = np.uint8(min(max(level, np.float32(0.0)), np.float32(255.0)))

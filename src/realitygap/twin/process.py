@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import select
 import socket
 import subprocess
 import sys
@@ -20,6 +21,8 @@ from realitygap.values import Closing, Pose
 __all__ = ["TwinProcess", "end_process", "launch", "start_twin"]
 
 CHANNEL_S = 60.0
+START_S = 300.0
+"""Longer than any start takes: the first one on a busy machine compiles."""
 LEAVE_S = 5.0
 
 
@@ -106,6 +109,9 @@ def launch(module: str, order: Mapping[str, Any], **settings: Any) -> tuple[subp
 
     Returns:
         The process, and the line that it answers: empty if it ended instead.
+
+    Raises:
+        RobotError: nothing is heard of it.
     """
     command = [sys.executable, "-m", module]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, **settings)
@@ -113,6 +119,9 @@ def launch(module: str, order: Mapping[str, Any], **settings: Any) -> tuple[subp
     with contextlib.suppress(BrokenPipeError):
         process.stdin.write(json.dumps(order).encode() + b"\n")
         process.stdin.flush()
+    if not select.select([process.stdout], [], [], START_S)[0]:
+        end_process(process)
+        raise RobotError(f"{module}: nothing was heard of it for {START_S:g} s. Begin again.")
     return process, process.stdout.readline()
 
 
