@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from realitygap.kernels import batch
+from realitygap.kernels.params import Arena as KernelArena
 from realitygap.kernels.params import Networks, Trial, World
 from realitygap.kernels.work import MOTOR_NOISE, new_work, noise_blocks
 from realitygap.world.arena import Arena, Cylinder, Lamp, load_arena
@@ -142,7 +143,7 @@ def work_for(profile: Profile, *, feed: int = 0, inputs: int = 8, nets: Networks
     return new_work(profile.to_kernel(), trial, nobody() if nets is None else nets)
 
 
-def readings(profile: Profile, arena: Arena, pose) -> tuple[np.ndarray, np.ndarray]:
+def readings(profile: Profile, arena: Arena | KernelArena, pose) -> tuple[np.ndarray, np.ndarray]:
     """What the kernels say that all sensors read without noise: proximity [P], ambient [A]."""
     work = work_for(profile)
     work.start[:] = pose
@@ -151,7 +152,8 @@ def readings(profile: Profile, arena: Arena, pose) -> tuple[np.ndarray, np.ndarr
     noise = np.zeros(16 * noise_blocks(max(proximity.size, ambient.size)))
     streams = np.zeros(1, np.uint64)
     nothing = Trial(steps=0, feed=0, channels=np.zeros(0, np.int64), start=np.zeros(5))
-    world = World(robot=profile.to_kernel(), arena=arena.to_kernel(), task=nothing, level=0.0)
+    room = arena.to_kernel() if isinstance(arena, Arena) else arena
+    world = World(robot=profile.to_kernel(), arena=room, task=nothing, level=0.0)
     batch.probe(world, streams, work, noise, proximity, ambient)
     return proximity[0], ambient[0]
 

@@ -141,6 +141,27 @@ def see(arena, fans, k, spot, rays, incident):
 
 
 @step
+def is_tinted(arena):
+    """Whether any surface differs from those that robots' constants hold for."""
+    return arena.reflectance.shape[0] > 0
+
+
+@step
+def tint(arena, spot, rays, lambertian):
+    """The reflectance of what each ray meets, times the cosine under which if `lambertian` is 1, into
+    rays.incidence."""
+    for i in range(rays.inverse.shape[0]):
+        d = 1.0 / rays.inverse[i]
+        x, y = spot.x + rays.x[i] * d, spot.y + rays.y[i] * d
+        reflectance = arena.reflectance[0]
+        for j in range(arena.cylinders.shape[0]):
+            dx, dy, radius = x - arena.cylinders[j, 0], y - arena.cylinders[j, 1], arena.cylinders[j, 2]
+            if abs(math.sqrt(dx * dx + dy * dy) - radius) < GRAZE:
+                reflectance = arena.reflectance[1 + j]
+        rays.incidence[i] = reflectance * (rays.incidence[i] if lambertian > 0.0 else 1.0)
+
+
+@step
 def covers(wx, wy, radius):
     """Whether a circle at (wx, wy) from a point lies over it."""
     return wx * wx + wy * wy < radius * radius

@@ -5,7 +5,7 @@ exactly. Most sensors are in that state most of the time, so it is asked first, 
 side by side, by conditions that are never wrong in saying no.
 """
 
-from realitygap.kernels.geometry import Rays, Spot, see
+from realitygap.kernels.geometry import Rays, Spot, is_tinted, see, tint
 from realitygap.kernels.jit import step
 from realitygap.kernels.params import LANES
 from realitygap.kernels.response import respond
@@ -71,16 +71,22 @@ def notice(robot, arena, work):
     notice_walls(robot, arena, work)
     for j in range(arena.cylinders.shape[0]):
         notice_cylinder(robot, arena, j, work)
-    if arena.segments.shape[0] > 0:
+    if arena.segments.shape[0] > 0 or is_tinted(arena):
         for k in range(work.noticed.shape[0]):
             work.noticed[k] = 1
 
 
 @step
-def reflected(robot, k, rays, t):
+def surfaces_differ(robot, arena):
+    """Whether it matters what a ray meets, and how, not only where."""
+    return robot.proximity_lambertian > 0.0 or is_tinted(arena)
+
+
+@step
+def reflected(robot, arena, k, rays, t):
     """Σ over the rays of cos^m β (a/(d + offset)² + b), outermost pairs first.
 
-    Off Lambertian surfaces a is times the cosine under which a ray meets them.
+    a is times the surface's reflectance and, if it is Lambertian, the cosine under which a ray meets it.
     The order makes mirror-image sensors add mirror-image rays in the same order.
     """
     a, b, offset = robot.proximity_a[k], robot.proximity_b[k], robot.proximity_offset[k]
@@ -88,7 +94,7 @@ def reflected(robot, k, rays, t):
     if offset != 0.0:
         for i in range(inverse.shape[0]):
             inverse[i] = inverse[i] / (1.0 + offset * inverse[i])
-    if robot.proximity_lambertian > 0.0:
+    if surfaces_differ(robot, arena):
         for i in range(inverse.shape[0]):
             t[i] = robot.proximity_weight[k, i] * (a * (inverse[i] * inverse[i]) * rays.incidence[i] + b)
     else:
@@ -104,15 +110,15 @@ def added(t):
 
 
 @step
-def gathered(robot, k, rays, t):
-    """What reaches a measured sensor: Σ weight a cos / ((d + offset)² + width²) of rays within its range."""
+def gathered(robot, arena, k, rays, t):
+    """What reaches a measured sensor: Σ weight a ρ cos / ((d + offset)² + width²) of rays in its range."""
     offset, width2, least = robot.proximity_offset[k], robot.proximity_width2, robot.proximity_least
     a, inverse = robot.proximity_a[k], rays.inverse
     for i in range(inverse.shape[0]):
         v = inverse[i] if inverse[i] >= least else 0.0
         near = 1.0 + offset * v
         t[i] = robot.proximity_weight[k, i] * (a * (v * v) / (near * near + width2 * (v * v)))
-    if robot.proximity_lambertian > 0.0:
+    if surfaces_differ(robot, arena):
         for i in range(inverse.shape[0]):
             t[i] *= rays.incidence[i]
     return added(t)
@@ -137,8 +143,10 @@ def follow(robot, arena, k, rays, work):
     x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
     px = x + c * robot.proximity_place[k, 0] - s * robot.proximity_place[k, 1]
     py = y + s * robot.proximity_place[k, 0] + c * robot.proximity_place[k, 1]
-    if robot.proximity_lambertian > 0.0:
+    if surfaces_differ(robot, arena):
         see(arena, robot.proximity_ray, k, Spot(px, py, c, s), rays, True)
+        if is_tinted(arena):
+            tint(arena, Spot(px, py, c, s), rays, robot.proximity_lambertian)
     else:
         see(arena, robot.proximity_ray, k, Spot(px, py, c, s), rays, None)
 
@@ -156,7 +164,7 @@ def receive(robot, arena, work, out):
     rays = fan_of(robot, work)
     for k in range(out.shape[0]):
         follow(robot, arena, k, rays, work)
-        out[k] = gathered(robot, k, rays, work.terms)
+        out[k] = gathered(robot, arena, k, rays, work.terms)
 
 
 @step
@@ -170,9 +178,9 @@ def infrared(robot, arena, work, out):
         k = work.listed[n]
         follow(robot, arena, k, rays, work)
         if measured:
-            out[k] = gathered(robot, k, rays, work.terms)
+            out[k] = gathered(robot, arena, k, rays, work.terms)
         else:
-            total = reflected(robot, k, rays, work.terms)
+            total = reflected(robot, arena, k, rays, work.terms)
             out[k] = min(max(total, 0.0), robot.proximity_top)
     if measured:  # of all at once: side by side their roots cost less than a few one by one
         for k in range(out.shape[0]):

@@ -3,7 +3,17 @@
 import math
 from typing import NamedTuple
 
-from realitygap.kernels.geometry import GRAZE, Rays, Spot, circle_blocks, covers, see, segment_blocks
+from realitygap.kernels.geometry import (
+    GRAZE,
+    Rays,
+    Spot,
+    circle_blocks,
+    covers,
+    is_tinted,
+    see,
+    segment_blocks,
+    tint,
+)
 from realitygap.kernels.jit import step
 from realitygap.kernels.params import LAMP_POINTS, LANES, NARROW, RAYS
 
@@ -160,6 +170,10 @@ def follow_fan(robot, arena, k, fan, work):
         work.end_x[a + i] = px
         work.end_y[a + i] = py
         work.terms[a + i] = robot.ambient_weight[fan, i]
+    if is_tinted(arena):
+        tint(arena, Spot(px, py, c, s), rays, 0.0)
+        for i in range(RAYS):
+            work.terms[a + i] *= rays.incidence[i]
 
 
 @step
@@ -177,7 +191,7 @@ def go_to_ends(a, b, work):
 def follow_rays(robot, arena, work):
     """Where the rays of all ambient sensors end, and the weight of the light reflected there.
 
-    All rays lie in one row, RAYS a sensor. Weights: 1.5 cos² β / d².
+    All rays lie in one row, RAYS a sensor. Weights: 1.5 cos² β / d², times the surface's reflectance.
     """
     for k in range(robot.ambient_place.shape[0]):
         follow_fan(robot, arena, k, k, work)

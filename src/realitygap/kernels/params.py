@@ -176,6 +176,9 @@ class Arena(NamedTuple):
     """[L, 2] the place that distance to the lamp is measured to."""
     sliding: float
     """Coulomb coefficient of a body sliding along a surface."""
+    reflectance: F
+    """[1 + C] of the walls and of each cylinder, 1 being the surfaces that a robot's constants hold for;
+    empty where all are 1."""
 
 
 class Trial(NamedTuple):

@@ -15,17 +15,22 @@ from realitygap.world.rays import unit
 
 __all__ = ["Arena", "Cylinder", "Lamp", "arena_names", "load_arena"]
 
+WHITEST = 10.0
+"""Times the surfaces of a calibration."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Cylinder(Value):
-    """A round obstacle that also throws shadows."""
+    """A round obstacle that also throws shadows; `reflectance` as an arena's."""
 
     x_cm: float
     y_cm: float
     radius_cm: float
+    reflectance: float = 1.0
 
     def _check(self) -> None:
         require(self.radius_cm > 0, "radius_cm", "more than 0", self.radius_cm)
+        require_reflectance(self.reflectance)
 
     def covers(self, x_cm: float, y_cm: float) -> bool:
         """Whether a place lies inside."""
@@ -64,6 +69,8 @@ class Arena(Value):
     """A closed room from (0, 0) to `size_cm`, with inner walls [x0, y0, x1, y1], cylinders and lamps.
 
     `sliding` is the Coulomb coefficient of a body that slides along a surface: 0 slides freely.
+    `reflectance` is of the walls: how much more light, infrared or visible, they throw back than the surfaces
+    that a robot's constants hold for; 0 is black.
     """
 
     name: str
@@ -73,8 +80,10 @@ class Arena(Value):
     cylinders: tuple[Cylinder, ...] = ()
     lamps: tuple[Lamp, ...] = ()
     sliding: float = 1.0
+    reflectance: float = 1.0
 
     def _check(self) -> None:
+        require_reflectance(self.reflectance)
         require(bool(self.name.strip()), "name", "a name", self.name)
         require(self.sliding >= 0, "sliding", "0 or more", self.sliding)
         for i, size in enumerate(self.size_cm):
@@ -115,6 +124,23 @@ class Arena(Value):
                 return f"the wall from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g})"
         return None
 
+    def reflectances(self) -> list[float]:
+        """Of the walls, and of each cylinder."""
+        return [self.reflectance, *(c.reflectance for c in self.cylinders)]
+
+    @property
+    def tinted(self) -> bool:
+        """Whether any surface differs from those that robots' constants hold for."""
+        return any(value != 1.0 for value in self.reflectances())
+
+    def to_dict(self) -> dict[str, Any]:
+        """As a file has it: a surface like those of the constants says nothing of its reflectance."""
+        table = super().to_dict()
+        for part in (table, *table["cylinders"]):
+            if part["reflectance"] == 1.0:
+                del part["reflectance"]
+        return table
+
     def to_kernel(self) -> params.Arena:
         """The arena as the kernels' arrays."""
         lamps = self.lamps
@@ -129,15 +155,18 @@ class Arena(Value):
             lamp_offset=np.array([lamp.offset * lamp.brightness for lamp in lamps]),
             lamp_centre=np.array([(lamp.x_cm, lamp.y_cm) for lamp in lamps]).reshape(-1, 2),
             sliding=self.sliding,
+            reflectance=np.array(self.reflectances() if self.tinted else []),
         )
 
     def plain(self) -> dict[str, Any]:
-        """The arena as plain numbers in cm: all that a robot's stand-in may know of it."""
+        """The arena as plain numbers in cm: all that a robot's stand-in may know of it; "reflectance" of the
+        walls and of each cylinder only where some differ."""
         return {
             "size_cm": list(self.size_cm),
             "cylinders": [[c.x_cm, c.y_cm, c.radius_cm] for c in self.cylinders],
             "walls": [list(wall) for wall in self.walls],
             "lamps": [[lamp.x_cm, lamp.y_cm] for lamp in self.lamps],
+            **({"reflectance": self.reflectances()} if self.tinted else {}),
         }
 
     def _holds(self, x: float, y: float, margin: float = 0.0) -> bool:
@@ -157,6 +186,15 @@ def load_arena(name_or_path: str | PathLike[str] | Arena) -> Arena:
 def arena_names() -> tuple[str, ...]:
     """Names of the arenas that come with the package."""
     return shipped("arenas")
+
+
+def require_reflectance(value: float) -> None:
+    """Refuse what no surface has.
+
+    Raises:
+        ConfigError: names the key.
+    """
+    require(0 <= value <= WHITEST, "reflectance", f"a number from 0 to {WHITEST:g}", value)
 
 
 def _distance(x: float, y: float, wall: tuple[float, float, float, float]) -> float:

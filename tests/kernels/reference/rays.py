@@ -64,6 +64,14 @@ def distance(arena, place: Point, ray: Point) -> float:
     return min(found)
 
 
+def reflectance(arena, place: Point, ray: Point) -> float:
+    """Of the surface that a ray meets first."""
+    found = [(to_outer_walls(arena, place, ray), arena.reflectance)]
+    found += [(to_cylinder(cylinder, place, ray), cylinder.reflectance) for cylinder in arena.cylinders]
+    found += [(to_inner_wall(wall, place, ray), arena.reflectance) for wall in arena.walls]
+    return min(found)[1]
+
+
 def from_wall(wall, x: float, y: float) -> tuple[float, float]:
     """The vector from the nearest point of an inner wall to (x, y)."""
     x0, y0, x1, y1 = wall

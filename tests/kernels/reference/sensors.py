@@ -13,7 +13,15 @@ from realitygap.world.body import Body
 from realitygap.world.profile import Profile
 from realitygap.world.sensors import Ambient
 from tests.kernels.reference import outline
-from tests.kernels.reference.rays import ANGLES, Point, crossing, distance, from_wall, place_and_direction
+from tests.kernels.reference.rays import (
+    ANGLES,
+    Point,
+    crossing,
+    distance,
+    from_wall,
+    place_and_direction,
+    reflectance,
+)
 
 DRAWN_BACK = 1e-6
 """A ray's end lies this share of its length before the surface it meets, so that the surface
@@ -23,7 +31,8 @@ itself hides nothing that is on the ray's side of it."""
 def proximity_sum(profile: Profile, arena: Arena, pose, k: int) -> float:
     """I = Σ cos^m β (a/(d + offset)² + b) of sensor `k`, before clipping.
 
-    Beyond the paper: a times the cosine of the angle between a ray and the normal where it ends.
+    Beyond the paper: a times the surface's reflectance, and the cosine of the angle between a ray and the
+    normal where it ends.
     """
     sensor = profile.infrared.sensors[k]
     place, direction = place_and_direction(sensor, pose)
@@ -34,12 +43,13 @@ def proximity_sum(profile: Profile, arena: Arena, pose, k: int) -> float:
         d = distance(arena, place, ray)
         weight = math.cos(beta) ** profile.infrared.exponent
         slant = cosine_of_incidence(arena, place, ray, d) if profile.infrared.matt else 1.0
-        total += weight * (sensor.a * slant / (d + sensor.offset_cm) ** 2 + sensor.b)
+        back = slant * reflectance(arena, place, ray)
+        total += weight * (sensor.a * back / (d + sensor.offset_cm) ** 2 + sensor.b)
     return total
 
 
 def gathered(profile: Profile, arena: Arena, pose, k: int) -> float:
-    """x = Σ share a cos / ((d + offset)² + width²) of measured sensor `k`: what reaches it, ray by ray."""
+    """x = Σ share a ρ cos / ((d + offset)² + width²) of measured sensor `k`: what reaches it, ray by ray."""
     law, sensor = profile.infrared, profile.infrared.sensors[k]
     place, direction = place_and_direction(sensor, pose)
     total = 0.0
@@ -50,7 +60,8 @@ def gathered(profile: Profile, arena: Arena, pose, k: int) -> float:
             d = distance(arena, place, ray)
             if not law.range_cm or d <= law.range_cm:
                 slant = cosine_of_incidence(arena, place, ray, d) if law.matt else 1.0
-                total += share / 2 * sensor.a * slant / ((d + sensor.offset_cm) ** 2 + law.width_cm**2)
+                back = slant * reflectance(arena, place, ray)
+                total += share / 2 * sensor.a * back / ((d + sensor.offset_cm) ** 2 + law.width_cm**2)
     return total
 
 
@@ -162,12 +173,12 @@ def illumination(profile: Profile, arena: Arena, pose, k: int) -> float:
         d = distance(arena, place, ray)
         back = d * (1 - DRAWN_BACK)
         end = (place[0] + back * ray[0], place[1] + back * ray[1])
-        light = 0.0
+        light, white = 0.0, law.reflectance * reflectance(arena, place, ray)
         for lamp in lamps:
             cosine = incidence(lamp, end, normal_at(arena, end, ray), law.lamp_height_cm) if law.matt else 1.0
             light += cosine * light_on_surface(arena, lamp, end, hides, law.lamp_height_cm, top)
         reached = 1 / d**2 if law.falloff == 2 else 1 / math.hypot(d, law.near_cm)
-        total += light * math.cos(beta) ** law.exponent * law.reflectance * reached * 10 / len(angles)
+        total += light * math.cos(beta) ** law.exponent * white * reached * 10 / len(angles)
     return total * sensor.gain
 
 
