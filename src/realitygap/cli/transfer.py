@@ -62,7 +62,7 @@ SIDES = (
 @click.option(
     "--watch/--no-watch",
     default=True,
-    help="Take paths from the overhead camera; otherwise from the wheel counters, which miss slip.",
+    help="Take paths from the overhead camera; otherwise from the wheels, which miss slip.",
 )
 @click.option("--camera", metavar="FILE", help="Calibration of the live camera (camera.json).")
 @click.option(
@@ -126,6 +126,10 @@ def print_transfers(made: list[Transferred]) -> None:
         for one in made
     ]  # fmt: skip
     print_table(("robot", "run", "start", "simulated", "situated", "path from", "late steps"), rows)
+    for one in made:
+        if one.missed_steps:
+            told = f"{one.missed_steps} steps had no answer in time; the last readings stood for theirs"
+            click.echo(f"{one.robot}, start {one.start}: {told}")
 
 
 def _carry(one: Situation, pose: Pose, *, seen: bool) -> None:

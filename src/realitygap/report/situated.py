@@ -20,6 +20,7 @@ from realitygap.report.style import SIMULATED, SITUATED
 from realitygap.report.tables import Table, number
 from realitygap.report.transfers import Group, Pair
 from realitygap.report.words import about, pair_words, transfer_sheet_words
+from realitygap.transfer.plan import WHEELS
 
 __all__ = ["Film", "SituatedPart", "film_of", "make_situated"]
 
@@ -62,8 +63,8 @@ class SituatedPart:
 
     @property
     def counted(self) -> bool:
-        """Whether some paths are from the wheels' counters."""
-        return any(pair.source == "counters" for group in self.groups for pair in group.pairs)
+        """Whether some paths are reckoned from the wheels."""
+        return any(pair.source in WHEELS for group in self.groups for pair in group.pairs)
 
     @property
     def cut(self) -> bool:
@@ -155,7 +156,7 @@ def _sheet(part: TaskPart, here: Sequence[Pair], scene: Scene, name: str, listed
             rows.append([_panel(part, p, situated=True, title="situated: {}") for p in pairs])
     if many <= len(part.conditions) and len(rows) == 2 * many:
         return []
-    told = transfer_sheet_words(many, here[0].where, counted=any(p.source == "counters" for p in here))
+    told = transfer_sheet_words(many, here[0].where, counted=any(p.source in WHEELS for p in here))
     return [listed.add(f"{name}-all", partial(sheet_figure, scene, rows), told)]
 
 

@@ -49,7 +49,7 @@ class Pair:
     """Simulated and situated, unscaled."""
     filmed: bool
     source: str
-    """What the situated path is from: "film", "camera" (no film kept) or the wheels' "counters"."""
+    """What the situated path is from, one of plan.SOURCES."""
     folder: Path
 
     @property

@@ -115,6 +115,7 @@ SOURCES = {
     "film": "tracked in a film from above",
     "camera": "tracked by the camera above, ten times a second",
     "counters": "reckoned from the wheels’ counters, which do not see a wheel slip",
+    "speeds": "reckoned from the speeds that its motors measure, which do not see a wheel slip",
     "robot": "as the robot itself knows it",
 }
 """Where a situated path comes from."""
@@ -145,11 +146,11 @@ def pair_words(part: TaskPart, shown: Sequence[Pair]) -> Words:
 
 
 def transfer_sheet_words(many: int, where: str, *, counted: bool) -> Words:
-    """Of the sheet with every transferred run's paths; `counted`: some are from the wheels' counters."""
+    """Of the sheet with every transferred run's paths; `counted`: some are reckoned from its wheels."""
     alt = f"Simulated and situated paths of {many} runs, each from its first start."
     caption = f"{alt} Simulated above, {where} below; the number is the path’s score."
     if counted:
-        caption += " A path that leaves the room is reckoned from counters of wheels that slipped at a wall."
+        caption += " A path that leaves the room is reckoned from wheels that slipped at a wall."
     return Words(alt, caption)
 
 

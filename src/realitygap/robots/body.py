@@ -182,6 +182,15 @@ class Seen(Protocol):
 
 
 @runtime_checkable
+class Paced(Protocol):
+    """A body that does not count its wheels' turns, but measures their speeds."""
+
+    @property
+    def speeds(self) -> tuple[int, int] | None:
+        """Left and right, its own units, as read with the last `sense`; None before."""
+
+
+@runtime_checkable
 class Attentive(Protocol):
     """A body that reads what is asked for."""
 
@@ -200,8 +209,10 @@ def facts_of(body: Body) -> Mapping[str, Any]:
 
 
 def odometry_of(body: Body) -> Odometry:
-    """As read with the last `sense`; nothing of a body that does not count."""
-    return Odometry(*body.odometry) if body.counts_turns else Odometry()  # type: ignore[attr-defined]
+    """As read with the last `sense`; of a body that does not count no more than speeds."""
+    if body.counts_turns:
+        return Odometry(*body.odometry)  # type: ignore[attr-defined]
+    return Odometry(speeds=body.speeds if isinstance(body, Paced) else None)
 
 
 def abandon(body: Body) -> None:

@@ -20,8 +20,8 @@ from realitygap.values import Pose
 __all__ = ["Transferred", "is_done", "load_transfer", "load_transfers", "read_trial"]
 
 LOOSE = (
-    "film", "view", "pose", "wished", "fitness", "situated_from", "late_steps", "lost_steps", "film_lead_s",
-    "trouble", "versions",
+    "film", "view", "pose", "wished", "fitness", "situated_from", "late_steps", "missed_steps", "lost_steps",
+    "film_lead_s", "trouble", "versions",
 )  # fmt: skip
 """Keys of a trial's file that follow from the others, or are not compared."""
 
@@ -42,11 +42,13 @@ class Transferred:
         twin_noise: the twin's noise scale, None for a robot.
         start: its number, from 1; pose: where both trials began.
         simulated, situated: the tracks, a row a step, the start first.
-        situated_from: "film" or "camera" (watched, no film kept), or "counters" for the wheels' own.
+        situated_from: "film" or "camera" (watched, no film kept), "robot" for its own,
+            or "counters" or "speeds" for the wheels'.
         filmed: whether the folder holds film.mp4, camera.json, track.csv and tails.png.
         view: what made the camera's frames, None where no camera saw the robot.
         fitness_simulated, fitness_situated: the task's own score of each path, NaN if it has long gaps.
         late_steps: how many of the drive's steps began more than 10 ms late.
+        missed_steps: how many had no answer in time, None of a robot whose line misses none.
         lost_steps: how many of the situated path's rows have no pose.
     """
 
@@ -68,6 +70,7 @@ class Transferred:
     fitness_simulated: float
     fitness_situated: float
     late_steps: int
+    missed_steps: int | None
     lost_steps: int
 
     @cached_property
@@ -142,6 +145,7 @@ def load_transfer(folder: Path) -> Transferred:
             unit=table.get("unit"),
             twin_noise=table.get("twin_noise"),
             view=table.get("view"),
+            missed_steps=table.get("missed_steps"),
             lost_steps=table.get("lost_steps", 0),
             **{key: table[key] for key in PLAIN},
         )

@@ -15,7 +15,7 @@ from realitygap.film.disk import Disk
 from realitygap.film.tag import Tag
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import BAUD, Address
-from realitygap.robots.body import Body, Placing, Seen, channel
+from realitygap.robots.body import Body, Paced, Placing, Seen, channel
 from realitygap.streams import TRANSFER
 from realitygap.study.load import Run, Study
 from realitygap.study.plan import run_stream
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 __all__ = [
     "FOLDER",
     "SOURCES",
+    "WHEELS",
     "Known",
     "Situation",
     "check_body",
@@ -41,8 +42,12 @@ __all__ = [
 FOLDER = "transfer"
 """In a study's folder."""
 
-SOURCES = ("counters", "robot", "camera", "film")
-"""What a situated path may come from, the surest last: "robot" is what it knows of its place itself."""
+SOURCES = ("speeds", "counters", "robot", "camera", "film")
+"""What a situated path may come from, the surest last: speeds that motors measured, counters of wheels, what
+the robot knows of its place itself, a camera."""
+
+WHEELS = SOURCES[:2]
+"""Those that do not see a wheel slip."""
 
 
 class Known(NamedTuple):
@@ -52,11 +57,13 @@ class Known(NamedTuple):
         placed: whether it puts itself down, and needs no person.
         seen: whether it knows where it is.
         counts: whether its wheels count.
+        paced: whether its motors measure their speeds.
     """
 
     placed: bool
     seen: bool
     counts: bool
+    paced: bool = False
 
     @classmethod
     def of(cls, robot: Address, study: Study, tasks: Iterable[str]) -> Self:
@@ -66,11 +73,13 @@ class Known(NamedTuple):
             UsageError: as of `check_body`, or it cannot be opened.
         """
         if robot.port is not None:
-            return cls(placed=False, seen=False, counts=True)
+            paced = robot.kind == "thymio"
+            return cls(placed=False, seen=False, counts=not paced, paced=paced)
         with closing(robot.open()) as body:
             for task in tasks:
                 check_body(study, task, body)
-            return cls(isinstance(body, Placing), isinstance(body, Seen), body.counts_turns)
+            paced = isinstance(body, Paced)
+            return cls(isinstance(body, Placing), isinstance(body, Seen), body.counts_turns, paced)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,6 +143,8 @@ class Situation:
         }
 
 
+SAME_SCALE = 0.01
+"""Full scales that differ by no larger share are one: of a Thymio's 4500 counts some sources make 4505."""
 FINISH = "Finish the study (`realitygap … --resume`)."
 
 
@@ -222,9 +233,11 @@ def _source(options: Transfer, robot: Address, known: Known, run: Run) -> str:
         return "counters"
     if known.seen:
         return "robot"
+    if known.paced:
+        return "speeds"
     raise UsageError(
         f"robot {robot}: expected something that tells where it is: a camera above it (--eye, --camera), "
-        "`pose` of its own, or counters."
+        "`pose` of its own, counters, or `speeds` that it measures."
     )
 
 
@@ -242,7 +255,8 @@ def check_body(study: Study, task: str, body: Body) -> None:
     """Refuse controllers that were evolved for another kind of robot.
 
     Raises:
-        UsageError: other sensors, another full scale, or another period than a simulation's step.
+        UsageError: other sensors, a full scale that differs by more than a hundredth, or another period than
+            a simulation's step.
     """
     profile, feeds = study.profile, study.task(task).feeds
     law = profile.infrared if feeds == "proximity" else profile.ambient
@@ -252,7 +266,7 @@ def check_body(study: Study, task: str, body: Body) -> None:
             f"{evolved} {len(law.sensors)} {feeds} sensors (profile {profile.name!r}); this robot has "
             f"{one.sensors}: its controllers cannot drive it."
         )
-    if law.top != one.high:
+    if abs(law.top - one.high) > SAME_SCALE * law.top:
         raise UsageError(
             f"{evolved} {feeds} counts up to {law.top:g} (profile {profile.name!r}); this robot's go up to "
             f"{one.high}: calibrate it, and evolve with its own profile."

@@ -19,7 +19,7 @@ from realitygap import temporary
 from realitygap.errors import UsageError
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import BAUD, Address
-from realitygap.robots.body import Body, Filmed, Placing, Seen, abandon, attend, odometry_of
+from realitygap.robots.body import Body, Filmed, Paced, Placing, Seen, abandon, attend, odometry_of
 from realitygap.robots.loop import Controller, drive
 from realitygap.robots.recording import Recorder, Recording
 from realitygap.streams import TWIN_NOISE
@@ -48,7 +48,8 @@ class Driven(NamedTuple):
     the end included.
 
     Attributes:
-        counters: [steps + 1, 2] pulses, NaN where nothing was counted.
+        counters: [steps + 1, 2] pulses, NaN where nothing was counted; of wheels whose speeds are measured
+            instead, those times seconds.
         cm_per_pulse: of the left wheel and the right one, if anybody knows.
         poses: where it was; none of a robot that does not know.
         period_s: of a step.
@@ -132,8 +133,14 @@ def driven(
     look()
     attend(body)
     body.sense()
-    last = odometry_of(body).counters or (np.nan, np.nan)
-    counters = np.vstack([made.counters, last])
+    last, unknown = odometry_of(body), (np.nan, np.nan)
+    if not body.counts_turns and isinstance(body, Paced):
+        speeds = np.vstack([made.speeds, last.speeds or unknown])
+        took = np.diff(made.t, append=made.t[-1] + body.period_s)
+        ways = np.cumsum((speeds[1:] + speeds[:-1]) / 2 * took[:, None], axis=0)
+        return Driven(made, np.vstack([np.zeros(2), ways]), profile.wheels.speed_per_unit_cm_s, tuple(poses),
+                      body.period_s)  # fmt: skip
+    counters = np.vstack([made.counters, last.counters or unknown])
     return Driven(made, counters, _cm_per_pulse(body, profile), tuple(poses), body.period_s)
 
 

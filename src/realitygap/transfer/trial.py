@@ -10,6 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from realitygap import whole
 from realitygap.controller.network import NetworkController
 from realitygap.robots.address import Address
@@ -193,7 +195,9 @@ class Stage:
         facts["fitness"]["situated"] = score(path, self.study.task(one.task), self.study.profile)
         facts["film"] = one.film
         facts["situated_from"] = one.source
-        facts["late_steps"] = driven.recording.late_steps
+        kept = driven.recording
+        facts["late_steps"] = kept.late_steps
+        facts["missed_steps"] = None if np.isnan(kept.read).all() else kept.missed_steps
         facts["lost_steps"] = path.lost
         facts["versions"] = versions()
         whole.write(folder / TRIAL, to_toml(facts))

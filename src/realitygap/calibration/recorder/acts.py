@@ -43,7 +43,8 @@ def drive_trial(body: Body, trial: Trial) -> tuple[list[tuple[str, ...]], dict[i
                 if k in looks and isinstance(body, Seen):
                     poses[k] = body.pose
                 body.act(Command(left=command[0], right=command[1]))
-                numbers = (*command, *(counters or ()), *(speeds or ()), trial.number)
+                turned = (*(counters or ()), *(speeds or ())) if body.counts_turns else ()
+                numbers = (*command, *turned, trial.number)
                 rows.append((f"{now - start:.4f}", *map(str, numbers), trial.kind))
                 due = max(due + body.period_s, now)
         finally:

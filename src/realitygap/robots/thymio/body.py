@@ -45,7 +45,8 @@ class ThymioBody:
     """From `act` to `stop` something has to be asked or told twice a second, or the guard stops the robot.
 
     A command that was lost is seen with the next reading, and given again. `read_at` is when the readings
-    arrived, by `clock`; in a step whose answer does not come, `sense` gives the last ones again.
+    arrived, by `clock`, `speeds` those that the motors measured then; in a step whose answer does not come,
+    `sense` gives the last ones again.
 
     Args:
         line: to the robot; `close` closes it.
@@ -69,6 +70,7 @@ class ThymioBody:
             line.before = self._guard.beat
         self._given = Command(left=0, right=0)
         self._readings: Readings | None = None
+        self.speeds: tuple[int, int] | None = None
         self.read_at = self.clock.now()
         told = self._fetched([name for name in TOLD if name in line.variables], GIVE_UP_S)
         self.facts: dict[str, Any] = {**FACTS, "port": line.place} | {
@@ -93,6 +95,7 @@ class ThymioBody:
             self.read_at = self.clock.now()
             counts = np.clip(np.array(said[PROXIMITY], np.float64), 0, FULL)
             self._readings = Readings(proximity=counts, ambient=np.empty(0))
+            self.speeds = said[SPEEDS[0]][0], said[SPEEDS[1]][0]
             if (*said[TARGETS[0]], *said[TARGETS[1]]) != (self._given.left, self._given.right):
                 self.line.faults += 1
                 self._tell()
