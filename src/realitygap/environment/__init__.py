@@ -1,0 +1,11 @@
+"""The simulation, the twin, Enki and robots as Gymnasium's environments (extra `[gymnasium]`)."""
+
+from __future__ import annotations
+
+from realitygap.lazy import names_of
+
+__all__, __getattr__ = names_of(__name__, {
+    "names": "make_single make_vector register",
+    "robots": "RobotVectorEnv",
+    "single": "RobotEnv",
+})  # fmt: skip

@@ -1,0 +1,225 @@
+"""Many simulated robots as one vector environment of Gymnasium: a compiled step for all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from os import PathLike
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from realitygap.environment.reward import Rewards
+from realitygap.errors import UsageError
+from realitygap.kernels import batch, crowd, halves
+from realitygap.kernels.network import LIMIT
+from realitygap.kernels.params import Path
+from realitygap.kernels.rng import substream
+from realitygap.kernels.work import new_work
+from realitygap.simulation.simulation import Simulation
+from realitygap.tasks.task import Task
+from realitygap.values import Pose, as_stream
+from realitygap.world.arena import Arena
+from realitygap.world.profile import Profile
+
+__all__ = ["RobotVectorEnv", "commands_of", "observations_of", "spaces_of"]
+
+Floats = NDArray[np.float64]
+NOWHERE, STILL = np.zeros((0, 3)), np.zeros((0, 2), np.int64)
+"""No robot begins; none is commanded."""
+Info = dict[str, Any]
+
+
+class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
+    """N robots, each in a room of its own.
+
+    Observations are the fed sensors' readings, −1 … 1 over the profile's input range (float32[N, sensors]);
+    actions are the wheels' speeds, left and right, −1 … 1 of the robot's top command (float32[N, 2]), rounded
+    to the whole units that the network has too, tenths of it. A trial lasts the task's steps, and is then
+    truncated. Rewards add up to the task's score: after step k of K it is k/K of the score of the path so
+    far, less what that was a step before. `info["score"]` has the score of a trial at its end.
+
+    Args:
+        task: one that comes with the package, or a Python file of one's own.
+        num_envs: robots.
+        profile: the robot: a shipped profile's name or a TOML file.
+        noise: zero, observed, double or a number.
+        arena: in place of the task's.
+        autoreset_mode: what happens to a robot whose trial is over: it begins anew with the next step
+            (Gymnasium's default), with the same one, or when `reset` is called with `reset_mask`.
+
+    Raises:
+        RealityGapError: no such task, profile, noise or arena; says what was expected.
+    """
+
+    def __init__(
+        self,
+        task: Task | str | PathLike[str],
+        num_envs: int = 1,
+        *,
+        profile: Profile | str | PathLike[str] = "paper",
+        noise: str | float = "observed",
+        arena: Arena | str | PathLike[str] | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+    ) -> None:
+        if isinstance(num_envs, bool) or not isinstance(num_envs, int) or num_envs < 1:
+            raise UsageError(f"num_envs: expected a whole number, 1 or more, got {num_envs!r}.")
+        self.num_envs, self.autoreset_mode = num_envs, AutoresetMode(autoreset_mode)
+        self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
+        self.simulation = Simulation(task, profile, noise, arena)
+        cores = self.simulation._cores
+        self._world, self._nobody = cores.world, halves.quiet()
+        self._work = new_work(cores.robot, cores.trial, self._nobody)
+        steps, sensors = cores.trial.steps, len(self._work.readings)
+        self._crowd = crowd.Crowd(
+            pose=np.zeros((num_envs, 3)), wheel=np.zeros((num_envs, *self._work.wheel.shape)),
+            step=np.zeros(num_envs, np.int64), stream=np.zeros(num_envs, np.uint64),
+            path=np.zeros((num_envs, len(Path._fields), steps)), readings=np.zeros((num_envs, sensors)),
+        )  # fmt: skip
+        self._rewards = Rewards(cores.score, cores.room, num_envs, steps)
+        self._seeds: NDArray[np.uint64] | None = None
+        self._trial = np.zeros(num_envs, np.int64)
+        self._over = np.ones(num_envs, bool)
+        self.single_observation_space, self.single_action_space = spaces_of(self.simulation)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: Info | None = None
+    ) -> tuple[NDArray[np.float32], Info]:
+        """Begin trials. Robot i with seed s draws what a single environment with seed s + i draws.
+
+        Args:
+            seed: of the first robot, or one of each; None: the trial after the last.
+            options: "reset_mask", bool[N]: which robots; "pose": (x cm, y cm, heading in degrees) of all.
+
+        Raises:
+            UsageError: a seed, mask or pose that is none, or where something stands.
+        """
+        options = options or {}
+        which = self._masked(options.get("reset_mask"))
+        self._seed(seed, which)
+        self._begin(which, options.get("pose"))
+        return self._seen(), {}
+
+    def step(
+        self, actions: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], Floats, NDArray[np.bool_], NDArray[np.bool_], Info]:
+        """A step of the robot's period of every robot.
+
+        Args:
+            actions: float[N, 2].
+
+        Raises:
+            UsageError: before the first reset; an action that is not finite; or a trial that is over where
+                nothing begins anew by itself.
+        """
+        if self._seeds is None:
+            raise UsageError("step: expected a reset before it.")
+        begun = np.flatnonzero(self._over)
+        if len(begun) and self.autoreset_mode is AutoresetMode.DISABLED:
+            raise UsageError(
+                f"step: trials {begun.tolist()} are over. Call reset(options={{'reset_mask': …}}) first, or "
+                "choose another autoreset_mode."
+            )
+        moving = np.flatnonzero(~self._over)
+        commands = commands_of(actions, (self.num_envs, 2))[moving]
+        crowd.go_on(self._world, self._nobody, self._crowd, moving, NOWHERE, commands, self._work)
+        self._begin(begun)
+        rewards = np.zeros(self.num_envs)
+        rewards[moving] = self._rewards.next(self._crowd.path, self._crowd.step, moving)
+        self._over = self._crowd.step == self._crowd.path.shape[2]
+        truncated = self._over.copy()
+        infos: Info = {}
+        if truncated.any():
+            ended = np.flatnonzero(truncated)
+            score = {"score": np.where(truncated, self._rewards.sums, 0.0), "_score": truncated.copy()}
+            infos = score
+            if self.autoreset_mode is AutoresetMode.SAME_STEP:
+                infos = self._restarted(ended, truncated, score)
+        return self._seen(), rewards, np.zeros(self.num_envs, bool), truncated, infos
+
+    def _restarted(self, ended: NDArray[np.int64], truncated: NDArray[np.bool_], score: Info) -> Info:
+        """Begin anew; what was seen and known at the ends."""
+        last, final = self._seen(), np.full(self.num_envs, None, object)
+        for i in ended:
+            final[i] = last[i].copy()
+        self._begin(ended)
+        mask = truncated.copy()
+        return {"final_obs": final, "_final_obs": mask, "final_info": score, "_final_info": mask.copy()}
+
+    def _masked(self, mask: object) -> NDArray[np.int64]:
+        if mask is None:
+            return np.arange(self.num_envs)
+        fits = isinstance(mask, np.ndarray) and mask.dtype == np.bool_ and mask.shape == (self.num_envs,)
+        if isinstance(mask, np.ndarray) and fits and mask.any():
+            return np.flatnonzero(mask)
+        raise UsageError(
+            f"reset_mask: expected an array bool[{self.num_envs}] with at least one True, got {mask!r}."
+        )
+
+    def _seed(self, seed: int | Sequence[int | None] | None, which: NDArray[np.int64]) -> None:
+        """Streams of the seeds; robots without one go on with those that they have."""
+        if self._seeds is None:
+            super().reset(seed=seed if isinstance(seed, int) else None)
+            self._seeds = self.np_random.integers(0, 2**63, self.num_envs, np.uint64)
+        given = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
+        if given is None:
+            return
+        if len(given) != self.num_envs:
+            raise UsageError(f"seed: expected {self.num_envs} numbers, one for each robot, got {len(given)}.")
+        for i in which:
+            one = given[i]
+            if one is not None:
+                self._seeds[i], self._trial[i] = as_stream(one, "seed"), 0
+
+    def _begin(self, which: NDArray[np.int64], pose: Sequence[float] | None = None) -> None:
+        """The next trial of these robots: each a function of its robot's seed and of how many came before."""
+        if not len(which):
+            return
+        assert self._seeds is not None
+        streams = np.array([substream(self._seeds[i], np.uint64(self._trial[i])) for i in which], np.uint64)
+        starts = np.empty((len(which), 3))
+        if pose is None:
+            batch.draw_starts(self._world.task, streams, starts)
+        else:
+            self.simulation._place(self._work, Pose.from_degrees(*pose))
+            starts[:] = self._work.start
+        self._crowd.stream[which] = streams
+        self._trial[which] += 1
+        crowd.go_on(self._world, self._nobody, self._crowd, which, starts, STILL, self._work)
+        self._rewards.begin(which)
+        self._over[which] = False
+
+    def _seen(self) -> NDArray[np.float32]:
+        return observations_of(self.simulation, self._crowd.readings)
+
+
+def spaces_of(simulation: Simulation) -> tuple[Any, Any]:
+    """Of one robot's observations and actions."""
+    sensors = len(simulation.task.sensors)
+    return Box(-1.0, 1.0, (sensors,), np.float32), Box(-1.0, 1.0, (2,), np.float32)
+
+
+def observations_of(simulation: Simulation, readings: Floats) -> NDArray[np.float32]:
+    """Readings [N, all sensors of the kind] of those that are fed, −1 … 1 over the input range."""
+    task = simulation.task
+    low, high = simulation.profile.channel(task.feeds).bands
+    shares = (readings[:, list(task.sensors)] - low) / (high - low)
+    return np.clip(2.0 * shares - 1.0, -1.0, 1.0).astype(np.float32)
+
+
+def commands_of(actions: object, shape: tuple[int, ...]) -> NDArray[np.int64]:
+    """Actions −1 … 1 as whole units −10 … 10; what lies beyond is clipped.
+
+    Raises:
+        UsageError: another shape, or a number that is not finite.
+    """
+    given = np.asarray(actions, np.float64)
+    if given.shape != shape or not np.isfinite(given).all():
+        raise UsageError(f"action: expected finite numbers, float{list(shape)}, got {actions!r}.")
+    return np.rint(np.clip(given, -1.0, 1.0) * LIMIT).astype(np.int64)

@@ -1,0 +1,217 @@
+"""The simulation and other realities as Gymnasium's environments."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+gymnasium = pytest.importorskip("gymnasium", reason="no gymnasium here: pip install 'realitygap[gymnasium]'")
+
+from gymnasium.utils.env_checker import check_env  # noqa: E402
+from gymnasium.vector import AutoresetMode  # noqa: E402
+
+from realitygap.controller.handmade import braitenberg  # noqa: E402
+from realitygap.controller.layout import Layout  # noqa: E402
+from realitygap.controller.network import NetworkController, decode  # noqa: E402
+from realitygap.environment import RobotEnv, RobotVectorEnv, register  # noqa: E402
+from realitygap.errors import TaskError, UsageError  # noqa: E402
+from realitygap.kernels.rng import substream  # noqa: E402
+from realitygap.simulation.simulation import Simulation  # noqa: E402
+
+AVOID, SEEK = "realitygap/ObstacleAvoidance-v0", "realitygap/LightSeeking-v0"
+STEPS = 200
+HEADER = Path("/usr/include/enki/PhysicalEngine.h")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def registered():
+    """As Gymnasium's plug-in does where the package is installed."""
+    if AVOID not in gymnasium.registry:
+        register()
+
+
+def vector(count: int = 3, task: str = "obstacle-avoidance", **settings) -> RobotVectorEnv:
+    return RobotVectorEnv(task, count, **settings)
+
+
+@pytest.mark.parametrize("name", [AVOID, SEEK])
+def test_gymnasium_makes_them_and_finds_nothing_wrong(name):
+    """Both names, single; Gymnasium's own checker, warnings as errors."""
+    check_env(gymnasium.make(name).unwrapped, skip_render_check=True)
+
+
+@pytest.mark.parametrize("name", [AVOID, SEEK])
+def test_robot_i_lives_the_trials_of_a_single_one(name):
+    """With seed s, robot i has the bits of a single environment with seed s + i, over two trials."""
+    many = gymnasium.make_vec(name, num_envs=2, vectorization_mode="vector_entry_point")
+    singles = [gymnasium.make(name) for _ in range(2)]
+    seen, _ = many.reset(seed=40)
+    for i, one in enumerate(singles):
+        assert (one.reset(seed=40 + i)[0] == seen[i]).all()
+    random = np.random.default_rng(3)
+    for k in range(2 * STEPS + 1):
+        actions = random.uniform(-1, 1, (2, 2)).astype(np.float32)
+        seen, rewards, _, truncated, _ = many.step(actions)
+        for i, one in enumerate(singles):
+            if k == STEPS:  # its next trial begins
+                alone, reward, over = one.reset()[0], 0.0, False
+            else:
+                alone, reward, _, over, _ = one.step(actions[i])
+            assert (alone == seen[i]).all() and (reward, over) == (rewards[i], truncated[i])
+
+
+@pytest.mark.parametrize(
+    ("task", "feeds"), [("obstacle-avoidance", "proximity"), ("light-seeking", "ambient")]
+)
+def test_a_networks_trial_is_the_simulations(task, feeds):
+    """Driven as a network drives, its path is the simulation's, bit for bit, and rewards make its score."""
+    genes = braitenberg(feeds, Layout())
+    one, network = RobotEnv(task), NetworkController(genes)
+    simulation = Simulation(task, "paper")
+    stream = int(substream(np.uint64(9), np.uint64(0)))
+    expected, score = simulation.trajectory(decode(genes, Layout()), stream=stream)
+    one.reset(seed=9)
+    total, inner = 0.0, one._inner
+    network.reset()
+    for _ in range(STEPS):
+        readings = inner._crowd.readings[0]
+        fed = simulation.profile.inputs(readings.tolist(), feeds, simulation.task.sensors)
+        command = network.decide(fed)
+        _, reward, terminated, truncated, info = one.step(np.array([command.left, command.right]) / 10)
+        total += reward
+    assert truncated and not terminated
+    assert (inner._crowd.path[0, 0, :-1] == expected.x[1:]).all()
+    assert (inner._crowd.path[0, 2, -1]) == expected.end.heading
+    assert info["score"] == pytest.approx(score, rel=1e-12) and total == pytest.approx(score, rel=1e-9)
+
+
+def run(env: RobotVectorEnv, steps: int, seed: int = 5):
+    """Two of three robots end: all of them, in these tasks. What each step gave."""
+    random, env_seen = np.random.default_rng(seed), []
+    for _ in range(steps):
+        env_seen.append(env.step(random.uniform(-1, 1, (env.num_envs, 2))))
+    return env_seen
+
+
+def test_next_step_begins_anew_with_the_step_after():
+    """Gymnasium's default: at the end the last observation; then a step of no reward, whatever the action."""
+    env = vector(autoreset_mode="NextStep")
+    assert env.metadata["autoreset_mode"] is env.autoreset_mode is AutoresetMode.NEXT_STEP
+    first, _ = env.reset(seed=1)
+    made = run(env, STEPS + 2)
+    assert made[STEPS - 1][3].all() and not made[STEPS - 2][3].any()
+    seen, rewards, _, truncated, _ = made[STEPS]
+    assert (rewards == 0).all() and not truncated.any() and not (seen == first).all()
+    assert (made[STEPS + 1][1] != 0).any()
+
+
+def test_same_step_tells_the_end_and_shows_the_beginning():
+    """`final_obs` is what NEXT_STEP shows at the end, and the observation what it shows a step later."""
+    other, env = vector(), vector(autoreset_mode=AutoresetMode.SAME_STEP)
+    other.reset(seed=1), env.reset(seed=1)
+    there, here = run(other, STEPS + 1), run(env, STEPS)
+    seen, rewards, _, truncated, info = here[-1]
+    assert truncated.all() and info["_final_obs"].all() and info["_final_info"].all()
+    assert (np.stack(info["final_obs"]) == there[-2][0]).all() and (seen == there[-1][0]).all()
+    assert (info["final_info"]["score"] == there[-2][4]["score"]).all() and (rewards == there[-2][1]).all()
+
+
+def test_disabled_waits_for_a_mask():
+    """Nothing begins by itself; a mask begins some, and leaves the others where they are."""
+    env = vector(autoreset_mode=AutoresetMode.DISABLED)
+    env.reset(seed=1)
+    run(env, 50)
+    before = env._crowd.pose.copy()
+    seen, _ = env.reset(options={"reset_mask": np.array([False, True, False])})
+    assert (env._crowd.pose[[0, 2]] == before[[0, 2]]).all() and (env._crowd.step == [50, 0, 50]).all()
+    assert seen.shape == (3, 8)
+    last = run(env, STEPS - 50)[-1]
+    assert last[3].tolist() == [True, False, True]
+    with pytest.raises(UsageError, match=r"trials \[0, 2\] are over"):
+        run(env, 1)
+
+
+def test_what_is_returned_is_nobody_elses():
+    """No array that a step returned changes with the next one."""
+    env = vector()
+    seen, _ = env.reset(seed=0)
+    made = [seen, *run(env, 1)[0][:4]]
+    kept = [one.copy() for one in made]
+    run(env, 3)
+    assert all((one == two).all() for one, two in zip(made, kept, strict=True))
+
+
+def test_the_same_seed_is_the_same_life_whatever_the_number():
+    """Two environments agree; robots do not depend on how many there are."""
+    few, many = vector(2), vector(5)
+    assert (few.reset(seed=7)[0] == many.reset(seed=7)[0][:2]).all()
+    for _ in range(30):
+        action = np.full((5, 2), 0.3)
+        assert (few.step(action[:2])[0] == many.step(action)[0][:2]).all()
+
+
+def test_a_pose_and_noise_are_options():
+    """At zero noise, from one pose, all robots see the same."""
+    env = vector(noise="zero")
+    seen, _ = env.reset(seed=3, options={"pose": (20, 20, 45)})
+    assert (seen == seen[0]).all()
+    assert len({row.tobytes() for row in vector(noise=2).reset(seed=3)[0]}) == 3
+    with pytest.raises(UsageError, match="pose: expected a free place"):
+        env.reset(options={"pose": (0, 0, 0)})
+
+
+def test_refusals():
+    """What would be wrong is said."""
+    env = vector()
+    with pytest.raises(UsageError, match="expected a reset"):
+        env.step(np.zeros((3, 2)))
+    env.reset(seed=0)
+    for action in (np.zeros((2, 2)), np.full((3, 2), np.nan)):
+        with pytest.raises(UsageError, match=r"action: expected finite numbers, float\[3, 2\]"):
+            env.step(action)
+    for mask in (np.zeros(3, bool), np.ones(2, bool), [True, True, True]):
+        with pytest.raises(UsageError, match="reset_mask: expected an array bool"):
+            env.reset(options={"reset_mask": mask})
+    with pytest.raises(UsageError, match="seed: expected 3 numbers"):
+        env.reset(seed=[1, 2])
+    with pytest.raises(UsageError, match="num_envs"):
+        vector(0)
+
+
+def test_a_score_that_fails_on_a_part_of_a_path_is_named(tmp_path):
+    """A user's score meets every beginning of a path; one that cannot take it says so, with its line."""
+    file = tmp_path / "own.py"
+    file.write_text(
+        "from realitygap import Start, Task\n\n\ndef score(path, room):\n    return path.x[150]\n\n\n"
+        'task = Task(name="own", arena="obstacle-avoidance", feeds="proximity", score=score, '
+        "start=Start(x_cm=25, y_cm=25))\n"
+    )
+    env = gymnasium.make("realitygap/Task-v0", task=str(file)).unwrapped
+    env.reset(seed=0)
+    with pytest.raises(TaskError, match=r"own.py, line 5: the score stops with IndexError"):
+        env.step(np.zeros(2))
+
+
+@pytest.mark.parametrize("reality", ["twin:1", "enki:khepera:1"])
+def test_other_realities(reality):
+    """The same name steps the twin and Enki: the same bits twice, and rewards that add up."""
+    if reality.startswith("enki") and not (shutil.which("g++") and HEADER.is_file()):
+        pytest.skip("Enki is not installed here: apt install libenki-dev g++")
+    ends = []
+    for _ in range(2):
+        one = gymnasium.make(AVOID, reality=reality).unwrapped
+        seen, _ = one.reset(seed=11)
+        total = 0.0
+        for _ in range(STEPS):
+            left = 0.6 if seen.max() < -0.5 else -0.4
+            seen, reward, _, truncated, info = one.step(np.array([left, 0.6], np.float32))
+            total += reward
+        assert truncated and total == pytest.approx(info["score"]) and 0 < info["score"] < 1
+        with pytest.raises(UsageError, match="after a trial's end"):
+            one.step(np.zeros(2))
+        one.close()
+        ends.append((total, seen.tobytes()))
+    assert ends[0] == ends[1]
