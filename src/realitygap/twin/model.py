@@ -118,7 +118,9 @@ def build_xml(arena: Mapping[str, Any], unit: Unit, *, timestep: float = 0.001, 
     return f"""<mujoco model="twin">
   <compiler angle="radian" autolimits="true"/>
   <option timestep="{timestep}" integrator="implicitfast" cone="elliptic" impratio="5"
-          gravity="{_gravity(unit)}"/>
+          gravity="{_gravity(unit)}">
+    <flag island="disable"/>
+  </option>
   <visual>{visual or "<quality shadowsize='0'/>"}</visual>
   <asset>
     <material name="floor" rgba="0.78 0.77 0.74 1" specular="0" reflectance="0"/>
