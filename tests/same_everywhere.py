@@ -50,8 +50,8 @@ def readings() -> list[Any]:
     """A unit's constants, sensors, noise and camera, at places that no physics moves."""
     from realitygap.twin.arena import check_arena
     from realitygap.twin.camera import OverheadCamera
-    from realitygap.twin.noise import Creep
-    from realitygap.twin.sensors import Sensors
+    from realitygap.twin.noise import creep_at, creep_of
+    from realitygap.twin.sensors import HISTORY_MS, Sensors
     from realitygap.twin.states import States
     from realitygap.twin.unit import draw_unit
 
@@ -61,11 +61,15 @@ def readings() -> list[Any]:
     for k in range(60):
         angle = 0.7 * k
         poses = np.tile([0.1 + 0.013 * k, 0.6 - 0.005 * k, angle], (8, 1))
-        when = sensors.refreshed(20 * k)
         found += [sensors.illumination(poses), sensors.reflected(poses)]
-        found += [np.array([sensors.proximity(20 * k, when, poses), sensors.ambient(20 * k, when, poses)])]
-    creep = Creep(5, 1.0, unit.axle_phase)
-    found.append(np.array([creep.at(k % 2, 0.01 * k, 0.3, 0.1 * k) for k in range(2000)]))
+        pose = States.standing([0], [10 + 1.3 * k], [60 - 0.5 * k], [angle]).pose
+        history = np.tile(pose, (HISTORY_MS, 1))
+        found += [np.array([sensors.proximity(20 * k, history), sensors.ambient(20 * k, history)])]
+    creep, refill = creep_of(5, 1.0, unit.axle_phase)
+    for k in range(2000):
+        if k % len(creep.block) == 0:
+            refill()
+        found.append(np.array(creep_at(creep, k % 2, 0.01 * k, 0.3, 0.1 * k)))
     with OverheadCamera(ROOM, unit=3, view="drawn", seed=5) as eye:
         pose = States.standing([0], [40.0], [50.0], [0.5]).pose[0]
         found.append(eye.frame(pose, 1))

@@ -1,4 +1,4 @@
-"""The twin's wheels and millisecond in plain Python: the judge of the compiled ones."""
+"""The twin in plain Python, all of MuJoCo's stages on: the judge of the compiled one."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ import math
 from typing import Any
 
 import mujoco
+import numpy as np
 
-from realitygap.twin.body import HISTORY_MS, TwinBody
+from realitygap.twin.body import TwinBody
 from realitygap.twin.model import NOMINAL_VOLT
-from realitygap.twin.noise import CREEP_MS
-from realitygap.twin.sensors import CYCLE_MS, PHASE_MS
+from realitygap.twin.noise import CREEP_MS, draws
+from realitygap.twin.sensors import CYCLE_MS, HISTORY_MS, PHASE_MS
+from realitygap.twin.states import heading_of
 from realitygap.twin.wheels import (
     ARRIVED,
     MAX_PWM,
@@ -22,22 +24,29 @@ from realitygap.twin.wheels import (
     SPEED_GAINS,
     SPEED_SCALE,
     WINDOW_MS,
+    note,
 )
+from tests.twin.slow_sensors import SlowCreep, SlowSensors
 
 
 class SlowBody(TwinBody):
-    """A `TwinBody` with slow wheels, in which MuJoCo is stepped from Python."""
+    """A `TwinBody` with slow wheels, creep and sensors, in which MuJoCo is stepped from Python."""
 
     def __init__(self, *arguments: Any, **settings: Any) -> None:
         super().__init__(*arguments, **settings)
         self._substeps = settings.get("substeps", 1)
         self._wheels = SlowWheel(NOMINAL_VOLT), SlowWheel(NOMINAL_VOLT)  # type: ignore[assignment]
+        self._model.opt.disableflags = 0
+        name = int(draws(self.unit.number, self.seed, 17).integers(2**62))
+        self._creep = SlowCreep(name, self.noise, self.unit.axle_phase)
+        self._eyes = SlowSensors(self.arena, self.unit, noise=self.noise, seed=name)
 
     def advance(self, milliseconds: int) -> None:
+        self._make_room(milliseconds)
         for now in range(self.time_ms + 1, self.time_ms + milliseconds + 1):
             if self.time_ms % CREEP_MS == 0:
                 self._feel_ground()
-            creeps, last, slipped = self._turned
+            creeps, last, slipped = self._machine.turned
             for side, wheel in enumerate(self._wheels):
                 angle = float(self._qpos[7 + side])
                 slipped[side] += creeps[side] * (angle - last[side])
@@ -48,7 +57,27 @@ class SlowBody(TwinBody):
             if now % CYCLE_MS in PHASE_MS:
                 self._history[now % HISTORY_MS] = self._qpos[:7]
             if now % 10 == 0:
-                self._record()
+                note(now, self._machine)
+
+    def _feel_ground(self) -> None:
+        (x, y), (w, z) = self._qpos[:2].tolist(), self._qpos[[3, 6]].tolist()
+        half = self.unit.track / 2.0
+        dx, dy = -2.0 * w * z * half, (w * w - z * z) * half
+        turned = self._machine.turned
+        left, right = turned[1].tolist()
+        turned[0] = self._creep.at(0, x + dx, y + dy, left), self._creep.at(1, x - dx, y - dy, right)
+
+    def _seen(self) -> tuple[Any, Any]:
+        """When each sensor was refreshed last, and the poses [8, 3] (x, y in m, heading) of then."""
+        refreshed = self._eyes.refreshed(self.time_ms)
+        poses = self._history[refreshed % HISTORY_MS]
+        return refreshed, np.stack([poses[:, 0], poses[:, 1], heading_of(poses)], axis=1)
+
+    def proximity(self) -> list[int]:
+        return self._eyes.proximity(self.time_ms, *self._seen())
+
+    def ambient(self) -> list[int]:
+        return self._eyes.ambient(self.time_ms, *self._seen())
 
 
 class SlowWheel:

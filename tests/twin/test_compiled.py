@@ -60,10 +60,10 @@ def test_answers_are_whole_numbers() -> None:
 ONCE = """
 import numpy as np
 from realitygap.twin.body import TwinBody
-body = TwinBody({"size_cm": [50, 50]}, unit=1, seed=3)
+body = TwinBody({"size_cm": [50, 50], "cylinders": [[10, 40, 3]], "lamps": [[50, 20]]}, unit=1, seed=3)
 body.set_speed(9, -4)
 body.advance(400)
-print(body.pulses(), body.proximity(), body.states().pose.tobytes().hex())
+print(body.pulses(), body.proximity(), body.ambient(), body.states().pose.tobytes().hex())
 """
 
 

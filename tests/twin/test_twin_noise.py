@@ -8,15 +8,16 @@ from numpy.typing import NDArray
 
 from realitygap.errors import ConfigError
 from realitygap.twin.body import TwinBody
-from realitygap.twin.noise import AMBIENT_COUNTS, PROXIMITY_COUNTS, Creep, SensorNoise
+from realitygap.twin.noise import AMBIENT_COUNTS, PROXIMITY_COUNTS
 from tests.twin.rooms import OPEN
+from tests.twin.slow_sensors import SlowCreep, SlowNoise
 
 LIT = {"size_cm": [100, 100], "lamps": [[100, 50]]}
 
 
 def creep_over_100_ms(scale: float, speed_cm_s: float, steps: int = 4000) -> NDArray[np.float64]:
     """Mean creep of each 100 ms of wheels that roll over the floor at a speed."""
-    creep = Creep(seed=3, noise=scale, phases=(0.3, 2.0))
+    creep = SlowCreep(seed=3, noise=scale, phases=(0.3, 2.0))
     rows = []
     for k in range(steps * 20):
         way = speed_cm_s / 100 * k * 0.005
@@ -88,7 +89,7 @@ def test_dark_sensors_jitter_a_little() -> None:
 
 def test_tails_are_heavier_than_normal_and_part_is_slow() -> None:
     """Kurtosis lies well above the normal's 3; neighbouring readings keep about a tenth in common."""
-    noise = SensorNoise(seed=11, purpose=1)
+    noise = SlowNoise(seed=11, purpose=1)
     rows = np.array([noise.at(t, np.full(8, t)) for t in range(0, 400_000, 100)])
     assert rows.std() == pytest.approx(1.0, abs=0.04)
     white = np.array([noise.white(np.full(8, t)) for t in range(4000)]).ravel()

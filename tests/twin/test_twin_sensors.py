@@ -11,10 +11,19 @@ from numpy.typing import NDArray
 
 from realitygap.twin.arena import check_arena, edges
 from realitygap.twin.body import TwinBody
-from realitygap.twin.rays import Scene
-from realitygap.twin.sensors import IR_OFFSET, LAMP_COUNTS, Sensors
+from realitygap.twin.sensors import (
+    HISTORY_MS,
+    IR_OFFSET,
+    LAMP_COUNTS,
+    SENSORS,
+    Sensors,
+    on_wall,
+    refreshed_at,
+)
+from realitygap.twin.states import States, heading_of
 from realitygap.twin.unit import draw_unit
 from tests.twin.rooms import CROWDED, OPEN, table
+from tests.twin.slow_sensors import SlowScene, SlowSensors
 
 FRONT = (2, 3)
 
@@ -27,6 +36,11 @@ def eyes(arena: dict[str, Any], unit: int = 0) -> Sensors:
 def at(x_cm: float, y_cm: float, heading: float) -> NDArray[np.float64]:
     """The pose of a robot at rest, for all eight sensors (m)."""
     return np.tile([x_cm / 100, y_cm / 100, heading], (8, 1))
+
+
+def lived(x_cm: float, y_cm: float, heading: float) -> NDArray[np.float64]:
+    """The same as the robot's last milliseconds."""
+    return np.tile(States.standing([0], [x_cm], [y_cm], [heading]).pose, (HISTORY_MS, 1))
 
 
 def slow_ray(scene: dict[str, Any], x: float, y: float, angle: float) -> float:
@@ -48,9 +62,9 @@ def slow_ray(scene: dict[str, Any], x: float, y: float, angle: float) -> float:
 
 
 def test_rays_meet_what_the_obvious_way_meets() -> None:
-    """Fast rays end where slow ones do, with normals that look back at them."""
+    """Rays in NumPy, the compiled ones' judges, end where slow ones do, with normals that look back."""
     arena = check_arena(CROWDED)
-    scene = Scene(edges(arena), np.array(arena["cylinders"]) / 100)
+    scene = SlowScene(edges(arena), np.array(arena["cylinders"]) / 100)
     generator = np.random.default_rng(5)
     for x, y in [(10, 10), (30, 45), (70, 20), (47, 30)]:
         angles = generator.uniform(-math.pi, math.pi, 12)
@@ -59,6 +73,39 @@ def test_rays_meet_what_the_obvious_way_meets() -> None:
         slow = [slow_ray(arena, x, y, a) for a in angles]
         assert distance[0] * 100 == pytest.approx(slow, abs=0.03)
         assert (incidence > 0).all() and (incidence <= 1 + 1e-12).all()
+
+
+def some_room(random: np.random.Generator) -> dict[str, Any]:
+    """A room with a few of everything, walls through each other too."""
+    size = random.uniform(20, 90, 2)
+    count = random.integers(0, 5, 3)
+    return {
+        "size_cm": size.tolist(),
+        "cylinders": [[*random.uniform(0, size), random.uniform(0.5, 5)] for _ in range(count[0])],
+        "walls": [[*random.uniform(0, size), *random.uniform(0, size)] for _ in range(count[1])],
+        "lamps": [random.uniform(0, size).tolist() for _ in range(count[2])],
+    }
+
+
+def test_compiled_sensors_read_as_plain_ones() -> None:
+    """In any room, at any place and time, the compiled sensors read what the plain ones do, bit by bit."""
+    random = np.random.default_rng(7)
+    for unit in range(40):
+        room, noise = check_arena(some_room(random)), (0.0, 1.0, 2.0)[unit % 3]
+        fast = Sensors(room, draw_unit(unit), noise=noise, seed=unit)
+        slow = SlowSensors(room, draw_unit(unit), noise=noise, seed=unit)
+        for _ in range(8):
+            where = [*random.uniform(0, room["size_cm"]), random.uniform(-math.pi, math.pi)]
+            history, time_ms = lived(*where), int(random.integers(0, 50_000))
+            poses = np.array([[*history[0, :2], float(heading_of(history[0]))]] * SENSORS)
+            when = slow.refreshed(time_ms)
+            assert when.tolist() == [refreshed_at(k, time_ms) for k in range(SENSORS)]
+            assert fast.reflected(poses).tobytes() == slow.reflected(poses).tobytes()
+            assert fast.illumination(poses).tobytes() == slow.illumination(poses).tobytes()
+            assert fast.proximity(time_ms, history) == slow.proximity(time_ms, when, poses)
+            assert fast.ambient(time_ms, history) == slow.ambient(time_ms, when, poses)
+            x, y = history[0, :2]
+            assert fast.clearance(x, y) == slow.clearance(x, y)
 
 
 def test_infrared_weakens_with_the_square_of_the_distance() -> None:
@@ -100,11 +147,11 @@ def test_direct_light_weakens_with_the_square_and_adds_up() -> None:
     """Without walls near, half the distance is four times the light; two lamps give twice as much."""
     one = {"size_cm": [900, 900], "lamps": [[450, 450]]}
     sensors = eyes(one)
-    sensors._direction[:] = 0.0
+    sensors.eyes.direction[:] = 0.0
     near, far = (sensors.illumination(at(450 - d - 2.5, 450, 0.0))[2] for d in (50.0, 100.0))
     assert near / far == pytest.approx(4.0, rel=0.05)
     two = eyes({**one, "lamps": one["lamps"] * 2})
-    two._direction[:] = 0.0
+    two.eyes.direction[:] = 0.0
     assert two.illumination(at(350, 450, 0.0)) == pytest.approx(2 * sensors.illumination(at(350, 450, 0.0)))
 
 
@@ -114,18 +161,18 @@ def test_ambient_is_linear_between_dark_and_floor() -> None:
     sensors, unit = eyes(room), draw_unit(0)
     for x, y, heading in [(15, 35, 0.0), (15, 35, 2.0), (60, 20, -2.5), (90, 50, 1.0)]:
         light = sensors.illumination(at(x, y, heading))
-        readings = np.array(sensors.ambient(0, np.zeros(8, np.int64), at(x, y, heading)))
+        readings = np.array(sensors.ambient(0, lived(x, y, heading)))
         expected = np.array(unit.dark) - LAMP_COUNTS * np.array(unit.ambient_gain) * light
         assert readings == pytest.approx(np.maximum(expected, unit.floor), abs=0.51)
-    dark = eyes({"size_cm": [110, 70]}).ambient(0, np.zeros(8, np.int64), at(50, 30, 0.0))
+    dark = eyes({"size_cm": [110, 70]}).ambient(0, lived(50, 30, 0.0))
     assert dark == [round(v) for v in unit.dark]
 
 
 def test_light_tells_where_the_lamp_is() -> None:
     """From the paper's start the sensors that look at the lamp are bright and the others dimmer."""
     sensors = eyes({"size_cm": [110, 70], "lamps": [[110, 35]]})
-    towards = np.array(sensors.ambient(0, np.zeros(8, np.int64), at(15, 35, 0.0)))
-    away = np.array(sensors.ambient(0, np.zeros(8, np.int64), at(15, 35, math.pi)))
+    towards = np.array(sensors.ambient(0, lived(15, 35, 0.0)))
+    away = np.array(sensors.ambient(0, lived(15, 35, math.pi)))
     assert towards[[2, 3]].max() < 80 and away[[6, 7]].max() < 80
     assert towards[[0, 5, 6, 7]].min() > 150 and away[[0, 2, 3, 5]].min() > 150
 
@@ -142,8 +189,7 @@ def test_cylinders_and_the_body_throw_shadows() -> None:
 
 def test_sensors_are_refreshed_one_after_another() -> None:
     """A reading is 0 to 19 ms old, and the eight have different ages."""
-    sensors = eyes(OPEN)
-    ages = np.array([t - sensors.refreshed(t) for t in range(100, 200)])
+    ages = np.array([[t - refreshed_at(k, t) for k in range(SENSORS)] for t in range(100, 200)])
     assert ages.min() == 0 and ages.max() == 19
     assert len(set(ages[0])) == 8
 
@@ -182,7 +228,7 @@ def test_ambient_looks_like_the_real_table() -> None:
     row = int(np.argmin(abs(distances - 253)))
     drop = (volts[row].max() - volts[row][:, FRONT]).mean(axis=1)
     sensors = eyes({"size_cm": [900, 900], "lamps": [[450, 450]]})
-    sensors._direction[:] = [math.radians(v) for v in (90, 45, 0, 0, -45, -90, 180, 180)]
+    sensors.eyes.direction[:] = [math.radians(v) for v in (90, 45, 0, 0, -45, -90, 180, 180)]
     reach = (27.5 + distances[row]) / 10
     seen = np.array(
         [sensors.illumination(at(450 - reach, 450, math.radians(a)))[[2, 3]].mean() for a in (0, 30, 60)]
@@ -194,11 +240,10 @@ def test_ambient_looks_like_the_real_table() -> None:
 
 def test_light_passes_over_the_body() -> None:
     """Of a wall behind the robot the body shades what light would reach below its top, and no more."""
-    sensors, rise = eyes({"size_cm": [200, 200], "lamps": [[150, 100]]}), draw_unit(0).lamp_height - 0.012
-    lamp, wall = np.array([1.5, 1.0]), (np.array([[0.0]]), np.array([[1.0]]))
-    normal = (np.array([[1.0]]), np.array([[0.0]]))
-    over = (0.030 - 0.012) / rise * 1.5  # m from the wall: there light is as high as the body's top
-    shaded, lit = (
-        sensors._on_walls(*wall, *normal, lamp, np.array([over + off, 1.0]))[0, 0] for off in (0.027, 0.028)
-    )
+    eight = eyes({"size_cm": [200, 200], "lamps": [[150, 100]]}).eyes
+    lamp, wall, normal = (1.5, 1.0), (0.0, 1.0), (1.0, 0.0)
+    over = (
+        (0.030 - 0.012) / (draw_unit(0).lamp_height - 0.012) * 1.5
+    )  # m from the wall: light at the body's top
+    shaded, lit = (on_wall(eight, lamp, wall, normal, (over + off, 1.0)) for off in (0.027, 0.028))
     assert shaded == 0 and lit > 0

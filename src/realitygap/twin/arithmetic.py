@@ -4,15 +4,15 @@ Those of NumPy and of the C library take other ways on other processors (AVX-512
 bit. These are made of sums, products, quotients and square roots alone, which IEEE 754 rounds one way only,
 in one order. Polynomials of fdlibm (Sun Microsystems 1993): errors of a few units in the last place.
 
-It also says how the twin's few inner loops are compiled. What is compiled hangs on its own file alone,
-constants come in as values: so what is kept on file is known to be out of date by that file. No flag lets
-the compiler change the order of a sum.
+It also says how the twin's inner loops are compiled. What is kept on file is known to be out of date by the
+text of this room. No flag lets the compiler change the order of a sum.
 """
 
 from __future__ import annotations
 
 import math
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,14 +20,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from realitygap.machine_code import Shelf
 
-__all__ = ["arctan2", "cos", "cos_sin", "hypot", "jit", "normals", "power", "product", "step", "weighted"]
+__all__ = [
+    "arctan2", "cos", "cos_sin", "hypot", "jit", "normals", "one_arctan2", "one_cos_sin", "one_normal",
+    "one_power", "power", "product", "routine", "step",
+]  # fmt: skip
 
-_SHELF = Shelf(b"the twin")
+_SHELF = Shelf(b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py"))))
 
-jit = partial(_SHELF.compiled, error_model="numpy", nogil=True)
-"""For what is called from Python."""
+routine = partial(_SHELF.compiled, error_model="numpy", nogil=True)
+"""For what is called from Python and allocates."""
 
-step = partial(_SHELF.compiled, error_model="numpy", nogil=True, forceinline=True)
+jit = partial(_SHELF.compiled, error_model="numpy", nogil=True, _nrt=False)
+"""For what allocates nothing: Numba's reference counts cost as much as the work itself."""
+
+step = partial(_SHELF.compiled, error_model="numpy", nogil=True, _nrt=False, forceinline=True)
 """For a part of it, inlined: arrays would cost more to hand over than the step itself."""
 
 Array = NDArray[np.float64]
@@ -62,8 +68,9 @@ def _exp(x: float) -> float:
     return math.ldexp(1.0 - ((low - (r * c) / (2.0 - c)) - high), int(k))
 
 
-@step
-def _cos_sin(x: float) -> tuple[float, float]:
+@jit
+def one_cos_sin(x: float) -> tuple[float, float]:
+    """Cosine and sine of one angle (rad), for compiled callers; so are the others of a single number."""
     k = math.floor(x / (QUARTER[0] + QUARTER[1]) + 0.5)
     r = ((x - k * QUARTER[0]) - k * QUARTER[1]) - k * QUARTER[2]
     z = r * r
@@ -81,8 +88,9 @@ def _cos_sin(x: float) -> tuple[float, float]:
     return (-c, -s) if quadrant == 2 else (s, -c)
 
 
-@step
-def _arctan2(y: float, x: float) -> float:
+@jit
+def one_arctan2(y: float, x: float) -> float:
+    """Angle of one point (rad, −π to π)."""
     wide, high = abs(x), abs(y)
     if wide == 0.0 and high == 0.0:
         return 0.0
@@ -105,39 +113,42 @@ def _arctan2(y: float, x: float) -> float:
 
 
 @jit
+def one_power(base: float, exponent: float) -> float:
+    """base to a power; 0 where the base is not above 0."""
+    return _exp(exponent * _log(base)) if base > 0.0 else 0.0
+
+
+@jit
+def one_normal(bits: Any) -> Any:
+    """A draw of deviation 1 from 64 random bits (Box and Muller 1958)."""
+    first = (np.float64(bits >> np.uint64(32)) + 0.5) * 2.3283064365386963e-10
+    second = np.float64(bits & np.uint64(0xFFFFFFFF)) * 2.3283064365386963e-10
+    c, _ = one_cos_sin(6.283185307179586 * second)
+    return math.sqrt(-2.0 * _log(first)) * c
+
+
+@jit
 def _all_cos_sin(angles: Any, c: Any, s: Any) -> None:
     for k in range(angles.shape[0]):
-        c[k], s[k] = _cos_sin(angles[k])
+        c[k], s[k] = one_cos_sin(angles[k])
 
 
 @jit
 def _all_arctan2(y: Any, x: Any, out: Any) -> None:
     for k in range(out.shape[0]):
-        out[k] = _arctan2(y[k], x[k])
+        out[k] = one_arctan2(y[k], x[k])
 
 
 @jit
 def _all_power(base: Any, exponent: float, out: Any) -> None:
     for k in range(out.shape[0]):
-        out[k] = _exp(exponent * _log(base[k])) if base[k] > 0.0 else 0.0
+        out[k] = one_power(base[k], exponent)
 
 
 @jit
 def _all_normals(bits: Any, out: Any) -> None:
     for k in range(out.shape[0]):
-        first = (np.float64(bits[k] >> np.uint64(32)) + 0.5) * 2.3283064365386963e-10
-        second = np.float64(bits[k] & np.uint64(0xFFFFFFFF)) * 2.3283064365386963e-10
-        c, _ = _cos_sin(6.283185307179586 * second)
-        out[k] = math.sqrt(-2.0 * _log(first)) * c
-
-
-@jit
-def _all_weighted(rows: Any, weights: Any, out: Any) -> None:
-    for n in range(rows.shape[0]):
-        total = 0.0
-        for k in range(rows.shape[1]):
-            total += rows[n, k] * weights[k]
-        out[n] = total
+        out[k] = one_normal(bits[k])
 
 
 def cos_sin(angles: ArrayLike) -> tuple[Array, Array]:
@@ -150,7 +161,7 @@ def cos_sin(angles: ArrayLike) -> tuple[Array, Array]:
 
 def cos(angle: float) -> float:
     """The cosine of one angle (rad)."""
-    return float(_cos_sin(float(angle))[0])
+    return float(one_cos_sin(float(angle))[0])
 
 
 def arctan2(y: ArrayLike, x: ArrayLike) -> Array:
@@ -170,7 +181,7 @@ def power(base: ArrayLike, exponent: float) -> Array:
 
 
 def normals(bits: NDArray[np.uint64]) -> Array:
-    """A draw of deviation 1 from each word of 64 random bits, shaped as these (Box and Muller 1958)."""
+    """A draw of deviation 1 from each word of 64 random bits, shaped as these."""
     flat = np.ascontiguousarray(bits, np.uint64).ravel()
     out = np.empty(flat.shape)
     _all_normals(flat, out)
@@ -188,13 +199,6 @@ def product(a: Array, b: Array) -> Array:
     for k in range(1, len(b)):
         total = total + a[..., k, None] * b[k]
     return np.asarray(total)
-
-
-def weighted(rows: Array, weights: Array) -> Array:
-    """[n] sums of [n, m] rows times [m] weights, in order."""
-    out = np.empty(len(rows))
-    _all_weighted(np.ascontiguousarray(rows), weights, out)
-    return out
 
 
 def _flat(values: ArrayLike) -> tuple[Array, tuple[int, ...]]:

@@ -3,29 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.errors import ConfigError
 from realitygap.twin.arena import check_arena
 from realitygap.twin.arithmetic import cos_sin
 from realitygap.twin.model import BODY_RADIUS, NOMINAL_VOLT, build_xml
-from realitygap.twin.noise import CREEP_MS, Creep, check_scale, draws
-from realitygap.twin.sensors import CYCLE_MS, PHASE_MS, Sensors
-from realitygap.twin.states import States, heading_of
+from realitygap.twin.noise import check_scale, creep_of, draws
+from realitygap.twin.sensors import CYCLE_MS, HISTORY_MS, PHASE_MS, Sensors, heading_at
+from realitygap.twin.states import States
 from realitygap.twin.unit import Unit, draw_unit
-from realitygap.twin.wheels import FOUND, STATE, Machine, Wheel, run
+from realitygap.twin.wheels import FOUND, RECORD_MS, STATE, Machine, Wheel, note, run
 
 __all__ = ["TwinBody"]
 
-RECORD_MS = 10
-"""A state is kept for the camera this often."""
-HISTORY_MS = 21
 KEPT = np.isin(np.arange(CYCLE_MS), PHASE_MS)
-"""A sensor's reading is at most 20 ms old; the pose is kept when one is refreshed."""
+"""The pose is kept when a sensor is refreshed."""
+FIRST_STATES = 256
 TOUCH = 1e-4
 """A hand sets the robot down this exactly (m)."""
 
@@ -52,20 +50,27 @@ class TwinBody:
         self.time_ms = 0
         name = int(draws(unit, seed, 17).integers(2**62))
         self._sensors = Sensors(self.arena, self.unit, noise=self.noise, seed=name)
-        self._creep = Creep(name, self.noise, self.unit.axle_phase)
-        self._model = mujoco.MjModel.from_xml_string(
-            build_xml(self.arena, self.unit, timestep=0.001 / substeps)
-        )
+        creep, self._refill = creep_of(name, self.noise, self.unit.axle_phase)
+        self._model = _compiled(build_xml(self.arena, self.unit, timestep=0.001 / substeps))
         self._data = mujoco.MjData(self._model)
         self._qpos = self._data.qpos
-        self._states: list[tuple[int, NDArray[np.float64]]] = []
-        self._turned = np.zeros((3, 2))
         self._history = np.zeros((HISTORY_MS, 7))
         wheels = np.zeros(2, STATE).view(np.recarray)
         self._wheels = Wheel(NOMINAL_VOLT, wheels[0]), Wheel(NOMINAL_VOLT, wheels[1])
-        model, data = (self._model._address, self._data._address) if FOUND else (self._model, self._data)
         self._machine = Machine(
-            model, data, substeps, self._qpos, self._data.ctrl, wheels, self._turned, self._history, KEPT
+            model=self._model._address if FOUND else self._model,
+            data=self._data._address if FOUND else self._data,
+            substeps=substeps,
+            qpos=self._qpos,
+            ctrl=self._data.ctrl,
+            wheels=wheels,
+            turned=np.zeros((3, 2)),
+            creep=creep,
+            half=self.unit.track / 2.0,
+            kept=KEPT,
+            history=self._history,
+            states=np.empty((FIRST_STATES, 8)),
+            recorded=np.zeros(1, np.int64),
         )
         self.place(*self._somewhere(), 0.0)
 
@@ -74,26 +79,19 @@ class TwinBody:
     def advance(self, milliseconds: int) -> None:
         """Let time pass: physics, and the robot's own control of its wheels each millisecond."""
         end = self.time_ms + milliseconds
+        self._make_room(milliseconds // RECORD_MS + 1)
         while self.time_ms < end:
-            into = self.time_ms % CREEP_MS
-            if into == 0:
-                self._feel_ground()
-            part = min(end - self.time_ms, CREEP_MS - into)
-            run(self.time_ms + 1, part, self._machine)
-            self.time_ms += part
-            if self.time_ms % RECORD_MS == 0:
-                self._record()
+            passed = run(self.time_ms + 1, end - self.time_ms, self._machine)
+            self.time_ms += passed
+            if passed == 0:
+                self._refill()
 
-    def _feel_ground(self) -> None:
-        x, y = float(self._qpos[0]), float(self._qpos[1])
-        w, z = float(self._qpos[3]), float(self._qpos[6])
-        half = self.unit.track / 2.0
-        dx, dy = -2.0 * w * z * half, (w * w - z * z) * half
-        left, right = self._turned[1].tolist()
-        self._turned[0] = self._creep.at(0, x + dx, y + dy, left), self._creep.at(1, x - dx, y - dy, right)
-
-    def _record(self) -> None:
-        self._states.append((self.time_ms, self._qpos[:7].copy()))
+    def _make_room(self, more: int) -> None:
+        """For so many states more."""
+        kept = self._machine.states
+        if self._machine.recorded[0] + more > len(kept):
+            grown = np.concatenate([kept, np.empty((max(len(kept), more), 8))])
+            self._machine = self._machine._replace(states=grown)
 
     def _fits(self, x_cm: float, y_cm: float) -> bool:
         w, h = self.arena["size_cm"]
@@ -134,7 +132,8 @@ class TwinBody:
         data.qpos[7:9] = angles
         mujoco.mj_forward(self._model, data)
         self._history[:] = data.qpos[:7]
-        self._record()
+        self._make_room(1)
+        note(self.time_ms, self._machine)
 
     # wheels
 
@@ -190,19 +189,13 @@ class TwinBody:
 
     # sensors
 
-    def _seen(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """When each sensor was refreshed last, and the poses [8, 3] (x, y in m, heading) of then."""
-        refreshed = self._sensors.refreshed(self.time_ms)
-        poses = self._history[refreshed % HISTORY_MS]
-        return refreshed, np.stack([poses[:, 0], poses[:, 1], heading_of(poses)], axis=1)
-
     def proximity(self) -> list[int]:
         """Eight counts, 0 to 1023, each as its converter took it 0 to 20 ms ago."""
-        return self._sensors.proximity(self.time_ms, *self._seen())
+        return self._sensors.proximity(self.time_ms, self._history)
 
     def ambient(self) -> list[int]:
         """Eight counts, about 480 in the dark and 60 in full light, 0 to 20 ms old."""
-        return self._sensors.ambient(self.time_ms, *self._seen())
+        return self._sensors.ambient(self.time_ms, self._history)
 
     def analog(self, n: int) -> int:
         """A free input of the converter: nothing is connected, so it floats near 0."""
@@ -213,9 +206,15 @@ class TwinBody:
     def truth(self) -> tuple[float, float, float]:
         """x, y (cm) and heading (rad, −π to π) as they are: for tests and the sealed file only."""
         x, y = self._qpos[:2].tolist()
-        return x * 100.0, y * 100.0, float(heading_of(self._qpos))
+        return x * 100.0, y * 100.0, float(heading_at(self._qpos))
 
     def states(self) -> States:
         """Everything recorded so far, a state each 10 ms and at each placing."""
-        times = np.array([t for t, _ in self._states], np.int64)
-        return States(times, np.array([pose for _, pose in self._states]))
+        kept = self._machine.states[: self._machine.recorded[0]]
+        return States(kept[:, 0].astype(np.int64), kept[:, 1:].copy())
+
+
+@lru_cache(maxsize=4)
+def _compiled(xml: str) -> Any:
+    """MuJoCo's model, which nothing changes: one robot after another of a unit has the same."""
+    return mujoco.MjModel.from_xml_string(xml)

@@ -11,15 +11,19 @@ asking twice gives the same answer and not asking changes nothing.
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import ConfigError
-from realitygap.twin.arithmetic import cos, normals
+from realitygap.twin.arithmetic import normals, one_cos_sin, one_normal, step
 
-__all__ = ["Creep", "SensorNoise", "check_scale", "draws", "normal_draws"]
+__all__ = [
+    "Creep", "SensorNoise", "check_scale", "creep_at", "creep_of", "draws", "noise_at", "normal_draws",
+    "sensor_noise", "white_at",
+]  # fmt: skip
 
 PROXIMITY_COUNTS = 21.0
 AMBIENT_COUNTS = 4.5
@@ -38,6 +42,7 @@ _CORE = 1.0 / math.sqrt(1.0 - OUTLIERS + OUTLIERS * OUTLIER_SIZE**2)
 SLIP_SHARE, SLIP_KEPT = 0.064, 0.8824969025845955
 """Slip of the tyre: deviation of the creep, and what is left of it after `CREEP_MS`: exp(−5/40), for it is
 forgotten in 40 ms."""
+_FRESH = SLIP_SHARE * math.sqrt(1.0 - SLIP_KEPT**2)
 GROUND_SHARE, GROUND_CELL_M, GROUND_CELLS = 0.042, 0.006, 64
 """The ground: creep that belongs to a place (dust, seams), in cells of 6 mm."""
 AXLE_SHARE = 0.025
@@ -62,89 +67,116 @@ def normal_draws(generator: np.random.Generator, *shape: int) -> NDArray[np.floa
     return normals(bits.reshape(shape))
 
 
-def spread(numbers: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Mix the bits of whole numbers (splitmix64, Steele et al. 2014)."""
-    z = (numbers + _GOLDEN).astype(np.uint64)
+@step
+def _spread(number: Any) -> Any:
+    """Mix the bits of a whole number, or of many (splitmix64, Steele et al. 2014)."""
+    z = number + _GOLDEN
     z = (z ^ (z >> np.uint64(30))) * _MIX_A
     z = (z ^ (z >> np.uint64(27))) * _MIX_B
     return z ^ (z >> np.uint64(31))
 
 
-def _heavy(keys: NDArray[np.uint64]) -> NDArray[np.float64]:
-    """Draws of deviation 1 with heavier tails than normal (kurtosis about 5)."""
-    other: NDArray[np.uint64] = np.bitwise_xor(keys, _MIX_A)
-    outlier = spread(other).astype(np.float64) < OUTLIERS * 2.0**64
-    return np.asarray(normals(spread(keys)) * np.where(outlier, _CORE * OUTLIER_SIZE, _CORE))
+class SensorNoise(NamedTuple):
+    """Noise of deviation 1 for the eight sensors of one kind: a pure function of the time.
+
+    Attributes:
+        white, drift: [8] names of what is drawn for each sensor.
+    """
+
+    white: NDArray[np.uint64]
+    drift: NDArray[np.uint64]
 
 
-class SensorNoise:
-    """Noise of deviation 1 for the eight sensors of one kind: a pure function of the time."""
-
-    def __init__(self, *, seed: int, purpose: int) -> None:
-        base = spread(np.array([seed & _MASK], np.uint64))
-        base = spread(np.bitwise_xor(base, np.uint64(purpose)))
-        self._white = spread(np.add(base, np.arange(8, dtype=np.uint64), dtype=np.uint64))
-        self._drift = spread(self._white)
-
-    def white(self, refreshed: NDArray[np.int64]) -> NDArray[np.float64]:
-        """[8] draws for the given refreshing of each sensor, named by its time."""
-        return _heavy(self._white ^ refreshed.astype(np.uint64))
-
-    def drift(self, time_ms: int) -> NDArray[np.float64]:
-        """[8] slowly changing values of deviation 1."""
-        knot, rest = divmod(time_ms, DRIFT_KNOT_MS)
-        knots = np.array([[knot + 1], [knot + 2]], np.uint64)
-        here, there = normals(spread(self._drift ^ knots))
-        share = rest / DRIFT_KNOT_MS
-        share = share * share * (3.0 - 2.0 * share)
-        size = math.sqrt(share * share + (1.0 - share) ** 2)
-        return np.asarray((here * (1.0 - share) + there * share) / size)
-
-    def at(self, time_ms: int, refreshed: NDArray[np.int64]) -> NDArray[np.float64]:
-        """[8] the whole noise, deviation 1."""
-        return WHITE * self.white(refreshed) + DRIFT * self.drift(time_ms)
+def sensor_noise(*, seed: int, purpose: int) -> SensorNoise:
+    """The noise of a seed, for one purpose."""
+    spread = getattr(_spread, "py_func", _spread)  # of many at once nothing has to be compiled
+    base = spread(spread(np.array([seed & _MASK], np.uint64)) ^ np.uint64(purpose))
+    white = spread(base + np.arange(8, dtype=np.uint64))
+    return SensorNoise(white, spread(white))
 
 
-class Creep:
+@step
+def white_at(noise: Any, sensor: int, refreshed: int) -> Any:
+    """What is new at a sensor's refreshing, named by its time (ms): heavier tails than normal (kurtosis
+    about 5)."""
+    key = noise.white[sensor] ^ np.uint64(refreshed)
+    outlier = np.float64(_spread(key ^ _MIX_A)) < OUTLIERS * 2.0**64
+    return one_normal(_spread(key)) * (_CORE * OUTLIER_SIZE if outlier else _CORE)
+
+
+@step
+def _drift_at(noise: Any, sensor: int, time_ms: int) -> Any:
+    """What changes slowly, deviation 1."""
+    knot, rest = time_ms // DRIFT_KNOT_MS, time_ms % DRIFT_KNOT_MS
+    here = one_normal(_spread(noise.drift[sensor] ^ np.uint64(knot + 1)))
+    there = one_normal(_spread(noise.drift[sensor] ^ np.uint64(knot + 2)))
+    share = rest / DRIFT_KNOT_MS
+    share = share * share * (3.0 - 2.0 * share)
+    size = math.sqrt(share * share + (1.0 - share) * (1.0 - share))
+    return (here * (1.0 - share) + there * share) / size
+
+
+@step
+def noise_at(noise: Any, sensor: int, time_ms: int, refreshed: int) -> Any:
+    """The whole noise of a sensor, deviation 1, refreshed last at a time (ms)."""
+    return WHITE * white_at(noise, sensor, refreshed) + DRIFT * _drift_at(noise, sensor, time_ms)
+
+
+class Creep(NamedTuple):
     """How much further each wheel turns than it carries the robot, as a share of its speed.
 
     The encoders sit on the motors and see nothing of it: so the robot's own speed control, which is
     nearly noiseless, cannot mend it. Three causes: slip of the tyre, the ground, the wheel on its axle.
+
+    Attributes:
+        noise: the scale.
+        phases: [2] of the axles (rad), left and right.
+        slip: [2] of each wheel now.
+        ground: [2, cells, cells] of each place.
+        block: [n] normal draws, used from the end on; `left` [1] of them are new.
     """
 
-    def __init__(self, seed: int, noise: float, phases: tuple[float, float]) -> None:
-        generator = draws(seed, 31)
-        self._noise = noise
-        self._phases = phases
-        self._generator = generator
-        self._slip: list[float] = (SLIP_SHARE * normal_draws(generator, 2)).tolist()
-        field = normal_draws(generator, 2, GROUND_CELLS, GROUND_CELLS)
-        self._ground: list[list[list[float]]] = (GROUND_SHARE * field).tolist()
-        self._fresh = SLIP_SHARE * math.sqrt(1.0 - SLIP_KEPT**2)
-        self._block: list[float] = []
+    noise: float
+    phases: NDArray[np.float64]
+    slip: NDArray[np.float64]
+    ground: NDArray[np.float64]
+    block: NDArray[np.float64]
+    left: NDArray[np.int64]
 
-    def _normal(self) -> float:
-        if not self._block:
-            self._block = normal_draws(self._generator, 512).tolist()
-        return self._block.pop()
 
-    def at(self, wheel: int, x: float, y: float, angle: float) -> float:
-        """Creep of a wheel (0 left, 1 right) that stands at x, y (m) and has turned by `angle` (rad).
+def creep_of(seed: int, noise: float, phases: tuple[float, float]) -> tuple[Creep, Callable[[], None]]:
+    """The creep of a seed, and what draws its next block when none is left."""
+    generator = draws(seed, 31)
+    slip = SLIP_SHARE * normal_draws(generator, 2)
+    field = GROUND_SHARE * normal_draws(generator, 2, GROUND_CELLS, GROUND_CELLS)
+    creep = Creep(noise, np.array(phases), slip, field, np.empty(512), np.zeros(1, np.int64))
 
-        To be asked once in `CREEP_MS`.
+    def refill() -> None:
+        creep.block[:] = normal_draws(generator, len(creep.block))
+        creep.left[0] = len(creep.block)
 
-        Args:
-            wheel: 0 left, 1 right.
-            x, y: where it stands, m.
-            angle: by which it has turned, rad.
-        """
-        if self._noise == 0.0:
-            return 0.0
-        self._slip[wheel] = SLIP_KEPT * self._slip[wheel] + self._fresh * self._normal()
-        column, row = int(x / GROUND_CELL_M), int(y / GROUND_CELL_M)
-        ground = self._ground[wheel][row % GROUND_CELLS][column % GROUND_CELLS]
-        axle = AXLE_SHARE * cos(angle + self._phases[wheel])
-        return self._noise * (self._slip[wheel] + ground + axle)
+    return creep, refill
+
+
+@step
+def creep_at(creep: Any, wheel: int, x: float, y: float, angle: float) -> Any:
+    """Creep of a wheel; to be asked once in `CREEP_MS`, while there are draws.
+
+    Args:
+        creep: the wheels'.
+        wheel: 0 left, 1 right.
+        x, y: where it stands, m.
+        angle: by which it has turned, rad.
+    """
+    if creep.noise == 0.0:
+        return 0.0
+    creep.left[0] -= 1
+    slip = SLIP_KEPT * creep.slip[wheel] + _FRESH * creep.block[creep.left[0]]
+    creep.slip[wheel] = slip
+    column, row = int(x / GROUND_CELL_M), int(y / GROUND_CELL_M)
+    ground = creep.ground[wheel, row % GROUND_CELLS, column % GROUND_CELLS]
+    axle = AXLE_SHARE * one_cos_sin(angle + creep.phases[wheel])[0]
+    return creep.noise * (slip + ground + axle)
 
 
 def check_scale(value: Any) -> float:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from realitygap.twin.arithmetic import jit, step
+from realitygap.twin.arithmetic import jit, routine, step
 
 __all__ = ["Look", "Still", "expose", "paint_robot"]
 
@@ -126,7 +126,7 @@ def _colour(row: int, first: int, still: Any, colours: Any, work: Any, shown: An
             into[k] = fine[k] if over[k] else value
 
 
-@jit
+@routine
 def paint_robot(picture: Any, corner: Any, about: Any, still: Any, place: Any, look: Any) -> None:
     """The robot into a window of the picture: each pixel the mean of its samples.
 

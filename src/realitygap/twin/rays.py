@@ -1,117 +1,171 @@
-"""Rays of light in the plane: against faces (segments) and cylinders (circles), many at a time."""
+"""Rays of light in the plane, compiled: against faces (segments) and cylinders (circles)."""
 
 from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.twin.arithmetic import hypot
+from realitygap.twin.arithmetic import hypot, jit, step
 
-__all__ = ["Scene"]
+__all__ = ["Scene", "clearance", "everything", "is_clear", "meet", "near", "scene_of"]
 
 Array = NDArray[np.float64]
 FAR = 100.0
 """A ray that meets nothing goes this far (m); in a closed arena none does."""
+SIDES = 4
+"""The floor's sides come first, and never stand between two points inside."""
 
 
-class Scene:
-    """Faces [n, 4] (x0, y0, x1, y1, in m) and circles [k, 3] (x, y, radius) that stop light."""
+class Scene(NamedTuple):
+    """What stops light (m): of each face where it begins [n, 2], its direction [n, 2] and its length [n];
+    circles [k, 3] (x, y, radius); and room for the numbers of those that
+    are looked at, [n] and [k]."""
 
-    def __init__(self, faces: Array, circles: Array) -> None:
-        self._p = faces[:, :2].T.copy()
-        along = (faces[:, 2:] - faces[:, :2]).T
-        self._length = hypot(*along)
-        self._u = along / self._length
-        self._circles = circles
+    start: Array
+    along: Array
+    length: Array
+    circles: Array
+    faces: NDArray[np.int64]
+    rounds: NDArray[np.int64]
 
-    def _distances(self, x: float, y: float) -> tuple[Array, Array]:
-        """From a point to each face and to each circle (m)."""
-        rx, ry = x - self._p[0], y - self._p[1]
-        along = np.minimum(np.maximum(rx * self._u[0] + ry * self._u[1], 0.0), self._length)
-        cx, cy, r = self._circles.T
-        return hypot(rx - along * self._u[0], ry - along * self._u[1]), hypot(x - cx, y - cy) - r
 
-    def clearance(self, x: float, y: float) -> float:
-        """How far it is from a point to the nearest thing (m)."""
-        return float(np.concatenate(self._distances(x, y)).min())
+def scene_of(faces: Array, circles: Array) -> Scene:
+    """Of faces [n, 4] (x0, y0, x1, y1, in m) and circles [k, 3]."""
+    way = faces[:, 2:] - faces[:, :2]
+    length = hypot(*way.T)
+    looked_at = np.arange(len(faces)), np.arange(len(circles))
+    return Scene(faces[:, :2].copy(), way / length[:, None], length, circles, *looked_at)
 
-    def near(self, x: float, y: float, reach: float) -> Scene | None:
-        """Only what comes nearer than `reach` (m) to a point; None if nothing does."""
-        faces, circles = self._distances(x, y)
-        some, others = faces < reach, circles < reach
-        if not (some.any() or others.any()):
-            return None
-        part = object.__new__(Scene)
-        part._p, part._u, part._length = self._p[:, some], self._u[:, some], self._length[some]
-        part._circles = self._circles[others]
-        return part
 
-    def _cross(self, x: Array, y: Array, dx: Array, dy: Array) -> Array:
-        """[faces, ...] distances to the faces' lines (inf if missed); ... are the rays' own axes."""
-        wide = (slice(None),) + (None,) * dx.ndim
-        ux, uy = self._u[0][wide], self._u[1][wide]
-        rx, ry = self._p[0][wide] - x, self._p[1][wide] - y
-        turn = dx * uy - dy * ux
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = (rx * uy - ry * ux) / turn
-            s = (rx * dy - ry * dx) / turn
-        hit = (t > 0.0) & (s >= -1e-9) & (s <= self._length[wide] + 1e-9)
-        return np.asarray(np.where(hit, t, np.inf))
+@step
+def _to_face(scene: Any, k: int, x: float, y: float) -> Any:
+    """From a point to a face (m)."""
+    rx, ry, ux, uy = x - scene.start[k, 0], y - scene.start[k, 1], scene.along[k, 0], scene.along[k, 1]
+    along = min(max(rx * ux + ry * uy, 0.0), scene.length[k])
+    dx, dy = rx - along * ux, ry - along * uy
+    return math.sqrt(dx * dx + dy * dy)
 
-    def _touch(self, x: Array, y: Array, dx: Array, dy: Array) -> Array:
-        """[circles, ...] distances to the circles (inf if missed); directions of length 1."""
-        wide = (slice(None),) + (None,) * dx.ndim
-        cx, cy, r = (c[wide] for c in self._circles.T)
-        rx, ry = cx - x, cy - y
-        middle = rx * dx + ry * dy
-        room = r * r - (rx * dy - ry * dx) ** 2
-        t = middle - np.sqrt(np.maximum(room, 0.0))
-        return np.asarray(np.where((room > 0.0) & (t > 0.0), t, np.inf))
 
-    def meet(self, x: Array, y: Array, dx: Array, dy: Array) -> tuple[Array, ...]:
-        """The first thing each ray meets.
+@step
+def _to_circle(scene: Any, k: int, x: float, y: float) -> Any:
+    """From a point to a circle (m)."""
+    dx, dy = x - scene.circles[k, 0], y - scene.circles[k, 1]
+    return math.sqrt(dx * dx + dy * dy) - scene.circles[k, 2]
 
-        Args:
-            x, y: [n] starts (m).
-            dx, dy: [n, rays] directions of length 1.
 
-        Returns:
-            [n, rays] each: distance, cosine of the incidence, x, y of the point, its normal's x and y
-            (towards the ray's side).
-        """
-        x, y = x[:, None], y[:, None]
-        distance, nx, ny = np.full(dx.shape, FAR), -dx, -dy
-        if len(self._length):
-            t = self._cross(x, y, dx, dy)
-            distance = np.minimum(t.min(axis=0), FAR)
-            which = t.argmin(axis=0)
-            nx, ny = self._u[1][which], -self._u[0][which]
-            flip = np.where(nx * dx + ny * dy > 0.0, -1.0, 1.0)
-            nx, ny = nx * flip, ny * flip
-        if len(self._circles):
-            t = self._touch(x, y, dx, dy)
-            near = t.min(axis=0)
-            closer = near < distance
-            cx, cy, r = (c[t.argmin(axis=0)] for c in self._circles.T)
-            distance = np.where(closer, near, distance)
-            nx = np.where(closer, (x + distance * dx - cx) / r, nx)
-            ny = np.where(closer, (y + distance * dy - cy) / r, ny)
-        incidence = -(nx * dx + ny * dy)
-        return distance, incidence, x + distance * dx, y + distance * dy, nx, ny
+@jit
+def clearance(scene: Any, x: float, y: float) -> Any:
+    """How far it is from a point to the nearest thing (m)."""
+    least = np.inf
+    for k in range(scene.length.shape[0]):
+        least = min(least, _to_face(scene, k, x, y))
+    for k in range(scene.circles.shape[0]):
+        least = min(least, _to_circle(scene, k, x, y))
+    return least
 
-    def clear(self, x: Array, y: Array, ax: Array, ay: Array) -> NDArray[np.bool_]:
-        """Whether nothing stands between a point and another, `ax`, `ay` further on.
 
-        Args:
-            x, y: from where, m.
-            ax, ay: the way to the other point, m.
-        """
-        way = hypot(ax, ay) + 1e-12
-        dx, dy = ax / way, ay / way
-        free = np.ones(np.shape(dx), dtype=np.bool_)
-        if len(self._length) > 4:  # the four sides of the floor never stand between two points inside
-            t = self._cross(x, y, dx, dy)
-            free &= (t[4:] > way - 1e-9).all(axis=0)
-        if len(self._circles):
-            free &= (self._touch(x, y, dx, dy) > way - 1e-9).all(axis=0)
-        return free
+@step
+def everything(scene: Any) -> Any:
+    """How many faces and circles there are: all are looked at from now on."""
+    for k in range(scene.length.shape[0]):
+        scene.faces[k] = k
+    for k in range(scene.circles.shape[0]):
+        scene.rounds[k] = k
+    return scene.length.shape[0], scene.circles.shape[0]
+
+
+@step
+def near(scene: Any, x: float, y: float, reach: float) -> Any:
+    """How many faces and circles come nearer than `reach` (m) to a point: they alone are looked at."""
+    some, others = 0, 0
+    for k in range(scene.length.shape[0]):
+        if _to_face(scene, k, x, y) < reach:
+            scene.faces[some] = k
+            some += 1
+    for k in range(scene.circles.shape[0]):
+        if _to_circle(scene, k, x, y) < reach:
+            scene.rounds[others] = k
+            others += 1
+    return some, others
+
+
+@step
+def _cross(scene: Any, k: int, x: float, y: float, dx: float, dy: float) -> Any:
+    """How far along a ray a face is; inf if it is missed."""
+    ux, uy = scene.along[k, 0], scene.along[k, 1]
+    rx, ry = scene.start[k, 0] - x, scene.start[k, 1] - y
+    turn, ahead = dx * uy - dy * ux, rx * uy - ry * ux
+    if turn * ahead <= 0.0:
+        return np.inf
+    s = (rx * dy - ry * dx) / turn
+    return ahead / turn if s >= -1e-9 and s <= scene.length[k] + 1e-9 else np.inf
+
+
+@step
+def _touch(scene: Any, k: int, x: float, y: float, dx: float, dy: float) -> Any:
+    """How far along a ray (its direction of length 1) a circle is; inf if it is missed."""
+    rx, ry, r = scene.circles[k, 0] - x, scene.circles[k, 1] - y, scene.circles[k, 2]
+    middle = rx * dx + ry * dy
+    off = rx * dy - ry * dx
+    room = r * r - off * off
+    if room <= 0.0:
+        return np.inf
+    t = middle - math.sqrt(room)
+    return t if t > 0.0 else np.inf
+
+
+@step
+def meet(scene: Any, counts: tuple[int, int], x: float, y: float, dx: float, dy: float) -> Any:
+    """The first thing that a ray meets.
+
+    Args:
+        scene: what there is.
+        counts: how many of `scene.faces` and of `scene.rounds` are looked at.
+        x, y: where the ray starts (m).
+        dx, dy: its direction, of length 1.
+
+    Returns:
+        Distance, cosine of the incidence, x, y of the point, and its normal's x and y (towards the ray's
+        side).
+    """
+    distance, nx, ny = FAR, -dx, -dy
+    if counts[0]:
+        which, least = scene.faces[0], np.inf
+        for i in range(counts[0]):
+            k = scene.faces[i]
+            t = _cross(scene, k, x, y, dx, dy)
+            if t < least:
+                which, least = k, t
+        distance = min(least, FAR)
+        nx, ny = scene.along[which, 1], -scene.along[which, 0]
+        if nx * dx + ny * dy > 0.0:
+            nx, ny = -nx, -ny
+    if counts[1]:
+        which, least = scene.rounds[0], np.inf
+        for i in range(counts[1]):
+            k = scene.rounds[i]
+            t = _touch(scene, k, x, y, dx, dy)
+            if t < least:
+                which, least = k, t
+        if least < distance:
+            distance, r = least, scene.circles[which, 2]
+            nx = (x + distance * dx - scene.circles[which, 0]) / r
+            ny = (y + distance * dy - scene.circles[which, 1]) / r
+    return distance, -(nx * dx + ny * dy), x + distance * dx, y + distance * dy, nx, ny
+
+
+@step
+def is_clear(scene: Any, x: float, y: float, ax: float, ay: float) -> Any:
+    """Whether nothing stands between a point (m) and another, `ax`, `ay` further on."""
+    way = math.sqrt(ax * ax + ay * ay) + 1e-12
+    dx, dy, far = ax / way, ay / way, way - 1e-9
+    for k in range(SIDES, scene.length.shape[0]):
+        if _cross(scene, k, x, y, dx, dy) <= far:
+            return False
+    for k in range(scene.circles.shape[0]):  # noqa: SIM110 - this is compiled
+        if _touch(scene, k, x, y, dx, dy) <= far:
+            return False
+    return True

@@ -9,25 +9,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.twin.arena import edges
-from realitygap.twin.arithmetic import arctan2, cos_sin, hypot, power, weighted
+from realitygap.twin.arithmetic import cos_sin, jit, one_arctan2, one_cos_sin, one_power, power, step
 from realitygap.twin.model import BODY_RADIUS, BODY_TOP, WALL_HEIGHT
 from realitygap.twin.noise import (
     AMBIENT_COUNTS,
     DARK_COUNTS,
     PROXIMITY_COUNTS,
-    SensorNoise,
     draws,
+    noise_at,
+    sensor_noise,
+    white_at,
 )
-from realitygap.twin.rays import Scene
+from realitygap.twin.rays import Scene, clearance, everything, is_clear, meet, near, scene_of
 from realitygap.twin.unit import SENSORS_MM_DEG, Unit
 
-__all__ = ["CYCLE_MS", "PHASE_MS", "Sensors"]
+__all__ = ["CYCLE_MS", "HISTORY_MS", "PHASE_MS", "Sensors"]
 
 Array = NDArray[np.float64]
 
@@ -35,6 +37,9 @@ FULL = 1023  # 10 bits
 PHASE_MS = np.array([0, 3, 5, 8, 10, 13, 15, 18])
 """One sensor after another, all eight in 20 ms."""
 CYCLE_MS = 20
+HISTORY_MS = CYCLE_MS + 1
+"""A reading is at most 20 ms old: poses are kept for so long."""
+SENSORS = len(PHASE_MS)
 
 RAYS = 45
 FAN = (np.arange(RAYS) + 0.5) * math.pi / RAYS - math.pi / 2
@@ -58,6 +63,32 @@ lamp is, hardly how far)."""
 LAMP_PROUD = 0.006  # m: the lamp hangs this far in front of a wall it is fixed to
 
 
+class Eyes(NamedTuple):
+    """What the sensors are: places on the robot (m), directions (rad) and gains, [8] each; cosines and sines
+    of a fan's rays, and their weights, [RAYS] each; and what there is to be seen.
+
+    `low` is the share of the way from a wall, at the eyes' height, up to a lamp that lies below the body's
+    top; `square` the square of the lamps' height above the eyes. There is room for poses [8, 3], signals [8]
+    and rays [RAYS, 5].
+    """
+
+    x: Array
+    y: Array
+    direction: Array
+    gain: Array
+    across: Array
+    along: Array
+    infrared: Array
+    light: Array
+    scene: Scene
+    lamps: Array
+    square: float
+    low: float
+    poses: Array
+    signal: Array
+    rays: Array
+
+
 class Sensors:
     """The eight sensors of one unit in one arena.
 
@@ -70,124 +101,222 @@ class Sensors:
 
     def __init__(self, arena: Mapping[str, Any], unit: Unit, *, noise: float, seed: int) -> None:
         place = np.array(SENSORS_MM_DEG, dtype=np.float64)
-        self._unit = unit
-        self._noise = noise
-        self._seed = seed
-        self._x, self._y = place[:, 0] / 1000.0, place[:, 1] / 1000.0
-        self._direction = np.radians(place[:, 2]) + np.array(unit.direction)
-        self._scene = Scene(edges(arena), np.array(arena["cylinders"]).reshape(-1, 3) / 100.0)
+        self._unit, self._noise, self._seed = unit, noise, seed
+        scene = scene_of(edges(arena), np.array(arena["cylinders"]).reshape(-1, 3) / 100.0)
         lamps, size = np.array(arena["lamps"]).reshape(-1, 2) / 100.0, np.array(arena["size_cm"]) / 100.0
-        self._lamps = np.clip(lamps, LAMP_PROUD, size - LAMP_PROUD)
-        self._rise = unit.lamp_height - EYE_HEIGHT
-        # Of the way from a wall, at the eyes' height, up to a lamp: the share below the body's top
-        self._low = (BODY_TOP - EYE_HEIGHT) / max(self._rise, BODY_TOP - EYE_HEIGHT)
-        self._near = SensorNoise(seed=seed, purpose=1)
-        self._light = SensorNoise(seed=seed, purpose=2)
-        self._idle = SensorNoise(seed=seed, purpose=3)
-        self._fan_cos, self._fan_sin = cos_sin(FAN)
-        self._ir_weight = power(self._fan_cos, IR_EXPONENT) * IR_GAIN
-        self._gain = np.array(unit.proximity_gain)
-        fan = power(self._fan_cos, EYE_EXPONENT)
-        self._eye_weight = fan / math.fsum(fan)
-
-    def refreshed(self, time_ms: int) -> NDArray[np.int64]:
-        """[8] when each sensor was read last, up to now (ms)."""
-        return np.asarray(np.maximum(time_ms - (time_ms - PHASE_MS) % CYCLE_MS, 0))
+        rise = unit.lamp_height - EYE_HEIGHT
+        fan = cos_sin(FAN)
+        seen = power(fan[0], EYE_EXPONENT)
+        self.eyes = Eyes(
+            x=place[:, 0] / 1000.0,
+            y=place[:, 1] / 1000.0,
+            direction=np.radians(place[:, 2]) + np.array(unit.direction),
+            gain=np.array(unit.proximity_gain),
+            across=fan[0],
+            along=fan[1],
+            infrared=power(fan[0], IR_EXPONENT) * IR_GAIN,
+            light=seen / math.fsum(seen),
+            scene=scene,
+            lamps=np.clip(lamps, LAMP_PROUD, size - LAMP_PROUD),
+            square=rise**2,
+            low=(BODY_TOP - EYE_HEIGHT) / max(rise, BODY_TOP - EYE_HEIGHT),
+            poses=np.empty((SENSORS, 3)),
+            signal=np.empty(SENSORS),
+            rays=np.empty((RAYS, 5)),
+        )
+        self._near = sensor_noise(seed=seed, purpose=1)
+        self._light = sensor_noise(seed=seed, purpose=2)
+        self._idle = sensor_noise(seed=seed, purpose=3)
+        pull = LAMP_COUNTS * np.array(unit.ambient_gain)
+        self._laws = np.array([pull, np.array(unit.dark), np.array(unit.floor)])
 
     def clearance(self, x: float, y: float) -> float:
         """How far it is from a point to the nearest thing (m)."""
-        return self._scene.clearance(x, y)
-
-    def _stand(self, poses: Array) -> tuple[Array, Array, Array]:
-        """Where the sensors are and where they look, [8] each, from the poses of their refreshing."""
-        c, s = cos_sin(poses[:, 2])
-        x = poses[:, 0] + c * self._x - s * self._y
-        y = poses[:, 1] + s * self._x + c * self._y
-        return x, y, poses[:, 2] + self._direction
-
-    def _fan(self, look: Array) -> tuple[Array, Array]:
-        c, s = (part[:, None] for part in cos_sin(look))
-        return c * self._fan_cos - s * self._fan_sin, s * self._fan_cos + c * self._fan_sin
-
-    # infrared
+        return float(clearance(self.eyes.scene, x, y))
 
     def reflected(self, poses: Array) -> Array:
         """[8] infrared thrown back, in counts, less the offset: without noise and before the converter.
 
         Each ray: emitted and taken in by cos^2.6 of its angle, thrown back by Lambert's law (cosine of
         the incidence), weakened by the square of the distance.
+
+        Args:
+            poses: [8, 3] x, y (m) and heading of the robot when each sensor was refreshed.
         """
-        x, y, look = self._stand(poses)
-        near = self._scene.near(float(poses[0, 0]), float(poses[0, 1]), IR_REACH + BODY_RADIUS)
-        if near is None:
-            return np.full(8, -IR_OFFSET)
-        distance, incidence, *_ = near.meet(x, y, *self._fan(look))
-        thrown = incidence / (distance + IR_DEPTH) ** 2
-        return np.asarray(weighted(thrown, self._ir_weight) * self._gain - IR_OFFSET)
-
-    def proximity(self, time_ms: int, refreshed: NDArray[np.int64], poses: Array) -> list[int]:
-        """[8] counts."""
-        signal = self.reflected(poses)
-        if self._noise:
-            signal = signal + self._noise * PROXIMITY_COUNTS * self._near.at(time_ms, refreshed)
-            idle = self._noise * DARK_COUNTS * np.abs(self._idle.white(refreshed)) * 1.5
-            signal = np.maximum(signal, idle - 0.5)
-        return [int(v) for v in np.clip(np.rint(signal), 0, FULL)]
-
-    # ambient light
+        out = np.empty(SENSORS)
+        _reflect(self.eyes, poses, out)
+        return out
 
     def illumination(self, poses: Array) -> Array:
         """[8] light on each sensor; 1 is a lamp 1 m away, straight ahead.
 
         Direct light, and what walls and cylinders throw back evenly after one bounce.
+
+        Args:
+            poses: [8, 3] as of `reflected`.
         """
-        x, y, look = self._stand(poses)
-        total = np.zeros(8)
-        if not len(self._lamps):
-            return total
-        distance, _, px, py, nx, ny = self._scene.meet(x, y, *self._fan(look))
-        up, down = np.full_like(distance, WALL_HEIGHT - EYE_HEIGHT), np.full_like(distance, EYE_HEIGHT)
-        tall = arctan2(up, distance) + arctan2(down, distance)
-        tall /= EYE_MIDDLE  # share of a sensor's view, up and down, that a wall fills
-        centre = poses.mean(axis=0)
-        for lamp in self._lamps:
-            total += self._direct(x, y, look, lamp)
-            lit = self._on_walls(px, py, nx, ny, lamp, centre)
-            total += WALL_WHITE * weighted(lit * tall, self._eye_weight)
-        return total * self._unit.lamp_power
+        out = np.empty(SENSORS)
+        _illuminate(self.eyes, self._unit.lamp_power, poses, out)
+        return out
 
-    def _direct(self, x: Array, y: Array, look: Array, lamp: Array) -> Array:
-        ax, ay = lamp[0] - x, lamp[1] - y
-        flat = ax * ax + ay * ay
-        square = flat + self._rise**2
-        c, s = cos_sin(look)
-        facing = (ax * c + ay * s) / np.sqrt(square)
-        free = self._scene.clear(x, y, ax, ay)
-        return np.asarray(np.where(free, power(facing, EYE_EXPONENT) / square, 0.0))
+    def proximity(self, time_ms: int, history: Array) -> list[int]:
+        """[8] counts; `history` [HISTORY_MS, 7] has the poses of the last milliseconds, each at its own."""
+        out = np.empty(SENSORS, np.int64)
+        with np.errstate(over="ignore"):  # random bits wrap on purpose, where nothing is compiled
+            _proximity(self.eyes, (self._near, self._idle), self._noise, time_ms, history, out)
+        return [int(v) for v in out]
 
-    def _on_walls(self, px: Array, py: Array, nx: Array, ny: Array, lamp: Array, centre: Array) -> Array:
-        """Light of the lamp on points of walls [8, RAYS] (normals point to the robot).
-
-        The body shades them where light comes nearer than its radius before it has risen above its top.
-        """
-        ax, ay = lamp[0] - px, lamp[1] - py
-        square = ax * ax + ay * ay + self._rise**2
-        facing = np.maximum(ax * nx + ay * ny, 0.0) / np.sqrt(square)
-        # a hair off the surface, so that a wall does not shade itself
-        free = self._scene.clear(px + 1e-6 * nx, py + 1e-6 * ny, ax, ay)
-        flat = np.maximum(ax * ax + ay * ay, 1e-12)
-        along = np.clip(((centre[0] - px) * ax + (centre[1] - py) * ay) / flat, 0.0, self._low)
-        off = hypot(px + along * ax - centre[0], py + along * ay - centre[1])
-        return np.asarray(np.where(free & (off > BODY_RADIUS), facing / square, 0.0))
-
-    def ambient(self, time_ms: int, refreshed: NDArray[np.int64], poses: Array) -> list[int]:
-        """[8] counts: linear in the light, from the dark value down to the floor."""
-        pull = LAMP_COUNTS * np.array(self._unit.ambient_gain) * self.illumination(poses)
-        signal = np.maximum(np.array(self._unit.dark) - pull, np.array(self._unit.floor))
-        if self._noise:
-            signal = signal + self._noise * AMBIENT_COUNTS * self._light.at(time_ms, refreshed)
-        return [int(v) for v in np.clip(np.rint(signal), 0, FULL)]
+    def ambient(self, time_ms: int, history: Array) -> list[int]:
+        """[8] counts: linear in the light, from the dark value down to the floor; `history` as above."""
+        out = np.empty(SENSORS, np.int64)
+        scales = self._unit.lamp_power, self._noise
+        with np.errstate(over="ignore"):
+            _ambient(self.eyes, self._light, self._laws, scales, time_ms, history, out)
+        return [int(v) for v in out]
 
     def analog(self, n: int, time_ms: int) -> int:
         """[counts] of an input that nothing is connected to."""
         return int(draws(self._seed, 40 + n, time_ms // CYCLE_MS).integers(0, 5)) if self._noise else 0
+
+
+@step
+def refreshed_at(sensor: int, time_ms: int) -> Any:
+    """When a sensor was read last, up to now (ms)."""
+    return max(time_ms - (time_ms - PHASE_MS[sensor]) % CYCLE_MS, 0)
+
+
+@step
+def _heading(w: float, x: float, y: float, z: float) -> Any:
+    """Heading (rad, −π to π) of a quaternion."""
+    return one_arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+@jit
+def heading_at(pose: Any) -> Any:
+    """Heading (rad, −π to π) of a pose [7]."""
+    return _heading(pose[3], pose[4], pose[5], pose[6])
+
+
+@jit
+def _look_back(time_ms: int, history: Any, poses: Any) -> None:
+    """Where the robot was when each sensor was refreshed last, into [8, 3]."""
+    for k in range(SENSORS):
+        n = refreshed_at(k, time_ms) % HISTORY_MS
+        poses[k, 0], poses[k, 1] = history[n, 0], history[n, 1]
+        poses[k, 2] = _heading(history[n, 3], history[n, 4], history[n, 5], history[n, 6])
+
+
+@step
+def _stand(eyes: Any, poses: Any, k: int) -> Any:
+    """Where a sensor is, and cosine and sine of where it looks."""
+    c, s = one_cos_sin(poses[k, 2])
+    x = poses[k, 0] + c * eyes.x[k] - s * eyes.y[k]
+    y = poses[k, 1] + s * eyes.x[k] + c * eyes.y[k]
+    c, s = one_cos_sin(poses[k, 2] + eyes.direction[k])
+    return x, y, c, s
+
+
+@jit
+def _reflect(eyes: Any, poses: Any, out: Any) -> None:
+    counts = near(eyes.scene, poses[0, 0], poses[0, 1], IR_REACH + BODY_RADIUS)
+    for k in range(SENSORS):
+        out[k] = -IR_OFFSET
+        if counts[0] == 0 and counts[1] == 0:
+            continue
+        x, y, c, s = _stand(eyes, poses, k)
+        total = 0.0
+        for j in range(RAYS):
+            dx, dy = c * eyes.across[j] - s * eyes.along[j], s * eyes.across[j] + c * eyes.along[j]
+            distance, incidence, _, _, _, _ = meet(eyes.scene, counts, x, y, dx, dy)
+            deep = distance + IR_DEPTH
+            total += incidence / (deep * deep) * eyes.infrared[j]
+        out[k] = total * eyes.gain[k] - IR_OFFSET
+
+
+@jit
+def _proximity(eyes: Any, noises: Any, noise: float, time_ms: int, history: Any, out: Any) -> None:
+    _look_back(time_ms, history, eyes.poses)
+    _reflect(eyes, eyes.poses, eyes.signal)
+    for k in range(SENSORS):
+        signal = eyes.signal[k]
+        if noise:
+            when = refreshed_at(k, time_ms)
+            signal += noise * PROXIMITY_COUNTS * noise_at(noises[0], k, time_ms, when)
+            signal = max(signal, noise * DARK_COUNTS * abs(white_at(noises[1], k, when)) * 1.5 - 0.5)
+        out[k] = min(max(np.rint(signal), 0.0), FULL)
+
+
+@jit
+def _illuminate(eyes: Any, power: float, poses: Any, out: Any) -> None:
+    lamps, rays = eyes.lamps, eyes.rays
+    counts = everything(eyes.scene)
+    centre_x, centre_y = 0.0, 0.0
+    for k in range(SENSORS):
+        out[k] = 0.0
+        centre_x, centre_y = centre_x + poses[k, 0], centre_y + poses[k, 1]
+    centre = centre_x / SENSORS, centre_y / SENSORS
+    for k in range(SENSORS if lamps.shape[0] else 0):
+        x, y, c, s = _stand(eyes, poses, k)
+        for j in range(RAYS):
+            dx, dy = c * eyes.across[j] - s * eyes.along[j], s * eyes.across[j] + c * eyes.along[j]
+            distance, _, px, py, nx, ny = meet(eyes.scene, counts, x, y, dx, dy)
+            tall = one_arctan2(WALL_HEIGHT - EYE_HEIGHT, distance) + one_arctan2(EYE_HEIGHT, distance)
+            # share of a sensor's view, up and down, that a wall fills
+            rays[j, 0], rays[j, 1], rays[j, 2], rays[j, 3], rays[j, 4] = px, py, nx, ny, tall / EYE_MIDDLE
+        for n in range(lamps.shape[0]):
+            lamp, thrown = (lamps[n, 0], lamps[n, 1]), 0.0
+            for j in range(RAYS):
+                lit = on_wall(eyes, lamp, (rays[j, 0], rays[j, 1]), (rays[j, 2], rays[j, 3]), centre)
+                thrown += lit * rays[j, 4] * eyes.light[j]
+            out[k] = out[k] + _direct(eyes, lamp, x, y, c, s) + WALL_WHITE * thrown
+        out[k] *= power
+
+
+@step
+def _direct(eyes: Any, lamp: Any, x: float, y: float, c: float, s: float) -> Any:
+    """Light of a lamp on a sensor at x, y that looks along c, s."""
+    ax, ay = lamp[0] - x, lamp[1] - y
+    square = ax * ax + ay * ay + eyes.square
+    facing = (ax * c + ay * s) / math.sqrt(square)
+    return one_power(facing, EYE_EXPONENT) / square if is_clear(eyes.scene, x, y, ax, ay) else 0.0
+
+
+@step
+def on_wall(eyes: Any, lamp: Any, point: Any, normal: Any, centre: Any) -> Any:
+    """Light of a lamp on a point of a wall whose normal points to the robot.
+
+    The body, about its centre, shades it where light comes nearer than its radius before it has risen above
+    its top.
+
+    Args:
+        eyes: the sensors.
+        lamp: x, y (m); so are `point` and `centre`.
+        point: on the wall.
+        normal: the wall's there.
+        centre: of the robot.
+    """
+    (px, py), (nx, ny) = point, normal
+    ax, ay = lamp[0] - px, lamp[1] - py
+    flat = ax * ax + ay * ay
+    square = flat + eyes.square
+    # a hair off the surface, so that a wall does not shade itself
+    if not is_clear(eyes.scene, px + 1e-6 * nx, py + 1e-6 * ny, ax, ay):
+        return 0.0
+    along = ((centre[0] - px) * ax + (centre[1] - py) * ay) / max(flat, 1e-12)
+    along = min(max(along, 0.0), eyes.low)
+    dx, dy = px + along * ax - centre[0], py + along * ay - centre[1]
+    if math.sqrt(dx * dx + dy * dy) <= BODY_RADIUS:
+        return 0.0
+    return max(ax * nx + ay * ny, 0.0) / math.sqrt(square) / square
+
+
+@jit
+def _ambient(eyes: Any, noises: Any, laws: Any, scales: Any, time_ms: int, history: Any, out: Any) -> None:
+    power, noise = scales
+    _look_back(time_ms, history, eyes.poses)
+    _illuminate(eyes, power, eyes.poses, eyes.signal)
+    for k in range(SENSORS):
+        signal = max(laws[1, k] - laws[0, k] * eyes.signal[k], laws[2, k])
+        if noise:
+            signal += noise * AMBIENT_COUNTS * noise_at(noises, k, time_ms, refreshed_at(k, time_ms))
+        out[k] = min(max(np.rint(signal), 0.0), FULL)

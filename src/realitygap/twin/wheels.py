@@ -7,6 +7,7 @@ compiled where MuJoCo's library is found, and runs as it stands here, with the s
 
 from __future__ import annotations
 
+import ctypes
 import math
 from contextlib import suppress
 from pathlib import Path
@@ -20,8 +21,9 @@ from numba import types
 from numpy.typing import NDArray
 
 from realitygap.twin.arithmetic import jit
+from realitygap.twin.noise import CREEP_MS, Creep, creep_at
 
-__all__ = ["FOUND", "STATE", "Machine", "Wheel", "run"]
+__all__ = ["FOUND", "RECORD_MS", "STATE", "Machine", "Wheel", "note", "run"]
 
 PULSES_PER_TURN = 600
 """Encoder on the motor's axle, 24 pulses a turn, behind a gear of 25 to 1."""
@@ -41,6 +43,8 @@ SPEED_SCALE = (1 / 40000.0, 1 / 500000.0, 1 / 40000.0)
 POSITION_SCALE = (1 / 100000.0, 1 / 2000000.0, 1 / 5000.0)
 """Volt per gain and pulse: ours, for the manual leaves them out; chosen so that the factory's gains
 give a quick step without overshoot, and never changed since."""
+RECORD_MS = 10
+"""A state is kept for the camera this often."""
 ARRIVED = 3
 """Within 3 pulses (0.25 mm) of its target a wheel is there."""
 
@@ -161,7 +165,8 @@ def _voltage(wheel: Any, angle: float) -> Any:
 class Machine(NamedTuple):
     """What a millisecond needs: MuJoCo's model and data (their addresses where `FOUND`) and views of it.
 
-    wheels [2] records; turned [3, 2] creep, last angle, slip; history: the poses kept, where `kept` says so.
+    wheels [2] records; turned [3, 2] creep, last angle, slip; half: of the track (m); history: the poses kept
+    of each `kept` millisecond; states [n, 8]: time and pose, `recorded` [1] of them so far.
     """
 
     model: Any
@@ -171,17 +176,23 @@ class Machine(NamedTuple):
     ctrl: NDArray[np.float64]
     wheels: Any
     turned: NDArray[np.float64]
-    history: NDArray[np.float64]
+    creep: Creep
+    half: float
     kept: NDArray[np.bool_]
+    history: NDArray[np.float64]
+    states: NDArray[np.float64]
+    recorded: NDArray[np.int64]
 
 
 def _step_is_found() -> bool:
-    """Let compiled code find MuJoCo's own `mj_step`."""
+    """Let compiled code find MuJoCo's own `mj_step`, which then takes no time of its parts."""
     if numba.config.DISABLE_JIT:
         return False
     for library in Path(mujoco.__file__).parent.glob("libmujoco*"):
         with suppress(RuntimeError):
             llvmlite.binding.load_library_permanently(str(library))
+    if timer := llvmlite.binding.address_of_symbol("mjcb_time"):
+        ctypes.c_void_p.from_address(timer).value = None  # a tenth of a step's time
     return llvmlite.binding.address_of_symbol("mj_step") is not None
 
 
@@ -189,8 +200,38 @@ FOUND = _step_is_found()
 _step: Any = types.ExternalFunction("mj_step", types.void(types.uintp, types.uintp))
 
 
-def _run(first: int, count: int, machine: Machine) -> None:
+@jit
+def _feel_ground(machine: Any) -> None:
+    """Bring both wheels' creep up to date, where they stand."""
+    x, y, w, z = machine.qpos[0], machine.qpos[1], machine.qpos[3], machine.qpos[6]
+    dx, dy = -2.0 * w * z * machine.half, (w * w - z * z) * machine.half
+    for side in range(2):
+        angle = machine.turned[1, side]
+        machine.turned[0, side] = creep_at(machine.creep, side, x + dx, y + dy, angle)
+        dx, dy = -dx, -dy
+
+
+@jit
+def note(now: int, machine: Any) -> None:
+    """Keep where the robot is, for the camera."""
+    row = machine.recorded[0]
+    machine.states[row, 0] = now
+    for k in range(7):
+        machine.states[row, 1 + k] = machine.qpos[k]
+    machine.recorded[0] = row + 1
+
+
+def _run(first: int, count: int, machine: Machine) -> int:
+    """Let `count` milliseconds pass, the first of them this one.
+
+    Returns:
+        How many have passed: fewer if the creep needs new draws.
+    """
     for now in range(first, first + count):
+        if (now - 1) % CREEP_MS == 0:
+            if machine.creep.left[0] == 0 and machine.creep.noise:
+                return now - first
+            _feel_ground(machine)
         for side in range(2):
             angle = machine.qpos[7 + side]
             machine.turned[2, side] += machine.turned[0, side] * (angle - machine.turned[1, side])
@@ -199,7 +240,11 @@ def _run(first: int, count: int, machine: Machine) -> None:
         for _ in range(machine.substeps):
             _step(machine.model, machine.data)
         if machine.kept[now % machine.kept.shape[0]]:
-            machine.history[now % machine.history.shape[0]] = machine.qpos[:7]
+            for k in range(7):
+                machine.history[now % machine.history.shape[0], k] = machine.qpos[k]
+        if now % RECORD_MS == 0:
+            note(now, machine)
+    return count
 
 
 if FOUND:
