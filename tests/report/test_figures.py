@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,18 @@ def test_an_arena_is_drawn_to_scale(task) -> None:
     assert "(cm)" in axes.get_xlabel() and "(cm)" in axes.get_ylabel()
     drawn = {(*patch.center, patch.radius) for patch in axes.patches if isinstance(patch, Circle)}
     assert {tuple(map(float, c)) for c in task.arena.to_kernel().cylinders} <= drawn
+
+
+def test_what_surfaces_throw_back_is_written_on_them() -> None:
+    """Where reflectances are stated those of walls and cylinders stand in the picture."""
+    room = TASKS[0].arena
+    first, *others = room.cylinders
+    tinted = replace(room, reflectance=0.8, cylinders=(replace(first, reflectance=0.25), *others))
+    for arena, words in ((room, []), (tinted, ["×0.25", "×1", "×1", "×1", "walls ×0.8"])):
+        start = TASKS[0].to_kernel(PROFILE).start
+        with style.styled():
+            axes = arena_figure(arena, PROFILE, TASKS[0].feeds, start).axes[0]
+        assert [text.get_text() for text in axes.texts if "×" in text.get_text()] == words
 
 
 def test_rays_end_where_they_meet_something() -> None:

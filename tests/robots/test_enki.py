@@ -157,6 +157,15 @@ def test_noise_has_a_scale():
     assert spread[2.0] == pytest.approx(40, rel=0.1)
 
 
+def test_surfaces_that_differ_are_refused():
+    """Enki knows no reflectance: an arena that states one is not quietly taken for another."""
+    with (
+        opened() as body,
+        pytest.raises(UsageError, match="reflectance: expected none for"),
+    ):
+        body.enter({**FLOOR, "reflectance": [0.5]}, 1, None)
+
+
 def test_it_stays_in_its_room_and_stops_at_what_stands_there():
     """Robots that drive on for a minute are still inside, and outside cylinder and partition."""
     for model, radius in (("khepera", 2.6), ("epuck", 3.7)):

@@ -155,14 +155,16 @@ class SlowCreep:
 
 
 class SlowScene:
-    """Faces [n, 4] (x0, y0, x1, y1, in m) and circles [k, 3] (x, y, radius) that stop light."""
+    """Faces [n, 4] (x0, y0, x1, y1, in m) and circles [k, 3] (x, y, radius) that stop light, and how much
+    more than usual they throw back [1 + k]."""
 
-    def __init__(self, faces: Array, circles: Array) -> None:
+    def __init__(self, faces: Array, circles: Array, white: Array | None = None) -> None:
         self._p = faces[:, :2].T.copy()
         along = (faces[:, 2:] - faces[:, :2]).T
         self._length = hypot(*along)
         self._u = along / self._length
         self._circles = circles
+        self._white = np.ones(1 + len(circles)) if white is None else white
 
     def _distances(self, x: float, y: float) -> tuple[Array, Array]:
         """From a point to each face and to each circle (m)."""
@@ -184,6 +186,7 @@ class SlowScene:
         part = object.__new__(SlowScene)
         part._p, part._u, part._length = self._p[:, some], self._u[:, some], self._length[some]
         part._circles = self._circles[others]
+        part._white = self._white[np.concatenate([[True], others])]
         return part
 
     def _cross(self, x: Array, y: Array, dx: Array, dy: Array) -> Array:
@@ -217,10 +220,11 @@ class SlowScene:
 
         Returns:
             [n, rays] each: distance, cosine of the incidence, x, y of the point, its normal's x and y
-            (towards the ray's side).
+            (towards the ray's side), how much more than usual is thrown back there.
         """
         x, y = x[:, None], y[:, None]
         distance, nx, ny = np.full(dx.shape, FAR), -dx, -dy
+        white = np.full(dx.shape, self._white[0])
         if len(self._length):
             t = self._cross(x, y, dx, dy)
             distance = np.minimum(t.min(axis=0), FAR)
@@ -232,12 +236,14 @@ class SlowScene:
             t = self._touch(x, y, dx, dy)
             near = t.min(axis=0)
             closer = near < distance
-            cx, cy, r = (c[t.argmin(axis=0)] for c in self._circles.T)
+            which = t.argmin(axis=0)
+            cx, cy, r = (c[which] for c in self._circles.T)
+            white = np.where(closer, self._white[1 + which], white)
             distance = np.where(closer, near, distance)
             nx = np.where(closer, (x + distance * dx - cx) / r, nx)
             ny = np.where(closer, (y + distance * dy - cy) / r, ny)
         incidence = -(nx * dx + ny * dy)
-        return distance, incidence, x + distance * dx, y + distance * dy, nx, ny
+        return distance, incidence, x + distance * dx, y + distance * dy, nx, ny, white
 
     def clear(self, x: Array, y: Array, ax: Array, ay: Array) -> NDArray[np.bool_]:
         """Whether nothing stands between a point and another, `ax`, `ay` further on.
@@ -274,7 +280,9 @@ class SlowSensors:
         self._seed = seed
         self._x, self._y = place[:, 0] / 1000.0, place[:, 1] / 1000.0
         self._direction = np.radians(place[:, 2]) + np.array(unit.direction)
-        self._scene = SlowScene(edges(arena), np.array(arena["cylinders"]).reshape(-1, 3) / 100.0)
+        circles = np.array(arena["cylinders"]).reshape(-1, 3) / 100.0
+        self._white = np.array(arena.get("reflectance", np.ones(1 + len(circles))))
+        self._scene = SlowScene(edges(arena), circles, self._white)
         lamps, size = np.array(arena["lamps"]).reshape(-1, 2) / 100.0, np.array(arena["size_cm"]) / 100.0
         self._lamps = np.clip(lamps, LAMP_PROUD, size - LAMP_PROUD)
         self._rise = unit.lamp_height - EYE_HEIGHT
@@ -317,11 +325,12 @@ class SlowSensors:
         the incidence), weakened by the square of the distance.
         """
         x, y, look = self._stand(poses)
-        near = self._scene.near(float(poses[0, 0]), float(poses[0, 1]), IR_REACH + BODY_RADIUS)
+        reach = IR_REACH * math.sqrt(max(1.0, *self._white))
+        near = self._scene.near(float(poses[0, 0]), float(poses[0, 1]), reach + BODY_RADIUS)
         if near is None:
             return np.full(8, -IR_OFFSET)
-        distance, incidence, *_ = near.meet(x, y, *self._fan(look))
-        thrown = incidence / (distance + IR_DEPTH) ** 2
+        distance, incidence, *_, white = near.meet(x, y, *self._fan(look))
+        thrown = white * incidence / (distance + IR_DEPTH) ** 2
         return np.asarray(_weighted(thrown, self._ir_weight) * self._gain - IR_OFFSET)
 
     def proximity(self, time_ms: int, refreshed: NDArray[np.int64], poses: Array) -> list[int]:
@@ -344,10 +353,10 @@ class SlowSensors:
         total = np.zeros(8)
         if not len(self._lamps):
             return total
-        distance, _, px, py, nx, ny = self._scene.meet(x, y, *self._fan(look))
+        distance, _, px, py, nx, ny, white = self._scene.meet(x, y, *self._fan(look))
         up, down = np.full_like(distance, WALL_HEIGHT - EYE_HEIGHT), np.full_like(distance, EYE_HEIGHT)
         tall = arctan2(up, distance) + arctan2(down, distance)
-        tall /= EYE_MIDDLE  # share of a sensor's view, up and down, that a wall fills
+        tall = tall / EYE_MIDDLE * white  # share of a sensor's view, up and down, that a wall fills
         centre = poses.mean(axis=0)
         for lamp in self._lamps:
             total += self._direct(x, y, look, lamp)

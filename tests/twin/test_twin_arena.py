@@ -32,6 +32,9 @@ def test_a_tasks_arena_is_taken_as_it_is(name: str) -> None:
         ({"size_cm": [50, 50], "walls": [[1, 2, 1, 2]]}, "two different ends"),
         ({"size_cm": [50, 50], "lamps": [[1, float("nan")]]}, "lamps"),
         ({"size_cm": [50, 50], "lamps": 3}, "lamps"),
+        ({"size_cm": [50, 50], "reflectance": [1.0, 0.5]}, "1 numbers from 0 to 10"),
+        ({"size_cm": [50, 50], "reflectance": [-0.1]}, "1 numbers from 0 to 10"),
+        ({"size_cm": [50, 50], "reflectance": 0.5}, "1 numbers from 0 to 10"),
     ],
 )
 def test_nonsense_is_refused(arena: dict[str, Any], says: str) -> None:

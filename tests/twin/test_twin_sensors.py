@@ -89,9 +89,11 @@ def some_room(random: np.random.Generator) -> dict[str, Any]:
 
 def test_compiled_sensors_read_as_plain_ones() -> None:
     """In any room, at any place and time, the compiled sensors read what the plain ones do, bit by bit."""
-    random = np.random.default_rng(7)
+    random, tints = np.random.default_rng(7), np.random.default_rng(8)
     for unit in range(40):
         room, noise = check_arena(some_room(random)), (0.0, 1.0, 2.0)[unit % 3]
+        if unit % 2:
+            room["reflectance"] = tints.uniform(0, 4, 1 + len(room["cylinders"])).tolist()
         fast = Sensors(room, draw_unit(unit), noise=noise, seed=unit)
         slow = SlowSensors(room, draw_unit(unit), noise=noise, seed=unit)
         for _ in range(8):
@@ -134,6 +136,22 @@ def test_a_cylinder_throws_back_less_than_a_wall() -> None:
     wall = sensors.reflected(at(100 - 2.75 - 2.0, 20, 0.0))[2]
     cylinder = sensors.reflected(at(50 - 4 - 2.75 - 2.0, 50, 0.0))[2]
     assert cylinder < 0.8 * wall
+
+
+def test_surfaces_throw_back_by_their_reflectance() -> None:
+    """Infrared and reflected light are those of the surface that is met; where it is 1 nothing changes."""
+    room = {"size_cm": [100, 100], "cylinders": [[50, 50, 4], [20, 70, 3]], "lamps": [[100, 20]]}
+    plain, same = eyes(room), eyes({**room, "reflectance": [1, 1, 1]})
+    tinted = eyes({**room, "reflectance": [2.0, 0.25, 1.0]})
+    for pose, white in ((at(100 - 4.75, 50, 0.0), 2.0), (at(50 - 4 - 4.75, 50, 0.0), 0.25)):
+        usual = plain.reflected(pose)
+        assert same.reflected(pose).tolist() == usual.tolist()
+        assert tinted.reflected(pose)[2] + IR_OFFSET == pytest.approx(white * (usual[2] + IR_OFFSET))
+    far = at(100 - 2.75 - 14.0, 50, 0.0)
+    assert plain.reflected(far)[2] == -IR_OFFSET < tinted.reflected(far)[2]
+    corner = at(30, 92, 2.0)
+    off = [one.illumination(corner) for one in (plain, same, tinted)]
+    assert off[0].tolist() == off[1].tolist() and (off[2] > 1.5 * off[0])[off[0] > 0].any()
 
 
 def test_sensors_differ_by_their_gains() -> None:

@@ -119,12 +119,26 @@ def test_round_trip(tmp_path):
             r"lamps\[0\]\.colour: unknown key\. Known keys: x_cm",
         ),
         ({"name": " "}, r"name: expected a name"),
+        ({"reflectance": -0.1}, r"reflectance: expected a number from 0 to 10, got -0\.1"),
+        (
+            {"cylinders": [{"x_cm": 45, "y_cm": 20, "radius_cm": 5, "reflectance": 11}]},
+            r"cylinders\[0\]\.reflectance: expected a number from 0 to 10, got 11",
+        ),
     ],
 )
 def test_wrong_values_are_refused_by_key(change, told):
     """A wrong value is refused by its key, from Python and (the same code) from a file."""
     with pytest.raises(ConfigError, match=told):
         replace(ROOM, **change)
+
+
+def test_surfaces_that_differ_are_told(tmp_path):
+    """A reflectance is written where it is not 1, for robots' stand-ins too, and reads back."""
+    assert "reflectance" not in ROOM.to_toml() and "reflectance" not in ROOM.plain()
+    dark = replace(ROOM, cylinders=(replace(ROOM.cylinders[0], reflectance=0.2),))
+    assert dark.plain()["reflectance"] == dark.to_kernel().reflectance.tolist() == [1.0, 0.2]
+    (tmp_path / "dark.toml").write_text(dark.to_toml())
+    assert load_arena(tmp_path / "dark.toml") == dark
 
 
 def test_a_file_is_named(tmp_path):

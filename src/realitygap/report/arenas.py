@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -39,6 +40,7 @@ def draw_arena(ax: Axes, arena: Arena, *, labels: bool = True, names: bool = Fal
     for x, y, radius in arena.cylinders.reshape(-1, 3):
         post = Circle((x, y), radius, facecolor=style.CYLINDER, edgecolor=style.WALL, linewidth=0.8, zorder=1)
         ax.add_patch(post)
+    _name_surfaces(ax, arena)
     segments = arena.segments.reshape(-1, 2, 2)
     if len(segments):
         ax.add_collection(LineCollection(list(segments), colors=style.WALL, linewidths=1.6, zorder=1))
@@ -50,6 +52,17 @@ def draw_arena(ax: Axes, arena: Arena, *, labels: bool = True, names: bool = Fal
         ax.set(xlabel="x (cm)", ylabel="y (cm)", xticks=_ticks(width), yticks=_ticks(depth))
     else:
         ax.set(xticks=[], yticks=[])
+
+
+def _name_surfaces(ax: Axes, arena: Arena) -> None:
+    """How much more than usual surfaces throw back, where that is said of them."""
+    words: dict[str, Any] = {"color": style.INK, "fontsize": 6, "zorder": 1.5}
+    walls, posts = arena.reflectance[:1], zip(arena.cylinders, arena.reflectance[1:], strict=False)
+    for (x, y, _), value in posts:
+        ax.text(x, y, f"×{value:g}", ha="center", va="center", **words)
+    x, y = (0.02 * arena.size).tolist()
+    for value in walls:
+        ax.text(x, y, f"walls ×{value:g}", ha="left", va="bottom", **words)
 
 
 def _ticks(length: float) -> list[float]:

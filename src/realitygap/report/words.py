@@ -45,6 +45,8 @@ def arena_words(part: TaskPart) -> Words:
         f"The arena, {width:g} × {depth:g} cm, with {named or 'no obstacles'}, where trials start, "
         f"and a robot with its {what}, drawn up to whatever they meet."
     )
+    if len(arena.reflectance):
+        caption += " ×: how much more than those of the calibration a surface throws back."
     return Words(caption, caption)
 
 

@@ -149,7 +149,8 @@ class Placing(Protocol):
         """Stand in a room from now on, at `pose` (None: anywhere), its counters at zero.
 
         The room is in plain numbers, cm: size_cm, cylinders [x, y, radius], walls [x, y, x, y] and lamps
-        [x, y]. `seed` names the noise of what follows: the same seed, the same bits.
+        [x, y]; where surfaces differ also reflectance, of the walls and of each cylinder, 1 being usual.
+        `seed` names the noise of what follows: the same seed, the same bits.
         """
 
 

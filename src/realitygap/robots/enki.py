@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from realitygap.enki.process import STEP_S, EnkiProcess
 from realitygap.enki.unit import MODELS
+from realitygap.errors import ConfigError
 from realitygap.robots.body import Channel, Odometry
 from realitygap.robots.clock import SteppedClock
 from realitygap.robots.signals import undisturbed
@@ -76,6 +77,11 @@ class EnkiBody:
         """Be as good as new, in another room: no trial leaves the next a trace."""
         self._due, self._given, self._film = 0, Command(left=0, right=0), None
         width, depth = room["size_cm"]
+        if "reflectance" in room:
+            raise ConfigError(
+                "arena: reflectance: expected none for a robot of Enki's: there all surfaces throw back "
+                "alike. Take the twin, or leave it out."
+            )
         with undisturbed():
             self._enki.enter(room, model=self.model, unit=self.unit, noise=self.noise, seed=seed)
         self._put(pose or Pose(x=width / 2, y=depth / 2, heading=0.0))

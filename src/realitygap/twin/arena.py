@@ -16,6 +16,8 @@ __all__ = ["WALL_HALF", "check_arena", "edges"]
 WALL_HALF = 0.003
 """A partition is a board of 6 mm (m, half of it)."""
 
+WHITE, WHITEST = "reflectance", 10
+"""Of surfaces, in those that the twin's own constants hold for."""
 _PARTS = {"cylinders": ("x, y, radius", 3), "walls": ("x0, y0, x1, y1", 4), "lamps": ("x, y", 2)}
 
 
@@ -37,10 +39,10 @@ def check_arena(arena: Mapping[str, Any]) -> dict[str, Any]:
     Raises:
         ConfigError: a key is unknown or a value is not what the key means.
     """
-    unknown = set(arena) - {"size_cm", *_PARTS}
+    unknown = set(arena) - {"size_cm", *_PARTS, WHITE}
     if unknown:
         key = sorted(unknown)[0]
-        raise ConfigError(f"arena: unknown key {key!r}; known are size_cm, {', '.join(_PARTS)}")
+        raise ConfigError(f"arena: unknown key {key!r}; known are size_cm, {', '.join(_PARTS)}, {WHITE}")
     try:
         width, depth = (float(v) for v in arena["size_cm"])
     except (KeyError, TypeError, ValueError):
@@ -52,6 +54,20 @@ def check_arena(arena: Mapping[str, Any]) -> dict[str, Any]:
         raise ConfigError("arena: a cylinder's radius is above 0 cm")
     if any(row[:2] == row[2:] for row in out["walls"]):
         raise ConfigError("arena: a wall has two different ends")
+    if WHITE in arena:
+        out[WHITE] = _white(arena[WHITE], 1 + len(out["cylinders"]))
+    return out
+
+
+def _white(values: Any, count: int) -> list[float]:
+    """How much more than usual each surface throws back."""
+    try:
+        out = [float(value) for value in values]
+    except (TypeError, ValueError):
+        out = []
+    if len(out) != count or not all(0 <= value <= WHITEST for value in out):
+        what = f"{count} numbers from 0 to {WHITEST}: of the walls, and of each cylinder"
+        raise ConfigError(f"arena: {WHITE} is {what}, got {values!r}")
     return out
 
 

@@ -32,7 +32,7 @@ class TwinBody:
     """One unit in one arena. Same unit, seed, arena and calls: the same bits.
 
     Args:
-        arena: size_cm, cylinders, walls, lamps, in cm.
+        arena: size_cm, cylinders, walls, lamps, in cm; maybe reflectance, of the walls and of each cylinder.
         unit: which robot of the population.
         noise: the twin's noise scale, 1 for the size that real robots have.
         seed: names the noise of this stay in the arena.

@@ -21,23 +21,25 @@ SIDES = 4
 
 class Scene(NamedTuple):
     """What stops light (m): of each face where it begins [n, 2], its direction [n, 2] and its length [n];
-    circles [k, 3] (x, y, radius); and room for the numbers of those that
-    are looked at, [n] and [k]."""
+    circles [k, 3] (x, y, radius); how much more than usual the faces and each circle throw back, [1 + k]; and
+    room for the numbers of those that are looked at, [n] and [k]."""
 
     start: Array
     along: Array
     length: Array
     circles: Array
+    white: Array
     faces: NDArray[np.int64]
     rounds: NDArray[np.int64]
 
 
-def scene_of(faces: Array, circles: Array) -> Scene:
-    """Of faces [n, 4] (x0, y0, x1, y1, in m) and circles [k, 3]."""
+def scene_of(faces: Array, circles: Array, white: Array | None = None) -> Scene:
+    """Of faces [n, 4] (x0, y0, x1, y1, in m), circles [k, 3] and what they throw back [1 + k], 1 if None."""
+    white = np.ones(1 + len(circles)) if white is None else white
     way = faces[:, 2:] - faces[:, :2]
     length = hypot(*way.T)
     looked_at = np.arange(len(faces)), np.arange(len(circles))
-    return Scene(faces[:, :2].copy(), way / length[:, None], length, circles, *looked_at)
+    return Scene(faces[:, :2].copy(), way / length[:, None], length, circles, white, *looked_at)
 
 
 @step
@@ -128,10 +130,10 @@ def meet(scene: Any, counts: tuple[int, int], x: float, y: float, dx: float, dy:
         dx, dy: its direction, of length 1.
 
     Returns:
-        Distance, cosine of the incidence, x, y of the point, and its normal's x and y (towards the ray's
-        side).
+        Distance, cosine of the incidence, x, y of the point, its normal's x and y (towards the ray's side),
+        and how much more than usual is thrown back there.
     """
-    distance, nx, ny = FAR, -dx, -dy
+    distance, nx, ny, white = FAR, -dx, -dy, scene.white[0]
     if counts[0]:
         which, least = scene.faces[0], np.inf
         for i in range(counts[0]):
@@ -151,10 +153,10 @@ def meet(scene: Any, counts: tuple[int, int], x: float, y: float, dx: float, dy:
             if t < least:
                 which, least = k, t
         if least < distance:
-            distance, r = least, scene.circles[which, 2]
+            distance, r, white = least, scene.circles[which, 2], scene.white[1 + which]
             nx = (x + distance * dx - scene.circles[which, 0]) / r
             ny = (y + distance * dy - scene.circles[which, 1]) / r
-    return distance, -(nx * dx + ny * dy), x + distance * dx, y + distance * dy, nx, ny
+    return distance, -(nx * dx + ny * dy), x + distance * dx, y + distance * dy, nx, ny, white
 
 
 @step

@@ -67,9 +67,9 @@ class Eyes(NamedTuple):
     """What the sensors are: places on the robot (m), directions (rad) and gains, [8] each; cosines and sines
     of a fan's rays, and their weights, [RAYS] each; and what there is to be seen.
 
-    `low` is the share of the way from a wall, at the eyes' height, up to a lamp that lies below the body's
-    top; `square` the square of the lamps' height above the eyes. There is room for poses [8, 3], signals [8]
-    and rays [RAYS, 5].
+    `reach` is how far away (m) something may throw infrared back; `low` is the share of the way from a wall,
+    at the eyes' height, up to a lamp that lies below the body's top; `square` the square of the lamps' height
+    above the eyes. There is room for poses [8, 3], signals [8] and rays [RAYS, 5].
     """
 
     x: Array
@@ -81,6 +81,7 @@ class Eyes(NamedTuple):
     infrared: Array
     light: Array
     scene: Scene
+    reach: float
     lamps: Array
     square: float
     low: float
@@ -102,7 +103,8 @@ class Sensors:
     def __init__(self, arena: Mapping[str, Any], unit: Unit, *, noise: float, seed: int) -> None:
         place = np.array(SENSORS_MM_DEG, dtype=np.float64)
         self._unit, self._noise, self._seed = unit, noise, seed
-        scene = scene_of(edges(arena), np.array(arena["cylinders"]).reshape(-1, 3) / 100.0)
+        white = np.array(arena["reflectance"]) if "reflectance" in arena else None
+        scene = scene_of(edges(arena), np.array(arena["cylinders"]).reshape(-1, 3) / 100.0, white)
         lamps, size = np.array(arena["lamps"]).reshape(-1, 2) / 100.0, np.array(arena["size_cm"]) / 100.0
         rise = unit.lamp_height - EYE_HEIGHT
         fan = cos_sin(FAN)
@@ -117,6 +119,7 @@ class Sensors:
             infrared=power(fan[0], IR_EXPONENT) * IR_GAIN,
             light=seen / math.fsum(seen),
             scene=scene,
+            reach=IR_REACH * math.sqrt(max(1.0, *scene.white)),
             lamps=np.clip(lamps, LAMP_PROUD, size - LAMP_PROUD),
             square=rise**2,
             low=(BODY_TOP - EYE_HEIGHT) / max(rise, BODY_TOP - EYE_HEIGHT),
@@ -138,7 +141,7 @@ class Sensors:
         """[8] infrared thrown back, in counts, less the offset: without noise and before the converter.
 
         Each ray: emitted and taken in by cos^2.6 of its angle, thrown back by Lambert's law (cosine of
-        the incidence), weakened by the square of the distance.
+        the incidence) and the surface's reflectance, weakened by the square of the distance.
 
         Args:
             poses: [8, 3] x, y (m) and heading of the robot when each sensor was refreshed.
@@ -218,7 +221,7 @@ def _stand(eyes: Any, poses: Any, k: int) -> Any:
 
 @jit
 def _reflect(eyes: Any, poses: Any, out: Any) -> None:
-    counts = near(eyes.scene, poses[0, 0], poses[0, 1], IR_REACH + BODY_RADIUS)
+    counts = near(eyes.scene, poses[0, 0], poses[0, 1], eyes.reach + BODY_RADIUS)
     for k in range(SENSORS):
         out[k] = -IR_OFFSET
         if counts[0] == 0 and counts[1] == 0:
@@ -227,9 +230,9 @@ def _reflect(eyes: Any, poses: Any, out: Any) -> None:
         total = 0.0
         for j in range(RAYS):
             dx, dy = c * eyes.across[j] - s * eyes.along[j], s * eyes.across[j] + c * eyes.along[j]
-            distance, incidence, _, _, _, _ = meet(eyes.scene, counts, x, y, dx, dy)
+            distance, incidence, _, _, _, _, white = meet(eyes.scene, counts, x, y, dx, dy)
             deep = distance + IR_DEPTH
-            total += incidence / (deep * deep) * eyes.infrared[j]
+            total += white * incidence / (deep * deep) * eyes.infrared[j]
         out[k] = total * eyes.gain[k] - IR_OFFSET
 
 
@@ -259,10 +262,11 @@ def _illuminate(eyes: Any, power: float, poses: Any, out: Any) -> None:
         x, y, c, s = _stand(eyes, poses, k)
         for j in range(RAYS):
             dx, dy = c * eyes.across[j] - s * eyes.along[j], s * eyes.across[j] + c * eyes.along[j]
-            distance, _, px, py, nx, ny = meet(eyes.scene, counts, x, y, dx, dy)
+            distance, _, px, py, nx, ny, white = meet(eyes.scene, counts, x, y, dx, dy)
             tall = one_arctan2(WALL_HEIGHT - EYE_HEIGHT, distance) + one_arctan2(EYE_HEIGHT, distance)
             # share of a sensor's view, up and down, that a wall fills
-            rays[j, 0], rays[j, 1], rays[j, 2], rays[j, 3], rays[j, 4] = px, py, nx, ny, tall / EYE_MIDDLE
+            tall = tall / EYE_MIDDLE * white
+            rays[j, 0], rays[j, 1], rays[j, 2], rays[j, 3], rays[j, 4] = px, py, nx, ny, tall
         for n in range(lamps.shape[0]):
             lamp, thrown = (lamps[n, 0], lamps[n, 1]), 0.0
             for j in range(RAYS):

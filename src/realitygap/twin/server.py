@@ -49,7 +49,8 @@ class Settings:
     """How a twin is started.
 
     Args:
-        arena: the room in plain numbers, as the twin takes it (size_cm, cylinders, walls, lamps; cm).
+        arena: the room in plain numbers, as the twin takes it (size_cm, cylinders, walls, lamps, in cm;
+            reflectance).
         unit: which robot of the population.
         noise: the twin's noise scale.
         seed: of its noise.

@@ -58,6 +58,7 @@ function drawArena(stage, arena, paint) {
     pen.fill();
     pen.stroke();
   }
+  nameSurfaces(stage, arena, paint);
   pen.lineWidth = 2;
   for (const [x0, y0, x1, y1] of arena.walls) line(stage, x0, y0, x1, y1);
   pen.strokeRect(x(0), y(depth), width * scale, depth * scale);
@@ -69,6 +70,19 @@ function drawArena(stage, arena, paint) {
       pen.fill();
     }
   drawTicks(stage, paint);
+}
+
+// How much more than usual surfaces throw back, where that is said of them.
+function nameSurfaces(stage, arena, paint) {
+  const { pen, x, y } = stage;
+  if (!arena.reflectance) return;
+  const [walls, ...posts] = arena.reflectance;
+  pen.fillStyle = paint.ink;
+  pen.font = "11px sans-serif";
+  [pen.textAlign, pen.textBaseline] = ["center", "middle"];
+  posts.forEach((value, k) => pen.fillText(`×${value}`, x(arena.cylinders[k][0]), y(arena.cylinders[k][1])));
+  [pen.textAlign, pen.textBaseline] = ["left", "bottom"];
+  pen.fillText(`walls ×${walls}`, x(0) + 4, y(0) - 4);
 }
 
 function drawGlow(stage, lamp) {
