@@ -22,6 +22,7 @@ from realitygap.kernels.trial import act, begin, draw_noise, draw_start, feed_ne
 from realitygap.kernels.work import new_work
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.tasks import TASKS, load_task
+from realitygap.world.arena import Arena
 from realitygap.world.profile import Profile, load_profile
 
 PARTS = ("nothing", "sensing", "network", "wheels", "noise")
@@ -123,7 +124,35 @@ def compare_laws() -> None:
         print(f"sensors by curves, over the law of {name}: {ratios[0]:.3f}; of its reach: {ratios[1]:.3f}")
 
 
+def walled(count: int, side: float) -> Arena:
+    """A room with so many walls of 10 cm, anywhere but in its middle, where trials start."""
+    random, walls = np.random.default_rng(3), []
+    while len(walls) < count:
+        x, y, angle = *random.uniform(0, side, 2), random.uniform(0, np.pi)
+        ends = (x, y, x + 10 * np.cos(angle), y + 10 * np.sin(angle))
+        middle = np.linspace(ends[:2], ends[2:], 20) - side / 2
+        if min(ends) >= 0 and max(ends) <= side and np.hypot(*middle.T).min() > 7:
+            walls.append(tuple(map(float, ends)))
+    return Arena(name="walled", size_cm=(side, side), walls=tuple(walls))
+
+
+def compare_rooms() -> None:
+    """How long steps among inner walls take, over those in the paper's arena, in turn in one run."""
+    task, sides = load_task("avoidance"), {1: 60, 4: 60, 20: 120, 200: 400}
+    rooms = [task.arena, *(walled(count, side) for count, side in sides.items())]
+    timed = []
+    for room in rooms:
+        start = replace(task.start, x_cm=room.size_cm[0] / 2, y_cm=room.size_cm[1] / 2)
+        simulation = Simulation(replace(task, arena=room, start=start), load_profile("paper"), 1.0)
+        timed.append(seconds_for(simulation, random_networks(simulation, stream=1995)))
+        timed[-1](NOTHING)
+    rounds = np.array([[seconds(NOTHING) for seconds in timed] for _ in range(ROUNDS)])
+    for walls, ratio in zip(sides, np.median(rounds[:, 1:] / rounds[:, :1], axis=0), strict=True):
+        print(f"a room with {walls} inner walls, over the paper's arena: {ratio:.2f}")
+
+
 def main() -> None:
+    compare_rooms()
     compare_laws()
     for name in TASKS:
         simulation = Simulation(load_task(name), load_profile("paper"), 1.0)

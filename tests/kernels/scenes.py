@@ -45,6 +45,21 @@ def random_arena(random: np.random.Generator, *, lamps: int | None = None, slidi
     )
 
 
+def full_room(random: np.random.Generator, *, things: int = 40) -> Arena:
+    """A room with that many walls and poles, half of them poles; some reach into the robot's way."""
+    side = random.uniform(8, 14) * math.sqrt(things)
+    poles = tuple(
+        Cylinder(x_cm=random.uniform(2, side - 2), y_cm=random.uniform(2, side - 2), radius_cm=radius)
+        for radius in random.uniform(0.5, 2, things // 2)
+    )
+    walls = tuple(
+        (x, y, *(float(v) for v in np.clip((x + dx, y + dy), 0, side)))
+        for x, y in random.uniform(0, side, (things - things // 2, 2)).tolist()
+        for dx, dy in random.uniform(-12, 12, (1, 2))
+    )
+    return Arena(name="full", size_cm=(side, side), cylinders=poles, walls=walls)
+
+
 def random_lamp(random: np.random.Generator, width: float, depth: float) -> Lamp:
     """A lamp within a room at any angle; half of them stand across the end, as the paper's does."""
     weights = tuple(random.uniform(0, 9, 5))
@@ -160,5 +175,6 @@ def readings(profile: Profile, arena: Arena | KernelArena, pose) -> tuple[np.nda
 
 __all__ = [
     "AVOIDANCE", "EMPTY", "MOTOR_NOISE", "PAPER", "RADIUS", "SEEKING",
-    "nobody", "random_arena", "random_pose", "random_profile", "random_scenes", "readings", "work_for",
+    "full_room", "nobody", "random_arena", "random_pose", "random_profile", "random_scenes", "readings",
+    "work_for",
 ]  # fmt: skip

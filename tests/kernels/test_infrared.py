@@ -10,7 +10,16 @@ import pytest
 
 from realitygap.world.arena import Cylinder
 from tests.kernels.reference import sensors as reference
-from tests.kernels.scenes import AVOIDANCE, EMPTY, PAPER, random_pose, random_scenes, readings
+from tests.kernels.scenes import (
+    AVOIDANCE,
+    EMPTY,
+    PAPER,
+    full_room,
+    random_pose,
+    random_profile,
+    random_scenes,
+    readings,
+)
 
 A, B = 3515.0, -91.4
 BETAS = np.radians([-81, -63, -45, -27, -9, 9, 27, 45, 63, 81])
@@ -32,6 +41,22 @@ def test_agrees_with_the_reference():
         np.testing.assert_allclose(got, expected, rtol=1e-9, atol=1e-7)
         lit += sum(0 < value < 1023 for value in expected)
     assert lit > 500, "the scenes are too empty to judge anything"
+
+
+def test_agrees_in_rooms_full_of_things():
+    """Between forty walls and poles the early exits never change a reading either."""
+    random = np.random.default_rng(3)
+    read = lit = 0
+    for k in range(60):
+        arena, profile = full_room(random), random_profile(random) if k % 2 else PAPER
+        pose = random_pose(random, arena)
+        if pose is not None:
+            got, _ = readings(profile, arena, pose)
+            expected = reference.proximity(profile, arena, pose)
+            np.testing.assert_allclose(got, expected, rtol=1e-9, atol=1e-7)
+            read += len(expected)
+            lit += sum(0 < value < 1023 for value in expected)
+    assert 50 < lit < 0.7 * read, "the rooms are too empty or too full to judge anything"
 
 
 def test_agrees_where_evolution_happens():

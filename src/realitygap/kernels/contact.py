@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from realitygap.kernels.geometry import from_segment, stands_clear, unit
+from realitygap.kernels.geometry import from_segment, is_beyond, stands_clear, unit
 from realitygap.kernels.jit import step
 from realitygap.kernels.params import STEP_S
 
@@ -64,10 +64,11 @@ def settle_once(arena, radius, x, y, dx, dy):
                 nx, ny, gap = unit(vx, vy)
                 to = push(to, nx, ny, apart - gap, slip)
         for j in range(arena.segments.shape[0]):
-            vx, vy = from_segment(arena, j, to.x, to.y)
-            nx, ny, gap = unit(vx, vy)
-            if gap < radius:
-                to = push(to, nx, ny, radius - gap, slip)
+            if not is_beyond(arena, j, to.x, to.y, radius):
+                vx, vy = from_segment(arena, j, to.x, to.y)
+                nx, ny, gap = unit(vx, vy)
+                if gap < radius:
+                    to = push(to, nx, ny, radius - gap, slip)
         if stands_clear(arena, to.x, to.y, radius):
             return to.x, to.y, True
     return x, y, True

@@ -13,10 +13,16 @@ import numpy as np
 from realitygap.kernels.jit import step
 from realitygap.kernels.params import RAYS, F
 
+SPARE = 1e-6
+"""What is called far off is farther by this, cm: no rounding makes a yes of a no."""
 TOUCHING = 1e-3
 """Smallest distance that a sensor can see, cm: keeps 1/d finite for sensors on a surface."""
 GRAZE = 1e-6
 """Share by which a ray's end is drawn back before asking what hides it: off its own wall."""
+
+
+LOOK = 8
+"""Obstacles that are met between two looks at whether any farther one can be."""
 
 
 class Spot(NamedTuple):
@@ -37,6 +43,16 @@ class Rays(NamedTuple):
     inverse: F
     incidence: F
     narrow: float
+
+
+@step
+def cell_at(arena, x, y):
+    """The cell of a place; for one outside the room that of the nearest place inside."""
+    if arena.cylinder_gap.shape[0] == 1:
+        return np.uint64(0)
+    i = min(max(int(x * arena.cells_per_cm[0]), 0), arena.grid[0] - 1)
+    j = min(max(int(y * arena.cells_per_cm[1]), 0), arena.grid[1] - 1)
+    return np.uint64(i * arena.grid[1] + j)
 
 
 @step
@@ -90,9 +106,54 @@ def see_cylinder(qx, qy, radius, rays, incident):
 
 
 @step
-def see_cylinders(arena, spot, rays, incident):
-    """Shorten the rays that meet a cylinder first."""
-    for j in range(arena.cylinders.shape[0]):
+def goes_between(ax, ay, bx, by, rays):
+    """Whether any ray may go between (ax, ay) and (bx, by): that costs less than a division."""
+    sign = 1.0 if ax * by - ay * bx >= 0.0 else -1.0
+    any_does = 0
+    for i in range(rays.x.shape[0]):
+        from_a = (ax * rays.y[i] - ay * rays.x[i]) * sign
+        to_b = (rays.x[i] * by - rays.y[i] * bx) * sign
+        any_does = any_does | ((from_a >= 0.0) & (to_b >= 0.0))
+    return any_does == 1
+
+
+@step
+def see_segment(ax, ay, bx, by, rays, incident):
+    """Shorten the rays that meet first an inner wall from (ax, ay) to (bx, by), from where they start."""
+    area = ax * by - ay * bx
+    sign = 1.0 if area >= 0.0 else -1.0
+    length = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
+    inverse_area = 1.0 / (sign * max(abs(area), TOUCHING * length))
+    inverse_length = 1.0 / max(length, TOUCHING)
+    for i in range(rays.x.shape[0]):
+        from_a = (ax * rays.y[i] - ay * rays.x[i]) * sign
+        to_b = (rays.x[i] * by - rays.y[i] * bx) * sign
+        through = rays.x[i] * (by - ay) - rays.y[i] * (bx - ax)
+        met = through * inverse_area
+        met = met if from_a >= 0.0 else 0.0
+        met = met if to_b >= 0.0 else 0.0
+        if incident is not None:
+            cosine = abs(through) * inverse_length
+            rays.incidence[i] = cosine if met > rays.inverse[i] else rays.incidence[i]
+        rays.inverse[i] = max(rays.inverse[i], met)
+
+
+@step
+def all_nearer(gap, inverse):
+    """Whether all rays of a fan end before `gap`."""
+    nearer = 1
+    for i in range(RAYS):
+        nearer = nearer & (inverse[i] * gap > 1.0)
+    return nearer == 1
+
+
+@step
+def see_cylinders(arena, cell, spot, rays, incident):
+    """Shorten the rays that meet a cylinder first: the nearest first, until all rays end before the next."""
+    for n in range(arena.cylinders.shape[0]):
+        if n % LOOK == LOOK - 1 and all_nearer(arena.cylinder_gap[cell, n], rays.inverse):
+            return
+        j = arena.near_cylinders[cell, n]
         qx = arena.cylinders[j, 0] - spot.x
         qy = arena.cylinders[j, 1] - spot.y
         radius = arena.cylinders[j, 2]
@@ -102,29 +163,19 @@ def see_cylinders(arena, spot, rays, incident):
 
 
 @step
-def see_segments(arena, spot, rays, incident):
-    """Shorten the rays that meet an inner wall first."""
-    for j in range(arena.segments.shape[0]):
+def see_segments(arena, cell, spot, rays, incident):
+    """Shorten the rays that meet an inner wall first, as for cylinders."""
+    x, y = rays.x[RAYS], rays.y[RAYS]
+    for n in range(arena.segments.shape[0]):
+        if n % LOOK == LOOK - 1 and all_nearer(arena.segment_gap[cell, n], rays.inverse):
+            return
+        j = arena.near_segments[cell, n]
         ax = arena.segments[j, 0] - spot.x
         ay = arena.segments[j, 1] - spot.y
         bx = arena.segments[j, 2] - spot.x
         by = arena.segments[j, 3] - spot.y
-        area = ax * by - ay * bx
-        sign = 1.0 if area >= 0.0 else -1.0
-        length = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
-        inverse_area = 1.0 / (sign * max(abs(area), TOUCHING * length))
-        inverse_length = 1.0 / max(length, TOUCHING)
-        for i in range(rays.x.shape[0]):
-            from_a = (ax * rays.y[i] - ay * rays.x[i]) * sign
-            to_b = (rays.x[i] * by - rays.y[i] * bx) * sign
-            through = rays.x[i] * (by - ay) - rays.y[i] * (bx - ax)
-            met = through * inverse_area
-            met = met if from_a >= 0.0 else 0.0
-            met = met if to_b >= 0.0 else 0.0
-            if incident is not None:
-                cosine = abs(through) * inverse_length
-                rays.incidence[i] = cosine if met > rays.inverse[i] else rays.incidence[i]
-            rays.inverse[i] = max(rays.inverse[i], met)
+        if max(ax * x + ay * y, bx * x + by * y) > -SPARE and goes_between(ax, ay, bx, by, rays):
+            see_segment(ax, ay, bx, by, rays, incident)
 
 
 @step
@@ -136,8 +187,9 @@ def see(arena, fans, k, spot, rays, incident):
     law pays nothing for it (a robot with such surfaces is a fifth slower).
     """
     see_room(arena, fans, k, spot, rays, incident)
-    see_cylinders(arena, spot, rays, incident)
-    see_segments(arena, spot, rays, incident)
+    cell = cell_at(arena, spot.x, spot.y)
+    see_cylinders(arena, cell, spot, rays, incident)
+    see_segments(arena, cell, spot, rays, incident)
 
 
 @step
@@ -205,17 +257,36 @@ def stands_clear(arena, x, y, radius):
     clear = radius - 1e-9
     if x < clear or y < clear or arena.size[0] - x < clear or arena.size[1] - y < clear:
         return False
-    for j in range(arena.cylinders.shape[0]):
+    cell = cell_at(arena, x, y)
+    for n in range(arena.cylinders.shape[0]):
+        if arena.cylinder_gap[cell, n] > radius:
+            break
+        j = arena.near_cylinders[cell, n]
         dx = x - arena.cylinders[j, 0]
         dy = y - arena.cylinders[j, 1]
         reach = clear + arena.cylinders[j, 2]
         if dx * dx + dy * dy < reach * reach:
             return False
-    for j in range(arena.segments.shape[0]):
-        dx, dy = from_segment(arena, j, x, y)
-        if dx * dx + dy * dy < clear * clear:
-            return False
+    for n in range(arena.segments.shape[0]):
+        if arena.segment_gap[cell, n] > radius:
+            break
+        j = arena.near_segments[cell, n]
+        if not is_beyond(arena, j, x, y, clear):
+            dx, dy = from_segment(arena, j, x, y)
+            if dx * dx + dy * dy < clear * clear:
+                return False
     return True
+
+
+@step
+def is_beyond(arena, j, x, y, reach):
+    """Whether inner wall `j` is farther than `reach` from (x, y), without a division: never wrong in saying
+    yes, for a rectangle about the wall is asked."""
+    ex, ey = x - arena.segments[j, 0], y - arena.segments[j, 1]
+    ux, uy = arena.segment_along[j, 0], arena.segment_along[j, 1]
+    along = ex * ux + ey * uy
+    far = reach + SPARE
+    return abs(ex * uy - ey * ux) > far or along < -far or along > arena.segment_along[j, 2] + far
 
 
 @step

@@ -5,7 +5,7 @@ exactly. Most sensors are in that state most of the time, so it is asked first, 
 side by side, by conditions that are never wrong in saying no.
 """
 
-from realitygap.kernels.geometry import Rays, Spot, is_tinted, see, tint
+from realitygap.kernels.geometry import SPARE, Rays, Spot, cell_at, is_beyond, is_tinted, see, tint
 from realitygap.kernels.jit import step
 from realitygap.kernels.params import LANES
 from realitygap.kernels.response import respond
@@ -66,14 +66,48 @@ def notice_cylinder(robot, arena, j, work):
 
 
 @step
+def notice_segment(robot, arena, j, work):
+    """Mark the sensors that inner wall `j` is in reach of and not wholly to one side of their fan."""
+    x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
+    ax, ay = arena.segments[j, 0] - x, arena.segments[j, 1] - y
+    ux, uy = arena.segment_along[j, 0], arena.segment_along[j, 1]
+    # The wall as the robot sees it: (forward, leftward).
+    ax, ay = c * ax + s * ay, c * ay - s * ax
+    ux, uy = c * ux + s * uy, c * uy - s * ux
+    length, fan = arena.segment_along[j, 2], work.fan
+    for k in range(work.noticed.shape[0]):
+        qx, qy = ax - fan[0, k], ay - fan[1, k]
+        along, reach = -(qx * ux + qy * uy), robot.proximity_reach[k] + SPARE
+        near = (abs(qx * uy - qy * ux) < reach) & (along > -reach) & (along < length + reach)
+        # How far its ends lie to the left of the first ray, and to the right of the last.
+        left = fan[4, k] * qy - fan[5, k] * qx
+        right = fan[7, k] * qx - fan[6, k] * qy
+        left = max(left, left + length * (fan[4, k] * uy - fan[5, k] * ux))
+        right = max(right, right + length * (fan[7, k] * ux - fan[6, k] * uy))
+        near = near & (left > -SPARE) & (right > -SPARE)
+        work.noticed[k] = 1 if near else work.noticed[k]
+
+
+@step
 def notice(robot, arena, work):
     """Mark the sensors that may read more than 0 (work.noticed)."""
-    notice_walls(robot, arena, work)
-    for j in range(arena.cylinders.shape[0]):
-        notice_cylinder(robot, arena, j, work)
-    if arena.segments.shape[0] > 0 or is_tinted(arena):
+    if is_tinted(arena):
         for k in range(work.noticed.shape[0]):
             work.noticed[k] = 1
+        return
+    notice_walls(robot, arena, work)
+    x, y, span = work.pose[0], work.pose[1], work.span[0]
+    cell = cell_at(arena, x, y)
+    for n in range(arena.cylinders.shape[0]):
+        if arena.cylinder_gap[cell, n] > span:
+            break
+        notice_cylinder(robot, arena, arena.near_cylinders[cell, n], work)
+    for n in range(arena.segments.shape[0]):
+        if arena.segment_gap[cell, n] > span:
+            break
+        j = arena.near_segments[cell, n]
+        if not is_beyond(arena, j, x, y, span):
+            notice_segment(robot, arena, j, work)
 
 
 @step

@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 from realitygap.kernels.contact import ROUNDS, Move, push
-from realitygap.kernels.geometry import stands_clear, unit
+from realitygap.kernels.geometry import SPARE, is_beyond, stands_clear, unit
 from realitygap.kernels.jit import step
 from realitygap.kernels.rng import sin_cos
 
@@ -78,9 +78,9 @@ def off_segment(outline, ax, ay, bx, by):
 
 
 @step
-def way_out(arena, outline, j, at, c, s):
+def way_out(arena, robot, j, at, c, s):
     """Off surface `j` of the room (four walls, cylinders, inner walls), for a body at a Move's end."""
-    x, y = at.x, at.y
+    x, y, outline = at.x, at.y, robot.outline
     cylinders = arena.cylinders.shape[0]
     if j < 4:
         # x = 0, y = 0, x = width, y = depth: the normal points into the room.
@@ -91,6 +91,8 @@ def way_out(arena, outline, j, at, c, s):
     elif j < 4 + cylinders:
         qx, qy = arena.cylinders[j - 4, 0] - x, arena.cylinders[j - 4, 1] - y
         way = off_cylinder(outline, c * qx + s * qy, c * qy - s * qx, arena.cylinders[j - 4, 2])
+    elif is_beyond(arena, j - 4 - cylinders, x, y, robot.radius):
+        way = Way(1.0, 0.0, -SPARE)
     else:
         wall = arena.segments[j - 4 - cylinders]
         ax, ay, bx, by = wall[0] - x, wall[1] - y, wall[2] - x, wall[3] - y
@@ -99,13 +101,13 @@ def way_out(arena, outline, j, at, c, s):
 
 
 @step
-def push_out(arena, outline, to, c, s):
+def push_out(arena, robot, to, c, s):
     """A move after all surfaces have pushed, and the rounds that it took; -1: nowhere near is clear."""
     surfaces = 4 + arena.cylinders.shape[0] + arena.segments.shape[0]
     for k in range(ROUNDS + 1):
         clear = True
         for j in range(surfaces):
-            way = way_out(arena, outline, j, to, c, s)
+            way = way_out(arena, robot, j, to, c, s)
             if way.depth > FREE:
                 to = push(to, way.nx, way.ny, way.depth, arena.sliding)
                 clear = False
@@ -133,7 +135,7 @@ def settle_outline(arena, robot, pose, dx, dy, turn):
             spin = 0.0 if attempt == 2 else turn
             s, c = sin_cos(pose[2] + turned + spin)
             ahead = Move(x + go * dx, y + go * dy, go * dx, go * dy)
-            to, rounds = push_out(arena, robot.outline, ahead, c, s)
+            to, rounds = push_out(arena, robot, ahead, c, s)
             touched = touched or rounds != 0
             if rounds >= 0:
                 x, y, turned = to.x, to.y, turned + spin
@@ -149,5 +151,5 @@ def body_clear(robot, arena, x, y, heading):
     s, c = sin_cos(heading)
     inside = 0.0 <= x <= arena.size[0] and 0.0 <= y <= arena.size[1]
     for j in range(4 + arena.cylinders.shape[0] + arena.segments.shape[0]):
-        inside = inside and way_out(arena, robot.outline, j, Move(x, y, 0.0, 0.0), c, s).depth <= FREE
+        inside = inside and way_out(arena, robot, j, Move(x, y, 0.0, 0.0), c, s).depth <= FREE
     return inside

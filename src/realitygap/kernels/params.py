@@ -164,8 +164,20 @@ class Arena(NamedTuple):
     """[2] width (x) and depth (y), cm."""
     segments: F
     """[S, 4] inner walls, x0 y0 x1 y1."""
+    segment_along: F
+    """[S, 3] of each the unit vector from its first end to its second, and its length."""
     cylinders: F
     """[C, 3] x, y, radius."""
+    grid: I64
+    """[2] cells along x and y: one, unless there are many obstacles."""
+    cells_per_cm: F
+    near_cylinders: NDArray[np.uint64]
+    cylinder_gap: F
+    """[cells, C] the numbers of all cylinders, nearest first, and the least distance (cm) of each from any
+    place in the cell; where there is one cell: in their order, and 0."""
+    near_segments: NDArray[np.uint64]
+    segment_gap: F
+    """[cells, S] the same of the inner walls."""
     lamp_points: F
     """[L, LAMP_POINTS, 2] places of each lamp's point sources."""
     lamp_weights: F
