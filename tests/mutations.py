@@ -47,6 +47,10 @@ MUTATIONS = (
     Mutation("kernels/infrared.py", "the short cut's reach is a tenth too short for cylinders",
              "reach = robot.proximity_reach[k] + radius",
              "reach = 0.9 * robot.proximity_reach[k] + radius", INFRARED),
+    Mutation("kernels/infrared.py", "the short cut overlooks an inner wall's far end",
+             "(along < length + reach)", "(along < 0.5 * length + reach)", INFRARED),
+    Mutation("kernels/near.py", "what is near in the next cell is not asked",
+             "if arena.segment_gap[cell, n] > radius:", "if arena.segment_gap[cell, n] > 0.0:", CONTACT),
     # (That a cylinder behind a sensor is seen changes nothing: its 1/d is negative, any wall's is more.)
     Mutation("kernels/geometry.py", "a cylinder's far side is seen",
              "met = (t + half) * inverse_k", "met = (t - half) * inverse_k", INFRARED),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from realitygap.kernels.geometry import cell_at, from_segment
+from realitygap.kernels.near import cell_at, from_segment
 from realitygap.world.arena import Arena, Cylinder
 from realitygap.world.nearest import MANY
 from tests.kernels.scenes import full_room

@@ -3,8 +3,8 @@
 import math
 from typing import NamedTuple
 
-from realitygap.kernels.geometry import from_segment, is_beyond, stands_clear, unit
 from realitygap.kernels.jit import step
+from realitygap.kernels.near import from_segment, is_beyond, stands_clear, unit
 from realitygap.kernels.params import STEP_S
 
 ROUNDS = 12

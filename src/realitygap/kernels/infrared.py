@@ -5,8 +5,9 @@ exactly. Most sensors are in that state most of the time, so it is asked first, 
 side by side, by conditions that are never wrong in saying no.
 """
 
-from realitygap.kernels.geometry import SPARE, Rays, Spot, cell_at, is_beyond, is_tinted, see, tint
+from realitygap.kernels.geometry import Rays, Spot, is_tinted, see, tint
 from realitygap.kernels.jit import step
+from realitygap.kernels.near import SPARE, cell_at, is_beyond
 from realitygap.kernels.params import LANES
 from realitygap.kernels.response import respond
 

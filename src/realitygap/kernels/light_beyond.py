@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from realitygap.kernels.geometry import circle_blocks, covers, from_segment
+from realitygap.kernels.geometry import circle_blocks, covers
 from realitygap.kernels.jit import step
 from realitygap.kernels.light import (
     follow_fan,
@@ -19,6 +19,7 @@ from realitygap.kernels.light import (
     obstacles_hide,
     reflected_light,
 )
+from realitygap.kernels.near import from_segment
 from realitygap.kernels.params import LAMP_POINTS, RAYS
 from realitygap.kernels.rng import log
 

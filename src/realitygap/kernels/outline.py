@@ -9,8 +9,8 @@ import math
 from typing import NamedTuple
 
 from realitygap.kernels.contact import ROUNDS, Move, push
-from realitygap.kernels.geometry import SPARE, is_beyond, stands_clear, unit
 from realitygap.kernels.jit import step
+from realitygap.kernels.near import SPARE, is_beyond, stands_clear, unit
 from realitygap.kernels.rng import sin_cos
 
 PIECE = 0.0625
