@@ -57,11 +57,13 @@ def _sorted(bounds: Floats) -> tuple[NDArray[np.uint64], Floats]:
 
 def _to_cylinders(places: Floats, cylinders: Floats) -> Floats:
     """Distances [n, C] of places [n, 1, 2]."""
-    return np.linalg.norm(places - cylinders[:, :2], axis=2) - cylinders[:, 2]
+    apart: Floats = np.linalg.norm(places - cylinders[:, :2], axis=2) - cylinders[:, 2]
+    return apart
 
 
 def _to_walls(places: Floats, walls: Floats) -> Floats:
     """Distances [n, S] of places [n, 1, 2]."""
     begin, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
     share = np.clip(((places - begin) * along).sum(2) / (along**2).sum(1), 0.0, 1.0)
-    return np.linalg.norm(places - begin - share[..., None] * along, axis=2)
+    apart: Floats = np.linalg.norm(places - begin - share[..., None] * along, axis=2)
+    return apart
