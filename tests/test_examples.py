@@ -113,6 +113,19 @@ def test_a_controller_is_written_for_a_chip_of_ones_own(tmp_path):
     assert done.stdout.endswith("avoider: 200 steps as in the simulation\n")
 
 
+def test_a_learner_learns(monkeypatch):
+    """On the vector environment, in four iterations."""
+    gymnasium = pytest.importorskip("gymnasium", reason="no gymnasium here: pip install gymnasium")
+    from realitygap.environment import register
+
+    if "realitygap/ObstacleAvoidance-v0" not in gymnasium.registry:
+        register()
+    monkeypatch.syspath_prepend(EXAMPLES)
+    import learn
+
+    assert learn.main(4) > 0.3
+
+
 def stop_at(done: int) -> Callable[[Progress], None]:
     """Ctrl-C once so many evaluations are done."""
 
