@@ -82,13 +82,14 @@ def recorded(robot: Profile) -> Callable[..., SensorRecording]:
         repeats: int = 4,
         seed: int = 1,
         matt: float = 0.0,
+        reflectance: float = 1.0,
     ) -> SensorRecording:
         made = replace(robot, infrared=replace(robot.infrared, matt=matt))
         distance, bearing, repeat = places(repeats)
         kind = "ambient" if object == "lamp" else "infrared"
         blank = SensorRecording(
             kind=kind, object=object, distance_cm=distance, bearing_deg=bearing, repeat=repeat,
-            counts=np.zeros((len(distance), 8)), source="made",
+            counts=np.zeros((len(distance), 8)), source="made", reflectance=reflectance,
         )  # fmt: skip
         scene = scene_of(blank)
         if kind == "ambient":

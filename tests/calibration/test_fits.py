@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -46,6 +47,27 @@ def test_a_wall_tells_whether_it_is_matt(recorded, matt):
     assert [w for w in made.warnings if not w.startswith("ambient: no recording")] == []
     other = recorded("cylinder:2.7", matt=matt, noise=5.0, seed=9)
     assert judge(other, made.profile).rmse < 1.5 * made.infrared.rmse
+
+
+def test_a_surface_of_unknown_reflectance_is_fitted(recorded):
+    """A cylinder 0.4 times as white as the wall: the ratio comes back with its interval, in words too, in a
+    fit and where a profile is judged; said to be as white as the wall it does not fit."""
+    wall, dark = recorded(repeats=1), recorded("cylinder:4", repeats=1, reflectance=0.4, seed=5)
+    unknown = replace(dark, reflectance=math.nan)
+    made = calibrate([wall, unknown], PAPER, form="extended")
+    (found,) = (c for c in made.profile.provenance.constants if c.key == "infrared.reflectance_1")
+    assert found.told and found.low < 0.4 < found.high and found.high - found.low < 0.08
+    assert made.surfaces[0] in made.profile.provenance.notes and "cylinder:4, fitted: 0." in made.surfaces[0]
+    judged = [judge(one, made.profile) for one in (dark, unknown, replace(dark, reflectance=1.0))]
+    assert [one.reflectance for one in judged] == pytest.approx([0.4, 0.4, 1.0], abs=0.03)
+    assert judged[2].rmse > 2 * judged[0].rmse > 1.9 * judged[1].rmse
+
+
+def test_something_must_be_known_of_surfaces(recorded):
+    """Recordings that are all of unknown surfaces tell no reflectance."""
+    unknown = recorded(repeats=1, reflectance=math.nan)
+    with pytest.raises(CalibrationError, match=r"reflectance: expected it of one recording at least"):
+        calibrate([replace(unknown, counts=recorded(repeats=1).counts)], PAPER)
 
 
 def test_a_surface_is_taken_for_matt(recorded):

@@ -27,7 +27,7 @@ from realitygap.calibration.recorder.plans import ambient_plan, infrared_plan, s
 from realitygap.calibration.recorder.record import Wanted, record
 from realitygap.calibration.recorder.site import EnoughError, OwnSite, PersonSite
 from realitygap.calibration.recorder.wheel_plans import FLOOR_CM, Trial, wheel_plan
-from realitygap.calibration.recordings.files import load_recording
+from realitygap.calibration.recordings.files import load_recording, read_facts
 from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, SensorRecording
 from realitygap.cli import realitygap
 from realitygap.errors import BaudError, RecordingError
@@ -305,11 +305,11 @@ class Still:
         return Readings(proximity=np.full(8, 3.0), ambient=np.full(8, 3.0))
 
 
-def asked(folder, *answers, **options):
+def asked(folder, *answers, wanted=None, **options):
     """What a person is asked in a recording of all plans, and what was made."""
     left, says = list(answers), []
     person = lambda words: says.append(words) or left.pop(0)  # noqa: E731
-    made = record(Wanted(plan="all", repeats=1), folder, Still(), ask=person, **options)
+    made = record(wanted or Wanted(plan="all", repeats=1), folder, Still(), ask=person, **options)
     assert not left
     return says, made
 
@@ -321,6 +321,17 @@ def test_q_stops_all_parts(tmp_path):
     assert not list(tmp_path.glob("a/*/recording.toml"))
     says, made = asked(tmp_path / "b", "", "", "q")
     assert len(says) == 3 and [(one.name, one.done) for one in made] == [("infrared-wall", 1)]
+
+
+@pytest.mark.parametrize(("said", "written"), [(0.5, 0.5), (math.nan, "unknown"), (1.0, None)])
+def test_a_recording_says_what_its_surface_throws_back(tmp_path, said, written):
+    """The object's reflectance stands in recording.toml, and in the room of a stand-in where it is known."""
+    wanted = Wanted(plan="infrared", object="cylinder:3", reflectance=said, repeats=1)
+    asked(tmp_path, "", "", "q", wanted=wanted)
+    assert read_facts(tmp_path).get("reflectance") == written
+    assert load_recording(tmp_path).reflectance == pytest.approx(said, nan_ok=True)
+    rooms = [infrared_plan(name, reflectance=said).room.get("reflectance") for name in ("wall", "cylinder:3")]
+    assert rooms == ([[0.5], [1.0, 0.5]] if said == 0.5 else [None, None])
 
 
 def test_a_part_that_is_left_out_is_not_recorded(tmp_path):
@@ -350,6 +361,12 @@ def test_a_slow_line_cannot_carry_the_wheels(bench: Bench):
         (("--robot", "twin", "--plan", "sonar"), "sonar"),
         (("--robot", "twin", "--plan", "wheels", "--object", "wall"), "--object"),
         (("--robot", "twin", "--plan", "infrared", "--object", "box"), "cylinder:RADIUS_CM"),
+        (("--robot", "twin", "--plan", "all", "--reflectance", "0.5"), "add --object"),
+        (("--robot", "twin", "--plan", "all", "--object", "wall", "--reflectance", "0"), "0.01 or more"),
+        (
+            ("--robot", "twin", "--plan", "all", "--object", "wall", "--reflectance", "unknown"),
+            "twin:1 is shown",
+        ),
         (("--robot", "serial:/dev/null/x", "--plan", "all"), "cannot be opened"),
         (("--robot", "serial:/dev/x", "--plan", "all", "--twin-noise", "2"), "--twin-noise"),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -45,6 +46,7 @@ def infrared(n: int = 40) -> SensorRecording:
         repeat=np.tile(np.arange(4), n // 4),
         counts=draw.integers(0, 1024, (n, 8)).astype(float),
         notes="a bench",
+        reflectance=0.6,
     )
 
 
@@ -57,7 +59,9 @@ def test_readings_come_back_equal(tmp_path):
     for name in ("distance_cm", "bearing_deg", "repeat", "counts"):
         assert np.array_equal(getattr(back, name), getattr(made, name)), name
     assert (back.kind, back.object, back.radius_cm) == ("infrared", "cylinder:2.7", 2.7)
-    assert back.notes == "a bench"
+    assert back.notes == "a bench" and back.reflectance == 0.6
+    save_recording(tmp_path / "u", replace(made, reflectance=math.nan))
+    assert math.isnan(load_recording(tmp_path / "u").reflectance)
     assert (back.source, len(back.hash), back.warnings) == (str(tmp_path / "r"), 64, ())
 
 
@@ -139,6 +143,12 @@ def test_what_is_wrong_is_named_with_its_line(tmp_path, rows, says):
         ('kind = "ambient"\nobject = "wall"', 'recorded with a "lamp"'),
         (FACTS + 'units = "mm"', "units: expected"),
         (FACTS + "body_radius_cm = -1", "body_radius_cm: expected cm above 0"),
+        (FACTS + "reflectance = 0", 'a number above 0, at most 10, or "unknown", got 0'),
+        (FACTS + 'reflectance = "white"', "at most 10, or \"unknown\", got 'white'"),
+        (
+            'kind = "ambient"\nobject = "lamp"\nreflectance = 0.5',
+            "reflectance: expected in an infrared recording",
+        ),
         (FACTS + "body_height_cm = 3", "body_height_cm and sensor_height_cm: expected both"),
         (FACTS + "body_height_cm = 1\nsensor_height_cm = 1.2", "below the body's top, got 1 and 1.2"),
         (FACTS + "body_height_cm = 3\nsensor_height_cm = true", "expected both, in cm"),

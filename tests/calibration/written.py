@@ -16,6 +16,7 @@ from realitygap.calibration.recordings.files import (
     STEP_COLUMNS,
     STEPS,
     UNITS,
+    UNKNOWN,
     WHEEL_COUNTS,
 )
 from realitygap.calibration.recordings.recording import Recording, SensorRecording, WheelRecording
@@ -31,6 +32,9 @@ def save_recording(folder: str | Path, recording: Recording) -> None:
     facts: dict[str, Any] = {"units": UNITS, "notes": recording.notes, **recording.facts}
     if isinstance(recording, SensorRecording):
         facts |= {"kind": recording.kind, "object": recording.object, "sensors": recording.sensors}
+        if recording.reflectance != 1.0:
+            known = math.isfinite(recording.reflectance)
+            facts["reflectance"] = recording.reflectance if known else UNKNOWN
         if recording.body_said:
             facts["body_radius_cm"] = recording.body_radius_cm
         if recording.body_outline_cm:

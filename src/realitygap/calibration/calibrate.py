@@ -21,6 +21,7 @@ from realitygap.calibration.recordings.recording import (
     WheelRecording,
     count_unit,
 )
+from realitygap.calibration.rows import REFLECTANCE
 from realitygap.calibration.wheels.fit import WheelFit, fit_wheels
 from realitygap.errors import CalibrationError
 from realitygap.text import must_be
@@ -60,6 +61,18 @@ class Calibration:
     def channels(self) -> tuple[ChannelFit, ...]:
         """The sensors' fits."""
         return tuple(fit for fit in (self.infrared, self.ambient) if fit is not None)
+
+    @property
+    def surfaces(self) -> list[str]:
+        """What was fitted of surfaces whose reflectance was not known, in words."""
+        fitted = self.infrared.fit.constants if self.infrared else ()
+        near = _of_kind(self.recordings, "infrared")
+        return [
+            f"infrared: {Path(near[number].source).name}: reflectance of {near[number].object}, fitted: "
+            f"{c.value:.3f} ({c.low:.3f} to {c.high:.3f})"
+            for c in fitted if c.key.startswith(REFLECTANCE)
+            for number in [int(c.key.removeprefix(REFLECTANCE))]
+        ]  # fmt: skip
 
     def named(self, name: str, *, date: str | None = None) -> Calibration:
         """The same with a name for its profile, and of another day than today ("": of none)."""
@@ -231,7 +244,7 @@ def _provenance(base: Profile, made: Calibration) -> Provenance:
     wheels, recordings = made.wheels, made.recordings
     fits = [_fitted(fit) for fit in made.channels]
     constants = [_constant(fit.kind, c) for fit in made.channels for c in fit.fit.constants]
-    notes = [f"{fit.kind}: {unmeasured(fit)}" for fit in made.channels if not fit.measured]
+    notes = [f"{fit.kind}: {unmeasured(fit)}" for fit in made.channels if not fit.measured] + made.surfaces
     if made.ambient is not None and not any(r.arena is not None for r in _of_kind(recordings, "ambient")):
         notes.append(UNKNOWN_LAMP)
     if any(map(_tells_heights, recordings)):

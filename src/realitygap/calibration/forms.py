@@ -9,15 +9,17 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.calibration.forward import Scene
 from realitygap.calibration.rows import FOLDS, Rows
 from realitygap.calibration.search import DRAWS, search
 from realitygap.calibration.solve import Fit, Free, Measured, Model, Values, solve
+from realitygap.world.arena import WHITEST
 from realitygap.world.profile import Profile
 from realitygap.world.sensors import AmbientSensor, ProximitySensor
 
 __all__ = [
-    "Problem", "Tick", "columns_of", "fit_forms", "free_directions", "free_turns", "mend_dead", "mended",
-    "nominal", "solve_form", "with_columns",
+    "Problem", "Tick", "columns_of", "fit_forms", "free_directions", "free_reflectances", "free_turns",
+    "mend_dead", "mended", "nominal", "solve_form", "with_columns",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -65,6 +67,12 @@ def free_turns(rigs: Sequence[str]) -> list[Free]:
     """How far each rig stood further round than it was thought to."""
     still, most = np.zeros(1), TURN_DEG
     return [Free(key=rig, start=still, low=-most, high=most, prior=TURN_PRIOR_DEG, step=0.05) for rig in rigs]
+
+
+def free_reflectances(scenes: Sequence[tuple[str, Scene]]) -> list[Free]:
+    """Of the surfaces of which it is not known."""
+    paints = [scene.paint for _, scene in scenes if scene.paint]
+    return [Free(key=key, start=np.ones(1), low=0.01, high=WHITEST, step=1e-3) for key in paints]
 
 
 def free_directions(sensors: Sensors, *, tie: float | None = 0.02, jump: float = 0.0) -> Free:

@@ -7,7 +7,8 @@ distance and bearing; a recording in an arena keeps its poses. The kernels do th
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -33,21 +34,32 @@ class Scene:
     """Where a recording's rows were read: each place once.
 
     poses [m, 3] x, y (cm), heading (rad); row [n] the place of each of the recording's rows;
-    bare: nothing is near but the object itself.
+    bare: nothing is near but the object itself; paint: the constant that is its reflectance, if one is.
     """
 
     arena: KernelArena
     poses: Array
     row: NDArray[np.int64]
     bare: bool = False
+    paint: str = ""
+
+    def painted(self, reflectance: float) -> Scene:
+        """The same with all surfaces of this reflectance."""
+        surfaces = np.full(1 + len(self.arena.cylinders), reflectance)
+        return replace(self, arena=self.arena._replace(reflectance=surfaces))
+
+    def tried(self, values: Mapping[str, Array]) -> Scene:
+        """The same with the reflectance that a fit tries, if it tries one."""
+        return self.painted(float(values[self.paint][0])) if self.paint in values else self
 
     def turned(self, degrees: float) -> Array:
         """The poses, if the rig stood this much further counter-clockwise than it was thought to."""
         return np.asarray(self.poses + np.array([0.0, 0.0, math.radians(degrees)]))
 
 
-def scene_of(recording: SensorRecording) -> Scene:
-    """The room of a recording, with the robot at each of its places."""
+def scene_of(recording: SensorRecording, paint: str = "") -> Scene:
+    """The room of a recording, with the robot at each of its places; `paint` names the constant that is its
+    reflectance, should that not be known."""
     row = recording.place()
     first = np.unique(row, return_index=True)[1]
     if recording.pose is not None and recording.arena is not None:
@@ -69,7 +81,9 @@ def scene_of(recording: SensorRecording) -> Scene:
     poses = np.column_stack(
         [edge - away, np.full(len(first), half), -np.radians(recording.bearing_deg[first])]
     )
-    return Scene(arena=room.to_kernel(), poses=poses, row=row, bare=True)
+    known = math.isfinite(recording.reflectance)
+    scene = Scene(arena=room.to_kernel(), poses=poses, row=row, bare=True, paint="" if known else paint)
+    return scene.painted(recording.reflectance) if known and recording.reflectance != 1.0 else scene
 
 
 def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Array:

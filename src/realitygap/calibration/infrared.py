@@ -13,6 +13,7 @@ from realitygap.calibration.forms import (
     Problem,
     columns_of,
     free_directions,
+    free_reflectances,
     free_turns,
     nominal,
     solve_form,
@@ -82,7 +83,7 @@ def preference(rows: Rows, one: Fit, *, over: Fit) -> float:
 def _problem(form: str, rows: Rows, base: Profile) -> Problem:
     base = neutral_infrared(base) if form == "paper" else base
     return Problem(
-        frees=infrared_frees(form, base, [name for name, _ in rows.scenes]),
+        frees=infrared_frees(form, base, [name for name, _ in rows.scenes]) + free_reflectances(rows.scenes),
         model=lambda values: infrared_model(base, values, rows.scenes),
         base=base,
     )
@@ -122,7 +123,9 @@ def with_infrared(profile: Profile, values: Values) -> Profile:
 def infrared_model(profile: Profile, values: Values, scenes: Sequence[tuple[str, Scene]]) -> Array:
     """Noise-free readings [n, P] of several recordings, one after another, at each rig's turn."""
     made = with_infrared(profile, values)
-    return np.concatenate([proximity(made, scene, float(values[rig][0])) for rig, scene in scenes])
+    return np.concatenate(
+        [proximity(made, scene.tried(values), float(values[rig][0])) for rig, scene in scenes]
+    )
 
 
 def neutral_infrared(base: Profile) -> Profile:

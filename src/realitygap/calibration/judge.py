@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -60,6 +61,7 @@ class Judgement:
     noise: dict[str, tuple[float, float]]
     turn_deg: float
     brightness: float
+    reflectance: float
     counts: Array = field(repr=False)
     model: Array = field(repr=False)
     warnings: tuple[str, ...] = ()
@@ -83,7 +85,8 @@ class Judgement:
         return {
             "kind": self.kind, "source": self.source, "rmse": self.rmse, "bias": self.bias,
             "per_sensor": sensors, "noise": {**noise, "fits": self.noise_fits},
-            "turn_deg": self.turn_deg, "brightness": self.brightness, "warnings": list(self.warnings),
+            "turn_deg": self.turn_deg, "brightness": self.brightness, "reflectance": self.reflectance,
+            "warnings": list(self.warnings),
         }  # fmt: skip
 
 
@@ -100,7 +103,8 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     dead, warnings = _doubts(recording, profile)
     recorded = np.flatnonzero(np.isfinite(recording.counts).any(axis=0)).tolist()
     live = [k for k in recorded if k not in dead]
-    turn, brightness, model = _fitted_out(recording, profile, scene_of(recording), live)
+    paint = math.isnan(recording.reflectance)
+    turn, scale, model = _fitted_out(recording, profile, scene_of(recording), live)
     known = np.where(np.isin(np.arange(recording.sensors), live), recording.counts, np.nan)
     estimates = measure_noise([replace(recording, counts=known)], [model], part.top, profile.infrared.dead)
     stated = profile.noise.to_dict()
@@ -114,7 +118,9 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     return Judgement(
         kind=recording.kind, source=recording.source, rmse=float(np.sqrt((off**2).mean())),
         bias=float(off.mean()), per_sensor=tuple(m for m in found if m.sensor in live), noise=noise,
-        turn_deg=turn, brightness=brightness, counts=recording.counts, model=model, warnings=warnings,
+        turn_deg=turn, brightness=1.0 if paint else scale,
+        reflectance=scale if paint else recording.reflectance,
+        counts=recording.counts, model=model, warnings=warnings,
     )  # fmt: skip
 
 
@@ -137,16 +143,18 @@ def _doubts(recording: SensorRecording, profile: Profile) -> tuple[dict[int, str
 def _fitted_out(
     recording: SensorRecording, profile: Profile, scene: Scene, live: list[int]
 ) -> tuple[float, float, Array]:
-    """The rig's turn (degrees), an unknown lamp's brightness, and the model's readings with both."""
+    """The rig's turn (degrees), an unknown lamp's brightness or surface's reflectance, and the model's
+    readings with both."""
     from scipy.optimize import least_squares
 
     known = recording.pose is not None and recording.arena is not None
     lamp = recording.kind == "ambient" and not known
+    paint = math.isnan(recording.reflectance)
 
     def readings(theta: Array) -> Array:
         turn = 0.0 if known else float(theta[0])
         if recording.kind == "infrared":
-            return proximity(profile, scene, turn)
+            return proximity(profile, scene.painted(math.exp(theta[1])) if paint else scene, turn)
         scale = float(np.exp(theta[1])) if lamp else 1.0
         law = profile.ambient
         sensors = tuple(replace(s, gain=s.gain * scale) for s in law.sensors)
@@ -155,8 +163,9 @@ def _fitted_out(
 
     if known:
         return 0.0, 1.0, readings(np.zeros(2))
-    size = 2 if lamp else 1
-    starts = [np.array([0.0, s])[:size] for s in (np.linspace(-14, 14, 15) if lamp else (0.0,))]
+    size = 2 if lamp or paint else 1
+    scales = np.linspace(-14, 14, 15) if lamp else np.linspace(-3, 2, 11) if paint else (0.0,)
+    starts = [np.array([0.0, s])[:size] for s in scales]
 
     def residuals(theta: Array) -> Array:
         return np.asarray((readings(theta) - recording.counts)[:, live].ravel())
@@ -168,7 +177,7 @@ def _fitted_out(
         start, bounds=([-10.0, -30.0][:size], [10.0, 30.0][:size]), diff_step=[1e-3, 1e-3][:size],
         x_scale=[1.0, 0.1][:size], max_nfev=12,
     )  # fmt: skip
-    return float(found.x[0]), float(np.exp(found.x[1])) if lamp else 1.0, readings(found.x)
+    return float(found.x[0]), float(np.exp(found.x[1])) if size > 1 else 1.0, readings(found.x)
 
 
 def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
@@ -192,7 +201,7 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
         kind="wheels", source=recording.source, rmse=float(np.sqrt((rmse**2).mean())),
         bias=float(bias.mean()),
         per_sensor=sides, noise={"wheel": (odometry.slip, profile.noise.wheel)} if odometry else {},
-        turn_deg=0.0, brightness=1.0, counts=measured, model=model,
+        turn_deg=0.0, brightness=1.0, reflectance=1.0, counts=measured, model=model,
         warnings=_wheel_doubts(recording, profile, odometry),
     )  # fmt: skip
 

@@ -14,7 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.curves import Curves, Seen, on_curves, smoothness
-from realitygap.calibration.forms import Tick, columns_of, free_directions, free_turns, with_columns
+from realitygap.calibration.forms import (
+    Tick,
+    columns_of,
+    free_directions,
+    free_reflectances,
+    free_turns,
+    with_columns,
+)
 from realitygap.calibration.forward import received
 from realitygap.calibration.infrared import PROXIMITY_COUNTS
 from realitygap.calibration.rows import FOLDS, Rows
@@ -73,7 +80,7 @@ class Optics:
     def share(self, profile: Profile, values: Values) -> Array:
         """[n, S] how far up its curve each reading lies."""
         parts = [
-            received(profile, scene, float(values[name][0]) if name in values else 0.0)
+            received(profile, scene.tried(values), float(values[name][0]) if name in values else 0.0)
             for name, scene in self.rows.scenes
         ]  # fmt: skip
         root = np.sqrt(np.maximum(np.concatenate(parts), 0.0))
@@ -180,6 +187,7 @@ class Measured:
             *size,
             Free(key="aperture_deg", start=45.0 * one, low=5.0, high=85.0, prior=30.0, step=0.1),
             *shares,
+            *free_reflectances(scenes),
             *free_turns([name for (name, _), r in zip(scenes, recordings, strict=True) if r.pose is None]),
         ]
 

@@ -11,13 +11,16 @@ from realitygap.calibration.checks import dead_sensors, refuse_other_kind, refus
 from realitygap.calibration.forward import scene_of
 from realitygap.calibration.recordings.recording import SensorRecording, count_unit
 from realitygap.calibration.solve import Measured
+from realitygap.errors import CalibrationError
 from realitygap.world.profile import Profile
 
-__all__ = ["FOLDS", "Rows"]
+__all__ = ["FOLDS", "REFLECTANCE", "Rows"]
 
 Array = NDArray[np.float64]
 
 FOLDS = 4
+REFLECTANCE = "reflectance_"
+"""How a constant that is a recording's reflectance begins; its number ends it."""
 LIT = 63.0
 """Counts of the paper's robot from either end of the converter: three deviations of its noise."""
 
@@ -45,7 +48,12 @@ class Rows:
         self.counts = np.nan_to_num(np.concatenate([r.counts for r in recordings]))
         self.distance = np.concatenate([r.distance_cm for r in recordings])
         self.bearing = np.concatenate([r.bearing_deg for r in recordings])
-        self.scenes = [(f"turn_{i}_deg", scene_of(r)) for i, r in enumerate(recordings)]
+        self.scenes = [(f"turn_{i}_deg", scene_of(r, f"{REFLECTANCE}{i}")) for i, r in enumerate(recordings)]
+        if all(scene.paint for _, scene in self.scenes):
+            raise CalibrationError(
+                f"{recordings[0].source}: reflectance: expected it of one recording at least, all say that "
+                "it is unknown: only how surfaces differ can be fitted. Say 1 of one."
+            )
         places, first = [], 0
         for recording in recordings:
             places.append(recording.place() + first)

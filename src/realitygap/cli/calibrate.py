@@ -204,6 +204,8 @@ def _tell(made: Calibration, target: Path, page: Path | None) -> None:
         if vague:
             click.echo(f"  not identifiable from these recordings: {', '.join(vague)}")
         _tell_alike(made.wheels.alike)
+    for said in made.surfaces:
+        click.echo(said)
     click.echo(f"profile {target}")
     if page:
         click.echo(f"report {page}")

@@ -11,8 +11,8 @@ import click
 from realitygap.errors import UsageError
 
 __all__ = [
-    "FILM", "MOST", "PICTURE", "SECONDS", "SEED", "FileToWrite", "Finite", "Noise", "RobotKind", "ShardKind",
-    "Whole",
+    "FILM", "MOST", "PICTURE", "SECONDS", "SEED", "FileToWrite", "Finite", "Noise", "Reflectance",
+    "RobotKind", "ShardKind", "Whole",
 ]  # fmt: skip
 
 STEP_S = 0.1
@@ -44,6 +44,15 @@ class Finite(click.ParamType):
         if number > self.high:
             self.fail(f"expected at most {self.high:{self.digits}}, got {value}.", param, ctx)
         return number
+
+
+class Reflectance(Finite):
+    """How much light a surface throws back; "unknown" is NaN."""
+
+    name = "R"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        return math.nan if value == "unknown" else super().convert(value, param, ctx)
 
 
 class Whole(Finite):

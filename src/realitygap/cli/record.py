@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from contextlib import ExitStack, closing
 from typing import TYPE_CHECKING, Any
@@ -10,7 +11,7 @@ import click
 
 from realitygap.cli import option
 from realitygap.cli.failure import StoppedError
-from realitygap.cli.kinds import RobotKind, Whole
+from realitygap.cli.kinds import Reflectance, RobotKind, Whole
 from realitygap.cli.output import print_json
 from realitygap.cli.progress import ProgressLine
 
@@ -36,6 +37,11 @@ PLANS = ("infrared", "ambient", "wheels", "all")
 @click.option(
     "--object", metavar="O",
     help="wall or cylinder:RADIUS_CM: the infrared's one object [default: a wall, then a cylinder of 4 cm].",
+)  # fmt: skip
+@click.option(
+    "--reflectance", type=Reflectance(0.01, 10.0), default=1.0,
+    help="Light that the object's surface throws back, in that of the surfaces which the profile's constants "
+    "shall hold for; unknown: calibrate fits it.",
 )  # fmt: skip
 @click.option(
     "--repeats", type=Whole(1, 1000), default=10, help="Readings at each place, which measure the noise."
@@ -78,6 +84,12 @@ def record(
     plan, base = words["plan"], words.pop("base")
     if words["object"] is not None and plan not in ("infrared", "all"):
         raise click.UsageError(f"--object belongs to the infrared's plan, not to {plan!r}; leave it out.")
+    if words["reflectance"] != 1.0 and words["object"] is None:
+        raise click.UsageError("--reflectance: expected an object whose surface it is: add --object.")
+    if math.isnan(words["reflectance"]) and robot.unit is not None:
+        raise click.UsageError(
+            f"--reflectance: expected a number: {robot} is shown the surface that you say."
+        )
     if words["marker"] is not None and plan not in ("wheels", "all"):
         raise click.UsageError(f"--marker belongs to the wheels' plan, not to {plan!r}; leave it out.")
     if robot.unit is None and twin_noise is not None:

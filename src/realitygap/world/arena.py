@@ -14,7 +14,7 @@ from realitygap.world.files import Value, load, require, shipped
 from realitygap.world.nearest import nearest
 from realitygap.world.rays import unit
 
-__all__ = ["Arena", "Cylinder", "Lamp", "arena_names", "load_arena"]
+__all__ = ["WHITEST", "Arena", "Cylinder", "Lamp", "arena_names", "load_arena"]
 
 WHITEST = 10.0
 """Times the surfaces of a calibration."""

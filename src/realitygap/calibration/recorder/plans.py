@@ -63,6 +63,7 @@ class SensorPlan:
         arena: the room that the poses belong to, None if distances say it all.
         places: in the order in which they are visited.
         begins: what a person prepares.
+        reflectance: of the object's surface; NaN: not known.
     """
 
     name: str
@@ -73,14 +74,16 @@ class SensorPlan:
     arena: Arena | None
     places: tuple[Place, ...]
     begins: str
+    reflectance: float = 1.0
 
 
-def infrared_plan(name: str, body: Body = KHEPERA) -> SensorPlan:
+def infrared_plan(name: str, body: Body = KHEPERA, reflectance: float = 1.0) -> SensorPlan:
     """A wall or a cylinder at all bearings, from 0.5 to 8 cm before the body's edge.
 
     Args:
         name: "wall" or "cylinder:RADIUS_CM".
         body: the robot's.
+        reflectance: of its surface; NaN: not known.
 
     Raises:
         RecordingError: another object.
@@ -95,6 +98,8 @@ def infrared_plan(name: str, body: Body = KHEPERA) -> SensorPlan:
     room: dict[str, Any] = {"size_cm": [ROOM_CM, ROOM_CM]}
     if radius is not None:
         room["cylinders"] = [[ROOM_CM / 2, ROOM_CM / 2, radius]]
+    if math.isfinite(reflectance) and reflectance != 1.0:
+        room["reflectance"] = [reflectance] if radius is None else [1.0, reflectance]
     short = "wall" if radius is None else "cylinder"
     what = "a wall, longer than 30 cm" if radius is None else f"a cylinder of radius {radius:g} cm"
     return SensorPlan(
@@ -110,6 +115,7 @@ def infrared_plan(name: str, body: Body = KHEPERA) -> SensorPlan:
             for k in range(BEARINGS)
         ),
         begins=f"Put up {what}, with nothing else within 20 cm, and keep lamps away.",
+        reflectance=reflectance,
     )
 
 
@@ -137,14 +143,20 @@ def ambient_plan() -> SensorPlan:
     )
 
 
-def sensor_plans(plan: str, name: str | None = None, body: Body = KHEPERA) -> tuple[SensorPlan, ...]:
+def sensor_plans(
+    plan: str, name: str | None = None, body: Body = KHEPERA, reflectance: float = 1.0
+) -> tuple[SensorPlan, ...]:
     """The sensors' part of the plan "infrared", "ambient", "wheels" or "all".
 
-    `name` is the infrared's one object, `body` the robot's.
+    Args:
+        plan: which.
+        name: the infrared's one object; None: a wall and a cylinder.
+        body: the robot's.
+        reflectance: of the objects' surfaces; NaN: not known.
     """
     out = []
     if plan in ("infrared", "all"):
-        out += [infrared_plan(one, body) for one in ((name,) if name else ("wall", CYLINDER))]
+        out += [infrared_plan(one, body, reflectance) for one in ((name,) if name else ("wall", CYLINDER))]
     if plan in ("ambient", "all"):
         out.append(ambient_plan())
     return tuple(out)

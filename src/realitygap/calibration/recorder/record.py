@@ -22,7 +22,7 @@ from realitygap.calibration.recorder.journal import ARENA, Journal, refuse_anoth
 from realitygap.calibration.recorder.plans import KHEPERA, Place, SensorPlan, sensor_plans
 from realitygap.calibration.recorder.site import Ask, EnoughError, Site, site_of
 from realitygap.calibration.recorder.wheel_plans import ROOM, Trial, wheel_plan
-from realitygap.calibration.recordings.files import POSE, STEP_COLUMNS, UNITS
+from realitygap.calibration.recordings.files import POSE, STEP_COLUMNS, UNITS, UNKNOWN
 from realitygap.calibration.recordings.recording import HEIGHTS_CM
 from realitygap.errors import UsageError
 from realitygap.robots.body import Body, Channel, Filmed, Seen, attend, channel, facts_of
@@ -54,6 +54,8 @@ class Wanted:
     Attributes:
         plan: "infrared", "ambient", "wheels" or "all" that the robot has.
         object: the one object of the infrared's plan; None: a wall and a cylinder.
+        reflectance: of its surface, in that of the surfaces that constants are told for; NaN: not known, to
+            be fitted.
         repeats: readings at each place; standing starts of each size.
         seed: of what is random in a plan, and of the noise of a robot that places itself.
         notes: kept with it.
@@ -65,6 +67,7 @@ class Wanted:
 
     plan: str
     object: str | None = None
+    reflectance: float = 1.0
     repeats: int = REPEATS
     seed: int = 0
     notes: str = ""
@@ -160,7 +163,7 @@ def _parts(wanted: Wanted, body: Body) -> list[SensorPlan | tuple[Trial, ...]]:
     """
     base, kinds = wanted.base, [one.name for one in body.channels]
     parts: list[SensorPlan | tuple[Trial, ...]] = []
-    for part in sensor_plans(wanted.plan, wanted.object, base.body if base else KHEPERA):
+    for part in sensor_plans(wanted.plan, wanted.object, base.body if base else KHEPERA, wanted.reflectance):
         kind = CHANNELS[part.kind]
         if wanted.plan != "all" or kind in kinds:
             has = channel(body, kind).sensors
@@ -199,6 +202,8 @@ def _sensors(plan: SensorPlan, body: Body, work: _Work) -> Made:
     begun, wanted = time.perf_counter(), work.wanted
     one = channel(body, CHANNELS[plan.kind])
     own = {"kind": plan.kind, "object": plan.object, **_shape(wanted.base, one)}
+    if plan.reflectance != 1.0:
+        own["reflectance"] = plan.reflectance if math.isfinite(plan.reflectance) else UNKNOWN
     if plan.arena is not None:
         own |= {"arena": ARENA, **_heights(wanted.base)}
         work.folder.mkdir(parents=True, exist_ok=True)

@@ -29,12 +29,12 @@ from realitygap.errors import ConfigError, RecordingError
 from realitygap.table import LARGEST, Table
 from realitygap.text import as_path, refuse_unknown
 from realitygap.toml import read_toml
-from realitygap.world.arena import Arena, load_arena
+from realitygap.world.arena import WHITEST, Arena, load_arena
 from realitygap.world.body import Body
 from realitygap.world.files import build
 
 __all__ = [
-    "READINGS", "STEPS", "STEP_COLUMNS", "UNITS", "WHEEL_COUNTS",
+    "READINGS", "STEPS", "STEP_COLUMNS", "UNITS", "UNKNOWN", "WHEEL_COUNTS",
     "find_recordings", "load_recording", "read_facts", "read_folder",
 ]  # fmt: skip
 
@@ -52,11 +52,13 @@ UNITS = "cm, degrees, s, counts, {}, pulses"
 WHEEL_COUNTS = ("counter_left", "counter_right", "speed_left", "speed_right")
 """Columns that only wheels with counters have."""
 KNOWN = (
-    "kind", "object", "sensors", "full_scale", "body_radius_cm", "body_outline_cm", *HEIGHTS_CM, "arena",
-    "units", "notes", "robot", "unit", "twin_noise", "port", "bios", "protocol", "firmware", "plan", "seed",
-    "repeats", "places", "date", "base", "pulses_per_mm",
+    "kind", "object", "reflectance", "sensors", "full_scale", "body_radius_cm", "body_outline_cm",
+    *HEIGHTS_CM, "arena", "units", "notes", "robot", "unit", "twin_noise", "port", "bios", "protocol",
+    "firmware", "plan", "seed", "repeats", "places", "date", "base", "pulses_per_mm",
 )  # fmt: skip
-"""Keys of recording.toml: the first ten a calibration reads, the others are its history."""
+"""Keys of recording.toml: the first eleven a calibration reads, the others are its history."""
+UNKNOWN = "unknown"
+"""A reflectance that is to be fitted."""
 DRIVE = "end"
 """A key of a drive's recording.toml, which is another file of the same name."""
 
@@ -187,6 +189,7 @@ def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> S
         arena=arena,
         body_radius_cm=body.radius_cm,
         body_outline_cm=body.outline_cm,
+        reflectance=_reflectance(folder, facts, pose is None and kind == "infrared"),
         body_said="body_radius_cm" in facts or "body_outline_cm" in facts,
         full_scale=full_scale,
         speed_cm_s=table.numbers("speed_cm_s") if "speed_cm_s" in table.columns else None,
@@ -285,6 +288,22 @@ def _body(folder: Path, facts: Mapping[str, Any]) -> Body:
         return build(Body, {"radius_cm": value, "outline_cm": outline})
     except ConfigError as error:
         raise RecordingError(f"{folder / FACTS}: body_{error}") from None
+
+
+def _reflectance(folder: Path, facts: Mapping[str, Any], told: bool) -> float:
+    """Of the object's surface, NaN if it is to be fitted; `told`: this recording may say so."""
+    value = facts.get("reflectance", 1.0)
+    if "reflectance" in facts and not told:
+        raise RecordingError(
+            f"{folder / FACTS}: reflectance: expected in an infrared recording of a wall or a cylinder; of "
+            "an arena's surfaces it stands in the arena's file."
+        )
+    if value == UNKNOWN:
+        return math.nan
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= WHITEST:
+        what = f'a number above 0, at most {WHITEST:g}, or "{UNKNOWN}"'
+        raise RecordingError(f"{folder / FACTS}: reflectance: expected {what}, got {value!r}.")
+    return float(value)
 
 
 def _check_heights(folder: Path, facts: Mapping[str, Any]) -> None:

@@ -103,6 +103,8 @@ class SensorRecording(Recorded):
         body_outline_cm: its corners, as a profile has them; none: it is a disc.
         body_said: whether the recording says so itself; else a calibration takes its base's body.
         full_scale: the converter's highest count; None: not said, it is its robot's.
+        reflectance: of the wall or cylinder, in that of the surfaces that constants are told for; NaN: not
+            known, to be fitted.
         from_sensor: the sensor that a wall stood straight before, at distances counted from it; None: they
             count from the body's edge.
         speed_cm_s: [n] of the wheels while each was read, the mean of both either way; None: they stood.
@@ -121,6 +123,7 @@ class SensorRecording(Recorded):
     body_said: bool = True
     full_scale: float | None = None
     speed_cm_s: Array | None = None
+    reflectance: float = 1.0
     from_sensor: int | None = None
 
     def __post_init__(self) -> None:
