@@ -7,6 +7,7 @@ import shutil
 import signal
 import threading
 import time
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +22,11 @@ from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study, load_study
 from realitygap.track import read_track
 from realitygap.transfer.folder import half_folder
+from realitygap.transfer.options import Transfer
+from realitygap.transfer.plan import situations
 from realitygap.transfer.replay import Replays
 from realitygap.transfer.run import Transferred, load_transfers
+from realitygap.transfer.trial import Stage
 from realitygap.twin.process import start_twin
 from realitygap.twin.states import States, heading_of
 from tests.transfer.helpers import transfer
@@ -148,12 +152,18 @@ def test_a_film_is_tracked_to_the_truth(study, monkeypatch):
     assert Recording.from_folder(one.folder).ended == "finished"
 
 
-def test_a_watched_trial_is_seen_ten_times_a_second(made, study):
+def test_a_watched_trial_is_seen_ten_times_a_second(made, study, tmp_path):
     """By default the camera above sees the twin: sub-millimetre, a frame a step, no film, any library."""
     one = made[0]
     assert one.situated_from == "camera" and not one.filmed and one.view.startswith("drawn")
     assert not (one.folder / "film.mp4").exists() and one.lost_steps == 0
-    track, truth = read_track(one.folder / "track.csv"), States.from_file(one.folder / "sealed.csv")
+    assert not (one.folder / "sealed.csv").exists()
+    with closing(Stage(study)) as stage:  # the same drive, the truth of it kept
+        again = next(situations(study, Transfer(runs=[one.run], robots=["twin:1"], seconds=SECONDS)))
+        driver = study.controller(one.task, study.runs[one.run - 1].champion)
+        pose, sealed = stage.simulation(again).start(again.stream), tmp_path / "sealed.csv"
+        stage.rig(again).trial(driver, again.stream, pose, SECONDS, sealed=sealed)
+    track, truth = read_track(one.folder / "track.csv"), States.from_file(sealed)
     shown = np.searchsorted(truth.time_ms - truth.time_ms[0], one.situated.t * 1000 + 1e-3, "right") - 1
     path = one.situated
     off = np.hypot(path.x - 100 * truth.pose[shown, 0], path.y - 100 * truth.pose[shown, 1])

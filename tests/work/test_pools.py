@@ -39,7 +39,7 @@ def test_a_worker_needs_nothing_but_messages(tmp_path):
     folder.mkdir()
     own = Workshop(open_folder(folder, gather(small()), resume=False))
     sources = Reader(folder / "study.db").sources()
-    far = workshop_of(str(tmp_path / "elsewhere"), sources)
+    far = workshop_of((str(tmp_path / "elsewhere"), sources))
     near, away = ([], [])
     own.carry_out(Job(1, None), near.append)
     far.carry_out(Job(1, None), away.append)

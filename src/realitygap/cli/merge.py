@@ -9,8 +9,10 @@ import click
 
 from realitygap.cli import option
 from realitygap.cli.estimate import note
+from realitygap.cli.output import print_json
 from realitygap.cli.progress import ProgressLine
 from realitygap.cli.studies import reported, show_study
+from realitygap.cli.transfer import print_transfers
 from realitygap.cli.trust import ask_trust
 
 if TYPE_CHECKING:
@@ -37,7 +39,8 @@ def merge(
     """Put SHARDS together: the folders that --shard 1/N to N/N made of one study.
 
     The result is that of one process, to the bit. Every shard has to be there, finished, and of the same
-    settings; nothing is overwritten, and the shards stay as they are.
+    settings; nothing is overwritten, and the shards stay as they are. Trials of `transfer` go into the
+    folder of the study that drove.
 
     \b
     Example:
@@ -45,10 +48,21 @@ def merge(
         realitygap merge out/nine-shard-*-of-3
     """
     from realitygap.study.merge import all_shards, merge_runs
-    from realitygap.work.shard import whole_of
+    from realitygap.transfer.merge import merge_trials
+    from realitygap.work.shard import read_mark, whole_of
 
     found = all_shards(shards)
     target = whole_of(shards[0]) if out is None else out
+    mark = read_mark(shards[0])
+    if mark is not None and mark.work == "transfer":
+        target = target if out is not None else target.with_name(target.name.removesuffix(f"-{mark.work}"))
+        made = merge_trials(found, target)
+        if json_output:
+            print_json({"study": str(target), "transfers": [one.to_dict() for one in made]})
+            return
+        print_transfers(made)
+        click.echo(f"\ntransfers {target / 'transfer'}")
+        return
     for folder in found.values():
         ask_trust(str(folder), trust)
     study = merge_runs(found, target)

@@ -76,8 +76,9 @@ task = click.option(
 workers = click.option(
     "--workers",
     type=NumberOrPool(),
-    metavar="N|FILE.py:NAME",
-    help="Worker processes [default: one per core], or a pool of your own. Never changes a result.",
+    metavar="N|dask:ADDRESS|FILE.py:NAME",
+    help="Worker processes [default: one per core], a Dask cluster (dask:tcp://HOST:8786), or a pool of your "
+    "own. Never changes a result.",
 )
 """A pool of the user's own is closed when the command ends."""
 

@@ -58,7 +58,7 @@ def slurm(
         realitygap slurm --shards 20 evolve light-seeking --runs 400 --out out/many > many.sh
     """
     given = _checked(ctx, list(command))
-    out = given.get("study") or given.get("out") or f"out/{_task(command)}"
+    out = f"{given['study']}-transfer" if "study" in given else given.get("out") or f"out/{_task(command)}"
     merging = f"realitygap merge {shlex.quote(str(out))}-shard-*-of-{shards}"
     here, python = shlex.quote(str(Path.cwd())), shlex.quote(sys.executable)
     script = SCRIPT.format(

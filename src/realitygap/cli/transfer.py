@@ -16,6 +16,7 @@ from realitygap.cli.failure import StoppedError
 from realitygap.cli.kinds import Whole
 from realitygap.cli.output import print_json, print_table, shown
 from realitygap.cli.progress import ProgressLine
+from realitygap.cli.studies import show_shard
 from realitygap.cli.trust import ask_trust
 from realitygap.errors import RobotStoppedError, StudyInterruptedError
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from realitygap.transfer.plan import Situation
     from realitygap.transfer.run import Transferred
     from realitygap.values import Pose
+    from realitygap.work.shard import Shard
     from realitygap.work.workers import Workers
 
 __all__ = ["print_transfers", "transfer"]
@@ -79,9 +81,12 @@ SIDES = (
 @option.seconds
 @option.baud()
 @option.workers
+@option.shard
 @option.trust
 @option.as_json
-def transfer(study: str, workers: Workers, trust: bool, json_output: bool, **words: Any) -> None:
+def transfer(
+    study: str, workers: Workers, shard: Shard | None, trust: bool, json_output: bool, **words: Any
+) -> None:
     """Drive a robot with evolved individuals of STUDY.
 
     Each RUN (a number or a name; omitted: all finished runs) drives each robot from --starts poses and
@@ -96,19 +101,27 @@ def transfer(study: str, workers: Workers, trust: bool, json_output: bool, **wor
     """
     from realitygap.study.load import load_study
     from realitygap.transfer.options import Transfer
-    from realitygap.transfer.run import Attendant, run_transfer
+    from realitygap.transfer.run import Attendant, run_transfer, shard_folder
 
     ask_trust(study, trust)
     loaded = load_study(study)
     options = Transfer(**words)
     trials = (len(options.runs) or len(loaded.runs)) * len(options.robots) * options.starts
-    consider(trials=trials, workers=workers)
+    consider(trials=trials if shard is None else len(shard.own(range(trials))), workers=workers)
     attendant = Attendant(partial(_carry, seen=options.eye is not None), _found)
     try:
         with ProgressLine(after_s=0) as line:  # a person may be asked things first
-            made = run_transfer(loaded, options, workers=workers, attendant=attendant, on_progress=line.show)
+            made = run_transfer(
+                loaded, options, workers=workers, attendant=attendant, shard=shard, on_progress=line.show
+            )
     except (KeyboardInterrupt, StudyInterruptedError, click.Abort) as stop:
         raise StoppedError(_stopped(stop, study)) from None
+    if shard is not None:
+        if not json_output:
+            print_transfers(made)
+        place = shard_folder(loaded.folder, shard)
+        show_shard(place, {"transfers": [one.to_dict() for one in made]}, json_output=json_output)
+        return
     if json_output:
         print_json({"study": study, "transfers": [one.to_dict() for one in made]})
         return

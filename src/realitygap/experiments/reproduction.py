@@ -25,7 +25,7 @@ from realitygap.transfer.plan import shown_runs
 from realitygap.transfer.run import run_transfer
 from realitygap.whole import write
 from realitygap.work.progress import OnProgress
-from realitygap.work.workers import Workers
+from realitygap.work.workers import Workers, near
 from realitygap.world.files import Value, build, shipped
 from realitygap.world.profile import load_profile
 
@@ -131,7 +131,7 @@ def configured(
         if not profile:
             place, seed = folder / CALIBRATION, requested.seed
             made = calibrated_unit(
-                place, unit=UNIT, noise=1.0, seed=seed, workers=workers, on_progress=on_progress
+                place, unit=UNIT, noise=1.0, seed=seed, workers=near(workers), on_progress=on_progress
             )
             profile = str(made)
     return requested.study(profile)

@@ -14,7 +14,7 @@ from realitygap import whole
 from realitygap.report.style import inline_svg, noise_styles, save_figure, styled
 from realitygap.study.sources import refuse_links
 from realitygap.work.pool import Setup, Tell
-from realitygap.work.workers import Workers, opened
+from realitygap.work.workers import Workers, near, opened
 
 __all__ = [
     "Figures", "OnProgress", "Picture", "Steps", "Words", "draw_all", "noise_key", "report_folder",
@@ -134,7 +134,7 @@ def draw_all(figures: Figures, folder: Path | None, step: Steps) -> dict[str, st
         step(message[0])
         drawn[message[0]] = message[1]
 
-    with opened(1 if len(figures) <= FEW else figures.workers) as pool:
+    with opened(1 if len(figures) <= FEW else near(figures.workers)) as pool:
         pool.work(Setup(Drawing, (folder,)), figures.values(), heard)
     return drawn
 

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import NamedTuple
 
-from realitygap import temporary
 from realitygap.errors import UsageError
 from realitygap.evolution.algorithm import State
 from realitygap.study.materials import Materials
@@ -14,6 +13,7 @@ from realitygap.study.plan import Plan, plans
 from realitygap.study.run import WHO, Bench, Records, Results, advance, begin, bench_for, finish
 from realitygap.tasks.task import Task
 from realitygap.user_code import blamed_on
+from realitygap.values import Closing
 from realitygap.work.pool import Tell
 from realitygap.world.noise import NOISE_LEVELS
 
@@ -60,7 +60,7 @@ Message = Advanced | Finished
 class Workshop:
     """Carries out the runs of one study, with a bench for each condition made when first needed."""
 
-    home: temporary.Folder | None = None
+    home: Closing | None = None
     """Of the files, where they came in messages."""
 
     def __init__(self, materials: Materials) -> None:
@@ -92,7 +92,7 @@ class Workshop:
     def close(self) -> None:
         """Remove files that came in messages."""
         if self.home is not None:
-            self.home.cleanup()
+            self.home.close()
 
     def messages(self, job: Job) -> Iterator[Message]:
         """A run's messages, one for each checkpoint, then its tests."""

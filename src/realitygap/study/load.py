@@ -221,6 +221,10 @@ class Study:
             return "i1", Layout(inputs=1, slots=size.slots or 0, links=size.links or 0).shape
         return facts["dtype"], tuple(facts["shape"])
 
+    def digest(self) -> str:
+        """Of every row of every run: studies with the same runs have the same, however they were made."""
+        return self._reader.digest()
+
     def versions(self) -> dict[str, list[str]]:
         """What has worked on it, by name, each version once: see `folder.versions`."""
         return self._reader.versions()

@@ -7,6 +7,7 @@ import sqlite3
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
+from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
@@ -116,6 +117,14 @@ class Reader:
             rows = database.execute(f"SELECT {', '.join(kinds)} FROM {name} {where} ORDER BY {order}", values)
             filled = np.fromiter(map(_nan_for_none, rows), np.dtype(list(kinds.items())), count)
         return {key: np.ascontiguousarray(filled[key]) for key in kinds}
+
+    def digest(self) -> str:
+        """Of every row of every run, as it was written; "" in the oldest format, which keeps none."""
+        with self.reading() as database:
+            if check_format(database, self._path) < SEALED:
+                return ""
+            rows = database.execute("SELECT run, part, value FROM digest WHERE run > 0 ORDER BY run, part")
+            return blake2b(repr(rows.fetchall()).encode(), digest_size=16).hexdigest()
 
     def versions(self) -> dict[str, list[str]]:
         """What has worked on the study, by name, each version once."""

@@ -6,15 +6,15 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from realitygap import temporary
 from realitygap.errors import RealityGapError, StudyInterruptedError
 from realitygap.study.config import StudyConfig
-from realitygap.study.folder import CONFIG, agree, exists, open_folder, read_materials, take_back, versions
+from realitygap.study.far import Words, home_of, words_for
+from realitygap.study.folder import exists, open_folder, read_materials, take_back, versions
 from realitygap.study.jobs import Advanced, Job, Message, Workshop
 from realitygap.study.load import Study, load_study
 from realitygap.study.lock import lock
-from realitygap.study.materials import Materials, gather, own
-from realitygap.study.reader import DATABASE, Reader
+from realitygap.study.materials import Materials, gather
+from realitygap.study.reader import DATABASE
 from realitygap.study.schema import told
 from realitygap.study.store import Store
 from realitygap.text import as_path, must_be
@@ -114,8 +114,7 @@ def _carry_out(
         costs = {run: workshop.cost(run, n) + workshop.tests_cost(run) for run, n in left.items()}
         longest_first = sorted(costs, key=lambda run: (-costs[run], run))
         jobs = (Job(run, store.checkpoint(run, workshop.read)) for run in longest_first)
-        words = (str(folder.resolve()), Reader(folder / DATABASE).sources() or {})
-        pool.work(Setup(workshop_of, words, here=workshop), jobs, keeper.keep)
+        pool.work(Setup(workshop_of, (words_for(folder, pool),), here=workshop), jobs, keeper.keep)
 
 
 class _Keeper:
@@ -160,18 +159,9 @@ class _Keeper:
             reporter.add(self._workshop.tests_cost(run), of=TESTING, runs_done=self._runs_done)
 
 
-def workshop_of(folder: str, sources: Mapping[str, bytes]) -> Workshop:
-    """A study's workshop, from its folder; on a machine that does not see it, from its files' content."""
-    place = Path(folder)
-    if exists(place):
-        agree(place)  # the parent has asked
-        return Workshop(read_materials(place))
-    home = temporary.Folder("study")
-    for name, content in sources.items():
-        path = Path(home.name, name)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
-    config = StudyConfig.from_toml(Path(home.name, CONFIG), local=True)
-    workshop = Workshop(gather(own(config, Path(home.name))))
+def workshop_of(words: Words) -> Workshop:
+    """A study's workshop, wherever a worker is."""
+    home = home_of(words)
+    workshop = Workshop(read_materials(home.folder))
     workshop.home = home  # Numba looks for its tasks there
     return workshop

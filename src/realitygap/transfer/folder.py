@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from realitygap import whole
 from realitygap.errors import FilmError, FrozenError, LineError, RobotError, RobotStoppedError
 from realitygap.robots.address import Address
 
-__all__ = ["half_folder", "made"]
+__all__ = ["blamed", "files_in", "half_folder", "keep", "keep_camera", "made"]
 
 
 @contextmanager
@@ -21,12 +21,48 @@ def made(final: Path, robot: Address) -> Iterator[Path]:
     Raises:
         RobotError, FilmError: those of the block, which then say what is kept where.
     """
+    half = _begun(final, robot)
+    with blamed(final, robot), whole.together(half):
+        yield half
+    _put_aside(final, robot, "earlier")
+    whole.move(half, final)
+
+
+def keep(final: Path, robot: Address, files: Mapping[str, bytes], *, finished: bool) -> None:
+    """Write down a trial that was made elsewhere.
+
+    Args:
+        final: its folder.
+        robot: who drove.
+        files: content by name.
+        finished: whether that is all of it.
+    """
+    half = _begun(final, robot)
+    for name, content in files.items():
+        (half / name).write_bytes(content)
+    if finished:
+        _put_aside(final, robot, "earlier")
+        whole.move(half, final)
+
+
+def keep_camera(file: Path, files: Mapping[str, bytes]) -> None:
+    """Write down a camera's calibration, unless it is there."""
+    if not file.is_file():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        whole.write(file, files[file.name])
+
+
+def files_in(folder: Path) -> dict[str, bytes]:
+    """The content of a trial's files by their names."""
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir()) if path.is_file()}
+
+
+@contextmanager
+def blamed(final: Path, robot: Address) -> Iterator[None]:
+    """Errors of a trial as ones that say what is kept where."""
     half = half_folder(final)
-    _put_aside(half, robot, "stopped")
-    half.mkdir(parents=True)
     try:
-        with whole.together(half):
-            yield half
+        yield
     except RobotStoppedError as error:
         raise RobotStoppedError(f"{error}; its recording is kept in {half}") from None
     except (LineError, FrozenError) as error:
@@ -35,8 +71,14 @@ def made(final: Path, robot: Address) -> Iterator[Path]:
         raise RobotError(f"{robot}: {error}") from None
     except FilmError as error:
         raise FilmError(f"{error} What was recorded is kept in {half}.") from None
-    _put_aside(final, robot, "earlier")
-    whole.move(half, final)
+
+
+def _begun(final: Path, robot: Address) -> Path:
+    """An empty folder to make a trial in."""
+    half = half_folder(final)
+    _put_aside(half, robot, "stopped")
+    half.mkdir(parents=True)
+    return half
 
 
 def half_folder(final: Path) -> Path:

@@ -13,9 +13,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from os import PathLike
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from realitygap.errors import RobotStoppedError, StudyInterruptedError, UsageError
+from realitygap.study.folder import exists
 from realitygap.study.load import Study, as_study
 from realitygap.study.lock import lock
 from realitygap.study.schema import told
@@ -27,9 +28,13 @@ from realitygap.transfer.plan import FOLDER, Situation, situations
 from realitygap.transfer.trial import Carry
 from realitygap.transfer.work import by_hand, on_twins
 from realitygap.work.progress import OnProgress
+from realitygap.work.shard import Shard, marked
 from realitygap.work.workers import Workers, opened
 
-__all__ = ["Attendant", "Transfer", "Transferred", "load_transfers", "run_transfer"]
+__all__ = ["WORK", "Attendant", "Transfer", "Transferred", "load_transfers", "run_transfer", "shard_folder"]
+
+WORK = "transfer"
+"""Of whose trials a shard is a share."""
 
 
 class Attendant(NamedTuple):
@@ -50,6 +55,7 @@ def run_transfer(
     *,
     workers: Workers = None,
     attendant: Attendant | None = None,
+    shard: Shard | None = None,
     on_progress: OnProgress | None = None,
 ) -> list[Transferred]:
     """Let individuals of a study drive robots, each from the same poses as in simulation.
@@ -61,10 +67,11 @@ def run_transfer(
         options: what is driven where; without them all champions, once, on unit 1 of the twin.
         workers: processes for trials on the twin, one a core if None; or a pool.
         attendant: who carries a real robot; needed for one.
+        shard: the share of the trials to make, in a folder of its own beside the study's.
         on_progress: called a few times a second.
 
     Returns:
-        All trials that were requested, old and new.
+        All trials that were requested (of a shard its own), old and new.
 
     Raises:
         RobotError, FilmError: a robot or a camera fails; recordings are kept.
@@ -73,28 +80,57 @@ def run_transfer(
     """
     study, options = as_study(study), options or Transfer()
     must_be(options, Transfer, "options", "Transfer(robots=…, starts=…) makes one.")
-    with opened(workers) as pool, lock(study.folder):
+    place = study.folder if shard is None else shard_folder(study.folder, shard)
+    with opened(workers) as pool, lock(place):
         requested = list(situations(study, options))
+        mark = None
+        if shard is not None:
+            mark = marked(place, shard, WORK, begun=exists(place), **_facts(study, options, requested))
+            requested = shard.own(requested)
         if attendant is None and not all(one.placed for one in requested):
             raise UsageError("carry: a real robot has to be carried to its starts: expected who does it.")
-        with told(study.folder / FOLDER):
-            (study.folder / FOLDER).mkdir(exist_ok=True)
-        real, twins = _left(study, requested)
-        with _interrupted(study.folder, real=bool(real)):
-            _on_ports(study, real, options, attendant)
-            on_twins(study, twins, done=len(requested) - len(twins), pool=pool, on_progress=on_progress)
-    return [load_transfer(study.folder / one.folder) for one in requested]
+        with told(place / FOLDER):
+            (place / FOLDER).mkdir(exist_ok=True)
+            if mark is not None:
+                mark.write(place, finished=False)
+        real, twins = _left(place, requested)
+        with _interrupted(place, real=bool(real)):
+            _on_ports(study, place, real, options, attendant)
+            done = len(requested) - len(twins)
+            on_twins(study, place, twins, done=done, pool=pool, on_progress=on_progress)
+        if mark is not None:
+            mark.write(place, finished=True)
+    return [load_transfer(place / one.folder) for one in requested]
 
 
-def _left(study: Study, requested: Sequence[Situation]) -> tuple[list[Situation], list[Situation]]:
+def shard_folder(study: Path, shard: Shard) -> Path:
+    """Where a shard of a study's transfer goes: beside it, and beside the shards that it was evolved in."""
+    study = study if study.name.strip(".") else study.resolve()
+    return shard.folder(study.with_name(f"{study.name}-{WORK}"))
+
+
+def _facts(study: Study, options: Transfer, requested: Sequence[Situation]) -> dict[str, Any]:
+    """What all shards of a transfer have to share."""
+    keys = ("starts", "individual", "watch", "twin_noise", "seed", "seconds")
+    return {
+        "study": study.digest(),
+        "runs": list(dict.fromkeys(one.run for one in requested)),
+        "robots": [str(robot) for robot in options.bodies],
+        "film": options.film if isinstance(options.film, bool) else sorted(options.film),
+        "marker": str(options.worn),
+        **{key: getattr(options, key) for key in keys},
+    }
+
+
+def _left(place: Path, requested: Sequence[Situation]) -> tuple[list[Situation], list[Situation]]:
     """What is to be done on robots that a person places, and on those that place themselves."""
-    todo = [one for one in requested if not is_done(study.folder, one)]
+    todo = [one for one in requested if not is_done(place, one)]
     real = [one for one in todo if not one.placed]
     return real, [one for one in todo if one.placed]
 
 
 def _on_ports(
-    study: Study, todo: Sequence[Situation], options: Transfer, attendant: Attendant | None
+    study: Study, place: Path, todo: Sequence[Situation], options: Transfer, attendant: Attendant | None
 ) -> None:
     """Trials on real robots, one robot after the other, under a camera if there is one."""
     if not todo:
@@ -102,7 +138,7 @@ def _on_ports(
     assert attendant is not None
     with _overhead(options, attendant.found) as overhead:
         for robot in dict.fromkeys(one.robot for one in todo):
-            by_hand(study, [one for one in todo if one.robot == robot], attendant.carry, overhead)
+            by_hand(study, place, [one for one in todo if one.robot == robot], attendant.carry, overhead)
 
 
 def _overhead(options: Transfer, found: Found | None) -> AbstractContextManager[Overhead | None]:

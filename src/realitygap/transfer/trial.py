@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from realitygap import whole
-from realitygap.controller.network import NetworkController
+from realitygap.evolution.algorithm import Genes
 from realitygap.robots.address import Address
 from realitygap.robots.body import Body, attend
 from realitygap.robots.recording import Recorder
@@ -43,10 +43,10 @@ Tell = Callable[[float], None]
 
 
 class Stage:
-    """What trials of one study need, loaded once in a process."""
+    """What trials of one study need, loaded once in a process; they go to `place` or the study's folder."""
 
-    def __init__(self, study: Study) -> None:
-        self.study = study
+    def __init__(self, study: Study, place: Path | None = None) -> None:
+        self.study, self.place = study, place or study.folder
         self._simulations: dict[tuple[str, float], Simulation] = {}
         self._rigs: dict[tuple[str, Address, float, int | None], Rig] = {}
 
@@ -60,7 +60,7 @@ class Stage:
     def camera_file(self, one: Situation) -> Path:
         """Where the calibration of the camera over a unit's arena is kept."""
         worn = "" if one.marker is None else "-" + re.sub(r"[^\w.-]+", "-", str(one.marker))
-        return self.study.folder / FOLDER / one.robot.folder(one.twin_noise) / f"camera-{one.task}{worn}.json"
+        return self.place / FOLDER / one.robot.folder(one.twin_noise) / f"camera-{one.task}{worn}.json"
 
     def rig(self, one: Situation) -> Rig:
         """The arena of a trial and a robot that places itself there; one for all trials of both."""
@@ -82,12 +82,19 @@ class Stage:
             rig.close()
         self._rigs.clear()
 
-    def by_itself(self, one: Situation, tell: Tell) -> None:
-        """A whole trial on a robot that places itself; `tell` hears the share of the film that is done."""
-        with made(self.study.folder / one.folder, one.robot) as folder:
+    def by_itself(self, one: Situation, genes: Genes, folder: Path, tell: Tell) -> None:
+        """A whole trial on a robot that places itself.
+
+        Args:
+            one: the trial.
+            genes: of the individual that drives.
+            folder: of the trial's files.
+            tell: hears the share of the film that is done.
+        """
+        with whole.together(folder):
             pose = self.simulation(one).start(one.stream)
-            facts = self._simulate(one, pose, folder)
-            driven = self._drive_rig(one, pose, folder)
+            facts = self._simulate(one, genes, pose, folder)
+            driven = self._drive_rig(one, genes, pose, folder)
             if one.source in ("camera", "film"):
                 period_s = self.study.profile.period_s
                 seen = self._seen(one, folder, facts, tell)
@@ -105,7 +112,8 @@ class Stage:
             carry: the person who carries it.
             overhead: the camera above, if there is one.
         """
-        with made(self.study.folder / one.folder, one.robot) as folder:
+        genes = self.study.genotype(one.run, one.evaluation)
+        with made(self.place / one.folder, one.robot) as folder:
             pose = requested = self.simulation(one).start(one.stream)
             attend(body, self.study.task(one.task).feeds)  # a line that is too slow is refused now
             body.stop()
@@ -114,33 +122,30 @@ class Stage:
             if overhead is not None:
                 pose = overhead.start(one, requested)
                 body.reset()  # whoever moved it once more has turned its wheels
-            facts = self._simulate(one, pose, folder)
+            facts = self._simulate(one, genes, pose, folder)
             facts["wished"] = None if overhead is None else requested.to_dict()
             if overhead is None or one.source not in ("camera", "film"):
-                driven = self._drive(one, body, folder, facts)
+                driven = self._drive(one, genes, body, folder, facts)
                 path = self._own_path(one, driven, pose)
             else:
                 with overhead.filming(one, folder, self.study.profile.period_s) as film:
-                    driven = self._drive(one, body, folder, facts)
+                    driven = self._drive(one, genes, body, folder, facts)
                 path = film.path(facts)
             self._write(one, folder, facts, path, driven)
 
-    def _simulate(self, one: Situation, pose: Pose, folder: Path) -> dict[str, Any]:
+    def _simulate(self, one: Situation, genes: Genes, pose: Pose, folder: Path) -> dict[str, Any]:
         """The paired trial in simulation; what is known of the trial before the other."""
-        networks = self.study.networks(one.task, self.study.genotype(one.run, one.evaluation))
+        networks = self.study.networks(one.task, genes)
         trajectory, fitness = self.simulation(one).trajectory(
             networks, stream=one.stream, pose=pose, seconds=one.seconds
         )
         trajectory.track.write_csv(folder / SIMULATED)
         return {**one.facts(), "pose": pose.to_dict(), "fitness": {"simulated": fitness}}
 
-    def _controller(self, one: Situation) -> NetworkController:
-        return self.study.controller(one.task, self.study.genotype(one.run, one.evaluation))
-
-    def _drive_rig(self, one: Situation, pose: Pose, folder: Path) -> Driven:
+    def _drive_rig(self, one: Situation, genes: Genes, pose: Pose, folder: Path) -> Driven:
         """Drive a robot that places itself."""
         return self.rig(one).trial(
-            self._controller(one),
+            self.study.controller(one.task, genes),
             one.stream,
             pose,
             one.seconds,
@@ -148,10 +153,10 @@ class Stage:
             sealed=folder / SEALED if one.source in ("camera", "film") else None,
         )
 
-    def _drive(self, one: Situation, body: Body, folder: Path, facts: dict[str, Any]) -> Driven:
+    def _drive(self, one: Situation, genes: Genes, body: Body, folder: Path, facts: dict[str, Any]) -> Driven:
         return driven(
             body,
-            self._controller(one),
+            self.study.controller(one.task, genes),
             task=self.study.task(one.task),
             profile=self.study.profile,
             seconds=one.seconds,
@@ -186,6 +191,7 @@ class Stage:
         track = rig.watcher.track(states, one.stream)
         facts["view"] = rig.watcher.view
         track.write_csv(folder / TRACK)
+        (folder / SEALED).unlink()  # a film keeps it, to test the tracker with
         return track
 
     def _write(

@@ -1,18 +1,26 @@
-"""Who makes the trials of a transfer: this process or several, with progress; a person's robot by hand."""
+"""Who makes the trials of a transfer: a pool's workers, with progress; a person's robot by hand."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from realitygap import temporary, whole
+from realitygap.errors import UsageError
+from realitygap.evolution.algorithm import Genes
 from realitygap.robots.body import abandon
+from realitygap.study.far import Home, Words, home_of, words_for
 from realitygap.study.load import Study, load_study
 from realitygap.study.schema import told
+from realitygap.transfer.folder import blamed, files_in, keep, keep_camera
 from realitygap.transfer.plan import Situation, check_body
 from realitygap.transfer.trial import Carry, Stage
 from realitygap.work.pool import Pool, Setup, Tell
 from realitygap.work.progress import OnProgress, Reporter
+from realitygap.work.workers import far
 
 if TYPE_CHECKING:
     from realitygap.transfer.overhead import Overhead
@@ -26,37 +34,57 @@ FILM_COST_S, WATCH_COST_S = 0.8, 0.025
 
 
 class Job(NamedTuple):
-    """A trial on the twin, or only the calibration of the camera over its arena."""
+    """A trial of an individual on the twin, or (without one) the calibration of the camera over its arena.
+
+    `camera` is its calibration, for workers that do not see the study's folder.
+    """
 
     situation: Situation
-    calibration: bool = False
-
-    @property
-    def cost(self) -> float:
-        """About how long it takes, s."""
-        if self.calibration:
-            return CALIBRATION_COST
-        one = self.situation
-        seen = {"film": FILM_COST_S, "camera": WATCH_COST_S}.get(one.source, 0.0)
-        return DRIVE_COST + one.seconds * (DRIVE_COST_S + seen)
+    genes: Genes | None = None
+    camera: bytes | None = None
 
 
 class Worked(NamedTuple):
-    """So much of a job is done, in its cost, and so many trials are there."""
+    """So much of a job is done, in its cost."""
 
     cost: float
-    trials: int = 0
+
+
+class Made(NamedTuple):
+    """The files of a job by their names: of a trial, `finished` or as far as it came, or of a camera."""
+
+    situation: Situation
+    files: dict[str, bytes]
+    finished: bool = True
+    camera: bool = False
 
 
 class Bench:
-    """Carries out jobs; made once in a worker. It writes into the study's folder, which it has to see."""
+    """Carries out jobs; made once in a worker. Of the study's folder it writes cameras alone, if it sees it.
 
-    def __init__(self, study: Study) -> None:
-        self._stage = Stage(study)
+    `shown` is where a person will find what it makes.
+    """
+
+    def __init__(self, stage: Stage, shown: Path, home: Home | None = None) -> None:
+        self._stage, self._shown, self._home = stage, shown, home
 
     def carry_out(self, job: Job, tell: Tell) -> None:
-        """One job; `tell` hears how its film comes on, then that it is done."""
-        one, left = job.situation, job.cost
+        """One job; `tell` hears how its film comes on, then what was made."""
+        one = job.situation
+        camera = self._stage.camera_file(one)
+        with told(self._shown / one.folder):
+            if job.camera is not None and not camera.is_file():
+                camera.parent.mkdir(parents=True, exist_ok=True)
+                whole.write(camera, job.camera)
+            if job.genes is not None:
+                self._trial(one, job.genes, tell)
+                return
+            self._stage.calibrate(one)
+            tell(Made(one, {camera.name: camera.read_bytes()}, camera=True))
+            tell(Worked(CALIBRATION_COST))
+
+    def _trial(self, one: Situation, genes: Genes, tell: Tell) -> None:
+        left = _cost(one)
 
         def share(part: float) -> None:
             nonlocal left
@@ -64,30 +92,43 @@ class Bench:
             left -= cost
             tell(Worked(cost))
 
-        with told(self._stage.study.folder / one.folder):
-            if job.calibration:
-                self._stage.calibrate(one)
-            else:
-                self._stage.by_itself(one, share)
-        tell(Worked(left, 0 if job.calibration else 1))
+        with temporary.Folder("trial") as name, blamed(self._shown / one.folder, one.robot):
+            try:
+                self._stage.by_itself(one, genes, Path(name), share)
+            except BaseException:
+                tell(Made(one, files_in(Path(name)), finished=False))
+                raise
+            tell(Made(one, files_in(Path(name))))
+        tell(Worked(left))
 
     def close(self) -> None:
         """End the twins."""
         self._stage.close()
+        if self._home is not None:
+            self._home.close()
 
 
-def bench_in(folder: str) -> Bench:
-    """A bench for the study in a folder."""
-    return Bench(load_study(folder, trust=True))  # the parent has asked
+def bench_in(words: Words, shown: str) -> Bench:
+    """A bench for a study, wherever a worker is."""
+    home = home_of(words)
+    place = Path(shown) if words[0] else home.folder
+    return Bench(Stage(load_study(home.folder), place), Path(shown), home)
 
 
 def on_twins(
-    study: Study, todo: Sequence[Situation], *, done: int, pool: Pool, on_progress: OnProgress | None
+    study: Study,
+    place: Path,
+    todo: Sequence[Situation],
+    *,
+    done: int,
+    pool: Pool,
+    on_progress: OnProgress | None,
 ) -> None:
     """Make trials on robots that place themselves; a twin's results do not depend on the pool.
 
     Args:
-        study: whose folder they are written in.
+        study: whose individuals drive.
+        place: where their folders are.
         todo: the trials.
         done: how many there are already.
         pool: who makes them.
@@ -98,18 +139,66 @@ def on_twins(
     """
     if not todo:
         return
-    jobs, phase = _in_order(study, todo), "transferring"
-    reporter = Reporter(on_progress, {phase: sum(job.cost for job in jobs)})
+    away, stage, phase = far(pool), Stage(study, place), "transferring"
+    _refuse_own(todo, away=away)
+    watched = {stage.camera_file(one): one for one in todo if one.source in ("camera", "film")}
+    cameras = [Job(one) for file, one in watched.items() if not file.is_file()]
+    work = len(cameras) * CALIBRATION_COST + sum(map(_cost, todo))
+    reporter = Reporter(on_progress, {phase: work})
     reporter.phase(phase, done=done, total=done + len(todo), what="trials")
-    setup = Setup(bench_in, (str(study.folder.resolve()),), here=Bench(study))
-    pool.work(setup, jobs, lambda worked: reporter.add(worked.cost, done=worked.trials))
+
+    def trials() -> Iterator[Job]:
+        """What takes longest first, so that no worker is left alone with a film."""
+        for one in sorted(todo, key=lambda one: -_cost(one)):
+            file = stage.camera_file(one)
+            camera = file.read_bytes() if away and file in watched else None
+            yield Job(one, study.genotype(one.run, one.evaluation), camera)
+
+    def hear(message: Worked | Made) -> None:
+        if isinstance(message, Worked):
+            reporter.add(message.cost)
+            return
+        one, files = message.situation, message.files
+        if message.camera:
+            keep_camera(stage.camera_file(one), files)
+            return
+        with told(place / one.folder):
+            keep(place / one.folder, one.robot, files, finished=message.finished)
+        reporter.add(0.0, done=int(message.finished))
+
+    words = (words_for(study.folder, pool), str(place.resolve()))
+    for jobs in (cameras, trials()) if away else (chain(cameras, trials()),):
+        pool.work(Setup(bench_in, words, here=Bench(stage, place)), jobs, hear)
 
 
-def by_hand(study: Study, todo: Sequence[Situation], carry: Carry, overhead: Overhead | None = None) -> None:
+def _refuse_own(todo: Sequence[Situation], *, away: bool) -> None:
+    """Refuse to send for a robot that only this machine has.
+
+    Raises:
+        UsageError: names it.
+    """
+    for one in todo:
+        if away and one.robot.kind == "own":
+            raise UsageError(
+                f"robot {one.robot}: expected one that the cluster's workers have too: its file is on this "
+                "machine. Leave out --workers, or give a number."
+            )
+
+
+def _cost(one: Situation) -> float:
+    """About how long a trial takes, s."""
+    seen = {"film": FILM_COST_S, "camera": WATCH_COST_S}.get(one.source, 0.0)
+    return DRIVE_COST + one.seconds * (DRIVE_COST_S + seen)
+
+
+def by_hand(
+    study: Study, place: Path, todo: Sequence[Situation], carry: Carry, overhead: Overhead | None = None
+) -> None:
     """Make trials on a robot that a person places, one after the other; `overhead` sees it.
 
     Args:
-        study: whose folder they are written in.
+        study: whose individuals drive.
+        place: where their folders are.
         todo: trials on one robot, one or more.
         carry: the person who carries it.
         overhead: the camera above, if there is one.
@@ -119,23 +208,15 @@ def by_hand(study: Study, todo: Sequence[Situation], carry: Carry, overhead: Ove
         RobotError: the line was lost; the recording is kept.
         RobotStoppedError: Ctrl-C; the robot stands, the recording is kept.
     """
-    stage, first = Stage(study), todo[0]
+    stage, first = Stage(study, place), todo[0]
     body = first.robot.open(baud=first.baud)
     try:
         for one in todo:
             check_body(study, one.task, body)
         for one in todo:
-            with told(study.folder / one.folder):
+            with told(place / one.folder):
                 stage.by_hand(replace(one, baud=getattr(body, "baud", None)), body, carry, overhead)
     except BaseException:
         abandon(body)  # it was told to stand first, wherever this came from
         raise
     body.close()
-
-
-def _in_order(study: Study, todo: Sequence[Situation]) -> list[Job]:
-    """Cameras first, then what takes longest, so that no worker is left alone with a film."""
-    stage = Stage(study)
-    cameras = {stage.camera_file(one): one for one in todo if one.source in ("camera", "film")}
-    jobs = [Job(one, calibration=True) for file, one in cameras.items() if not file.is_file()]
-    return jobs + sorted((Job(one) for one in todo), key=lambda job: -job.cost)

@@ -57,6 +57,7 @@ class Shard:
 
     def folder(self, out: Path) -> Path:
         """Its folder, beside the one that the whole is to have."""
+        out = out if out.name.strip(".") else out.resolve()
         suffix = f"-shard-{self.number}-of-{self.of}"
         return out if out.name.endswith(suffix) else out.with_name(out.name + suffix)
 

@@ -11,7 +11,7 @@ from realitygap.user_code import named_object
 from realitygap.work.pool import Here, Pool
 from realitygap.work.processes import Processes, refuse_unguarded_script
 
-__all__ = ["MOST", "Workers", "cores", "named_pool", "opened"]
+__all__ = ["MOST", "Workers", "cores", "far", "named_pool", "near", "opened"]
 
 MOST = 1024
 """Processes."""
@@ -49,12 +49,27 @@ def opened(workers: Workers) -> Iterator[Pool]:
         yield pool
 
 
+def far(pool: object) -> bool:
+    """Whether a pool says that its workers do not see this machine's files."""
+    return bool(getattr(pool, "far", False))
+
+
+def near(workers: Workers) -> Workers:
+    """The same, or one process a core where those do not see this machine's files."""
+    return None if far(workers) else workers
+
+
 def named_pool(text: str) -> Pool:
-    """The pool that `file.py:Name` or `module:Name` makes, called without arguments.
+    """The pool that `file.py:Name` or `module:Name` makes, called without arguments; or "dask:ADDRESS".
 
     Raises:
         ConfigError: what is named is none; says what it lacks.
+        StudyError: workers with other versions than this process.
     """
+    if text.startswith("dask:"):
+        from realitygap.work.cluster import Dask
+
+        return Dask(text.removeprefix("dask:"))
     make = named_object(text, ConfigError, "workers")
     pool = make() if callable(make) else make
     if not isinstance(pool, Pool):

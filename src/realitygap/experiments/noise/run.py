@@ -31,14 +31,14 @@ from realitygap.experiments.noise.plan import (
 from realitygap.experiments.noise.simulated import keep_compared
 from realitygap.experiments.noise.situated import Situated, check_robot, keep_situated
 from realitygap.experiments.noise.stage import Stage
-from realitygap.experiments.noise.work import Job, Made, bench_in
+from realitygap.experiments.noise.work import Job, Made, bench_in, words_for
 from realitygap.study.folder import exists
 from realitygap.study.lock import lock
 from realitygap.study.runner import COMPILING, FINISHED, run_study
 from realitygap.study.schema import told
 from realitygap.work.pool import Pool, Setup
 from realitygap.work.progress import OnProgress, Progress, Reporter
-from realitygap.work.workers import Workers, opened
+from realitygap.work.workers import Workers, far, near, opened
 
 __all__ = ["noise_study"]
 
@@ -98,7 +98,7 @@ def noise_study(
     try:
         with opened(workers) as pool, lock(folder):
             made = open_folder(folder, config, resume=resume)
-            _Phases(folder.resolve(), made, pool, on_progress).carry_out(workers)
+            _Phases(folder.resolve(), made, pool, on_progress).carry_out(near(workers))
             return write_results(Stage(folder, made))
     except KeyboardInterrupt:
         kept = f"What was done in {folder} is kept: go on with it (--resume)."
@@ -220,7 +220,14 @@ class _Phases:
         """A phase whose jobs are controllers."""
         total, cost, reporter = len(self.every), self.costs[phase], self.reporter
         reporter.phase(phase, done=total - len(left), total=total, what="controllers")
-        jobs = [Job(one, phase == DRIVING) for one in left]
+        stage = Stage(self.folder, self.config)
+
+        def jobs() -> Iterator[Job]:
+            for one in left:
+                seen = None if phase == DRIVING else b""
+                if far(self.pool) and phase == COMPARING:
+                    seen = situated_file(self.folder, one).read_bytes()
+                yield Job(one, stage.genes(one), seen)
 
         def heard(message: float | Made) -> None:
             if isinstance(message, Made):
@@ -231,8 +238,10 @@ class _Phases:
                 reporter.add(cost * message)
             self._keep_time(KEEP_S)
 
-        if jobs:
-            self.pool.work(Setup(bench_in, (str(self.folder),)), jobs, heard)
+        if left:
+            with told(self.folder):
+                words = words_for(self.folder, self.config, self.pool)
+            self.pool.work(Setup(bench_in, (words,)), jobs(), heard)
 
 
 def _keep(folder: Path, made: Made) -> None:

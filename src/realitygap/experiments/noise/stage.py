@@ -6,11 +6,20 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+
 from realitygap.calibration.unit import PROFILE
+from realitygap.controller.encoding import Encoding, controller_of
 from realitygap.controller.network import NetworkController
 from realitygap.evolution.algorithm import Genes
 from realitygap.experiments.noise.config import NoiseConfig
-from realitygap.experiments.noise.plan import Controller, calibration_folder, evolved_folder, stream
+from realitygap.experiments.noise.plan import (
+    Controller,
+    calibration_folder,
+    evolution,
+    evolved_folder,
+    stream,
+)
 from realitygap.kernels.params import Networks
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study, load_study
@@ -21,30 +30,36 @@ __all__ = ["Stage"]
 
 
 class Stage:
-    """The calibrated units and evolved controllers of the study in a folder."""
+    """The calibrated units and evolved controllers of the study in a folder.
+
+    Attributes:
+        champions: genes that are known already, where evolution's studies are not to be seen.
+    """
 
     def __init__(self, folder: Path, config: NoiseConfig) -> None:
         self.folder, self.config = folder, config
+        self.champions: dict[Controller, Genes] = {}
         self.profile = cache(self._profile)
         self.task = cache(config.task)
         self.starts = cache(self._starts)
         self._study = cache(self._load)
+        self._encoding = cache(self._made)
 
     def networks(self, one: Controller) -> Networks:
         """The network of its run's champion."""
-        study, genes = self._champion(one)
-        return study.networks(one.task, genes)
+        return self._encoding(one.task, one.home).decode(self.genes(one)[np.newaxis])
 
     def driver(self, one: Controller) -> NetworkController:
         """The same, to drive a robot."""
-        study, genes = self._champion(one)
-        return study.controller(one.task, genes)
+        return controller_of(self._encoding(one.task, one.home), self.genes(one))
 
-    def _champion(self, one: Controller) -> tuple[Study, Genes]:
-        study = self._study(one.seed_set, one.home)
-        genes = study.run(one.run_name).champion
-        assert genes is not None
-        return study, genes
+    def genes(self, one: Controller) -> Genes:
+        """Its run's champion."""
+        genes = self.champions.get(one)
+        if genes is None:
+            genes = self._study(one.seed_set, one.home).run(one.run_name).champion
+            assert genes is not None
+        return genes
 
     def simulation(self, task: str, unit: int, home: int, level: float) -> Simulation:
         """The simulation calibrated to a unit, for controllers whose calibration unit is another or the same.
@@ -68,6 +83,10 @@ class Stage:
 
     def _profile(self, unit: int) -> Profile:
         return load_profile(calibration_folder(self.folder, unit) / PROFILE)
+
+    def _made(self, task: str, home: int) -> Encoding:
+        evolved = evolution(self.config, 1, home, calibration_folder(self.folder, home) / PROFILE)
+        return evolved.encoding_for(self.task(task).of(self.profile(home)))
 
     def _load(self, seed_set: int, unit: int) -> Study:
         return load_study(evolved_folder(self.folder, seed_set, unit))

@@ -5,22 +5,35 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from realitygap import temporary
+from realitygap.calibration.unit import PROFILE
+from realitygap.errors import ConfigError
+from realitygap.evolution.algorithm import Genes
 from realitygap.experiments.noise.config import NoiseConfig
-from realitygap.experiments.noise.plan import Controller
+from realitygap.experiments.noise.plan import Controller, calibration_folder, situated_file
 from realitygap.experiments.noise.simulated import compare_all
 from realitygap.experiments.noise.situated import Rigs, Situated, situate
 from realitygap.experiments.noise.stage import Stage
 from realitygap.study.schema import told
-from realitygap.work.pool import Tell
+from realitygap.work.pool import Pool, Tell
+from realitygap.work.workers import far
+from realitygap.world.arena import load_arena
 
-__all__ = ["Bench", "Job", "Made", "bench_in"]
+__all__ = ["Bench", "Job", "Made", "Words", "bench_in", "words_for"]
+
+ARENA = "arena.toml"
+"""As workers that do not see the study's folder call its arena."""
 
 
 class Job(NamedTuple):
-    """A controller that is to drive the twin's units, or to be compared with the simulations."""
+    """A controller that is to drive the twin's units, or to be compared with the simulations.
+
+    `situated` is the content of its file of paths, to be compared; b"" where that is to be seen.
+    """
 
     controller: Controller
-    on_twin: bool
+    genes: Genes
+    situated: bytes | None = None
 
 
 class Made(NamedTuple):
@@ -31,25 +44,78 @@ class Made(NamedTuple):
 
 
 class Bench:
-    """Carries out jobs, and writes nothing but the twin's cameras; made once in a worker."""
+    """Carries out jobs, and writes nothing but the twin's cameras; made once in a worker.
 
-    def __init__(self, stage: Stage) -> None:
-        self._stage = stage
+    `home` is the stage's folder, if that was made for it.
+    """
+
+    def __init__(self, stage: Stage, home: temporary.Folder | None = None) -> None:
+        self._stage, self._home = stage, home
         self._rigs = Rigs(stage)
 
     def carry_out(self, job: Job, tell: Tell) -> None:
         """One job; `tell` hears the share that was done since the last time, then what came of it."""
-        with told(self._stage.folder):
-            if job.on_twin:
-                tell(Made(job.controller, situate(self._stage, self._rigs, job.controller, tell)))
-            else:
-                tell(Made(job.controller, compare_all(self._stage, job.controller, tell)))
+        stage, one = self._stage, job.controller
+        stage.champions = {one: job.genes}
+        with told(stage.folder):
+            if job.situated is None:
+                tell(Made(one, situate(stage, self._rigs, one, tell)))
+                return
+            if self._home is not None:
+                file = situated_file(stage.folder, one)
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_bytes(job.situated)
+            tell(Made(one, compare_all(stage, one, tell)))
 
     def close(self) -> None:
-        """Let the twin's units go."""
+        """Let the twin's units go, and what came in messages."""
         self._rigs.close()
+        if self._home is not None:
+            self._home.cleanup()
 
 
-def bench_in(folder: str) -> Bench:
-    """A bench for the study in a folder."""
-    return Bench(Stage(Path(folder), NoiseConfig.from_folder(Path(folder))))
+class Words(NamedTuple):
+    """What workers are told of a study: its folder ("" where they do not see it), or what it holds.
+
+    Attributes:
+        config: its settings, as in its file.
+        files: its calibrations, and an arena of its own, by their names from the folder.
+    """
+
+    folder: str
+    config: dict[str, Any]
+    files: dict[str, bytes]
+
+
+def words_for(folder: Path, config: NoiseConfig, pool: Pool) -> Words:
+    """What a pool's workers are told.
+
+    Raises:
+        ConfigError: a robot that only this machine has.
+    """
+    if not far(pool):
+        return Words(str(folder), {}, {})
+    if config.base is not None:
+        raise ConfigError(
+            f"robot {config.robot}: expected one that the cluster's workers have too: its file is on this "
+            "machine. Leave out --workers, or give a number."
+        )
+    profiles = [calibration_folder(folder, unit) / PROFILE for unit in range(1, config.units + 1)]
+    files = {str(file.relative_to(folder)): file.read_bytes() for file in profiles}
+    table = config.to_dict()
+    if config.arena is not None:
+        files[ARENA], table["arena"] = load_arena(config.arena).to_toml().encode(), ARENA
+    return Words("", table, files)
+
+
+def bench_in(words: Words) -> Bench:
+    """A bench for a study, wherever a worker is."""
+    if words.folder:
+        return Bench(Stage(Path(words.folder), NoiseConfig.from_folder(Path(words.folder))))
+    home = temporary.Folder("noise")
+    for name, content in words.files.items():
+        file = Path(home.name, name)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(content)
+    own = {"arena": str(Path(home.name, ARENA))} if ARENA in words.files else {}
+    return Bench(Stage(Path(home.name), NoiseConfig.from_dict({**words.config, **own})), home)

@@ -1,0 +1,59 @@
+"""A study where its folder is not to be seen: made again, without its evaluations, of its files' content."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from realitygap import temporary
+from realitygap.study.config import StudyConfig
+from realitygap.study.folder import CONFIG, agree, exists
+from realitygap.study.materials import gather, own
+from realitygap.study.reader import DATABASE, Reader
+from realitygap.study.store import create
+from realitygap.study.trust import agree_to
+from realitygap.values import Closing
+from realitygap.work.pool import Pool
+from realitygap.work.workers import far
+
+__all__ = ["Home", "Words", "home_of", "words_for"]
+
+Words = tuple[str, Mapping[str, bytes]]
+"""A study's folder ("" where workers do not see it), and the content of its files: what is sent to them."""
+
+
+class Home(Closing):
+    """The folder that a worker takes a study from: the study's own, or one that is gone when it is closed."""
+
+    def __init__(self, folder: Path, made: temporary.Folder | None = None) -> None:
+        self.folder, self._made = folder, made
+
+    def close(self) -> None:
+        """Remove what came in messages."""
+        if self._made is not None:
+            self._made.cleanup()
+
+
+def words_for(folder: Path, pool: Pool) -> Words:
+    """What a pool's workers are told of a study."""
+    place = "" if far(pool) else str(folder.resolve())
+    return place, Reader(folder / DATABASE).sources() or {}
+
+
+def home_of(words: Words) -> Home:
+    """In a worker: where the study is."""
+    place, sources = Path(words[0]), words[1]
+    if words[0] and exists(place) and (Reader(place / DATABASE).sources() or {}) == sources:
+        agree(place)  # the parent has asked
+        return Home(place)
+    made = temporary.Folder("study")
+    folder = Path(made.name)
+    for name, content in sources.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    config = own(StudyConfig.from_toml(folder / CONFIG, local=True), folder)
+    materials = gather(config)
+    agree_to(materials.own_code())
+    create(folder / DATABASE, materials, sources)
+    return Home(folder, made)

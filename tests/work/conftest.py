@@ -1,0 +1,5 @@
+"""A finished small study, made once."""
+
+from tests.study.conftest import finished
+
+__all__ = ["finished"]

@@ -1,0 +1,151 @@
+"""A Dask cluster of real processes: the contract, lost workers, the same bits as in one process."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("distributed", reason="needs the extra: pip install 'realitygap[cluster]'")
+
+from realitygap.errors import ConfigError, StudyError
+from realitygap.study.runner import run_study
+from realitygap.testing import PoolContract
+from realitygap.transfer.options import Transfer
+from realitygap.transfer.run import run_transfer
+from realitygap.work import cluster
+from realitygap.work.cluster import Dask
+from realitygap.work.workers import named_pool
+from tests.study.helpers import content, small
+
+pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning")
+KILLS = 3
+
+
+def dask(kind: str, *words: object, log: Path) -> subprocess.Popen[bytes]:
+    """A process of the cluster."""
+    command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", *map(str, words), "--no-dashboard"]
+    with log.open("wb") as file:
+        return subprocess.Popen(command, stdout=file, stderr=file)
+
+
+@pytest.fixture(scope="module")
+def cluster_of_two(tmp_path_factory):
+    """A scheduler's address; two workers, the second one's nanny starts it anew when it is killed."""
+    place = tmp_path_factory.mktemp("dask")
+    file = place / "scheduler.json"
+    started = [dask("scheduler", "--port", "0", "--scheduler-file", file, log=place / "scheduler.log")]
+    while not file.is_file():
+        assert started[0].poll() is None, (place / "scheduler.log").read_text()
+        time.sleep(0.05)
+    address = json.loads(file.read_text())["address"]
+    for kind in ("--no-nanny", "--nanny"):
+        words = (address, "--nthreads", "1", kind, "--local-directory", place / kind)
+        started.append(dask("worker", *words, log=place / f"worker{kind}.log"))
+    yield address, started[2].pid
+    started[2].terminate()  # a nanny ends its worker with itself
+    try:
+        started[2].wait(10)
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture(scope="module")
+def address(cluster_of_two) -> str:
+    """When both workers are there."""
+    pool = Dask(cluster_of_two[0])
+    pool._client.wait_for_workers(2, timeout=60)
+    pool.close()
+    return cluster_of_two[0]
+
+
+class TestDask(PoolContract):
+    """Two workers; that they are lost again and again is tried below."""
+
+    @pytest.fixture(autouse=True)
+    def _at(self, address):
+        self.address = address
+
+    def opened(self):
+        return Dask(self.address)
+
+
+def killing(nanny: int, kills: list[int], over: threading.Event) -> None:
+    """Kill the nanny's worker whenever it is up and at work for a moment."""
+    while len(kills) < KILLS and not over.wait(0.4):
+        told = subprocess.run(["pgrep", "-P", str(nanny), "-f", "spawn_main"], capture_output=True, text=True)
+        for pid in map(int, told.stdout.split()):
+            if pid not in kills:
+                time.sleep(0.6)
+                os.kill(pid, signal.SIGKILL)
+                kills.append(pid)
+
+
+def test_a_study_is_the_same_though_a_worker_dies_again_and_again(
+    cluster_of_two,
+    address,
+    finished,
+    tmp_path,
+):
+    """Every table, genotype and checkpoint, as one process made them."""
+    kills: list[int] = []
+    over = threading.Event()
+    killer = threading.Thread(target=killing, args=(cluster_of_two[1], kills, over))
+    pool = named_pool(f"dask:{address}")
+    killer.start()
+    try:
+        for number in range(20):  # studies are small: so many until it was killed often enough
+            folder = tmp_path / f"study-{number}"
+            assert content(run_study(folder, small(), workers=pool).folder) == content(finished.folder)
+            if len(kills) == KILLS:
+                break
+        pool._client.wait_for_workers(2, timeout=60)
+    finally:
+        over.set()
+        killer.join()
+        pool.close()
+    assert len(kills) == KILLS
+
+
+def test_trials_come_back_as_messages(address, finished, tmp_path):
+    """A transfer by workers that see nothing of the study is that of one process, file by file."""
+    places = [Path(shutil.copytree(finished.folder, tmp_path / name)) for name in ("near", "far")]
+    pool = Dask(address)
+    for place, workers in zip(places, (1, pool), strict=True):
+        run_transfer(place, Transfer(robots=("twin:1",), runs=("1",), starts=2, seconds=1.0), workers=workers)
+    pool.close()
+    near, away = ({p.relative_to(one): p for p in (one / "transfer").rglob("[!.]*.*")} for one in places)
+    assert near.keys() == away.keys() and sum(p.name == "situated.csv" for p in near) == 2
+    for name, path in near.items():
+        if (
+            name.suffix in (".csv", ".json") and name.name != "steps.csv"
+        ):  # which has the computer's own times
+            assert path.read_bytes() == away[name].read_bytes(), name
+    theirs = Transfer(robots=("mine.py:Robot",), runs=("1",))
+    assert theirs.bodies[0].kind == "own"
+
+
+def test_what_is_no_cluster_is_refused(address, monkeypatch):
+    """An address where nobody answers, one of nonsense, and workers with other versions, by name."""
+    monkeypatch.setattr(cluster, "WAIT_S", 0.5)
+    for wrong in ("tcp://127.0.0.1:9", "nonsense://", ""):
+        with pytest.raises(
+            ConfigError, match=r"no Dask scheduler answers at .*Start one \(`dask scheduler`\)"
+        ):
+            named_pool(f"dask:{wrong}")
+    other = {**cluster.versions(), "numba": "0.1"}
+    monkeypatch.setattr(cluster, "versions", lambda: other)
+    with pytest.raises(
+        StudyError, match=r"the Dask worker on .* has numba \S+, this process 0\.1: .*the same"
+    ):
+        Dask(address)
