@@ -152,8 +152,9 @@ def paint_robot(picture: Any, corner: Any, about: Any, still: Any, place: Any, l
         for column in range(count // sub):
             for colour in range(3):
                 total = np.float32(0.0)
-                for k in range(sub * sub):
-                    total += shown[k // sub, colour, column * sub + k % sub]
+                for k in range(sub):
+                    for sample in range(column * sub, column * sub + sub):
+                        total += shown[k, colour, sample]
                 picture[row - corner[0], columns[0] + column - corner[1], colour] = total * part
 
 
