@@ -25,7 +25,7 @@ from realitygap import whole
 from realitygap.errors import FilmError
 from realitygap.text import read_json, refuse_unknown
 
-__all__ = ["CameraModel", "load_camera"]
+__all__ = ["OUTSIDE", "CameraModel", "load_camera", "turning_point"]
 
 Array = NDArray[np.float64]
 
@@ -229,14 +229,14 @@ def load_camera(path: str | Path) -> CameraModel:
 def _bend(square: Array, k1: float, k2: float) -> Array:
     """What the lens multiplies points with whose squared distances these are; NaN beyond its fold."""
     factor = 1 + k1 * square + k2 * square * square
-    limit = _turning_point(k1, k2)
+    limit = turning_point(k1, k2)
     return np.asarray(factor if math.isinf(limit) else np.where(square < limit, factor, np.nan))
 
 
 def _straightened(v: Array, k1: float, k2: float) -> Array:
     """The ideal points that the lens puts at points [..., 2]: Newton's steps on the distance."""
     far = np.sqrt(np.einsum("...i,...i->...", v, v))
-    limit = math.sqrt(min(_turning_point(k1, k2), 1e6))
+    limit = math.sqrt(min(turning_point(k1, k2), 1e6))
     r = np.minimum(far, 0.999 * limit)
     for _ in range(20):
         square = r * r
@@ -245,7 +245,7 @@ def _straightened(v: Array, k1: float, k2: float) -> Array:
     return np.asarray(v * np.where(far > 0, r / np.where(far > 0, far, 1.0), 1.0)[..., None])
 
 
-def _turning_point(k1: float, k2: float) -> float:
+def turning_point(k1: float, k2: float) -> float:
     """The squared distance at which the lens would fold the picture back; infinite if it never does."""
     spread = 9 * k1 * k1 - 20 * k2  # of 1 + 3 k1 s + 5 k2 s², the slope of the bent distance
     if spread < 0:

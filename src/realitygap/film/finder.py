@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import FilmError
-from realitygap.film.camera import CameraModel
+from realitygap.film.camera import OUTSIDE, CameraModel, turning_point
 from realitygap.film.disk import Disk
-from realitygap.film.masks import OUTER, Grey, Picture, correlation, pattern_of, peak, responses
+from realitygap.film.masks import OUTER, Grey, Picture, pattern_of, responses
+from realitygap.film.window import Aim, Optics, correlation, lay_out, sightings, spots
 from realitygap.values import Pose
 
 __all__ = ["FOUND_ANEW", "KNOWN_AGAIN", "Finder", "Look", "Sighting", "first_look"]
@@ -68,6 +69,17 @@ class Sighting(NamedTuple):
     quality: float
 
 
+class _Square(NamedTuple):
+    """A window on the disk's plane: its side's places from the middle [n] (cm); and room for the pixels of
+    each [2, n, n], for tops and for what is found."""
+
+    aim: Aim
+    axis: NDArray[np.float64]
+    sides: Picture
+    tops: NDArray[np.float64]
+    found: NDArray[np.float64]
+
+
 class Finder:
     """Looks for one kind of disk through one camera.
 
@@ -86,6 +98,9 @@ class Finder:
         camera.check_height(disk.height_cm)
         self.camera, self.disk, self._slack = camera, disk, slack
         self._pattern = pattern_of(disk)
+        self._optics = _optics_of(camera, disk.height_cm)
+        self._squares: dict[float, _Square] = {}
+        self._spots, self._sums = np.empty((2, len(self._pattern.white), 1), np.float32), np.empty((4, 5))
         middle = camera.to_floor(camera.middle, disk.height_cm)
         self._scale = camera.pixels_per_cm(middle, disk.height_cm)
         front = disk.front_radius_cm
@@ -102,20 +117,13 @@ class Finder:
         self, picture: Grey | Look, place: NDArray[np.float64], reach_cm: float = REACH_CM
     ) -> Sighting | None:
         """The disk whose centre lies within `reach_cm` of a place (cm), or None."""
-        disk, step = self.disk, self._step
-        support = reach_cm + disk.front_distance_cm + 3 * OUTER * disk.front_radius_cm
-        half = math.ceil(support / step)
-        flat = self._laid_out(picture, place, half)
-        for_centre, for_front, fine = responses(flat, disk, 1 / step)
+        disk, square = self.disk, self._square(reach_cm)
+        for_centre, for_front, fine = responses(self._laid_out(picture, place, square), disk, 1 / self._step)
         best: Sighting | None = None
-        for row, column in _tops(for_centre, half, reach_cm / step, _PEAKS):
-            centre = peak(for_centre, column, row)
-            front = None if centre is None else self._front(for_front, centre)
-            if centre is None or front is None:
-                continue
-            quality = self._quality(fine, centre, front)
+        for k in range(sightings(for_centre, for_front, square.aim, square.tops, square.found)):
+            quality = self._quality(fine, square.found[k])
             if best is None or quality > best.quality:
-                points = place + (np.array([centre, front]) - half) * step
+                points = place + (square.found[k].reshape(2, 2) - square.aim.half) * self._step
                 best = Sighting(points, disk.pose_of(points), quality)
         if best is None:
             return None
@@ -137,53 +145,46 @@ class Finder:
         """Why the disk is not found in a picture: that cannot be told."""
         return ""
 
-    def _laid_out(self, picture: Grey | Look, place: NDArray[np.float64], half: int) -> Picture:
-        """A square of the disk's plane about a place, `half` steps to each side."""
-        axis = np.arange(-half, half + 1) * self._step
-        x, y = place[0] + axis, (place[1] + axis)[:, None]
-        sides = self.camera.columns_rows(x, y, self.disk.height_cm)
-        columns, rows = (side.astype(np.float32) for side in sides)
+    def _square(self, reach_cm: float) -> _Square:
+        """What is looked at about a place, for a centre so near to it."""
+        if reach_cm not in self._squares:
+            disk, step = self.disk, self._step
+            half = math.ceil((reach_cm + disk.front_distance_cm + 3 * OUTER * disk.front_radius_cm) / step)
+            slack = self._slack * disk.front_radius_cm / step
+            aim = Aim(half, reach_cm / step, disk.front_distance_cm / step, slack, _RING)
+            self._squares[reach_cm] = _Square(
+                aim=aim,
+                axis=np.arange(-half, half + 1) * step,
+                sides=np.empty((2, 2 * half + 1, 2 * half + 1), np.float32),
+                tops=np.empty((4 * _PEAKS, 3)),
+                found=np.empty((_PEAKS, 4)),
+            )
+        return self._squares[reach_cm]
+
+    def _laid_out(self, picture: Grey | Look, place: NDArray[np.float64], square: _Square) -> Picture:
+        """A square of the disk's plane about a place."""
+        (columns, rows), ends = square.sides, np.empty(4)
+        lay_out(self._optics, place, square.axis, columns, rows, ends)
         if callable(picture):
-            picture = picture(self._window(columns, rows))
+            picture = picture(self._window(ends.tolist()))
         return _sampled(picture, columns, rows).astype(np.float32)
 
-    def _window(self, columns: Picture, rows: Picture) -> tuple[slice, slice]:
-        """The part of the picture that is looked at if these places are: with the pixels about them."""
+    def _window(self, ends: list[float]) -> tuple[slice, slice]:
+        """The part of the picture that is looked at between these columns and rows: with the pixels about
+        them."""
 
-        def about(side: Picture, most: int) -> slice:
-            low, high = math.floor(side.min()) - 1, math.ceil(side.max()) + 1
-            return slice(min(max(low, 0), most), min(max(high, 0), most) + 1)
+        def about(least: float, most: float, last: int) -> slice:
+            low, high = math.floor(least) - 1, math.ceil(most) + 1
+            return slice(min(max(low, 0), last), min(max(high, 0), last) + 1)
 
-        width, height = self.camera.width_px, self.camera.height_px
-        return about(rows, height - 1), about(columns, width - 1)
+        return about(*ends[2:], self.camera.height_px - 1), about(*ends[:2], self.camera.width_px - 1)
 
-    def _front(self, response: Picture, centre: tuple[float, float]) -> tuple[float, float] | None:
-        """The front patch on its ring about the centre, in steps."""
-        ring = self.disk.front_distance_cm / self._step
-        slack = self._slack * self.disk.front_radius_cm / self._step
-        places = np.rint(np.array(centre) + ring * _RING).astype(int)
-        places = places.clip(0, response.shape[0] - 1)
-        column, row = places[int(response[places[:, 1], places[:, 0]].argmax())]
-        for _ in range(6):  # uphill to the top of the mask's response
-            left, up = max(column - 1, 0), max(row - 1, 0)
-            around = response[up : row + 2, left : column + 2]
-            dy, dx = np.unravel_index(int(around.argmax()), around.shape)
-            if (up + dy, left + dx) == (row, column):
-                break
-            row, column = int(up + dy), int(left + dx)
-        front = peak(response, int(column), int(row))
-        if front is None or abs(math.dist(front, centre) - ring) > slack:
-            return None
-        return front
-
-    def _quality(self, fine: Picture, centre: tuple[float, float], front: tuple[float, float]) -> float:
+    def _quality(self, fine: Picture, points: NDArray[np.float64]) -> float:
         """How much the place looks like the disk."""
-        dx, dy = front[0] - centre[0], front[1] - centre[1]
-        length = math.hypot(dx, dy)
-        ahead = np.array([[dx, dy], [-dy, dx]]) / (length * self._step)
-        spots = (self._pattern.places @ ahead + centre).astype(np.float32)
-        seen = _sampled(fine, spots[:, :1], spots[:, 1:])
-        return correlation(seen[:, 0].astype(np.float64), self._pattern)
+        columns, rows = self._spots
+        spots(self._pattern, points, self._step, columns, rows)
+        seen = _sampled(fine, columns, rows)[:, 0].astype(np.float64)
+        return float(correlation(seen, self._pattern, self._sums))
 
     def _candidates(self, picture: Grey) -> NDArray[np.float64]:
         """Places (cm) where both masks respond together, the likeliest first, [n, 2]."""
@@ -258,10 +259,19 @@ def _maxima(response: Picture, reach: int, count: int) -> NDArray[np.int64]:
     return places[np.argsort(-response[top], kind="stable")[:count]]
 
 
-def _tops(response: Picture, half: int, reach: float, count: int) -> list[tuple[int, int]]:
-    """The highest maxima (row, column) within `reach` steps of the square's middle."""
-    low, high = max(half - math.ceil(reach), 1), half + math.ceil(reach) + 1
-    inner = response[low - 1 : high + 1, low - 1 : high + 1]
-    places = _maxima(inner, 1, 4 * count) + (low - 1)
-    near = np.hypot(places[:, 0] - half, places[:, 1] - half) <= reach
-    return [(int(row), int(column)) for row, column in places[near][:count]]
+def _optics_of(camera: CameraModel, height_cm: float) -> Optics:
+    """The camera for what is so high above the floor."""
+    move, lens = (1.0, 1.0), (0.0, 0.0)
+    if camera.lens_cm is not None and abs(height_cm - camera.plane_cm) > 1e-9:
+        *lens, above = camera.lens_cm  # type: ignore[assignment]
+        move = above - camera.plane_cm, above - height_cm
+    return Optics(
+        homography=camera.homography,
+        lens=(lens[0], lens[1]),
+        move=move,
+        middle=camera.middle,
+        half=camera.half_diagonal,
+        radial=camera.radial,
+        limit=turning_point(*camera.radial),
+        outside=OUTSIDE,
+    )

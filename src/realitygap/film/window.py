@@ -1,0 +1,362 @@
+"""The window that the tracker looks at closely, compiled: where it lies, the masks' tops, the correlation.
+
+The filters between these steps are OpenCV's (film/masks.py).
+"""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.machine_code import Shelf
+
+__all__ = ["Aim", "Optics", "Pattern", "correlation", "lay_out", "sightings", "spots"]
+
+_SHELF = Shelf(Path(__file__).read_bytes())
+_jit = partial(_SHELF.compiled, error_model="numpy", nogil=True, _nrt=False)
+_step = partial(_SHELF.compiled, error_model="numpy", nogil=True, _nrt=False, forceinline=True)
+
+Array = NDArray[np.float64]
+
+HIDDEN = 0.25
+"""Part of the disk's black face that may be hidden by something bright."""
+LEAST, UPHILL = 0.5, 6
+"""A mask's response that is a top, and how many steps it is from a place on the ring to one, at most."""
+
+
+class Optics(NamedTuple):
+    """A camera at one height: its homography [3, 3]; the place above which rays end [2] (cm) and the share of
+    the way that a point is moved to the homography's plane (numerator, denominator; both 1: not at all);
+    middle, half diagonal, radial terms and where they turn back; where goes what no ray brings into the
+    picture (px)."""
+
+    homography: Array
+    lens: tuple[float, float]
+    move: tuple[float, float]
+    middle: tuple[float, float]
+    half: float
+    radial: tuple[float, float]
+    limit: float
+    outside: float
+
+
+class Aim(NamedTuple):
+    """What is looked for, in steps of a window whose middle is `half` from its edges: `reach`, how far off
+    the middle a centre may be; the `ring` of the front patch about it, and how far off that it may seem;
+    directions [n, 2] all round."""
+
+    half: int
+    reach: float
+    ring: float
+    slack: float
+    round: Array
+
+
+class Pattern(NamedTuple):
+    """The disk as a correlation judges it: places on it [n, 2] (disk's axes, cm) and how white they are;
+    which of them are nearer to the centre patch than to the front one, and which are black; room [2, n]."""
+
+    places: Array
+    white: Array
+    inner: NDArray[np.bool_]
+    black: NDArray[np.bool_]
+    room: Array
+
+
+@_step
+def _pixel(optics: Any, x: float, y: float) -> Any:
+    """As `CameraModel.columns_rows` has it."""
+    h, (up, down) = optics.homography, optics.move
+    if up != down:
+        x = optics.lens[0] + (x - optics.lens[0]) * up / down
+        y = optics.lens[1] + (y - optics.lens[1]) * up / down
+    depth = h[2, 0] * x + h[2, 1] * y + h[2, 2]
+    if depth <= 1e-12:
+        return optics.outside, optics.outside
+    column = (h[0, 0] * x + h[0, 1] * y + h[0, 2]) / depth
+    row = (h[1, 0] * x + h[1, 1] * y + h[1, 2]) / depth
+    k1, k2 = optics.radial
+    if k1 != 0.0 or k2 != 0.0:
+        (middle_x, middle_y), half = optics.middle, optics.half
+        x, y = (column - middle_x) / half, (row - middle_y) / half
+        square = x * x + y * y
+        factor = 1 + k1 * square + k2 * square * square
+        if square >= optics.limit:
+            return optics.outside, optics.outside
+        column, row = middle_x + half * (x * factor), middle_y + half * (y * factor)
+    return column, row
+
+
+@_jit
+def lay_out(optics: Any, place: Any, axis: Any, columns: Any, rows: Any, ends: Any) -> None:
+    """Where the places of a square about a place are in the picture.
+
+    Args:
+        optics: of the camera, at the square's height.
+        place: x, y of the middle, cm.
+        axis: [n] of the square's sides, from its middle, cm.
+        columns, rows: [n, n] into which the pixels go.
+        ends: [4] least and largest column, least and largest row.
+    """
+    ends[0], ends[1], ends[2], ends[3] = np.inf, -np.inf, np.inf, -np.inf
+    for i in range(axis.shape[0]):
+        for j in range(axis.shape[0]):
+            column, row = _pixel(optics, place[0] + axis[j], place[1] + axis[i])
+            columns[i, j], rows[i, j] = column, row
+            ends[0], ends[1] = min(ends[0], columns[i, j]), max(ends[1], columns[i, j])
+            ends[2], ends[3] = min(ends[2], rows[i, j]), max(ends[3], rows[i, j])
+
+
+@_step
+def _is_top(response: Any, row: int, column: int, first: int, last: int) -> Any:
+    """Whether no neighbour within first … last surpasses a response."""
+    value = response[row, column]
+    for i in range(max(row - 1, first), min(row + 1, last) + 1):
+        for j in range(max(column - 1, first), min(column + 1, last) + 1):
+            if response[i, j] > value:
+                return False
+    return value > LEAST
+
+
+@_step
+def _three(response: Any, row: int, column: int, down: int, right: int) -> Any:
+    """A value and its neighbours before and behind it."""
+    before, here = response[row - down, column - right], response[row, column]
+    return np.float64(before), np.float64(here), np.float64(response[row + down, column + right])
+
+
+@_jit
+def peak(response: Any, column: int, row: int, top: Any) -> Any:
+    """The top of the quadratic through the 3 × 3 values about (column, row), px, into `top` [2].
+
+    Least squares over the nine values, so that it is exact for any quadratic.
+
+    Args:
+        response: [rows, columns].
+        column, row: of the middle one.
+        top: column and row.
+
+    Returns:
+        Whether it has one.
+    """
+    height, width = response.shape
+    if not (1 <= column < width - 1 and 1 <= row < height - 1):
+        return False
+    dx, dy, dxx, dyy = 0.0, 0.0, 0.0, 0.0
+    for k in range(-1, 2):
+        low, here, high = _three(response, row + k, column, 0, 1)
+        dx, dxx = dx + (high - low), dxx + (high - 2 * here + low)
+        low, here, high = _three(response, row, column + k, 1, 0)
+        dy, dyy = dy + (high - low), dyy + (high - 2 * here + low)
+    dx, dy, dxx, dyy = dx / 6, dy / 6, dxx / 3, dyy / 3
+    upper, _, right_upper = _three(response, row - 1, column, 0, 1)
+    lower, _, right_lower = _three(response, row + 1, column, 0, 1)
+    dxy = (right_lower - lower - right_upper + upper) / 4
+    bend = dxx * dyy - dxy * dxy
+    if dxx >= 0 or bend <= 0:
+        return False
+    x, y = (dxy * dy - dyy * dx) / bend, (dxy * dx - dxx * dy) / bend
+    top[0], top[1] = column + x, row + y
+    return abs(x) <= 1 and abs(y) <= 1
+
+
+@_step
+def _front(response: Any, aim: Any, centre: Any, front: Any) -> Any:
+    """The front patch on its ring about the centre, in steps, into `front`; whether it is there."""
+    last = response.shape[0] - 1
+    column, row, least = 0, 0, -np.inf
+    for k in range(aim.round.shape[0]):
+        j = min(max(int(np.rint(centre[0] + aim.ring * aim.round[k, 0])), 0), last)
+        i = min(max(int(np.rint(centre[1] + aim.ring * aim.round[k, 1])), 0), last)
+        if response[i, j] > least:
+            column, row, least = j, i, response[i, j]
+    for _ in range(UPHILL):
+        to_row, to_column, most = row, column, -np.inf
+        for i in range(max(row - 1, 0), min(row + 1, last) + 1):
+            for j in range(max(column - 1, 0), min(column + 1, last) + 1):
+                if response[i, j] > most:
+                    to_row, to_column, most = i, j, response[i, j]
+        if to_row == row and to_column == column:
+            break
+        row, column = to_row, to_column
+    if not peak(response, column, row, front):
+        return False
+    dx, dy = front[0] - centre[0], front[1] - centre[1]
+    return abs(math.sqrt(dx * dx + dy * dy) - aim.ring) <= aim.slack
+
+
+@_jit
+def sightings(for_centre: Any, for_front: Any, aim: Any, tops: Any, found: Any) -> Any:
+    """Centre and front patches of likely disks in a window, the likeliest first.
+
+    Args:
+        for_centre, for_front: [n, n] responses of both masks.
+        aim: what is looked for.
+        tops: [k, 3] room for the highest tops of `for_centre`; that many are looked at.
+        found: [m, 4] columns and rows of both patches, at most so many.
+
+    Returns:
+        How many were found.
+    """
+    off = math.ceil(aim.reach)
+    first = max(aim.half - off, 1) - 1
+    last = min(aim.half + off + 1, for_centre.shape[0] - 1)
+    count = 0
+    for row in range(first, last + 1):
+        for column in range(first, last + 1):
+            value = for_centre[row, column]
+            if not _is_top(for_centre, row, column, first, last):
+                continue
+            if count == tops.shape[0]:
+                if value <= tops[count - 1, 0]:
+                    continue
+            else:
+                count += 1
+            k = count - 1
+            while k > 0 and tops[k - 1, 0] < value:
+                tops[k, 0], tops[k, 1], tops[k, 2] = tops[k - 1, 0], tops[k - 1, 1], tops[k - 1, 2]
+                k -= 1
+            tops[k, 0], tops[k, 1], tops[k, 2] = value, row, column
+    near, many = 0, 0
+    for k in range(count):
+        row, column = int(tops[k, 1]), int(tops[k, 2])
+        down, right = row - aim.half, column - aim.half
+        if math.sqrt(down * down + right * right) > aim.reach or near == found.shape[0]:
+            continue
+        near += 1
+        if peak(for_centre, column, row, found[many, :2]) and _front(
+            for_front, aim, found[many, :2], found[many, 2:]
+        ):
+            many += 1
+    return many
+
+
+@_jit
+def spots(pattern: Any, points: Any, step: float, columns: Any, rows: Any) -> None:
+    """Where a disk's pattern is in a window.
+
+    Args:
+        pattern: its.
+        points: [4] columns and rows of its two patches.
+        step: of the window, cm.
+        columns, rows: [n, 1] into which they go.
+    """
+    dx, dy = points[2] - points[0], points[3] - points[1]
+    length = math.sqrt(dx * dx + dy * dy) * step
+    ahead_x, ahead_y = dx / length, dy / length
+    for k in range(pattern.white.shape[0]):
+        x, y = pattern.places[k, 0], pattern.places[k, 1]
+        columns[k, 0], rows[k, 0] = (
+            x * ahead_x - y * ahead_y + points[0],
+            x * ahead_y + y * ahead_x + points[1],
+        )
+
+
+@_step
+def _ranked(values: Any, count: int, rank: int) -> Any:
+    """Puts the value of a rank where it belongs, none larger before it (Hoare 1961)."""
+    low, high = 0, count - 1
+    while low < high:
+        middle, i, j = values[rank], low, high
+        while i <= j:
+            while values[i] < middle:
+                i += 1
+            while middle < values[j]:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i += 1
+                j -= 1
+        if j < rank:
+            low = i
+        if rank < i:
+            high = j
+    return values[rank]
+
+
+@_jit
+def _limit(seen: Any, pattern: Any, room: Any) -> Any:
+    """Up to here black places are compared: their quantile, as `numpy.quantile` takes it."""
+    count = 0
+    for k in range(seen.shape[0]):
+        if pattern.black[k]:
+            room[count] = seen[k]
+            count += 1
+    place = (count - 1) * (1 - HIDDEN)
+    below = math.floor(place)
+    low = _ranked(room, count, below)
+    high = low if below + 1 >= count else np.inf
+    for k in range(below + 1, count):
+        high = min(high, room[k])
+    part = place - below
+    return low + (high - low) * part if part < 0.5 else high - (high - low) * (1 - part)
+
+
+@_step
+def _light(seen: Any, pattern: Any, limit: float, sums: Any) -> None:
+    """How light grows across what is compared: the slopes in the places' x and y, by least squares beside
+    the pattern and a constant, into `sums[2:, 4]` of [4, 5] (Gauss, with pivots)."""
+    sums[:, :] = 0.0
+    for k in range(seen.shape[0]):
+        if pattern.black[k] and seen[k] > limit:
+            continue
+        row = (1.0, pattern.white[k], pattern.places[k, 0], pattern.places[k, 1], seen[k])
+        for i in range(4):
+            for j in range(5):
+                sums[i, j] += row[i] * row[j]
+    for i in range(4):
+        best = i
+        for k in range(i + 1, 4):
+            if abs(sums[k, i]) > abs(sums[best, i]):
+                best = k
+        for j in range(5):
+            sums[i, j], sums[best, j] = sums[best, j], sums[i, j]
+        for k in range(4):
+            if k != i:
+                share = sums[k, i] / sums[i, i]
+                for j in range(i, 5):
+                    sums[k, j] -= share * sums[i, j]
+    for i in range(4):
+        sums[i, 4] /= sums[i, i]
+
+
+@_jit
+def correlation(seen: Any, pattern: Any, sums: Any) -> Any:
+    """How much what is seen at the pattern's places looks like the disk, 0 to 1.
+
+    The correlation is taken for the centre patch and for the front patch with their surroundings
+    apart, and the worse one counts: a lone white spot is no robot. Of the black face the brightest
+    quarter is left out, whatever it is, so that a hand or a cable may lie there. Light that grows
+    evenly across the disk, as a lamp's reflection does, is taken away first.
+
+    Args:
+        seen: [n] what is there.
+        pattern: what should be.
+        sums: [4, 5] room.
+    """
+    even = pattern.room[1]
+    _light(seen, pattern, _limit(seen, pattern, pattern.room[0]), sums)
+    for k in range(seen.shape[0]):
+        even[k] = seen[k] - (pattern.places[k, 0] * sums[2, 4] + pattern.places[k, 1] * sums[3, 4])
+    limit, worst = _limit(even, pattern, pattern.room[0]), 1.0
+    for part in range(2):
+        count, mean_a, mean_b, aa, bb, ab = 0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for turn in range(2):
+            for k in range(seen.shape[0]):
+                if pattern.inner[k] != (part == 0) or (pattern.black[k] and even[k] > limit):
+                    continue
+                if turn == 0:
+                    count, mean_a, mean_b = count + 1, mean_a + even[k], mean_b + pattern.white[k]
+                else:
+                    a, b = even[k] - mean_a, pattern.white[k] - mean_b
+                    aa, bb, ab = aa + a * a, bb + b * b, ab + a * b
+            if turn == 0:
+                mean_a, mean_b = mean_a / count, mean_b / count
+        strength = math.sqrt(aa * bb)
+        worst = min(worst, ab / strength if strength > 0 else 0.0)
+    return max(worst, 0.0)
