@@ -154,7 +154,7 @@ class Finder:
             aim = Aim(half, reach_cm / step, disk.front_distance_cm / step, slack, _RING)
             self._squares[reach_cm] = _Square(
                 aim=aim,
-                axis=np.arange(-half, half + 1) * step,
+                axis=np.arange(-half, half + 1) * np.float64(step),
                 sides=np.empty((2, 2 * half + 1, 2 * half + 1), np.float32),
                 tops=np.empty((4 * _PEAKS, 3)),
                 found=np.empty((_PEAKS, 4)),
@@ -177,7 +177,8 @@ class Finder:
             low, high = math.floor(least) - 1, math.ceil(most) + 1
             return slice(min(max(low, 0), last), min(max(high, 0), last) + 1)
 
-        return about(*ends[2:], self.camera.height_px - 1), about(*ends[:2], self.camera.width_px - 1)
+        left, right, top, bottom = ends
+        return about(top, bottom, self.camera.height_px - 1), about(left, right, self.camera.width_px - 1)
 
     def _quality(self, fine: Picture, points: NDArray[np.float64]) -> float:
         """How much the place looks like the disk."""
