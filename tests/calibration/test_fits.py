@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 
 from realitygap.calibration.calibrate import calibrate
+from realitygap.calibration.channels import agreed
+from realitygap.calibration.constants import Constant
 from realitygap.calibration.judge import judge
 from realitygap.calibration.noise import lit_noise, sample_noise
 from realitygap.calibration.recordings.files import load_recording
+from realitygap.calibration.solve import Fit
 from realitygap.calibration.wheels.odometry import measure_odometry
 from realitygap.errors import CalibrationError
 from realitygap.report.calibration import write_calibration_page
@@ -61,6 +64,20 @@ def test_a_surface_of_unknown_reflectance_is_fitted(recorded):
     judged = [judge(one, made.profile) for one in (dark, unknown, replace(dark, reflectance=1.0))]
     assert [one.reflectance for one in judged] == pytest.approx([0.4, 0.4, 1.0], abs=0.03)
     assert judged[2].rmse > 2 * judged[0].rmse > 1.9 * judged[1].rmse
+
+
+def test_a_reflectance_that_hangs_on_the_form_is_not_believed():
+    """Two forms whose intervals lie apart: the constant counts as not told, and both values are said."""
+
+    def fit(value: float) -> Fit:
+        at = Constant(key="reflectance_1", value=value, low=value - 0.01, high=value + 0.01)
+        one = np.zeros(1)
+        return Fit(values={}, constants=(at,), alike=(), model=one, evaluations=0, theta=one)
+
+    found, said = agreed("measured", {"extended": fit(0.5), "measured": fit(0.62)})
+    assert not found.constants[0].told and "0.620 by measured, 0.500 by extended" in said[0]
+    found, said = agreed("measured", {"extended": fit(0.61), "measured": fit(0.62)})
+    assert found.constants[0].told and not said
 
 
 def test_something_must_be_known_of_surfaces(recorded):

@@ -69,7 +69,7 @@ class Calibration:
         near = _of_kind(self.recordings, "infrared")
         return [
             f"infrared: {Path(near[number].source).name}: reflectance of {near[number].object}, fitted: "
-            f"{c.value:.3f} ({c.low:.3f} to {c.high:.3f})"
+            f"{c.value:.3f} ({c.low:.3f} to {c.high:.3f}){'' if c.told else ', not identifiable'}"
             for c in fitted if c.key.startswith(REFLECTANCE)
             for number in [int(c.key.removeprefix(REFLECTANCE))]
         ]  # fmt: skip

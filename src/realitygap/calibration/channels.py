@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,12 +17,12 @@ from realitygap.calibration.measured import MEASURED, fit_measured
 from realitygap.calibration.misfit import LIMITS, Misfit, measure_noise, misfits, pooled_noise
 from realitygap.calibration.noise import NoiseEstimate, noise_tables
 from realitygap.calibration.recordings.recording import SensorRecording
-from realitygap.calibration.rows import FOLDS, Rows
+from realitygap.calibration.rows import FOLDS, REFLECTANCE, Rows
 from realitygap.calibration.solve import Fit
 from realitygap.errors import CalibrationError, ConfigError
 from realitygap.world.profile import Profile
 
-__all__ = ["AUTO", "ChannelFit", "fit_infrared", "fit_light", "ticks", "unmeasured"]
+__all__ = ["AUTO", "ChannelFit", "agreed", "fit_infrared", "fit_light", "ticks", "unmeasured"]
 
 Array = NDArray[np.float64]
 
@@ -125,9 +125,31 @@ def fit_infrared(
         made[MEASURED] = profile
     best = min(off, key=lambda name: rows.rmse_lit(off[name])) if form == AUTO else form
     found = _channel("infrared", best, rows, fits, off, made[best])
+    fit, unsure = agreed(best, fits)
+    found = replace(found, fit=fit, warnings=(*found.warnings, *unsure))
     if best == MEASURED:
         found = replace(found, profile=_with_noise(found, rows))
     return replace(found, warnings=(*found.warnings, doubt)) if doubt and best == "extended" else found
+
+
+def agreed(form: str, fits: Mapping[str, Fit]) -> tuple[Fit, tuple[str, ...]]:
+    """A form's fit, in which reflectances that another form puts elsewhere count as not told; and in words
+    which those are. An interval holds if its form does: what both forms say is not the form's doing.
+    """
+    fit, said = fits[form], []
+    others = [(name, c) for name, one in fits.items() if name != form for c in one.constants]
+    for c in fit.constants:
+        for name, other in others:
+            apart = other.key == c.key and (other.low > c.high or other.high < c.low)
+            if c.key.startswith(REFLECTANCE) and apart:
+                fit = replace(
+                    fit, constants=tuple(replace(k, told=False) if k is c else k for k in fit.constants)
+                )
+                said.append(
+                    f"infrared: {c.key} hangs on the form: {c.value:.3f} by {form}, {other.value:.3f} by "
+                    f"{name}; state it if you can"
+                )
+    return fit, tuple(said)
 
 
 def fit_light(
