@@ -13,13 +13,17 @@ from realitygap.cli.failure import StoppedError
 from realitygap.cli.kinds import Whole
 from realitygap.cli.output import tell
 from realitygap.cli.progress import ProgressLine
+from realitygap.cli.studies import show_shard
 from realitygap.errors import RobotStoppedError, StudyInterruptedError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from realitygap.experiments.noise.config import NoiseConfig
+    from realitygap.work.shard import Shard
     from realitygap.work.workers import Workers
 
-__all__ = ["experiment"]
+__all__ = ["experiment", "show_noise"]
 
 
 @click.group()
@@ -58,9 +62,12 @@ def experiment() -> None:
 @option.seconds
 @option.arena
 @option.workers
+@option.shard
 @option.resume
 @option.as_json
-def noise(out: Path, workers: Workers, resume: bool, json_output: bool, **options: Any) -> None:
+def noise(
+    out: Path, workers: Workers, shard: Shard | None, resume: bool, json_output: bool, **options: Any
+) -> None:
     """Ask which noise level crosses the reality gap best.
 
     Calibrates a simulation to each unit of the twin (pseudo-reality: a physics model behind the
@@ -78,22 +85,45 @@ def noise(out: Path, workers: Workers, resume: bool, json_output: bool, **option
     """
     from realitygap.experiments.noise.folder import resuming
     from realitygap.experiments.noise.run import noise_study
-    from realitygap.report.noise.report import build_noise_report, noise_summary
+    from realitygap.report.noise.report import build_noise_report
+    from realitygap.work.shard import read_mark
 
+    out = out if shard is None else shard.folder(out)
     config = _config(out, resume, options)
     if not resume:
         runs = config.runs * len(config.tasks) * len(config.levels)
+        runs = runs if shard is None else len(shard.own(range(runs)))
         trials = runs * config.units * config.starts
         consider(runs=runs, evaluations=config.evaluations, trials=trials, workers=workers)
     try:
         with ProgressLine() as progress:
-            results = noise_study(out, config, workers=workers, resume=resume, on_progress=progress.show)
+            results = noise_study(
+                out, config, workers=workers, resume=resume, shard=shard, on_progress=progress.show
+            )
+            if read_mark(out) is not None:
+                show_shard(out, {}, json_output=json_output)
+                return
             page = build_noise_report(out, on_progress=progress.report)
     except (KeyboardInterrupt, StudyInterruptedError, RobotStoppedError):
         again = resuming(config, out)
         raise StoppedError(f"stopped; what is done is kept in {out}; resume with `{again}`") from None
+    show_noise(out, results, page, {}, json_output=json_output)
+
+
+def show_noise(out: Path, results: Path, page: Path, more: Mapping[str, Any], *, json_output: bool) -> None:
+    """Print what a study of noise came to.
+
+    Args:
+        out: its folder.
+        results: its tables.
+        page: its report.
+        more: further parts of the JSON.
+        json_output: print JSON.
+    """
+    from realitygap.report.noise.report import noise_summary
+
     summary = noise_summary(out)
-    facts = {"study": str(out), "results": str(results), "report": str(page), **summary}
+    facts = {"study": str(out), "results": str(results), "report": str(page), **summary, **more}
     tell(json_output, facts, f"{summary['paragraph']}\n\nresults {results}\nreport  {page}")
 
 

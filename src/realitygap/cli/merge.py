@@ -9,6 +9,7 @@ import click
 
 from realitygap.cli import option
 from realitygap.cli.estimate import note
+from realitygap.cli.experiment import show_noise
 from realitygap.cli.output import print_json
 from realitygap.cli.progress import ProgressLine
 from realitygap.cli.studies import reported, show_study
@@ -47,6 +48,9 @@ def merge(
         realitygap evolve avoidance --runs 9 --out out/nine --shard 1/3   # and 2/3, 3/3, anywhere
         realitygap merge out/nine-shard-*-of-3
     """
+    from realitygap.experiments.noise.merge import merge_noise
+    from realitygap.experiments.noise.run import noise_study
+    from realitygap.report.noise.report import build_noise_report
     from realitygap.study.merge import all_shards, merge_runs
     from realitygap.transfer.merge import merge_trials
     from realitygap.work.shard import read_mark, whole_of
@@ -63,12 +67,20 @@ def merge(
         print_transfers(made)
         click.echo(f"\ntransfers {target / 'transfer'}")
         return
+    told = {"shards": list(map(str, found.values()))}
+    if mark is not None and mark.work == "experiment noise":
+        merge_noise(found, target)
+        with ProgressLine() as progress:
+            results = noise_study(target, workers=workers, resume=True, on_progress=progress.show)
+            page = build_noise_report(target, on_progress=progress.report)
+        show_noise(target, results, page, told, json_output=json_output)
+        return
     for folder in found.values():
         ask_trust(str(folder), trust)
     study = merge_runs(found, target)
     _note_versions(study)
     with ProgressLine() as progress:
-        carried = reported(target, study, workers, progress, {"shards": list(map(str, found.values()))})
+        carried = reported(target, study, workers, progress, told)
     show_study(carried, json_output=json_output)
 
 

@@ -16,8 +16,9 @@ from realitygap.study.lock import LOCK
 from realitygap.study.schema import told
 from realitygap.study.settings import refuse_difference, refuse_edited_settings
 from realitygap.toml import read_toml, to_toml
+from realitygap.work.shard import MARK
 
-__all__ = ["RESULTS", "Seconds", "command_of", "missing", "open_folder", "resuming"]
+__all__ = ["MADE", "RESULTS", "Seconds", "command_of", "missing", "open_folder", "resuming"]
 
 RESULTS = "results"
 """Folder of the tables that come out: all that a report needs."""
@@ -118,6 +119,6 @@ def _refuse_edited(folder: Path, there: NoiseConfig) -> None:
 def _refuse_strangers(folder: Path) -> None:
     """Refuse to make a study among other files."""
     for path in sorted(folder.iterdir()):
-        if path.name != LOCK and not path.name.startswith("."):
+        if path.name not in (LOCK, MARK) and not path.name.startswith("."):
             what = f"holds no study of the level of noise, but other files ({path.name})"
             raise StudyError(f"{folder} {what}. Choose another --out.")

@@ -9,12 +9,14 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 
 from realitygap.experiments.noise.config import NoiseConfig
 from realitygap.study.config import StudyConfig
 from realitygap.study.parts import Condition, TaskSettings
 from realitygap.study.plan import named
+from realitygap.work.shard import Shard
 
 __all__ = [
     "Controller",
@@ -23,6 +25,7 @@ __all__ = [
     "evolution",
     "evolved_folder",
     "homes",
+    "share",
     "simulated_file",
     "situated_file",
     "stream",
@@ -73,6 +76,17 @@ def controllers(config: NoiseConfig) -> tuple[Controller, ...]:
         for index, run in enumerate(_runs(config, home), start=1)
     ]
     return tuple(made)
+
+
+def share(config: NoiseConfig, shard: Shard) -> tuple[Controller, ...]:
+    """A shard's controllers: those of its runs in every study of evolution."""
+    taken: dict[tuple[int, int], Iterator[bool]] = {}
+    every = controllers(config)
+    for one in every:
+        taken.setdefault(
+            (one.seed_set, one.home), (number % shard.of == shard.number - 1 for number in count())
+        )
+    return tuple(one for one in every if next(taken[one.seed_set, one.home]))
 
 
 def homes(config: NoiseConfig) -> Iterator[tuple[int, int]]:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from realitygap.calibration.unit import PROFILE
 from realitygap.errors import StudyInterruptedError
-from realitygap.experiments.noise.config import NoiseConfig
+from realitygap.experiments.noise.config import CONFIG, NoiseConfig
 from realitygap.experiments.noise.folder import Seconds, missing, open_folder
 from realitygap.experiments.noise.plan import (
     Controller,
@@ -24,6 +24,7 @@ from realitygap.experiments.noise.plan import (
     evolution,
     evolved_folder,
     homes,
+    share,
     simulated_file,
     situated_file,
     stream,
@@ -38,9 +39,13 @@ from realitygap.study.runner import COMPILING, FINISHED, run_study
 from realitygap.study.schema import told
 from realitygap.work.pool import Pool, Setup
 from realitygap.work.progress import OnProgress, Progress, Reporter
+from realitygap.work.shard import Shard, marked
 from realitygap.work.workers import Workers, far, near, opened
 
-__all__ = ["noise_study"]
+__all__ = ["WORK", "noise_study"]
+
+WORK = "experiment noise"
+"""Of whose controllers a shard is a share."""
 
 CALIBRATION_COST = 68.0
 EVALUATION_COST, RETEST_COST = 0.9e-3, 0.35
@@ -69,6 +74,7 @@ def noise_study(
     *,
     workers: Workers = None,
     resume: bool = False,
+    shard: Shard | None = None,
     on_progress: OnProgress | None = None,
 ) -> Path:
     """Carry out a study in a folder, or go on with the one that is there.
@@ -80,10 +86,13 @@ def noise_study(
         config: what to do; None to resume a study as it was made.
         workers: processes, one a core if None, 1 stays in this process; or a pool.
         resume: go on with the study that is in the folder; without one, make it from `config`.
+        shard: the share of the controllers to evolve, drive and compare; one that was begun is gone on with
+            as it was. `merge_noise` makes the study of all shards' folders.
         on_progress: called a few times a second.
 
     Returns:
-        The folder `results` with controllers.csv, cells.csv, calibration.csv and study.toml.
+        The folder `results` with controllers.csv, cells.csv, calibration.csv and study.toml; of a shard its
+        folder.
 
     Raises:
         UsageError: wrong settings, or a folder that cannot be used.
@@ -97,9 +106,17 @@ def noise_study(
         check_robot(config)
     try:
         with opened(workers) as pool, lock(folder):
+            mark = marked(folder, shard, WORK, begun=(folder / CONFIG).is_file())
+            if mark is not None:
+                with told(folder):
+                    mark.write(folder, finished=False)
             made = open_folder(folder, config, resume=resume)
-            _Phases(folder.resolve(), made, pool, on_progress).carry_out(near(workers))
-            return write_results(Stage(folder, made))
+            own = None if mark is None else mark.shard
+            _Phases(folder.resolve(), made, pool, own, on_progress).carry_out(near(workers))
+            if mark is None:
+                return write_results(Stage(folder, made))
+            mark.write(folder, finished=True)
+            return folder
     except KeyboardInterrupt:
         kept = f"What was done in {folder} is kept: go on with it (--resume)."
         raise StudyInterruptedError(f"stopped. {kept}") from None
@@ -108,9 +125,16 @@ def noise_study(
 class _Phases:
     """All that is left to do, phase by phase; each leaves files that the next reads."""
 
-    def __init__(self, folder: Path, config: NoiseConfig, pool: Pool, on_progress: OnProgress | None) -> None:
-        self.folder, self.config, self.pool = folder, config, pool
-        self.every = controllers(config)
+    def __init__(
+        self,
+        folder: Path,
+        config: NoiseConfig,
+        pool: Pool,
+        shard: Shard | None,
+        on_progress: OnProgress | None,
+    ) -> None:
+        self.folder, self.config, self.pool, self.shard = folder, config, pool, shard
+        self.every = controllers(config) if shard is None else share(config, shard)
         self.to_drive = missing({one: situated_file(folder, one) for one in self.every})
         self.to_compare = missing({one: simulated_file(folder, one) for one in self.every})
         per_run = config.evaluations * EVALUATION_COST + RETEST_COST
@@ -123,7 +147,7 @@ class _Phases:
         evolved = all(exists(evolved_folder(folder, *home)) for home in homes(config)) and not self.to_drive
         left = {
             CALIBRATING: len(self._uncalibrated()),
-            EVOLVING: 0 if evolved else config.controllers,
+            EVOLVING: 0 if evolved else len(self.every),
             DRIVING: len(self.to_drive),
             COMPARING: len(self.to_compare),
         }
@@ -199,7 +223,7 @@ class _Phases:
 
     def _evolve(self) -> None:
         """The runs of every seed set, each in the simulation of its calibration unit."""
-        total, before = self.config.controllers, 0
+        total, before = len(self.every), 0
         self.reporter.phase(EVOLVING, done=0, total=total, what="runs")
         for seed_set, unit in homes(self.config):
             place = evolved_folder(self.folder, seed_set, unit)
@@ -213,8 +237,9 @@ class _Phases:
                 tell(done, self.costs[EVOLVING] * (total - before - share))
                 self._keep_time(KEEP_S)
 
-            run_study(place, requested, workers=self.pool, resume=exists(place), on_progress=heard)
-            before += requested.runs * len(requested.conditions)
+            resume, shard = exists(place), self.shard
+            run_study(place, requested, workers=self.pool, resume=resume, shard=shard, on_progress=heard)
+            before += sum((one.seed_set, one.home) == (seed_set, unit) for one in self.every)
 
     def _trials(self, phase: str, left: list[Controller]) -> None:
         """A phase whose jobs are controllers."""
