@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from contextlib import closing
-from pathlib import Path
 
 import pytest
 
 from realitygap.calibration import unit as module
 from realitygap.calibration.unit import PARTS, calibrated_unit
-from realitygap.errors import CalibrationError, RecordingError, StudyError
+from realitygap.errors import CalibrationError, StudyError
 from realitygap.work.pool import Setup
 from realitygap.work.processes import Processes
 
@@ -18,7 +17,7 @@ SETTINGS = {"unit": 11, "noise": 1.0, "seed": 3}
 
 @pytest.fixture
 def jobs(monkeypatch):
-    """The jobs that are given to a pool, which here do nothing but leave a mark."""
+    """What is recorded and fitted, in this order; here recordings are but a mark."""
     started: list[str] = []
 
     class Marks:
@@ -27,18 +26,22 @@ def jobs(monkeypatch):
 
         def work(self, setup, jobs, tell):
             for job in jobs:
-                started.append(job)
-                if job == "fit":
-                    tell(job)
-                    continue
-                place = Path(setup.words[0], "recordings", job, "recording.toml")
-                place.parent.mkdir(parents=True, exist_ok=True)
-                place.write_text(job)
+                setup().carry_out(job, tell)
 
         def close(self):
             pass
 
+    def mark(folder, name, report):
+        started.append(name)
+        place = folder / "recordings" / name / "recording.toml"
+        place.parent.mkdir(parents=True)
+        place.write_text(name)
+        report(name, 1, 1)
+
     monkeypatch.setattr(module, "Processes", Marks)
+    monkeypatch.setattr(module, "record_part", mark)
+    monkeypatch.setattr(module, "fitted", lambda folder, names: started.append("fit") or names)
+    monkeypatch.setattr(module, "_profile", lambda folder, fits: repr(fits))
     return started
 
 
@@ -47,13 +50,13 @@ def test_what_is_there_is_not_made_again(tmp_path, jobs):
     folder = tmp_path / "unit"
     half = folder / "recordings" / "wheels.part"
     assert calibrated_unit(folder, **SETTINGS, workers=2) == folder / "robot.toml"
-    assert sorted(jobs) == sorted([*PARTS, "fit"])
+    assert jobs == ["ambient", "fit", "wheels", "fit", "infrared-wall", "infrared-cylinder", "fit"]
     jobs.clear()
     assert calibrated_unit(folder, **SETTINGS) == folder / "robot.toml" and not jobs
     (folder / "robot.toml").unlink()
     (folder / "recordings" / "wheels").rename(half)
     calibrated_unit(folder, **SETTINGS)
-    assert jobs == ["wheels", "fit"]
+    assert jobs == ["fit", "wheels", "fit", "fit"]
 
 
 @pytest.mark.parametrize("change", [{"unit": 12}, {"noise": 2.0}, {"seed": 4}])
@@ -75,7 +78,7 @@ def test_what_goes_wrong_in_a_job_is_told(tmp_path):
     """A job's refusal comes as it is; one that dies is named, with its exit code."""
     (tmp_path / "unit.toml").write_text("unit = 1\n", "utf-8")
     for job, error, words in (
-        ("fit", RecordingError, "there is no such folder"),
+        ("nothing", CalibrationError, "no recordings"),
         ("wheels", StudyError, r"a worker process died \(exit code 1\)"),
     ):
         with closing(Processes(1)) as pool, pytest.raises(error, match=words):

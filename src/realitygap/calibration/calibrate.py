@@ -28,7 +28,7 @@ from realitygap.text import must_be
 from realitygap.world.profile import Profile, load_profile
 from realitygap.world.provenance import FittedChannel, FittedConstant, Provenance, SourceFile
 
-__all__ = ["FORMS", "Calibration", "base_of", "calibrate"]
+__all__ = ["FORMS", "Calibration", "base_of", "calibrate", "joined"]
 
 FORMS = {
     "paper": ("paper", "paper", "printed"),
@@ -111,7 +111,7 @@ def calibrate(
     base = load_profile(base)
     _refuse(recordings, form)
     recordings = [r.of_robot(base) if isinstance(r, SensorRecording) else r for r in recordings]
-    base = _of_its_height(recordings, _of_its_size(recordings, base))
+    base = _as_recorded(recordings, base)
     near, lit = (_of_kind(recordings, kind) for kind in ("infrared", "ambient"))
     driven = [r for r in recordings if isinstance(r, WheelRecording) and (r.counted or r.followed)]
     infrared_form, light_form, wheel_form = FORMS[form]
@@ -121,15 +121,40 @@ def calibrate(
     ambient = fit_light(lit, base, light or light_form, beside=beside, tick=tick) if lit else None
     wheels = fit_wheels(driven[0], base, wheel_form, tick=tick) if driven else None
     tick()
+    return _told(base, recordings, infrared, ambient, wheels)
+
+
+def joined(parts: Sequence[Calibration], base: Profile) -> Calibration:
+    """One robot's calibrations by different kinds of recordings, as the one by all of them.
+
+    Args:
+        parts: each by all recordings of its kinds.
+        base: the profile that they were made with.
+    """
+    recordings = [one for part in parts for one in part.recordings]
+    infrared = next((part.infrared for part in parts if part.infrared is not None), None)
+    ambient = next((part.ambient for part in parts if part.ambient is not None), None)
+    wheels = next((part.wheels for part in parts if part.wheels is not None), None)
+    return _told(_as_recorded(recordings, base), recordings, infrared, ambient, wheels)
+
+
+def _as_recorded(recordings: Sequence[Recording], base: Profile) -> Profile:
+    """The base with the body that its recordings state."""
+    return _of_its_height(recordings, _of_its_size(recordings, base))
+
+
+def _told(
+    base: Profile,
+    recordings: Sequence[Recording],
+    infrared: ChannelFit | None,
+    ambient: ChannelFit | None,
+    wheels: WheelFit | None,
+) -> Calibration:
+    """The fits with their profile, where it comes from, and what a person should know."""
     made = Calibration(
         profile=_joined(base, infrared, ambient, wheels), infrared=infrared, ambient=ambient, wheels=wheels,
         recordings=tuple(recordings),
     )  # fmt: skip
-    return _told(made, base)
-
-
-def _told(made: Calibration, base: Profile) -> Calibration:
-    """The same with where it comes from, and what a person should know."""
     where, warnings = _provenance(base, made), tuple(dict.fromkeys(_warnings(made, base)))
     source = "calibrated; see provenance"
     profile = replace(made.profile, name="calibrated", source=source, provenance=where)

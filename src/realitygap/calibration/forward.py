@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,7 +90,7 @@ def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Array:
     """Noise-free proximity readings [n, P] of a recording's rows, counts."""
     from realitygap.kernels.sweep import sweep_infrared
 
-    robot = profile.to_kernel()
+    robot = _robot(profile)
     out = np.zeros((len(scene.poses), len(profile.infrared.sensors)))
     sweep_infrared(robot, scene.arena, scene.turned(turn_deg), _work(robot), out)
     return np.where(out < profile.infrared.dead, 0.0, out)[scene.row]
@@ -100,7 +100,7 @@ def received(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Array:
     """What reaches measured proximity sensors [n, P] in a recording's rows, before their curves."""
     from realitygap.kernels.sweep import sweep_received
 
-    robot = profile.to_kernel()
+    robot = _robot(profile)
     out = np.zeros((len(scene.poses), len(profile.infrared.sensors)))
     sweep_received(robot, scene.arena, scene.turned(turn_deg), _work(robot), out)
     return out[scene.row]
@@ -110,18 +110,21 @@ def illumination(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Array
     """Illumination A [n, A] of the ambient sensors, before their gains."""
     from realitygap.kernels import sweep
 
-    robot = profile.to_kernel()
+    robot = _robot(profile)
     out = np.zeros((len(scene.poses), len(profile.ambient.sensors)))
     follow = sweep.sweep_direct if scene.bare else sweep.sweep_light
     follow(robot, scene.arena, scene.turned(turn_deg), _work(robot), out)
     return out[scene.row]
 
 
-def light_readings(profile: Profile, light: Array) -> Array:
-    """Noise-free ambient readings of an illumination [n, A], counts: the kernels' law for arrays."""
+def light_readings(profile: Profile, light: Array, gain: Array | None = None) -> Array:
+    """Noise-free ambient readings of an illumination [n, A], counts: the kernels' law for arrays.
+
+    `gain` [A]: the profile's own if None.
+    """
     law = profile.ambient
     floor, dark = np.array(law.ranges()).reshape(-1, 2).T
-    total = light * np.array([sensor.gain for sensor in law.sensors])
+    total = light * (np.array([sensor.gain for sensor in law.sensors]) if gain is None else gain)
     if law.response == "linear":
         return np.asarray(np.maximum(dark - total, floor))
     with np.errstate(divide="ignore"):
@@ -132,11 +135,16 @@ def wheel_speeds(profile: Profile, recording: WheelRecording) -> Array:
     """Speeds [n, 2] (cm/s) of noise-free wheels in the step that follows each row."""
     from realitygap.kernels.sweep import sweep_wheels
 
-    robot = profile.to_kernel()
+    robot = _robot(profile)
     speeds = np.zeros(recording.commands.shape)
     first = np.concatenate([[1], (np.diff(recording.trial) != 0).astype(np.int64)]).astype(np.int64)
     sweep_wheels(robot, np.ascontiguousarray(recording.commands, np.float64), first, _work(robot), speeds)
     return speeds
+
+
+@lru_cache(maxsize=1)  # of one profile several recordings' readings are asked for
+def _robot(profile: Profile) -> Robot:
+    return profile.to_kernel()
 
 
 def _work(robot: Robot) -> Work:

@@ -29,6 +29,8 @@ __all__ = [
 Array = NDArray[np.float64]
 Scenes = Sequence[tuple[str, Scene]]
 
+GAIN = "log_gain"
+
 LIGHT_FORMS = ("paper", "individual", "linear", "extended")
 """The paper's chain with the lamp's brightness free; with a gain for each sensor; linear between dark
 and floor with gains and an angular exponent; also directions, the lamp's height, and where the room is
@@ -182,15 +184,28 @@ def light_model(profile: Profile, values: Values, scenes: Scenes, form: str, mem
         form: of the law.
         memory: of the last illumination.
     """
-    made = with_light(profile, values, form)
-    return light_readings(made, memory.light(made, values, scenes))
+    gain = np.exp(values[GAIN])
+    made = memory.profile(profile, {key: value for key, value in values.items() if key != GAIN}, form)
+    return light_readings(made, memory.light(made, values, scenes), gain)
 
 
 class LightMemory:
-    """The last illumination: gains, floors and darks change nothing about it."""
+    """The last illumination: gains, floors and darks change nothing about it; and the last profile, which
+    gains alone do not change."""
 
     def __init__(self) -> None:
         self._kept: dict[tuple[object, ...], Array] = {}
+        self._last: tuple[Values, Profile] | None = None
+
+    def profile(self, base: Profile, values: Values, form: str) -> Profile:
+        """The base with fitted constants in place."""
+        last = self._last
+        if last is None or any(not np.array_equal(last[0][key], value) for key, value in values.items()):
+            self._last = last = (
+                {key: value.copy() for key, value in values.items()},
+                with_light(base, values, form),
+            )
+        return last[1]
 
     def light(self, profile: Profile, values: Values, scenes: Scenes) -> Array:
         """[n, A] illumination, taken anew only where what it depends on has changed."""

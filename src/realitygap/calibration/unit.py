@@ -8,10 +8,10 @@ profile = calibrated_unit("units/7", unit=7, noise=1.0, seed=0, workers=2)
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, closing
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from realitygap import whole
 from realitygap.calibration.recordings.checks import FACTS
@@ -22,11 +22,16 @@ from realitygap.work.pool import Pool, Setup, Tell
 from realitygap.work.processes import Processes
 from realitygap.work.workers import Workers, cores, opened
 
+if TYPE_CHECKING:
+    from realitygap.calibration.calibrate import Calibration
+    from realitygap.calibration.recordings.recording import Recording
+    from realitygap.world.profile import Profile
+
 __all__ = ["PARTS", "PROFILE", "SETTINGS", "calibrated_robot", "calibrated_unit"]
 
 PROFILE, SETTINGS, RECORDINGS, UNFINISHED = "robot.toml", "unit.toml", "recordings", ".part"
 PARTS = ("ambient", "wheels", "infrared-wall", "infrared-cylinder")
-"""The recordings, the longest first: so that two workers end at about the same time."""
+"""The recordings, the longest kind first: so that two workers end at about the same time."""
 TURNS = "turns"
 NEEDS = {"ambient": "ambient", "wheels": TURNS, "infrared": "proximity"}
 """What a robot must have for the recordings of a plan."""
@@ -112,7 +117,7 @@ def _parts_of(robot: str) -> list[str]:
 
     with closing(Address.parse(robot).open()) as body:
         kinds = {one.name for one in body.channels} | ({TURNS} if body.counts_turns else set())
-    return [name for name in PARTS if NEEDS[name.partition("-")[0]] in kinds]
+    return [name for name in PARTS if NEEDS[_kind(name)] in kinds]
 
 
 def _calibrated(
@@ -126,37 +131,48 @@ def _calibrated(
 
 
 def _carry_out(folder: Path, workers: Workers, report: Progress) -> None:
-    """Record what is not there yet, then fit."""
-    setup = Setup(Bench, (str(folder),))
-    parts = [name for name in _parts(folder) if not (folder / RECORDINGS / name / FACTS).is_file()]
-    with _recorders(workers, len(parts)) as pool:
-        pool.work(setup, parts, lambda told: report(*told))
-    report(FIT, 0, 1)
-    with closing(Processes(1, one_thread=True)) as pool:
-        pool.work(setup, [FIT], lambda text: whole.write(folder / PROFILE, text))
-    report(FIT, 1, 1)
+    """Record what is not there yet and fit it, each kind of recordings in a job: one is fitted while
+    another is recorded."""
+    parts = _parts(folder)
+    kinds = list(dict.fromkeys(_kind(name) for name in parts))
+    left = {name for name in parts if not _is_recorded(folder, name)}
+    fits: list[Calibration] = []
+
+    def heard(told: Calibration | tuple[str, int, int]) -> None:
+        if isinstance(told, tuple):
+            report(*told)
+            left.difference_update(told[:1] if told[1] == told[2] else ())
+        else:
+            fits.append(told)
+        if not left:
+            report(FIT, len(fits), len(kinds))
+
+    with _recorders(workers, len(kinds)) as pool:
+        pool.work(Setup(Bench, (str(folder),)), kinds, heard)
+    whole.write(folder / PROFILE, _profile(folder, fits))
 
 
-def _recorders(workers: Workers, parts: int) -> AbstractContextManager[Pool]:
+def _recorders(workers: Workers, jobs: int) -> AbstractContextManager[Pool]:
     """Never this process: small matrices gain nothing from more threads than one, which it may have."""
     if isinstance(workers, Pool):
         return opened(workers)
     size = cores() if workers is None else max(1, workers)
-    return closing(Processes(min(size, max(1, parts)), one_thread=True))
+    return closing(Processes(min(size, max(1, jobs)), one_thread=True))
 
 
 class Bench:
-    """Carries out the jobs of a unit's folder, which it has to see: a recording of PARTS, or the fit."""
+    """Carries out the jobs of a unit's folder, which it has to see: a kind's recordings and their fit."""
 
     def __init__(self, folder: str) -> None:
         self._folder = Path(folder)
 
     def carry_out(self, job: str, tell: Tell) -> None:
-        """Record, and say how far it is; or fit, and say what the profile is."""
-        if job == FIT:
-            tell(fitted(self._folder))
-        else:
-            record_part(self._folder, job, lambda *said: tell(said))
+        """Record what is not there yet, and say how far it is; then fit, and tell the calibration."""
+        names = [name for name in _parts(self._folder) if _kind(name) == job]
+        for name in names:
+            if not _is_recorded(self._folder, name):
+                record_part(self._folder, name, lambda *said: tell(said))
+        tell(fitted(self._folder, names))
 
     def close(self) -> None:
         """It holds nothing."""
@@ -183,22 +199,44 @@ def record_part(folder: Path, name: str, report: Progress) -> None:
     whole.move(unfinished, finished)
 
 
-def fitted(folder: Path) -> str:
-    """The profile that all parts are fitted to, as its file."""
-    from realitygap.calibration.calibrate import base_of, calibrate
+def fitted(folder: Path, names: Sequence[str]) -> Calibration:
+    """The calibration by some of the folder's parts."""
+    from realitygap.calibration.calibrate import calibrate
     from realitygap.calibration.recordings.files import load_recording
-    from realitygap.robots.address import Address
-    from realitygap.world.profile import load_profile
 
-    recordings = [load_recording(folder / RECORDINGS / name) for name in sorted(_parts(folder))]
+    recordings = [load_recording(folder / RECORDINGS / name) for name in sorted(names)]
+    # On the twin the printed law's form errs least, as "auto" finds in three times the time.
+    form = "extended" if "unit" in _settings(folder) else "auto"
+    return calibrate(recordings, _base(folder, recordings), form=form, beside=False)
+
+
+def _profile(folder: Path, fits: Sequence[Calibration]) -> str:
+    """The profile of all fits together, as its file."""
+    from realitygap.calibration.calibrate import joined
+    from realitygap.robots.address import Address
+
     known = _settings(folder)
     name = f"twin-{known['unit']}" if "unit" in known else Address.parse(known["robot"]).folder()
+    fits = sorted(fits, key=lambda one: Path(one.recordings[0].source).name)
+    recordings = [one for fit in fits for one in fit.recordings]
     # The day stands in the recordings: the same settings make the same file on any day.
-    base = load_profile(known.get("base", base_of(recordings)))
-    # On the twin the printed law's form errs least, as "auto" finds in three times the time.
-    form = "extended" if "unit" in known else "auto"
-    made = calibrate(recordings, base, form=form, beside=False).named(name, date="")
-    return made.profile.to_toml()
+    return joined(fits, _base(folder, recordings)).named(name, date="").profile.to_toml()
+
+
+def _base(folder: Path, recordings: Sequence[Recording]) -> Profile:
+    """The profile that the robot's fits begin from."""
+    from realitygap.calibration.calibrate import base_of
+    from realitygap.world.profile import load_profile
+
+    return load_profile(_settings(folder).get("base", base_of(recordings)))
+
+
+def _kind(part: str) -> str:
+    return part.partition("-")[0]
+
+
+def _is_recorded(folder: Path, part: str) -> bool:
+    return (folder / RECORDINGS / part / FACTS).is_file()
 
 
 def _parts(folder: Path) -> list[str]:

@@ -37,6 +37,8 @@ class ProgressLine:
         self._phase = ""
         self._places: dict[str, tuple[int, int]] = {}
         self._next = 0.0
+        self._spent: dict[str, float] = {}
+        self._timed, self._since = "", self._begun
 
     def __enter__(self) -> Self:
         if self.after_s is None:
@@ -101,7 +103,21 @@ class ProgressLine:
         """Show how far a report is."""
         self._show("making the report", done, total, "figures", done == total)
 
+    def took(self) -> str:
+        """How long all took until now, and each phase of it."""
+        self._time("")
+        total = clock(sum(self._spent.values()))
+        return f"took {total}: " + ", ".join(f"{phase} {clock(s)}" for phase, s in self._spent.items())
+
+    def _time(self, phase: str) -> None:
+        """What passed since the last time belongs to the phase that was shown then, or to the first."""
+        now = time.monotonic()
+        before = self._timed or phase
+        self._spent[before] = self._spent.get(before, 0.0) + now - self._since
+        self._timed, self._since = phase, now
+
     def _show(self, phase: str, done: int, total: int, says: str, finished: bool) -> None:
+        self._time(phase)
         if not self._open:
             if time.monotonic() - self._begun < (self.after_s or 0.0):
                 return

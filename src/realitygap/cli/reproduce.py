@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -52,6 +53,7 @@ def reproduce(
         realitygap reproduce --out out/reproduce
     """
     from realitygap.experiments.reproduction import Reproduction, begun, configured, transferred
+    from realitygap.work.workers import opened
 
     requested = replace((begun(out) if resume else None) or Reproduction(), **option.given(options))
     if not resume:
@@ -60,12 +62,15 @@ def reproduce(
         consider(runs=all_runs, evaluations=requested.evaluations, trials=trials, workers=workers)
 
     def prepare(progress: ProgressLine) -> StudyConfig:
-        return configured(out, requested, resume=resume, workers=workers, on_progress=progress.calibrating)
+        return configured(out, requested, resume=resume, workers=pool, on_progress=progress.calibrating)
 
     def then(study: Study, progress: ProgressLine) -> dict[str, Any]:
-        made = transferred(study, starts=requested.starts, workers=workers, on_progress=progress.show)
+        made = transferred(study, starts=requested.starts, workers=pool, on_progress=progress.show)
         return {"transfers": [one.to_dict() for one in made]}
 
     words, last = ("reproduce --no-transfer", None) if no_transfer else ("reproduce", then)
-    carried = carry_out(out, prepare, words=words, workers=workers, resume=resume, then=last)
+    # One pool for all phases: its processes load and compile once. A single worker is this process.
+    with nullcontext(1) if workers == 1 else opened(workers, one_thread=True) as pool:
+        carried = carry_out(out, prepare, words=words, workers=pool, resume=resume, then=last)
     show_study(carried, json_output=json_output)
+    click.echo(carried.took, err=True)

@@ -34,13 +34,15 @@ SCORES = ("behaviour", "correspondence")
 
 
 class Carried(NamedTuple):
-    """A study that was carried out, its report's page, its tables of scores, and more parts of the JSON."""
+    """A study that was carried out, its report's page, its tables of scores, more parts of the JSON, and
+    how long each phase took, in words."""
 
     folder: Path
     study: Study
     page: Path
     tables: Sequence[ScoreTable]
     more: Mapping[str, Any]
+    took: str
 
 
 def carry_out(
@@ -96,7 +98,7 @@ def reported(
 
     marks_of(study, on_progress=progress.marks)
     page = build_report(folder, workers=workers, on_progress=progress.report)
-    return Carried(folder, study, page, study_tables(study), more)
+    return Carried(folder, study, page, study_tables(study), more, progress.took())
 
 
 def carry_out_shard(
@@ -153,7 +155,7 @@ def show_shard(folder: Path, more: Mapping[str, Any], *, json_output: bool) -> N
 
 def show_study(carried: Carried, *, json_output: bool) -> None:
     """Print a study's runs and scores, and where it and its report are."""
-    folder, study, page, tables, more = carried
+    folder, study, page, tables, more, _ = carried
     if json_output:
         runs = [describe(study, run) for run in study.runs]
         told = [table.to_dict() for table in tables]

@@ -148,10 +148,9 @@ def transferred(
         workers: processes; one a core if None.
         on_progress: hears how far the trials are.
     """
-    driven = Transfer(robots=(f"twin:{UNIT}",))
-    filmed = replace(driven, film=[run.id for run in shown_runs(study)])
-    run_transfer(study, filmed, workers=workers, on_progress=on_progress)
-    return run_transfer(study, replace(driven, starts=starts), workers=workers, on_progress=on_progress)
+    filmed = [(run.id, 1) for run in shown_runs(study)]
+    driven = Transfer(robots=(f"twin:{UNIT}",), film=filmed, starts=starts)
+    return run_transfer(study, driven, workers=workers, on_progress=on_progress)
 
 
 def again(study: Study) -> str:

@@ -29,7 +29,7 @@ class Transfer:
         robots: addresses, as `robots/address.py` has them: "twin:UNIT", "khepera:PORT", "file.py:Class".
         starts: trials of each individual on each robot.
         individual: "champion" or "fittest".
-        film: film all trials, none, or those of the runs with these ids.
+        film: film all trials, none, or those of the runs with these ids; (id, start) names a single one.
         watch: take the paths of the others from the camera above too, without keeping a film; else,
             and where no camera sees a robot, they are what it knows of its place, or reckoned from its
             wheels' counters.
@@ -50,7 +50,7 @@ class Transfer:
     robots: Sequence[str | Address] = ("twin",)
     starts: int = 1
     individual: str = "champion"
-    film: bool | Collection[int] = False
+    film: bool | Collection[int | tuple[int, int]] = False
     watch: bool = True
     twin_noise: float | None = None
     seed: int | None = None
@@ -102,9 +102,9 @@ class Transfer:
         """The twin's noise scale."""
         return 1.0 if self.twin_noise is None else self.twin_noise
 
-    def films(self, run: int) -> bool:
-        """Whether trials of the run with this id are filmed."""
-        return self.film if isinstance(self.film, bool) else run in self.film
+    def films(self, run: int, start: int) -> bool:
+        """Whether the trial of the run with this id from this start is filmed."""
+        return self.film if isinstance(self.film, bool) else run in self.film or (run, start) in self.film
 
     def _check_eye(self, real: bool) -> None:
         """Refuse a live camera without its calibration, a calibration or a disk without it."""

@@ -204,7 +204,7 @@ def _situation(
         seconds=study.task(run.task).seconds if options.seconds is None else options.seconds,
         baud=None if robot.kind == "own" else BAUD if options.baud is None and twin else options.baud,
         stream=transfer_stream(seed, run, start),
-        source=_source(options, robot, known, run),
+        source=_source(options, robot, known, run, start),
         placed=known.placed,
         marker=_marker(options, twin),
         folder=f"{FOLDER}/{robot.folder(options.noise)}/{name}/start-{start}",
@@ -218,14 +218,14 @@ def _marker(options: Transfer, twin: bool) -> Marker | None:
     return None if options.eye is None else options.worn
 
 
-def _source(options: Transfer, robot: Address, known: Known, run: Run) -> str:
+def _source(options: Transfer, robot: Address, known: Known, run: Run, start: int) -> str:
     """What a trial's situated path will come from.
 
     Raises:
         UsageError: nothing tells where the robot is.
     """
     if robot.unit is not None or options.eye is not None:
-        if options.films(run.id):
+        if options.films(run.id, start):
             return "film"
         if options.watch:
             return "camera"

@@ -148,8 +148,7 @@ def on_twins(
     reporter.phase(phase, done=done, total=done + len(todo), what="trials")
 
     def trials() -> Iterator[Job]:
-        """What takes longest first, so that no worker is left alone with a film."""
-        for one in sorted(todo, key=lambda one: -_cost(one)):
+        for one in _in_order(todo):
             file = stage.camera_file(one)
             camera = file.read_bytes() if away and file in watched else None
             yield Job(one, study.genotype(one.run, one.evaluation), camera)
@@ -183,6 +182,17 @@ def _refuse_own(todo: Sequence[Situation], *, away: bool) -> None:
                 f"robot {one.robot}: expected one that the cluster's workers have too: its file is on this "
                 "machine. Leave out --workers, or give a number."
             )
+
+
+def _in_order(todo: Sequence[Situation]) -> list[Situation]:
+    """What takes longest first, films among the first half of the others: no worker is left alone with one,
+    and others are done meanwhile."""
+    films, others = ([one for one in todo if one.film is film] for film in (True, False))
+    others.sort(key=lambda one: -_cost(one))
+    apart = 1 + len(others) // 2 // max(1, len(films))
+    for k, film in enumerate(films):
+        others.insert(k * apart, film)
+    return others
 
 
 def _cost(one: Situation) -> float:

@@ -30,8 +30,8 @@ def cores() -> int:
 
 
 @contextmanager
-def opened(workers: Workers) -> Iterator[Pool]:
-    """The pool for a while; one that was given is left open.
+def opened(workers: Workers, *, one_thread: bool = False) -> Iterator[Pool]:
+    """The pool for a while; one that was given is left open. `one_thread`: as of `Processes`.
 
     Raises:
         ConfigError: neither a number nor a pool.
@@ -45,7 +45,7 @@ def opened(workers: Workers) -> Iterator[Pool]:
     if isinstance(size, bool) or not isinstance(size, int) or not 1 <= size <= MOST:
         expected = f"a whole number from 1 to {MOST}, or a pool (work, close; see realitygap.work.pool)"
         raise ConfigError(f"workers: expected {expected}, got {workers!r}.")
-    with closing(Here() if size == 1 else Processes(size)) as pool:
+    with closing(Here() if size == 1 else Processes(size, one_thread=one_thread)) as pool:
         yield pool
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,12 +41,16 @@ def rays(
 ) -> NDArray[np.float64]:
     """Unit vectors [n, 2, LANES] of `number` rays for each sensor, or of a FAN of some aperture; pad lanes
     point along the sensor."""
+    fans = [_fan(direction, number, aperture_deg) for direction in directions_deg]
+    return np.array(fans).reshape(-1, 2, LANES)
+
+
+@lru_cache(maxsize=4096)  # a fit asks for the same directions again and again
+def _fan(direction: float, number: int, aperture_deg: float) -> NDArray[np.float64]:
+    """[2, LANES] of one sensor."""
     turned = tuple(share * aperture_deg for share in FAN) if aperture_deg else ray_angles(number)
-    angles = (*turned, *(0.0,) * (LANES - len(turned)))
-    out = np.empty((len(directions_deg), 2, LANES))
-    for i, direction in enumerate(directions_deg):
-        out[i] = np.array([unit(direction + beta) for beta in angles]).T
-    return out
+    vectors = [unit(direction + beta) for beta in turned]
+    return np.array(vectors + [unit(direction)] * (LANES - len(turned))).T
 
 
 def ray_weights(
