@@ -10,7 +10,7 @@ import pytest
 from realitygap.errors import FilmError
 from realitygap.film.calibrate import calibrate_camera
 from realitygap.film.marker import load_marker
-from realitygap.film.sheet import sheet
+from realitygap.film.sheet import save_sheet, sheet
 from realitygap.film.tag import Tag
 from realitygap.film.tracker import Tracker, track_film
 from realitygap.track import read_track
@@ -73,32 +73,46 @@ HARD = {
     "glare": ({"glare": 130}, 18),
     "low contrast": ({"contrast": 0.3}, 18),
     "strong compression": ({}, 34),
+    "heavy compression": ({}, 48),
 }
 
 
 @pytest.mark.parametrize("condition", HARD)
 def test_hard_films_are_tracked_or_lost_never_guessed(condition, tmp_path, tag_camera, poses, errors_of):
     """Under noise, blur, glare, low contrast and compression at most a frame in eight is lost, and no place
-    that is told is off by more than 1 mm."""
+    that is told is off by more than 1 mm. In the heaviest no number can be read in nine frames of ten."""
     changes, quality = HARD[condition]
     film = write_film(tmp_path / "film.mp4", TAGS[ARUCO].but(**changes), poses[:16], quality)
     track = track_film(film, tag_camera, Tag.parse(ARUCO)).track
     off, turned = errors_of(track, poses[:16])
     assert track.lost <= 2
-    assert off.max() < 1.0 and turned.mean() < 1.0
+    assert off.max() < 1.0 and turned.mean() < (2.0 if quality > 40 else 1.0)
 
 
 def test_hidden_marker_is_lost_and_found_again(tag_camera):
-    """A marker under a cable, or gone, is lost for that frame and found at once after it, wherever it is."""
+    """A marker under a cable is seen where it was a moment ago, and nowhere else; one that is gone is lost
+    for that frame and found at once after it, wherever it is."""
     clean, bare = Renderer(TAGS[ARUCO]), Renderer(Scene(robot=False))
     covered = Renderer(TAGS[ARUCO].but(hidden=0.5))
     tracker = Tracker(tag_camera, Tag.parse(ARUCO))
-    pictures = [clean.picture(HERE), covered.picture(HERE), bare.picture(HERE), clean.picture(THERE)]
-    seen = [tracker.see(picture) for picture in pictures]
-    assert [one is not None for one in seen] == [True, False, False, True]
-    pose, quality = seen[-1]
-    assert np.hypot(pose.x - THERE[0], pose.y - THERE[1]) < 0.02
-    assert quality > 0.9
+    shown = [(clean, HERE), (covered, HERE), (bare, HERE), (covered, HERE), (clean, THERE)]
+    seen = [tracker.see(renderer.picture(pose)) for renderer, pose in shown]
+    assert [one is not None for one in seen] == [True, True, False, False, True]
+    for k, (x, y, _), least in ((1, HERE, 0.8), (4, THERE, 0.9)):
+        pose, quality = seen[k]
+        assert np.hypot(pose.x - x, pose.y - y) < 0.02 and quality > least
+
+
+@pytest.mark.parametrize("text", TAGS)
+def test_another_number_in_its_place_is_not_believed(text, camera):
+    """Of fifty numbers none is taken for the robot's, clear or compressed until none can be read."""
+    tag, scene = Tag.parse(text), TAGS[text]
+    dictionary, number, size, place = scene.tag
+    tracker = Tracker(camera, tag)
+    for other in {*range(0, 50, 7), 44, 45, 36} - {number}:
+        picture = Renderer(scene.but(tag=(dictionary, other, size, place), blur=2.5)).picture(HERE)
+        assert tracker.see(Renderer(scene).picture(HERE)) is not None
+        assert tracker.see(picture) is None
 
 
 def test_what_is_seen_instead_is_said(tag_camera):
@@ -217,6 +231,30 @@ def test_sheet_is_to_scale():
     assert 'width="210mm"' in page and sheet(load_marker()).count("<circle") == 3
     with pytest.raises(FilmError, match="expected up to 180 mm"):
         sheet(Tag(size=200))
+
+
+@pytest.mark.parametrize("suffix", [".pdf", ".png"])
+def test_sheet_as_a_file_is_to_scale(suffix, tmp_path):
+    """A page of A4 by its own account; in the picture the marker of its number has its true size, and a
+    disk its three circles' colours."""
+    tag = Tag.parse("apriltag:36h11:3,size=48")
+    save_sheet(tmp_path / f"a{suffix}", tag)
+    page = (tmp_path / f"a{suffix}").read_bytes()
+    if suffix == ".pdf":
+        box = re.search(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", page)
+        assert [float(one) * 25.4 / 72 for one in box.groups()] == pytest.approx([210, 297], abs=0.01)
+        return
+    shown = cv2.imread(str(tmp_path / "a.png"), cv2.IMREAD_GRAYSCALE)
+    assert shown.shape == pytest.approx((297 * 300 / 25.4, 210 * 300 / 25.4), abs=1)
+    assert page[page.index(b"pHYs") + 4 :][:4] == (11811).to_bytes(4, "big")  # dots a metre
+    known = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36H11)
+    corners, numbers, _ = cv2.aruco.ArucoDetector(known).detectMarkers(shown[1250:2300, 700:1750])
+    assert numbers.ravel().tolist() == [3]
+    assert np.allclose(np.ptp(corners[0][0], axis=0), 48 * 300 / 25.4, atol=3)
+    save_sheet(tmp_path / "disk.png", load_marker())
+    disk = cv2.imread(str(tmp_path / "disk.png"), cv2.IMREAD_GRAYSCALE)
+    middle, front = round(150 * 300 / 25.4), round((150 - 19.5) * 300 / 25.4)
+    assert [disk[row, disk.shape[1] // 2] for row in (middle, middle - 130, front, 0)] == [255, 0, 255, 255]
 
 
 def test_commands_take_a_marker(tmp_path, tag_frames, poses):

@@ -61,8 +61,9 @@ def video(arena, tmp_path_factory) -> Path:
     return seen_from_above(tmp_path_factory.mktemp("eye") / "eye.mp4", arena)
 
 
-def seen_from_above(file: Path, arena, plate=None) -> Path:
-    """A film of nobody for three frames, then of a robot that turns."""
+def seen_from_above(file: Path, arena, plate=None, *, nobody: int = COVERED, then=None) -> Path:
+    """A film of nobody for three frames, then of a robot that turns; for its last two thirds, if need be,
+    with another plate."""
     turn, count = math.radians(90.0) / FPS, 3 * FPS
     heading = STANDS.heading + turn * np.arange(count)
     states = States.standing(
@@ -70,13 +71,14 @@ def seen_from_above(file: Path, arena, plate=None) -> Path:
     )
     with (
         OverheadCamera(arena.plain(), unit=1, view="drawn", plate=plate) as eye,
+        OverheadCamera(arena.plain(), unit=1, view="drawn", plate=then or plate) as later,
         FilmWriter(file, rate=FPS, made_by="the tests") as film,
     ):
-        nobody = States.standing([0], [-50.0], [-50.0], [0.0]).pose[0]
-        for k in range(COVERED):
-            film.add(eye.frame(nobody, 900 + k))
+        away = States.standing([0], [-50.0], [-50.0], [0.0]).pose[0]
+        for k in range(nobody):
+            film.add(eye.frame(away, 900 + k))
         for k, pose in enumerate(states.pose):
-            film.add(eye.frame(pose, k))
+            film.add((eye if k < FPS else later).frame(pose, k))
     return file
 
 
@@ -168,8 +170,24 @@ def test_a_robot_may_wear_a_tag(study, robot, arena, tmp_path):
     assert np.hypot(one.situated.x - STANDS.x, one.situated.y - STANDS.y).max() < 0.05
     assert tomllib.loads((one.folder / "transfer.toml").read_text())["marker"] == str(tag)
     assert transfer(study, [1], marker=tag, **settings)[0] == one  # it is there already
+    assert one.trouble is None
     with pytest.raises(StudyError, match="made with marker = 'apriltag:16h5:4,angle=180', not None"):
         transfer(study, [1], **settings)
+
+
+def test_why_a_robot_was_lost_is_passed_on(study, robot, arena, tmp_path):
+    """Another tag in its place in the middle of the film: the gap's reason, the tracker's, is the trial's."""
+    tag, other = load_marker("apriltag:16h5:4"), load_marker("apriltag:16h5:9")
+    camera = calibrated(tmp_path / "camera.json", arena, unit=1, noise=1.0, radius_cm=2.9, marker=tag)
+    video = seen_from_above(tmp_path / "eye.mp4", arena, plate_of(tag), nobody=0, then=plate_of(other))
+    port, carry = robot
+    settings = {"robots": (port,), "seconds": 2.0, "carry": carry, "camera": camera, "eye": str(video)}
+    with pytest.raises(FilmError, match=r"is not seen .* number 4 of 16h5: give the number"):
+        transfer(study, [1], marker=other, **settings)
+    (one,) = transfer(study, [1], marker=tag, **settings)
+    why = "What is seen is number 9 of 16h5: give the number that the robot carries."
+    assert one.lost_steps > 3 and one.trouble == why
+    assert tomllib.loads((one.folder / "transfer.toml").read_text())["trouble"] == why
 
 
 def test_a_start_that_is_not_seen_may_be_taken_on_a_persons_word(study, robot, camera, video):

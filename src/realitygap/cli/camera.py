@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from realitygap.cli import option
-from realitygap.cli.kinds import FileToWrite, Finite
+from realitygap.cli.kinds import PICTURE, FileToWrite, Finite
 from realitygap.cli.output import Figure, print_json, print_table
 from realitygap.cli.progress import FILM_AFTER_S, ProgressLine
 
@@ -76,7 +76,7 @@ def calibrate(
 
 
 @camera.command(name="sheet")
-@click.option("--out", type=FileToWrite(".svg"), required=True, help="Write the page there (.svg).")
+@click.option("--out", type=PICTURE, required=True, help="Write the page there (.pdf, .svg or .png).")
 @option.marker
 @option.disk
 def print_sheet(out: Path, marker: str | None, disk: str | None) -> None:
@@ -87,13 +87,12 @@ def print_sheet(out: Path, marker: str | None, disk: str | None) -> None:
 
     \b
     Example:
-        realitygap camera sheet --marker aruco:4x4_50:7,size=40 --out marker.svg
+        realitygap camera sheet --marker aruco:4x4_50:7,size=40 --out marker.pdf
     """
-    from realitygap import whole
     from realitygap.film.marker import load_marker
-    from realitygap.film.sheet import sheet
+    from realitygap.film.sheet import save_sheet
 
-    whole.write(out, sheet(load_marker(marker, disk)))
+    save_sheet(out, load_marker(marker, disk))
     click.echo(f"saved {out}")
 
 

@@ -108,7 +108,8 @@ def transfer(
     options = Transfer(**words)
     trials = (len(options.runs) or len(loaded.runs)) * len(options.robots) * options.starts
     consider(trials=trials if shard is None else len(shard.own(range(trials))), workers=workers)
-    attendant = Attendant(partial(_carry, seen=options.eye is not None), _found)
+    carry = partial(_carry, seen=options.eye is not None)
+    attendant = Attendant(carry, _found, partial(click.echo, err=True))
     try:
         with ProgressLine(after_s=0) as line:  # a person may be asked things first
             made = run_transfer(
@@ -143,6 +144,8 @@ def print_transfers(made: list[Transferred]) -> None:
         if one.missed_steps:
             told = f"{one.missed_steps} steps had no answer in time; the last readings stood for theirs"
             click.echo(f"{one.robot}, start {one.start}: {told}")
+        if one.trouble:
+            click.echo(f"{one.robot}, {one.name}, start {one.start}: {one.trouble}")
 
 
 def _carry(one: Situation, pose: Pose, *, seen: bool) -> None:

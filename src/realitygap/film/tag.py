@@ -7,6 +7,7 @@ picture is moved over the film's until the two correlate best (Evangelidis and P
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from realitygap.errors import FilmError
 from realitygap.film.camera import CameraModel
 from realitygap.film.finder import REACH_CM, Look, Sighting
+from realitygap.film.likeness import cells_seen, fitted, likeliest
 from realitygap.film.masks import Grey
 from realitygap.text import refuse_unknown
 from realitygap.values import Pose
@@ -36,8 +38,13 @@ BELIEVED, SIZE_TOLERANCE = 0.8, 0.08
 """Correlation with its own picture from which on a marker is believed, and by how much, as a share, it may
 seem larger or smaller than it was described."""
 
-_CELL_PX, _LEAST_PX, _FINE_PX = 8, 1.5, 6.0
-"""Pixels along a cell: of the marker's own picture; that a film needs; with less, pictures are enlarged."""
+KNOWN_AGAIN, CELLS = 0.7, 0.8
+"""Correlation from which on a marker is believed near its last place, and of its cells' brightness where its
+number was not read: 0.84 or more of a marker in a film compressed with crf 48, 0.52 at most of another number
+(measured on rendered pictures)."""
+
+_LEAST_PX, _FINE_PX = 1.5, 6.0
+"""Pixels along a cell: that a film needs; with less, pictures are enlarged to be read."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,7 +164,7 @@ class TagFinder:
         FilmError: a camera that cannot correct for the marker's height, or shows it too small.
     """
 
-    known_again = found_anew = BELIEVED
+    known_again, found_anew = KNOWN_AGAIN, BELIEVED
 
     def __init__(self, camera: CameraModel, tag: Tag) -> None:
         camera.check_height(tag.height_cm)
@@ -181,25 +188,43 @@ class TagFinder:
         right, bottom = np.ceil(pixels.max(0)).astype(int).tolist()
         window = slice(top, bottom + 1), slice(left, right + 1)
         shown = picture(window) if callable(picture) else picture
-        seen = self._sightings(shown[window], (left, top))
-        return _only([one for one in seen if math.dist((one.pose.x, one.pose.y), place) <= reach_cm])
+        corner = np.array([left, top])
+
+        def within(seen: Iterable[Sighting]) -> list[Sighting]:
+            return [one for one in seen if math.dist((one.pose.x, one.pose.y), place) <= reach_cm]
+
+        read = _read(shown[window], self.tag, self._enlarged)
+        mine = [corners for number, corners in read if number == self.tag.number]
+        seen = within(self._sightings(shown[window], corner, mine))
+        if seen or len(mine) < len(read):  # another number stands there
+            return _only(seen)
+        rough = likeliest(shown[window], corner, self.camera, self.tag, (place, reach_cm))
+        alike = within(self._sightings(shown[window], corner, rough, CELLS))
+        return max(alike, key=lambda one: one.quality, default=None)
 
     def anywhere(self, picture: Grey) -> Sighting | None:
         """The marker in the whole picture, or None: of two alike neither is believed."""
-        return _only(self._sightings(picture, (0, 0)))
+        whole = np.zeros(2)
+        for bold, cells in ((False, -1.0), (True, CELLS)):  # misread cells are told by their brightness
+            read = _read(picture, self.tag, self._enlarged, bold=bold)
+            mine = [corners for number, corners in read if number == self.tag.number]
+            if seen := list(self._sightings(picture, whole, mine, cells)):
+                return _only(seen)
+        return None
 
     def why_not(self, picture: Grey) -> str:
         """Why the marker is not found in a picture, if that can be told, in words; else nothing."""
         return why_not(picture, self.tag, self.camera)
 
-    def _sightings(self, picture: Grey, corner: tuple[int, int]) -> list[Sighting]:
-        """All of its number and size; `corner` is where the picture begins in the whole one, px."""
-        seen = []
-        for pixels, quality in seen_in(picture, self.tag, self._enlarged):
+    def _sightings(
+        self, picture: Grey, corner: Array, rough: list[Array], cells: float = -1.0
+    ) -> Iterator[Sighting]:
+        """What is of its size, and its cells; `corner` is where the picture begins in the whole one, px."""
+        for pixels, quality in fitted(picture, self.tag, rough):
             points = self.camera.to_floor(pixels + corner, self.tag.height_cm)
-            if abs(_size(points) / self.tag.size - 1) <= SIZE_TOLERANCE:
-                seen.append(Sighting(points, self.tag.pose_of(points), quality))
-        return seen
+            alike = cells < 0 or cells_seen(picture, self.tag, pixels) >= cells
+            if alike and abs(_size(points) / self.tag.size - 1) <= SIZE_TOLERANCE:
+                yield Sighting(points, self.tag.pose_of(points), quality)
 
 
 def on_floor(points: Array, pose: Pose) -> Array:
@@ -214,21 +239,8 @@ def seen_in(picture: Grey, tag: Tag, enlarged: int) -> list[tuple[Array, float]]
 
     `enlarged` is by how much the picture is enlarged to be read.
     """
-    cells = np.pad(tag.cells, 1, constant_values=1).astype(np.float32)
-    own = np.kron(cells, np.full((_CELL_PX, _CELL_PX), 255, np.float32))
-    low, high = _CELL_PX - 0.5, len(own) - _CELL_PX - 0.5
-    square = np.array([(low, low, 1), (high, low, 1), (high, high, 1), (low, high, 1)])
-    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 50, 1e-5)
-    seen = []
-    for rough in (corners for number, corners in _read(picture, tag, enlarged) if number == tag.number):
-        onto = np.linalg.lstsq(square, rough, rcond=None)[0].T.astype(np.float32, order="C")
-        try:
-            light = picture.astype(np.float32)
-            quality, onto = cv2.findTransformECC(own, light, onto, cv2.MOTION_AFFINE, stop, None, 1)
-        except cv2.error:  # it does not converge
-            continue
-        seen.append((square @ onto.T.astype(float), float(quality)))
-    return seen
+    read = _read(picture, tag, enlarged)
+    return list(fitted(picture, tag, [corners for number, corners in read if number == tag.number]))
 
 
 def why_not(picture: Grey, tag: Tag, camera: CameraModel | None = None) -> str:
@@ -254,10 +266,13 @@ def why_not(picture: Grey, tag: Tag, camera: CameraModel | None = None) -> str:
     return ""
 
 
-def _read(picture: Grey, tag: Tag, enlarged: int) -> list[tuple[int, Array]]:
-    """Numbers and rough corners [4, 2] px of all markers of the tag's dictionary."""
+def _read(picture: Grey, tag: Tag, enlarged: int, *, bold: bool = False) -> list[tuple[int, Array]]:
+    """Numbers and rough corners [4, 2] px of all markers of the tag's dictionary; `bold`: with as many cells
+    misread as lie between two numbers."""
     larger = cv2.resize(picture, None, fx=enlarged, fy=enlarged, interpolation=cv2.INTER_CUBIC)
-    found, numbers, _ = cv2.aruco.ArucoDetector(tag.known).detectMarkers(larger)
+    how = cv2.aruco.DetectorParameters()
+    how.errorCorrectionRate = 1.0 if bold else how.errorCorrectionRate
+    found, numbers, _ = cv2.aruco.ArucoDetector(tag.known, how).detectMarkers(larger)
     pixels = [(corners[0].astype(float) + 0.5) / enlarged - 0.5 for corners in found]
     return list(zip([] if numbers is None else numbers.ravel().tolist(), pixels, strict=True))
 

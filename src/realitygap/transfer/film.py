@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from realitygap.film.camera import CameraModel
     from realitygap.film.finder import Look
     from realitygap.film.marker import Marker
+    from realitygap.film.tracker import Tracked
     from realitygap.track import Track
     from realitygap.twin.camera import OverheadCamera
     from realitygap.twin.drawing import Window
@@ -228,7 +229,7 @@ def film_and_track(
         tell(0.5 * (done - last) / total)
         last = done
 
-    return keep_film(folder, watcher.camera, watcher.marker, tracked_so_far)
+    return keep_film(folder, watcher.camera, watcher.marker, tracked_so_far).track
 
 
 def keep_film(
@@ -236,7 +237,7 @@ def keep_film(
     camera: CameraModel,
     marker: Marker,
     tell: Callable[[int, int | None], None] | None = None,
-) -> Track:
+) -> Tracked:
     """Track the film in a trial's folder: camera, track, tails and a disk of one's own beside it.
 
     Args:
@@ -258,7 +259,7 @@ def keep_film(
         whole.write(folder / DISK, to_toml(marker.to_dict()))
     tracked.track.write_csv(folder / TRACK)
     save_tails(folder / TAILS, draw_tails(tracked.last_frame, tracked.track, camera, marker))
-    return tracked.track
+    return tracked
 
 
 def _grey(frame: Any) -> Any:

@@ -50,6 +50,7 @@ class Transferred:
         late_steps: how many of the drive's steps began more than 10 ms late.
         missed_steps: how many had no answer in time, None of a robot whose line misses none.
         lost_steps: how many of the situated path's rows have no pose.
+        trouble: what was wrong with a live camera's film, or why the robot was lost in it; None: nothing.
     """
 
     folder: Path
@@ -72,6 +73,7 @@ class Transferred:
     late_steps: int
     missed_steps: int | None
     lost_steps: int
+    trouble: str | None
 
     @cached_property
     def simulated(self) -> Track:
@@ -146,6 +148,7 @@ def load_transfer(folder: Path) -> Transferred:
             twin_noise=table.get("twin_noise"),
             view=table.get("view"),
             missed_steps=table.get("missed_steps"),
+            trouble=table.get("trouble"),
             lost_steps=table.get("lost_steps", 0),
             **{key: table[key] for key in PLAIN},
         )

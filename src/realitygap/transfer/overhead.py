@@ -52,14 +52,14 @@ class FilmOfDrive:
         assert self.filmed is not None
         one, folder, lead = self.situation, self.folder, self.begun - self.filmed.first_at
         if one.film:
-            track = keep_film(folder, self.camera, self.marker)
+            tracked = keep_film(folder, self.camera, self.marker)
         else:
-            track = track_film(folder / FILM, self.camera, self.marker).track
-            track.write_csv(folder / TRACK)
+            tracked = track_film(folder / FILM, self.camera, self.marker)
+            tracked.track.write_csv(folder / TRACK)
             (folder / FILM).unlink()
         facts |= {"view": f"camera {self.source}", "film_lead_s": round(lead, 6)}
-        facts["trouble"] = self.filmed.trouble
-        return of_track(track, round(one.seconds / self.period_s), lead, period_s=self.period_s)
+        facts["trouble"] = "; ".join(filter(None, (self.filmed.trouble, tracked.trouble))) or None
+        return of_track(tracked.track, round(one.seconds / self.period_s), lead, period_s=self.period_s)
 
 
 class Overhead(Closing):
@@ -70,13 +70,21 @@ class Overhead(Closing):
         camera: as it was calibrated.
         marker: what the robot wears.
         found: asks a person about the start; without one the robot has to be seen.
+        says: hears why it is not seen, where that can be told.
     """
 
-    def __init__(self, source: str | int, camera: CameraModel, marker: Marker, found: Found | None) -> None:
+    def __init__(
+        self,
+        source: str | int,
+        camera: CameraModel,
+        marker: Marker,
+        found: Found | None,
+        says: Callable[[str], object] | None = None,
+    ) -> None:
         from realitygap.film.live import LiveCamera
         from realitygap.film.tracker import Tracker
 
-        self.camera, self._marker, self._found = camera, marker, found or _must_be_seen
+        self.camera, self._marker, self._found, self._says = camera, marker, found, says
         self._new_tracker = lambda: Tracker(camera, marker)
         self._new_tracker()  # a camera that cannot see this marker is refused now
         self._live = LiveCamera(source, size=(camera.width_px, camera.height_px))
@@ -90,8 +98,13 @@ class Overhead(Closing):
         while True:
             picture = self._live.look()
             self.camera.check_size(picture.shape[1], picture.shape[0], f"live camera {self._live.source!r}")
-            seen = self._new_tracker().see(picture)
+            tracker = self._new_tracker()
+            seen = tracker.see(picture)
             pose = None if seen is None else seen[0]
+            if self._found is None:
+                return _must_be_seen(one, pose, tracker.doubt)
+            if pose is None and tracker.doubt and self._says is not None:
+                self._says(tracker.doubt)
             if self._found(one, requested, pose):
                 return requested if pose is None else pose
 
@@ -112,7 +125,11 @@ class Overhead(Closing):
 
 
 def open_overhead(
-    camera: CameraModel | str | Path, eye: str | int, marker: Marker, found: Found | None
+    camera: CameraModel | str | Path,
+    eye: str | int,
+    marker: Marker,
+    found: Found | None,
+    says: Callable[[str], object] | None = None,
 ) -> Overhead:
     """The camera over a real robot, opened.
 
@@ -121,6 +138,7 @@ def open_overhead(
         eye: a camera's number, a video file or a stream.
         marker: what the robot wears.
         found: asks a person about the start; without one the robot has to be seen.
+        says: hears why it is not seen, where that can be told.
 
     Raises:
         FilmError: a camera's file that is none, or no camera opens there.
@@ -128,14 +146,13 @@ def open_overhead(
     from realitygap.film.camera import load_camera
 
     model = load_camera(camera) if isinstance(camera, str | Path) else camera
-    return Overhead(eye, model, marker, found)
+    return Overhead(eye, model, marker, found, says)
 
 
-def _must_be_seen(one: Situation, requested: Pose, seen: Pose | None) -> bool:
+def _must_be_seen(one: Situation, seen: Pose | None, doubt: str) -> Pose:
     """Whoever cannot be asked."""
     if seen is None:
-        raise FilmError(
-            f"{one.name}, start {one.start}: the robot is not seen where it was carried. Check that it wears "
-            "the marker and that the calibration is of this camera."
-        )
-    return True
+        cure = "Check that it wears the marker and that the calibration is of this camera."
+        told = f"{one.name}, start {one.start}: the robot is not seen where it was carried."
+        raise FilmError(f"{told} {doubt or cure}")
+    return seen

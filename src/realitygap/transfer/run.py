@@ -9,7 +9,7 @@ transfer(load_study("out/reproduce"), Transfer(robots=("twin:1", "twin:2"), star
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from os import PathLike
 from pathlib import Path
@@ -43,10 +43,12 @@ class Attendant(NamedTuple):
     Attributes:
         carry: puts it at a start, and returns when it stands there.
         found: says whether it starts where the camera sees it; else it has only to be seen.
+        says: hears why the camera does not see it, where that can be told.
     """
 
     carry: Carry
     found: Found | None = None
+    says: Callable[[str], object] | None = None
 
 
 def run_transfer(
@@ -136,16 +138,16 @@ def _on_ports(
     if not todo:
         return
     assert attendant is not None
-    with _overhead(options, attendant.found) as overhead:
+    with _overhead(options, attendant) as overhead:
         for robot in dict.fromkeys(one.robot for one in todo):
             by_hand(study, place, [one for one in todo if one.robot == robot], attendant.carry, overhead)
 
 
-def _overhead(options: Transfer, found: Found | None) -> AbstractContextManager[Overhead | None]:
+def _overhead(options: Transfer, attendant: Attendant) -> AbstractContextManager[Overhead | None]:
     """The camera over real robots, if there is one."""
     if options.camera is None or options.eye is None:
         return nullcontext()
-    return open_overhead(options.camera, options.eye, options.worn, found)
+    return open_overhead(options.camera, options.eye, options.worn, attendant.found, attendant.says)
 
 
 @contextmanager
