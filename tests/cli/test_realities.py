@@ -6,11 +6,12 @@ from pathlib import Path
 
 import pytest
 from tests.experiments.noise_parts import quick_units
-from tests.experiments.test_noise_own import BASE, ROBOT
 
 from realitygap.errors import ConfigError
 from realitygap.experiments.realities import AT_HAND, Realities
 
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+ROBOT, BASE = f"{EXAMPLES / 'own_robot.py'}:FiveEyes", str(EXAMPLES / "five_eyes.toml")
 SMALL = (
     "--levels", "0,1", "--runs", 1, "--starts", 2, "--evaluations", 40, "--seconds", 2, "--workers", 1,
 )  # fmt: skip

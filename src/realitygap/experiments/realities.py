@@ -152,17 +152,20 @@ def carry_out(
     with lock(folder):
         asked = _begun(folder, requested, resume)
         places = list(_places(folder, asked))
-        for robot, place, why in places:
-            if why:
-                continue
-
-            def heard(event: Progress, robot: str = robot) -> None:
-                if on_progress is not None:
-                    on_progress(replace(event, phase=f"{robot}: {event.phase}"))
-
-            begun = (place / CONFIG).is_file()
+        for robot, place, _ in (one for one in places if not one.why):
+            begun, heard = (place / CONFIG).is_file(), _named(robot, on_progress)
             noise_study(place, asked.study(robot), workers=workers, resume=begun, on_progress=heard)
     return places
+
+
+def _named(robot: str, on_progress: OnProgress | None) -> OnProgress:
+    """Says of which reality it is told."""
+
+    def heard(event: Progress) -> None:
+        if on_progress is not None:
+            on_progress(replace(event, phase=f"{robot}: {event.phase}"))
+
+    return heard
 
 
 def _places(folder: Path, asked: Realities) -> Iterator[Place]:

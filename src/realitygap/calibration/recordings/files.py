@@ -165,14 +165,7 @@ def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> S
         pose = _pose(table, empty=False)
         distance, bearing = _from_lamp(pose, arena, body.radius_cm)
     else:
-        if "x_cm" in table.columns and "distance_cm" not in table.columns:
-            raise RecordingError(
-                f'{folder / FACTS}: arena: missing; poses need the room: add arena = "file.toml".'
-            )
-        table.need((*POLAR, "repeat"))
-        distance, bearing = table.numbers("distance_cm"), table.numbers("bearing_deg")
-        table.refuse(distance < 0, "distance_cm", "0 or more", distance, "It counts from the body's edge.")
-        table.refuse(np.abs(bearing) > 360, "bearing_deg", "degrees from −360 to 360", bearing)
+        distance, bearing = _from_object(table)
     counts = np.stack([table.numbers(sensor) for sensor in sensors], 1)
     full_scale = _number(folder, facts, "full_scale", "the highest count")
     warned = check_readings(
@@ -267,6 +260,18 @@ def _pose(table: Table, *, empty: bool) -> Array:
     pose = np.stack([table.numbers(name, empty=empty) for name in POSE], 1)
     pose[:, 2] = np.radians(pose[:, 2])
     return pose
+
+
+def _from_object(table: Table) -> tuple[Array, Array]:
+    """How far the object is from the body's edge (cm), and its bearing (degrees)."""
+    if "x_cm" in table.columns and "distance_cm" not in table.columns:
+        where = table.path.with_name(FACTS)
+        raise RecordingError(f'{where}: arena: missing; poses need the room: add arena = "file.toml".')
+    table.need((*POLAR, "repeat"))
+    distance, bearing = table.numbers("distance_cm"), table.numbers("bearing_deg")
+    table.refuse(distance < 0, "distance_cm", "0 or more", distance, "It counts from the body's edge.")
+    table.refuse(np.abs(bearing) > 360, "bearing_deg", "degrees from −360 to 360", bearing)
+    return distance, bearing
 
 
 def _from_lamp(pose: Array, arena: Arena, body_radius_cm: float) -> tuple[Array, Array]:
