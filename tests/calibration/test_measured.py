@@ -9,13 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from realitygap.calibration import measured
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.curves import Curves, Seen, on_curves
 from realitygap.calibration.forward import proximity, scene_of
 from realitygap.calibration.judge import judge
+from realitygap.calibration.measured import Measured
+from realitygap.calibration.misfit import misplaced
 from realitygap.calibration.noise import Sample, noise_tables
 from realitygap.calibration.recordings.files import find_recordings, load_recording
 from realitygap.calibration.recordings.recording import SensorRecording
+from realitygap.calibration.rows import Rows, repeated_noise
 from realitygap.errors import RecordingError
 from realitygap.world.profile import Profile, load_profile
 from tests.calibration.conftest import places
@@ -67,12 +71,70 @@ def test_a_sensor_outside_every_closed_form_is_found():
         assert np.diff(sensor.curve).min() >= 0 and max(sensor.curve) <= 1023
 
 
+def test_rays_that_end_and_beams_that_overlap_are_found(monkeypatch):
+    """Of sensors that subtract, and see no farther than 6 cm, range and beams are found.
+
+    A sensor turned by 6 degrees is found so: where a ray ends no derivative tells.
+    """
+    monkeypatch.setattr(measured, "WIDTHS_CM", (3.0,))  # the quicker
+    monkeypatch.setattr(measured, "APERTURES_DEG", (15.0,))
+    law = odd().infrared
+    turned = (law.sensors[0], replace(law.sensors[1], direction_deg=51.0), *law.sensors[2:])
+    law = replace(
+        law,
+        sensors=turned,
+        lobe=(1 / 3, 0.0, 0.0, 0.0, 2 / 3),
+        overlap=2 / 3,
+        aperture_deg=15.0,
+        range_cm=6.0,
+    )
+    robot = replace(PAPER, infrared=law)
+    recordings = [before(robot, "wall", seed=1), before(robot, "cylinder:4", seed=2)]
+    rows = Rows(recordings, PAPER)
+    profile, _ = Measured(rows, PAPER, repeated_noise(rows)).fit()
+    found = profile.infrared
+    assert found.range_cm == pytest.approx(6.0, abs=0.1) and found.aperture_deg == pytest.approx(
+        15.0, abs=1.0
+    )
+    assert found.overlap > 0.3 and found.sensors[1].direction_deg == pytest.approx(51.0, abs=1.0)
+    told = judge(before(robot, "cylinder:3", seed=3, shift=0.15), profile)
+    assert np.sqrt(np.mean([one.lit_ratio**2 for one in told.per_sensor])) < 1.0
+
+
+def test_series_set_down_anew_are_shifted_and_places_by_hand_doubted(thymio):
+    """Each series of a real Thymio gets a shift; a millimetre explains a part of what is left."""
+    base = load_profile("thymio")
+    rows = Rows([load_recording(path).of_robot(base) for path in find_recordings(thymio)], base)
+    noise = repeated_noise(rows)
+    profile, fit = Measured(rows, base, 0.004 * base.infrared.top).fit()
+    assert sum("shift_" in c.key for c in fit.constants) == 6
+    error = rows.rmse_lit(fit.model)
+    assert error < 0.02 * base.infrared.top
+    assert 0.1 * error < noise * misplaced(rows, profile, fit.values, noise) < error
+
+
 def test_a_printed_law_is_taken_where_it_holds(recorded):
     """`auto` keeps the printed law's fit where nothing errs less on places held out."""
     made = calibrate([recorded("wall", turn=1.0, repeats=3)], PAPER, form="auto")
     fit = made.infrared
     assert fit is not None and min(fit.held_out, key=fit.held_out.__getitem__) == fit.form
     assert fit.ratio < 0.6
+
+
+def test_light_is_read_by_a_curve_where_no_straight_law_holds(recorded):
+    """`auto` takes curves where a kink bends the law; the straight law where that holds."""
+    straight = recorded("lamp", noise=4.5)
+    kinked = np.interp(straight.counts, [0, 60, 200, 300, 480, 1023], [0, 60, 330, 370, 480, 1023])
+    bent = replace(straight, counts=np.rint(kinked))
+    forms = {}
+    for table, form in ((straight, "extended"), (bent, "measured")):
+        made = calibrate([table], PAPER, light="auto", beside=False)
+        assert made.ambient is not None and made.ambient.form == form
+        forms[form] = made
+    fit = forms["measured"].ambient
+    assert fit is not None and fit.held_out["measured"] < 0.9 * fit.held_out["extended"]
+    judged = judge(bent, forms["measured"].profile)
+    assert judged.rmse == pytest.approx(fit.rmse, rel=0.05)
 
 
 def test_a_curve_passes_the_ends_of_the_converter():

@@ -32,7 +32,8 @@ def measured(profile: Profile, random: np.random.Generator) -> Profile:
         profile,
         infrared=replace(
             law, sensors=sensors, matt=float(random.integers(2)), lobe=tuple(lobe / lobe.sum()),
-            aperture_deg=float(random.uniform(10, 85)), width_cm=float(random.choice([0.0, 3.0])),
+            overlap=float(random.choice([0.0, 0.3])), aperture_deg=float(random.uniform(10, 85)),
+            width_cm=float(random.choice([0.0, 3.0])),
             range_cm=float(random.choice([0.0, 9.0])), curve_cm=float(random.uniform(1, 6)),
         ),
         ambient=replace(light, sensors=eyes, response="measured", curve_light=float(random.uniform(1e-3, 1))),

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from realitygap.calibration.channels import ChannelFit, fit_infrared, fit_light, ticks, unmeasured
+from realitygap.calibration.channels import UNLIT, ChannelFit, fit_infrared, fit_light, ticks, unmeasured
 from realitygap.calibration.checks import refuse_mixed
 from realitygap.calibration.constants import Constant
 from realitygap.calibration.forms import Tick
@@ -34,8 +34,8 @@ FORMS = {
     "paper": ("paper", "paper", "printed"),
     "individual": ("individual", "linear", "refitted"),
     "extended": ("extended", "extended", "refitted"),
-    "measured": ("measured", "extended", "refitted"),
-    "auto": ("auto", "extended", "refitted"),
+    "measured": ("measured", "measured", "refitted"),
+    "auto": ("auto", "auto", "refitted"),
 }
 """What --form means for infrared, ambient light and wheels."""
 
@@ -270,6 +270,7 @@ def _provenance(base: Profile, made: Calibration) -> Provenance:
     fits = [_fitted(fit) for fit in made.channels]
     constants = [_constant(fit.kind, c) for fit in made.channels for c in fit.fit.constants]
     notes = [f"{fit.kind}: {unmeasured(fit)}" for fit in made.channels if not fit.measured] + made.surfaces
+    notes += [f"{fit.kind}: {UNLIT}" for fit in made.channels if not np.isfinite(fit.ratio)]
     if made.ambient is not None and not any(r.arena is not None for r in _of_kind(recordings, "ambient")):
         notes.append(UNKNOWN_LAMP)
     if any(map(_tells_heights, recordings)):

@@ -10,24 +10,26 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.checks import refuse_nonsense
 from realitygap.calibration.forms import Tick, fit_forms, mend_dead, mended, with_columns
-from realitygap.calibration.infrared import INFRARED_FORMS, PROXIMITY_COUNTS, infrared_problems, with_infrared
+from realitygap.calibration.infrared import INFRARED_FORMS, infrared_problems, with_infrared
 from realitygap.calibration.light import LIGHT_FORMS, as_bright_as_the_paper, with_light
 from realitygap.calibration.light_forms import AMBIENT_COUNTS, light_problems
-from realitygap.calibration.measured import MEASURED, fit_measured
-from realitygap.calibration.misfit import LIMITS, Misfit, measure_noise, misfits, pooled_noise
+from realitygap.calibration.light_measured import LightCurves
+from realitygap.calibration.measured import MEASURED, PLAIN, fit_measured
+from realitygap.calibration.misfit import LIMITS, Misfit, measure_noise, misfits, misplaced, pooled_noise
 from realitygap.calibration.noise import NoiseEstimate, noise_tables
 from realitygap.calibration.recordings.recording import SensorRecording
-from realitygap.calibration.rows import FOLDS, REFLECTANCE, Rows
+from realitygap.calibration.rows import FOLDS, PROXIMITY_COUNTS, REFLECTANCE, Rows
 from realitygap.calibration.solve import Fit
 from realitygap.errors import CalibrationError, ConfigError
 from realitygap.world.profile import Profile
 
-__all__ = ["AUTO", "ChannelFit", "agreed", "fit_infrared", "fit_light", "ticks", "unmeasured"]
+__all__ = ["AUTO", "UNLIT", "ChannelFit", "agreed", "fit_infrared", "fit_light", "ticks", "unmeasured"]
 
 Array = NDArray[np.float64]
 
 AUTO = "auto"
 """The form that errs least on places held out, where readings are neither dark nor saturated."""
+UNLIT = "no reading held out is neither dark nor saturated: model error over noise is that of all readings"
 OVERFITTED = 1.3
 """Held-out RMSE over the fitted one, from which on a form is said to fit more than the robot."""
 FAR_OFF, NARROW = 10.0, 4.0
@@ -45,6 +47,8 @@ class ChannelFit:
         fit: constants, intervals, what cannot be told apart.
         by_form: RMSE of every form, counts; held_out: of those that were tried on places held out.
         judged: each sensor's misfit on places held out: limits go by its lit_ratio.
+        misplaced: by how many deviations the model's lit readings change where places set by hand are a
+            millimetre off; NaN where a program set them.
         noise: what could be measured of it.
         deviation, measured: the noise's where sensors see something, counts, and whether it was measured
             or is the base profile's.
@@ -67,6 +71,7 @@ class ChannelFit:
     measured: bool
     sensors: tuple[Misfit, ...]
     judged: tuple[Misfit, ...]
+    misplaced: float
     dead: dict[int, str]
     warnings: tuple[str, ...]
     source: str
@@ -87,6 +92,11 @@ class ChannelFit:
         saturated: the figure that reports and limits go by; NaN where there are none."""
         told = [m.lit_ratio for m in self.judged if np.isfinite(m.lit_ratio)]
         return float(np.sqrt(np.mean(np.square(told)))) if told else np.nan
+
+    @property
+    def ratio_placed(self) -> float:
+        """The ratio without what places that are a millimetre off explain of it; NaN as `misplaced`."""
+        return float(np.sqrt(max(0.0, self.ratio**2 - self.misplaced**2)))
 
 
 def ticks(recordings: Sequence[SensorRecording], form: str, *, beside: bool = True) -> int:
@@ -115,7 +125,7 @@ def fit_infrared(
     rows = Rows(recordings, base)
     problems, doubt = infrared_problems(rows, base)
     printed = form if form in problems else "extended"
-    fits, held_out = fit_forms(rows, problems, printed, PROXIMITY_COUNTS * rows.unit, tick)
+    fits, held_out, _ = fit_forms(rows, problems, printed, PROXIMITY_COUNTS * rows.unit, tick)
     values = mend_dead(fits[printed].values, problems[printed].frees, rows.dead)
     fits[printed] = mended(fits[printed], values, rows.dead)
     made = {printed: with_infrared(problems[printed].base, values)}
@@ -179,19 +189,28 @@ def fit_light(
             "ambient recordings: some are in an arena, some before a lamp of unknown brightness: calibrate "
             "from one kind."
         )
+    printed, noise = form if form in LIGHT_FORMS else "extended", AMBIENT_COUNTS * rows.unit
     try:
-        problems = light_problems(rows, base, form, room=room, beside=beside)
-        fits, held_out = fit_forms(rows, problems, form, AMBIENT_COUNTS * rows.unit, tick)
+        problems = light_problems(rows, base, printed, room=room, beside=beside)
+        fits, held_out, parts = fit_forms(rows, problems, printed, noise, tick)
     except ConfigError as error:  # on its way the fit came to a robot that cannot be
         named, why = ", ".join(r.source for r in recordings), str(error).rstrip(".")
         expected = f"no ambient light's readings: {why}. Is its kind right?"
         raise CalibrationError(f"{named}: {expected}") from None
-    values = mend_dead(fits[form].values, problems[form].frees, rows.dead)
-    fits[form] = mended(fits[form], values, rows.dead)
-    profile = with_light(problems[form].base, values, form)
+    values = mend_dead(fits[printed].values, problems[printed].frees, rows.dead)
+    fits[printed] = mended(fits[printed], values, rows.dead)
+    profile, off = with_light(problems[printed].base, values, printed), {printed: held_out}
     if not room:
         profile = as_bright_as_the_paper(profile)
-    return _channel("ambient", form, rows, fits, {form: held_out}, profile)
+    if form == printed:
+        return _channel("ambient", form, rows, fits, off, profile)
+    curves = LightCurves(rows, problems[printed].base, values, noise)
+    fits[MEASURED] = replace(fits[printed], model=curves.model())
+    off[MEASURED] = curves.held_out(parts)
+    better = rows.rmse(off[MEASURED]) * PLAIN < rows.rmse(held_out)
+    if form == MEASURED or better:
+        return _channel("ambient", MEASURED, rows, fits, off, curves.profile(profile))
+    return _channel("ambient", printed, rows, fits, off, profile)
 
 
 def _channel(
@@ -200,15 +219,9 @@ def _channel(
     """The form that was taken, with what is said of all: `held_out` [n, S] by form."""
     fit = fits[form]
     source = ", ".join(r.source for r in rows.recordings)
-    ends = np.cumsum([len(r.counts) for r in rows.recordings])[:-1]
-    live = np.where(rows.use, rows.counts, np.nan)
+    live = rows.live()
     refuse_nonsense(source, live, fit.model, rows.dead)
-    noise = measure_noise(
-        [replace(r, counts=part) for r, part in zip(rows.recordings, np.split(live, ends), strict=True)],
-        np.split(fit.model, ends),
-        rows.top,
-        profile.infrared.dead,
-    )
+    noise = measure_noise(rows.live_recordings(), rows.split(fit.model), rows.top, profile.infrared.dead)
     main = next((e.deviation for e in noise if e.channel in ("proximity", "ambient")), 0.0)
     deviation = main or (profile.noise.proximity if kind == "infrared" else profile.noise.ambient)
     deviation = deviation or rows.unit * (PROXIMITY_COUNTS if kind == "infrared" else AMBIENT_COUNTS)
@@ -225,6 +238,7 @@ def _channel(
     made = ChannelFit(
         kind=kind, form=form, profile=profile, fit=fit, by_form=by_form,
         held_out={name: rows.rmse(model) for name, model in held_out.items()}, judged=judged,
+        misplaced=misplaced(rows, profile, fit.values, deviation) if kind == "infrared" else np.nan,
         noise=tuple(noise), deviation=deviation, measured=main > 0, sensors=sensors, dead=rows.dead,
         source=source, warnings=rows.warnings,
         distance_cm=rows.distance, bearing_deg=rows.bearing, counts=rows.counts, model=fit.model, span=span,
@@ -234,17 +248,12 @@ def _channel(
 
 def _with_noise(made: ChannelFit, rows: Rows) -> Profile:
     """The profile with each sensor's own noise, where it was measured."""
-    ends = np.cumsum([len(r.counts) for r in rows.recordings])[:-1]
-    live = np.where(rows.use, rows.counts, np.nan)
-    parts = zip(rows.recordings, np.split(live, ends), strict=True)
-    sample = pooled_noise(
-        [replace(r, counts=part) for r, part in parts], np.split(made.model, ends), rows.top
-    )
+    sample = pooled_noise(rows.live_recordings(), rows.split(made.model), rows.top)
     if not made.measured:
         return made.profile
     still = (np.zeros(len(r.counts)) if r.speed_cm_s is None else r.speed_cm_s for r in rows.recordings)
     speed = np.concatenate(list(still))[sample.row]
-    table, rise = noise_tables(sample, live, made.model, speed, rows.top)
+    table, rise = noise_tables(sample, rows.live(), made.model, speed, rows.top)
     law = made.profile.infrared
     columns = {"noise": [tuple(row) for row in table.round(3).tolist()], "noise_rise": rise.round(5).tolist()}
     return replace(made.profile, infrared=replace(law, sensors=with_columns(law.sensors, columns)))
@@ -260,6 +269,8 @@ def _warnings(made: ChannelFit) -> list[str]:
             f"counts) for sensors "
             f"{which}: model error exceeds noise there"
         )
+    if not np.isfinite(made.ratio):
+        out.append(f"{kind}: {UNLIT}")
     held_out = made.held_out[made.form]
     if held_out > OVERFITTED * made.rmse:
         out.append(

@@ -24,7 +24,7 @@ ROUNDS, STEEP = 12, 1e6
 """Rounds of one fit, and the weight that keeps a curve from falling."""
 ALIKE = 0.3
 """Share of the full scale by which a sensor's curve may easily differ from that of all."""
-SMOOTH = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
+SMOOTH = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 """Weights of second differences that are tried on places held out."""
 BEND = np.diff(np.eye(STEPS + 1), 2, axis=0)
 BENDS = BEND.T @ BEND

@@ -19,7 +19,7 @@ from realitygap.world.sensors import AmbientSensor, ProximitySensor
 
 __all__ = [
     "Problem", "Tick", "columns_of", "fit_forms", "free_directions", "free_reflectances", "free_turns",
-    "mend_dead", "mended", "nominal", "solve_form", "with_columns",
+    "mend_dead", "mended", "nominal", "scan", "solve_form", "with_columns",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -103,8 +103,9 @@ def with_columns(sensors: Sequence[S], columns: Mapping[str, Sequence[Any]]) -> 
 
 def fit_forms(
     rows: Rows, problems: Mapping[str, Problem], form: str, noise: float, tick: Tick
-) -> tuple[dict[str, Fit], Array]:
-    """Every form's fit, and what the form that was asked for reads [n, S] on places held out.
+) -> tuple[dict[str, Fit], Array, list[tuple[NDArray[np.bool_], Values]]]:
+    """Every form's fit; what the form that was asked for reads [n, S] on places held out; and those places
+    [n] with the values that were fitted without them.
 
     Args:
         rows: all readings.
@@ -128,6 +129,7 @@ def fit_forms(
     if problem.steep:
         fits[form] = _searched(problem, rows.measured(noise), begin, draws=DRAWS, last=True)
     folds, held_out = rows.folds(), fits[form].model.copy()
+    parts: list[tuple[NDArray[np.bool_], Values]] = []
     for fold in range(FOLDS):
         tick()
         out = folds == fold
@@ -138,7 +140,8 @@ def fit_forms(
             measured = rows.measured(noise, without=out)
             some = _searched(problem, measured, some.values, draws=DRAWS_HELD_OUT, last=False)
         held_out[out] = some.model[out]
-    return fits, held_out
+        parts.append((out, some.values))
+    return fits, held_out, parts
 
 
 def _lost(rows: Rows, fit: Fit, simpler: Fit) -> bool:
@@ -177,7 +180,7 @@ def solve_form(
     begin = start or problem.begin
     values: Values = begin or {f.key: f.start for f in problem.frees}
     for reach in FINE_DEG if begin else SCANS_DEG:
-        values = once(_scan(problem, values, measured, reach), False).values
+        values = once(scan(problem.model, values, measured, reach), False).values
     return once(values, intervals)
 
 
@@ -187,15 +190,16 @@ def _searched(problem: Problem, measured: Measured, start: Values, *, draws: int
     return solve(problem.frees, problem.model, measured, start=values, intervals=last)
 
 
-def _scan(problem: Problem, values: Values, measured: Measured, reach: float) -> dict[str, Array]:
+def scan(model: Model, values: Values, measured: Measured, reach: float) -> dict[str, Array]:
     """The values, with each sensor's direction where it leaves least over within `reach` degrees.
 
-    Where direct light is bright a sensor's reading drops within a degree, and no derivative sees it come.
+    Where direct light is bright, or a ray ends, a sensor's reading drops within a degree, and no derivative
+    sees it come.
     """
     best, chosen = np.full(measured.counts.shape[1], np.inf), values["direction_deg"].copy()
     for off in np.linspace(-reach, reach, SCAN):
         turned = {**values, "direction_deg": values["direction_deg"] + off}
-        off = (problem.model(turned) - measured.counts) / measured.noise
+        off = (model(turned) - measured.counts) / measured.noise
         z = np.where(measured.use, off, 0.0)
         cost = np.sqrt(1.0 + (z / 5.0) ** 2).sum(axis=0)
         chosen = np.where(cost < best, turned["direction_deg"], chosen)

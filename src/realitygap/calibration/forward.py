@@ -52,9 +52,9 @@ class Scene:
         """The same with the reflectance that a fit tries, if it tries one."""
         return self.painted(float(values[self.paint][0])) if self.paint in values else self
 
-    def turned(self, degrees: float) -> Array:
-        """The poses, if the rig stood this much further counter-clockwise than it was thought to."""
-        return np.asarray(self.poses + np.array([0.0, 0.0, math.radians(degrees)]))
+    def turned(self, degrees: float, away_cm: float = 0.0) -> Array:
+        """The poses, if the rig stood this much further counter-clockwise than it was thought to, or away."""
+        return np.asarray(self.poses + np.array([-away_cm, 0.0, math.radians(degrees)]))
 
 
 def scene_of(recording: SensorRecording, paint: str = "") -> Scene:
@@ -86,24 +86,24 @@ def scene_of(recording: SensorRecording, paint: str = "") -> Scene:
     return scene.painted(recording.reflectance) if known and recording.reflectance != 1.0 else scene
 
 
-def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Array:
+def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0, away_cm: float = 0.0) -> Array:
     """Noise-free proximity readings [n, P] of a recording's rows, counts."""
     from realitygap.kernels.sweep import sweep_infrared
 
     robot = _robot(profile)
     out = np.zeros((len(scene.poses), len(profile.infrared.sensors)))
-    sweep_infrared(robot, scene.arena, scene.turned(turn_deg), _work(robot), out)
+    sweep_infrared(robot, scene.arena, scene.turned(turn_deg, away_cm), _work(robot), out)
     return np.where(out < profile.infrared.dead, 0.0, out)[scene.row]
 
 
-def received(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Array:
-    """What reaches measured proximity sensors [n, P] in a recording's rows, before their curves."""
+def received(profile: Profile, scene: Scene, turn_deg: float = 0.0, away_cm: float = 0.0) -> Array:
+    """What reaches measured proximity sensors [m, P] at a scene's places, before their curves."""
     from realitygap.kernels.sweep import sweep_received
 
     robot = _robot(profile)
     out = np.zeros((len(scene.poses), len(profile.infrared.sensors)))
-    sweep_received(robot, scene.arena, scene.turned(turn_deg), _work(robot), out)
-    return out[scene.row]
+    sweep_received(robot, scene.arena, scene.turned(turn_deg, away_cm), _work(robot), out)
+    return out
 
 
 def illumination(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Array:
@@ -127,6 +127,11 @@ def light_readings(profile: Profile, light: Array, gain: Array | None = None) ->
     total = light * (np.array([sensor.gain for sensor in law.sensors]) if gain is None else gain)
     if law.response == "linear":
         return np.asarray(np.maximum(dark - total, floor))
+    if law.measured:
+        root = np.sqrt(np.maximum(total, 0.0))
+        share = root / (root + math.sqrt(law.curve_light))
+        steps = np.linspace(0.0, 1.0, len(law.sensors[0].curve))
+        return np.stack([np.interp(share[:, k], steps, s.curve) for k, s in enumerate(law.sensors)], 1)
     with np.errstate(divide="ignore"):
         return np.asarray(np.minimum(floor + 1.0 / np.sqrt(np.maximum(total, 0.0)), dark))
 

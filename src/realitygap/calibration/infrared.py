@@ -21,20 +21,17 @@ from realitygap.calibration.forms import (
 )
 from realitygap.calibration.forward import Scene, proximity
 from realitygap.calibration.recordings.recording import count_unit
-from realitygap.calibration.rows import Rows
+from realitygap.calibration.rows import PROXIMITY_COUNTS, Rows
 from realitygap.calibration.solve import ROBUST_AT, Fit, Free, Values
 from realitygap.world.profile import Profile, load_profile
 
-__all__ = ["INFRARED_FORMS", "PROXIMITY_COUNTS", "infrared_problems", "with_infrared"]
+__all__ = ["INFRARED_FORMS", "infrared_problems", "with_infrared"]
 
 Array = NDArray[np.float64]
 
 INFRARED_FORMS = ("paper", "individual", "extended")
 """Common a and b; a and b for each sensor; also directions, distance offset, exponent of the cosine, and
 Lambertian surfaces. Beside them there is "measured": measured.py."""
-
-PROXIMITY_COUNTS = 21.0
-"""Noise that residuals are weighed by before it is measured: counts of the paper's robot."""
 
 NEAREST_CM = 1e-3
 """To what a sensor has of its own, at the least, where the body touches."""

@@ -20,71 +20,81 @@ from realitygap.calibration.forms import (
     free_directions,
     free_reflectances,
     free_turns,
+    scan,
     with_columns,
 )
-from realitygap.calibration.forward import received
-from realitygap.calibration.infrared import PROXIMITY_COUNTS
-from realitygap.calibration.rows import FOLDS, Rows
+from realitygap.calibration.forward import Scene, received
+from realitygap.calibration.rows import FOLDS, Rows, dead_zone, means, repeated_noise
 from realitygap.calibration.solve import Fit, Free, Values, solve
+from realitygap.calibration.solve import Measured as Readings
 from realitygap.world.profile import Profile
 
-__all__ = ["MEASURED", "fit_measured"]
+__all__ = ["MEASURED", "PLAIN", "Measured", "fit_measured"]
 
 Array = NDArray[np.float64]
 Use = NDArray[np.bool_]
 
 MEASURED = "measured"
-LOBES = {
-    "one-sided": (60.0, (0.30, 0.28, 0.22, 0.14, 0.06)),
-    "two-sided": (30.0, (-0.6, 0.0, 1.6, 0.0, 0.0)),
-}
-"""Aperture (degrees) and shares that a search begins at: one beam; two beams, and what both see counts once,
-as in simulators that subtract."""
+ONE_BEAM = {"aperture_deg": 60.0, "share_1": 0.28, "share_2": 0.22, "share_3": 0.14, "share_4": 0.06}
+TWO_BEAMS = {"share_4": 0.67}
+"""What a search begins at, and what of the lobe is free: one beam; or two beside the middle ray, less what
+they see of a flat surface before it, as in simulators that subtract."""
+APERTURES_DEG = (10.0, 15.0, 22.0)
+"""Of two beams."""
 WIDTHS_CM = (0.5, 3.0, 9.0)
-PROMISING = 2
+PROMISING = 3
 PLAIN = 1.02
 """Another start than the first has to be so much better: where readings do not tell, there is one beam."""
-COARSE = 0.05
-"""Share of the full scale that readings are first taken to be good to: far from the truth details mislead."""
+COARSE = {0.05: 10.0, 0.03: 4.0, 0.02: 2.0, 0.01: 1.0, 0.003: 0.4}
+"""Shares of the full scale that readings are first taken to be good to: far from the truth details mislead.
+And how far a sensor's direction is looked for then, degrees."""
+FIRST = max(COARSE)
 FINEST = 0.004
 """Share of the full scale that no model is expected to be better than."""
-MEDIAN = 0.455
-"""Of the square of a normal number."""
 SHARES = ("share_1", "share_2", "share_3", "share_4")
-GAP = 0.05
-"""Share of the full scale from which on a gap above 0 is a dead zone."""
+ENDS_CM = tuple(np.geomspace(5.0, 40.0, 18))
+"""Where rays may end; then nearer and nearer about the best, by these shares of it."""
+NEARER = (0.08, 0.015, 0.002)
+AT_END = 0.015
+"""By this share of their range rays are doubtful: readings that hang on it are left out of a descent."""
+SHIFT_CM = 0.2
+"""How far off a straight series may have been set down: its distances all are by as much."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Optics:
-    """A fit under way: the profile that its constants stand in, its curves' middle, its readings."""
+    """A fit under way: the profile that its constants stand in, its curves' middle, where readings were
+    taken and what was read there: `place` [n] of each of `seen`; and what of the lobe is free."""
 
     base: Profile
-    rows: Rows
+    scenes: Sequence[tuple[str, Scene]]
     seen: Seen
+    place: NDArray[np.int64]
+    lobe: tuple[str, ...] = ()
 
     def profile(self, values: Values) -> Profile:
         """The base with the optics in place, and curves that only hold their places."""
         law = self.base.infrared
         shares = [float(values[key][0]) for key in SHARES]
+        wide, width, end = (float(values[key][0]) for key in ("aperture_deg", "width_cm", "range_cm"))
         columns = columns_of(values, ("direction_deg",), law.sensors)
         columns["offset_cm"] = [float(values["offset_cm"][0])] * len(law.sensors)
-        return replace(
-            self.base,
-            infrared=replace(
-                law, sensors=with_columns(law.sensors, columns), lobe=(1.0 - sum(shares), *shares),
-                aperture_deg=float(values["aperture_deg"][0]), width_cm=float(values["width_cm"][0]),
-            ),
+        law = replace(
+            law, sensors=with_columns(law.sensors, columns), lobe=(1.0 - sum(shares), *shares),
+            overlap=0.0 if "share_1" in self.lobe else shares[-1], aperture_deg=wide, width_cm=width,
+            range_cm=end,
         )  # fmt: skip
+        return replace(self.base, infrared=law)
 
     def share(self, profile: Profile, values: Values) -> Array:
         """[n, S] how far up its curve each reading lies."""
+        rigs = [(scene.tried(values), (name, shift_of(name))) for name, scene in self.scenes]
         parts = [
-            received(profile, scene.tried(values), float(values[name][0]) if name in values else 0.0)
-            for name, scene in self.rows.scenes
-        ]  # fmt: skip
+            received(profile, scene, *(float(values[key][0]) if key in values else 0.0 for key in rig))
+            for scene, rig in rigs
+        ]
         root = np.sqrt(np.maximum(np.concatenate(parts), 0.0))
-        return np.asarray(root / (root + 1.0 / profile.infrared.curve_cm))
+        return np.asarray(root / (root + 1.0 / profile.infrared.curve_cm))[self.place]
 
     def curves(self, values: Values, use: Use) -> tuple[Array, Array]:
         """The curves [S, n] that suit the optics, and each reading's share."""
@@ -126,38 +136,70 @@ class Measured:
             law, sensors=sensors, lobe=(1.0, 0.0, 0.0, 0.0, 0.0), aperture_deg=45.0, curve_cm=3.0,
             dead=dead_zone(rows), exponent=1.0,
         )  # fmt: skip
-        seen = Seen(counts=rows.counts, use=rows.use, top=rows.top, noise=COARSE * rows.top, dead=law.dead)
-        self._first = Optics(base=replace(base, infrared=law), rows=rows, seen=seen)
+        self._all = Seen(counts=rows.counts, use=rows.use, top=rows.top, noise=noise, dead=law.dead)
+        self._first_of = np.unique(rows.place, return_index=True)[1]
+        seen = replace(self._all, counts=means(rows), use=self._at_places(rows.use), noise=FIRST * rows.top)
+        self._first = Optics(
+            base=replace(base, infrared=law), scenes=rows.scenes, seen=seen, place=np.arange(len(seen.counts))
+        )
 
     def fit(self) -> tuple[Profile, Fit]:
         """The profile and its constants, from the start that promises most."""
-        use = self._rows.use
-        starts: list[tuple[float, int, Optics, dict[str, Array]]] = []
-        lobes = list(LOBES.values())[: 1 if self._straight else None]
-        for (wide, shares), width, matt in product(
-            lobes, WIDTHS_CM, (1.0,) if self._straight else (1.0, 0.0)
-        ):
-            values = self._start(wide, shares, width)
+        use = self._first.seen.use
+        optics, values = self._begun()
+        folds = self._rows.folds()[self._first_of]
+        smooth = smoothness(optics.seen, optics.share(optics.profile(values), values), folds)
+        self._places = replace(optics, seen=replace(optics.seen, noise=self._noise, smooth=smooth))
+        self.optics = replace(optics, seen=replace(self._all, smooth=smooth), place=self._rows.place)
+        values = self._solved(self._places, values, use, self._noise, intervals=False).values
+        values = self._ended(self._places, values, use)
+        fit = self._solved(self._places, values, use, self._noise, intervals=True)
+        values, use = self._ended(self._places, fit.values, use), self._rows.use
+        return self.profile(values, use), replace(fit, values=values, model=self.optics.shown(values, use))
+
+    def _begun(self) -> tuple[Optics, dict[str, Array]]:
+        """Nearly there: of all starts the most promising are followed a stage, and the best to the end."""
+        use = self._first.seen.use
+        begun: list[tuple[float, int, Optics, dict[str, Array]]] = []
+        lobes = [ONE_BEAM, *({**TWO_BEAMS, "aperture_deg": wide} for wide in APERTURES_DEG)]
+        lobes = lobes[: 1 if self._straight else None]
+        for lobe, width, matt in product(lobes, WIDTHS_CM, (1.0,) if self._straight else (1.0, 0.0)):
+            values = self._start(lobe, width)
             law = replace(self._first.base.infrared, matt=matt)
-            optics = replace(self._first, base=replace(self._first.base, infrared=law)).centred(values)
-            plain = 1.0 if (wide, shares) == lobes[0] else PLAIN
-            starts.append((self._left(optics, values, use) * plain, len(starts), optics, values))
-        tried = []
-        for _, number, optics, values in sorted(starts, key=lambda one: one[:2])[:PROMISING]:
-            values = self._solved(optics, values, use, COARSE * self._rows.top, intervals=False).values
+            optics = replace(self._first, base=replace(self._first.base, infrared=law), lobe=tuple(lobe))
             optics = optics.centred(values)
-            tried.append((self._left(optics, values, use), number, optics, values))
-        _, _, optics, values = min(tried, key=lambda one: one[:2])
-        smooth = smoothness(optics.seen, optics.share(optics.profile(values), values), self._rows.folds())
-        seen = replace(optics.seen, noise=self._noise, smooth=smooth)
-        self.optics = replace(optics, seen=seen)
-        fit = self._solved(self.optics, values, use, self._noise, intervals=True)
-        return self.profile(fit.values, use), replace(fit, model=self.optics.shown(fit.values, use))
+            values = self._turned(optics, values, use, FIRST * self._rows.top, COARSE[FIRST])
+            values = self._ended(optics, values, use, ENDS_CM)
+            plain = 1.0 if lobe is ONE_BEAM else PLAIN
+            begun.append((self._left(optics, values, use) * plain, len(begun), optics, values))
+        for share, reach in COARSE.items():
+            staged = []
+            for _, number, optics, values in sorted(begun, key=lambda one: one[:2])[:PROMISING]:
+                nearer = self._stage(optics, values, share * self._rows.top, reach)
+                staged.append((self._left(*nearer, use), number, *nearer))
+            begun = [min(staged, key=lambda one: one[:2])]
+        return begun[0][2:]
+
+    def _stage(
+        self, optics: Optics, values: Values, noise: float, reach: float
+    ) -> tuple[Optics, dict[str, Array]]:
+        """Directions, then where rays end, then all else: nearer, as if readings were good to `noise`."""
+        use = optics.seen.use
+        values = self._turned(optics, values, use, noise, reach)
+        optics = optics.centred(values)
+        values = self._ended(optics, values, use, ENDS_CM)
+        return optics, self._solved(optics, values, use, noise, intervals=False).values
 
     def held_out(self, fit: Fit, use: Use) -> Array:
         """[n, S] readings by a fit to those in `use` alone."""
-        values = self._solved(self.optics, fit.values, use, self._noise, intervals=False).values
+        there = self._at_places(use)
+        values = self._ended(self._places, fit.values, there)
+        values = self._solved(self._places, values, there, self._noise, intervals=False).values
         return self.optics.shown(values, use)
+
+    def _at_places(self, use: Use) -> Use:
+        """[m, S] the places of which any reading is in `use` [n, S]."""
+        return np.stack([np.bincount(self._rows.place, column) > 0 for column in use.T], 1)
 
     def profile(self, values: Values, use: Use) -> Profile:
         """The profile of fitted optics, with the curves that suit it."""
@@ -167,23 +209,53 @@ class Measured:
         sensors = with_columns(law.sensors, {"curve": [tuple(row) for row in curves.round(3).tolist()]})
         return replace(made, infrared=replace(law, sensors=sensors))
 
-    def _start(self, wide: float, shares: Sequence[float], width: float) -> dict[str, Array]:
-        start = {free.key: free.start for free in self._frees()}
+    def _start(self, lobe: dict[str, float], width: float) -> dict[str, Array]:
+        start = {free.key: free.start for free in self._frees(())}
         start["direction_deg"] = np.array([s.direction_deg for s in self._first.base.infrared.sensors])
-        start |= {key: np.array([share]) for key, share in zip(SHARES, shares[1:], strict=True)}
-        return start | {"aperture_deg": np.array([wide]), "width_cm": np.array([width])}
+        none = dict.fromkeys((*SHARES, "range_cm"), 0.0)
+        return start | {key: np.array([value]) for key, value in (none | lobe | {"width_cm": width}).items()}
 
-    def _frees(self) -> list[Free]:
+    def _turned(
+        self, optics: Optics, values: Values, use: Use, noise: float, reach: float
+    ) -> dict[str, Array]:
+        """The values with each sensor looking where that leaves least over."""
+        if self._straight:
+            return dict(values)
+        seen = Readings(counts=optics.seen.counts, noise=noise, use=use, clusters=self._first_of)
+        return scan(lambda tried: optics.readings(tried, use), values, seen, reach)
+
+    def _ended(
+        self, optics: Optics, values: Values, use: Use, ends: Sequence[float] = ()
+    ) -> dict[str, Array]:
+        """The values with rays that end where that leaves least over: nowhere, unless it is much better."""
+        if self._straight:  # a dead zone says as much
+            return dict(values)
+
+        def left(end: float) -> float:
+            return self._left(optics, {**values, "range_cm": np.array([end])}, use)
+
+        best = min([float(values["range_cm"][0]), *ends], key=left)
+        for near in NEARER if best else ():
+            best = min((best * (1.0 + near * share) for share in np.linspace(-1.0, 1.0, 11)), key=left)
+        return {**values, "range_cm": np.array([best if left(best) * PLAIN < left(0.0) else 0.0])}
+
+    def _frees(self, lobe: Sequence[str]) -> list[Free]:
         one, scenes, recordings = np.ones(1), self._rows.scenes, self._rows.recordings
-        shares = [Free(key=key, start=0.2 * one, low=-4.0, high=4.0, prior=1.0, step=5e-3) for key in SHARES]
+        lowest = -4.0 if "share_1" in lobe else 0.0
+        shares = [
+            Free(key=key, start=0.2 * one, low=lowest, high=4.0, prior=1.0, step=5e-3)
+            for key in lobe if key in SHARES
+        ]  # fmt: skip
         size = [
-            Free(key="offset_cm", start=0.3 * one, low=0.0, high=6.0, prior=2.0, step=5e-3),
+            Free(key="offset_cm", start=0.3 * one, low=-1.0, high=6.0, prior=2.0, step=5e-3),
             Free(key="width_cm", start=3.0 * one, low=0.0, high=20.0, prior=10.0, step=1e-2),
         ]
         if self._straight:
-            return size
+            shifts = [Free(key=shift_of(name), start=0 * one, low=-1.0, high=1.0, prior=SHIFT_CM, step=1e-3)
+                      for name, _ in scenes]  # fmt: skip
+            return [*size, *shifts]
         return [
-            free_directions(self._first.base.infrared.sensors),
+            free_directions(self._first.base.infrared.sensors, tie=None),
             *size,
             Free(key="aperture_deg", start=45.0 * one, low=5.0, high=85.0, prior=30.0, step=0.1),
             *shares,
@@ -192,15 +264,26 @@ class Measured:
         ]
 
     def _left(self, optics: Optics, values: Values, use: Use) -> float:
-        return float(np.abs((optics.readings(values, use) - self._rows.counts)[use]).mean())
+        return float(np.abs((optics.readings(values, use) - optics.seen.counts)[use]).mean())
 
     def _solved(self, optics: Optics, start: Values, use: Use, noise: float, *, intervals: bool) -> Fit:
-        measured = replace(self._rows.measured(noise), use=use)
+        measured = Readings(
+            counts=optics.seen.counts, noise=noise, use=use & ~self._at_end(optics, start, use, noise),
+            clusters=self._rows.block[self._first_of],
+        )  # fmt: skip
         fit = solve(
-            self._frees(), lambda values: optics.readings({**start, **values}, use), measured, start=start,
-            intervals=intervals,
+            self._frees(optics.lobe), lambda values: optics.readings({**start, **values}, use), measured,
+            start=start, intervals=intervals,
         )  # fmt: skip
         return replace(fit, values={**start, **fit.values})
+
+    def _at_end(self, optics: Optics, values: Values, use: Use, noise: float) -> Use:
+        """[n, S] the readings in which a ray comes to its end or not by a hair."""
+        end = values["range_cm"]
+        near, far = (
+            optics.readings({**values, "range_cm": end * share}, use) for share in (1 - AT_END, 1 + AT_END)
+        )
+        return np.asarray(np.abs(near - far) > noise)
 
 
 def fit_measured(rows: Rows, base: Profile, tick: Tick) -> tuple[Profile, Fit, Array]:
@@ -217,19 +300,6 @@ def fit_measured(rows: Rows, base: Profile, tick: Tick) -> tuple[Profile, Fit, A
     return profile, fit, held_out
 
 
-def repeated_noise(rows: Rows) -> float:
-    """The deviation of readings that were repeated at their places, counts; else as of the paper's robot."""
-    lit = rows.use & (rows.counts > COARSE * rows.top) & (rows.counts < (1.0 - COARSE) * rows.top)
-    many = np.maximum(np.bincount(rows.place), 1)
-    mean = np.stack([np.bincount(rows.place, column) for column in rows.counts.T], 1) / many[:, None]
-    off = ((rows.counts - mean[rows.place]) ** 2)[lit & (many > 1)[rows.place][:, None]]
-    spread = 1.0 - 1.0 / np.median(many) if np.median(many) > 1 else 1.0
-    return float(np.sqrt(np.median(off) / MEDIAN / spread)) if len(off) else PROXIMITY_COUNTS * rows.unit
-
-
-def dead_zone(rows: Rows) -> float:
-    """The least reading above 0 if there is a gap below it; else 0."""
-    lit = rows.counts[rows.use & (rows.counts > 0)]
-    dark = (rows.counts[rows.use] == 0).mean()
-    least = float(lit.min()) if len(lit) else 0.0
-    return least if dark > 0.02 and least > GAP * rows.top else 0.0
+def shift_of(turn: str) -> str:
+    """The name of how much further off a rig stood than it was thought to, cm, by that of its turn."""
+    return turn.replace("turn", "shift").replace("deg", "cm")

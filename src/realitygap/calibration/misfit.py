@@ -8,13 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.calibration.forward import proximity
 from realitygap.calibration.noise import NoiseEstimate, Sample, dark_noise, lit_noise, sample_noise
 from realitygap.calibration.recordings.recording import SensorRecording
+from realitygap.calibration.rows import Rows
+from realitygap.calibration.solve import Values
+from realitygap.world.profile import Profile
 
-__all__ = ["LIMITS", "Misfit", "measure_noise", "misfits", "pooled_noise"]
+__all__ = ["LIMITS", "Misfit", "measure_noise", "misfits", "misplaced", "pooled_noise"]
 
 Array = NDArray[np.float64]
 
+PLACED_CM = 0.1
+"""How far off places may be that were set up by hand."""
 LIMITS = {"infrared": 2.0, "ambient": 1.0}
 """Model error over noise deviation, above which the noise level says little: model error exceeds noise."""
 
@@ -120,3 +126,21 @@ def misfits(
             )
         )  # fmt: skip
     return tuple(out)
+
+
+def misplaced(rows: Rows, profile: Profile, values: Values, deviation: float) -> float:
+    """By how many deviations lit readings change where what was set up by hand is a millimetre off."""
+    change = np.full(rows.counts.shape, np.nan)
+    first = 0
+    for recording, (name, scene) in zip(rows.recordings, rows.scenes, strict=True):
+        turn = float(values[name][0]) if name in values else 0.0
+        painted = scene.tried(values)
+        there, *moved = (proximity(profile, painted, turn, away) for away in (0.0, -PLACED_CM, PLACED_CM))
+        last = first + len(there)
+        by_hand = "unit" not in recording.facts and (scene.bare or recording.from_sensor is not None)
+        if by_hand:
+            change[first:last] = np.sqrt(np.mean(np.square(np.array(moved) - there), axis=0))
+        first = last
+    edge = 3 * deviation
+    lit = rows.use & (rows.counts > edge) & (rows.counts < rows.top - edge) & np.isfinite(change)
+    return float(np.sqrt(np.mean(change[lit] ** 2))) / max(deviation, 1e-9) if lit.any() else np.nan

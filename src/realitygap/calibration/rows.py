@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +15,20 @@ from realitygap.calibration.solve import Measured
 from realitygap.errors import CalibrationError
 from realitygap.world.profile import Profile
 
-__all__ = ["FOLDS", "REFLECTANCE", "Rows"]
+__all__ = ["FOLDS", "PROXIMITY_COUNTS", "REFLECTANCE", "Rows", "dead_zone", "means", "repeated_noise"]
 
 Array = NDArray[np.float64]
 
 FOLDS = 4
 REFLECTANCE = "reflectance_"
 """How a constant that is a recording's reflectance begins; its number ends it."""
+PROXIMITY_COUNTS = 21.0
+"""Noise that residuals are weighed by before it is measured: counts of the paper's robot."""
+MEDIAN = 0.455
+"""Of the square of a normal number."""
+LIT_SHARE, GAP = 0.05, 0.05
+"""Shares of the full scale: off either end a reading is neither dark nor saturated; and from here on a gap
+above 0 is a dead zone."""
 LIT = 63.0
 """Counts of the paper's robot from either end of the converter: three deviations of its noise."""
 
@@ -66,6 +74,19 @@ class Rows:
         self.use[:, list(self.dead)] = False
         self.block = self._blocks()
 
+    def live(self) -> Array:
+        """[n, S] readings; NaN of sensors that tell nothing."""
+        return np.where(self.use, self.counts, np.nan)
+
+    def split(self, table: Array) -> list[Array]:
+        """A table's rows [n, …] by recording."""
+        return np.split(table, np.cumsum([len(r.counts) for r in self.recordings])[:-1])
+
+    def live_recordings(self) -> list[SensorRecording]:
+        """The recordings with live readings only."""
+        pairs = zip(self.recordings, self.split(self.live()), strict=True)
+        return [replace(recording, counts=part) for recording, part in pairs]
+
     def measured(self, noise: float, *, without: NDArray[np.bool_] | None = None) -> Measured:
         """All readings of live sensors but those of rows [n] `without`, weighed by `noise` (counts)."""
         use = self.use if without is None else self.use & ~without[:, None]
@@ -97,3 +118,34 @@ class Rows:
     def rmse(self, model: Array, rows: NDArray[np.bool_] | None = None) -> float:
         use = self.use if rows is None else self.use & rows[:, None]
         return float(np.sqrt(((model - self.counts)[use] ** 2).mean()))
+
+
+def means(rows: Rows) -> Array:
+    """[m, S] what was read at each place: the mean, or the converter's end where half of its readings lie."""
+
+    def of_places(values: Array) -> Array:
+        return np.stack([np.bincount(rows.place, column) for column in values.T], 1)
+
+    many = np.maximum(of_places(np.where(rows.use, 1.0, 0.0)), 1.0)
+    mean = of_places(np.where(rows.use, rows.counts, 0.0)) / many
+    for end, there in ((0.0, rows.counts <= 0), (rows.top, rows.counts >= rows.top)):
+        mean = np.where(of_places(np.where(rows.use & there, 1.0, 0.0)) >= many / 2, end, mean)
+    return mean
+
+
+def repeated_noise(rows: Rows) -> float:
+    """The deviation of readings that were repeated at their places, counts; else as of the paper's robot."""
+    lit = rows.use & (rows.counts > LIT_SHARE * rows.top) & (rows.counts < (1.0 - LIT_SHARE) * rows.top)
+    many = np.maximum(np.bincount(rows.place), 1)
+    mean = np.stack([np.bincount(rows.place, column) for column in rows.counts.T], 1) / many[:, None]
+    off = ((rows.counts - mean[rows.place]) ** 2)[lit & (many > 1)[rows.place][:, None]]
+    spread = 1.0 - 1.0 / np.median(many) if np.median(many) > 1 else 1.0
+    return float(np.sqrt(np.median(off) / MEDIAN / spread)) if len(off) else PROXIMITY_COUNTS * rows.unit
+
+
+def dead_zone(rows: Rows) -> float:
+    """The least reading above 0 if there is a gap below it; else 0."""
+    lit = rows.counts[rows.use & (rows.counts > 0)]
+    dark = (rows.counts[rows.use] == 0).mean()
+    least = float(lit.min()) if len(lit) else 0.0
+    return least if dark > 0.02 and least > GAP * rows.top else 0.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from functools import partial
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["calibrate"]
 
 FORMS = ("paper", "individual", "extended", "measured", "auto")
-LIGHT_FORMS = ("paper", "individual", "linear", "extended")
+LIGHT_FORMS = ("paper", "individual", "linear", "extended", "measured", "auto")
 
 
 @click.command()
@@ -74,8 +75,8 @@ def calibrate(
     Thymio's series (sensor02_light.csv).
     Forms: paper has the paper's laws with common constants and its printed gains; individual has
     constants for each sensor, light read linearly, and refitted gains; extended adds directions,
-    distance offset, exponents, Lambertian surfaces and the lamp's height; measured knows no law of
-    proximity: rays, a lobe, a curve and noise for each sensor (light as extended).
+    distance offset, exponents, Lambertian surfaces and the lamp's height; measured knows no law:
+    rays, a lobe, a curve and noise for each sensor (light by the extended optics).
 
     \b
     Examples: a profile from two tables; judged on a third
@@ -164,6 +165,8 @@ def _facts(made: Calibration) -> dict[str, object]:
                 },
                 "model_error_over_noise": {str(m.sensor): m.ratio for m in fit.sensors},
                 "model_error_over_noise_lit_held_out": {str(m.sensor): m.lit_ratio for m in fit.judged},
+                "explained_by_places_1_mm_off": fit.misplaced,
+                "model_error_over_noise_without_them": fit.ratio_placed,
                 "cannot_tell_apart": [{"a": a, "b": b, "correlation": r} for a, b, r in fit.fit.alike],
             }
             for fit in made.channels
@@ -189,9 +192,16 @@ def _tell(made: Calibration, target: Path, page: Path | None) -> None:
             tail += ", depends on the reading" if e.depends else ""
             click.echo(f"  noise, {e.channel}: {e.deviation:.2f} counts ({e.low:.2f} to {e.high:.2f}){tail}")
         ratios = ", ".join(f"{m.sensor} {m.lit_ratio:.2f}" for m in fit.judged)
+        share = fit.ratio * fit.deviation / made.profile.channel(fit.kind).top
         click.echo(
-            f"  model error over noise, held out, neither dark nor saturated: {fit.ratio:.2f} ({ratios})"
+            f"  model error over noise, held out, neither dark nor saturated: {fit.ratio:.2f} ({ratios}), "
+            f"{share:.1%} of the full scale"
         )
+        if isfinite(fit.misplaced):
+            click.echo(
+                f"  places set by hand, if each is a millimetre off, explain {fit.misplaced:.2f} of it and "
+                f"leave {fit.ratio_placed:.2f}"
+            )
         _tell_alike(fit.fit.alike)
     if made.wheels:
         forms = ", ".join(f"{name} {value:.3f}" for name, value in made.wheels.rmse.items())

@@ -5,10 +5,10 @@ exactly. Most sensors are in that state most of the time, so it is asked first, 
 side by side, by conditions that are never wrong in saying no.
 """
 
-from realitygap.kernels.geometry import Rays, Spot, is_tinted, see, tint
+from realitygap.kernels.geometry import TOUCHING, Rays, Spot, is_tinted, see, tint
 from realitygap.kernels.jit import step
 from realitygap.kernels.near import SPARE, cell_at, is_beyond
-from realitygap.kernels.params import LANES
+from realitygap.kernels.params import LANES, RAYS
 from realitygap.kernels.response import respond
 
 
@@ -145,18 +145,29 @@ def added(t):
 
 
 @step
+def thrown_back(robot, k, inverse):
+    """What one ray brings a measured sensor: a / ((d + offset)² + width²), 0 beyond its range."""
+    v = inverse if inverse >= robot.proximity_least else 0.0
+    near = max(1.0 + robot.proximity_offset[k] * v, TOUCHING * v)
+    return robot.proximity_a[k] * (v * v) / (near * near + robot.proximity_width2 * (v * v))
+
+
+@step
 def gathered(robot, arena, k, rays, t):
-    """What reaches a measured sensor: Σ weight a ρ cos / ((d + offset)² + width²) of rays in its range."""
-    offset, width2, least = robot.proximity_offset[k], robot.proximity_width2, robot.proximity_least
-    a, inverse = robot.proximity_a[k], rays.inverse
+    """What reaches a measured sensor: Σ weight ρ cos a / ((d + offset)² + width²), less what beams overlap.
+
+    That is what a flat surface, at the distance of the middle ray, throws back into the outermost.
+    """
+    inverse, overlap, middle = rays.inverse, 0.0, RAYS // 2
     for i in range(inverse.shape[0]):
-        v = inverse[i] if inverse[i] >= least else 0.0
-        near = 1.0 + offset * v
-        t[i] = robot.proximity_weight[k, i] * (a * (v * v) / (near * near + width2 * (v * v)))
+        t[i] = robot.proximity_weight[k, i] * thrown_back(robot, k, inverse[i])
+    if robot.proximity_overlap > 0.0:
+        overlap = robot.proximity_overlap * thrown_back(robot, k, inverse[middle] * robot.proximity_cone)
     if surfaces_differ(robot, arena):
         for i in range(inverse.shape[0]):
             t[i] *= rays.incidence[i]
-    return added(t)
+        overlap *= rays.incidence[middle]
+    return added(t) - overlap
 
 
 @step

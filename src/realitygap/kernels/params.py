@@ -95,6 +95,8 @@ class Robot(NamedTuple):
     proximity_width2: float
     proximity_least: float
     """width², cm²; and 1/d of a ray below which nothing comes back."""
+    proximity_overlap: float
+    """Weight of what is taken off: what a flat surface before the middle ray throws into the outermost."""
     proximity_dead: float
     """Counts below which the sensors read 0."""
     proximity_noise: F

@@ -30,7 +30,7 @@ __all__ = [
 
 FEEDS = ("proximity", "ambient")
 MEASURED = {
-    "lobe", "aperture_deg", "width_cm", "range_cm", "curve_cm", "dead", "curve_light",
+    "lobe", "overlap", "aperture_deg", "width_cm", "range_cm", "curve_cm", "dead", "curve_light",
     "curve", "noise", "noise_rise",
 }  # fmt: skip
 """Keys that only sensors as measured have: left out of a file where they are 0 or empty."""
@@ -165,7 +165,7 @@ class Profile(Value):
                 place = (sensor.x_cm, sensor.y_cm)
                 key, depth = f"{part}.sensors[{i}]", self.body.depth_cm(*place)
                 require(depth >= -ON_EDGE, key, f"a place inside the body (radius {radius:g} cm)", place)
-                offset = getattr(sensor, "offset_cm", 0.0)
+                offset = 0.0 if sensor.curve else getattr(sensor, "offset_cm", 0.0)
                 cure = "The sensor's distance to what the body touches would be 0."
                 fits = offset >= 0 or offset > -depth
                 require(fits, f"{key}.offset_cm", f"more than {-depth:.3g}", offset, cure)

@@ -68,9 +68,10 @@ class Infrared(Value):
     Beyond the paper: with matt 1 surfaces throw a back by the cosine of the angle under which a ray
     meets them (Lambert). Sensors with a curve read as measured: x = Σ lobe a / ((d + offset)² + width²)
     over rays at 0, ¼, ½, ¾ and 1 of `aperture_deg` to either side, none of which sees beyond `range_cm`
-    (0: no end), and a curve holds counts at equal steps of √x / (√x + 1/curve_cm) from 0 to 1; readings
-    below `dead` are 0. A sensor's noise holds deviations at equal steps of the reading, 0 … top, and its
-    rise with the wheels' speed (a share for each cm/s).
+    (0: no end), less `overlap` times what the outermost would see of a flat surface at the middle ray's d;
+    d + offset counts from 0 on. A curve holds counts at equal steps of √x / (√x + 1/curve_cm) from 0 to 1;
+    readings below `dead` are 0. A sensor's noise holds deviations at equal steps of the reading, 0 … top,
+    and its rise with the wheels' speed (a share for each cm/s).
     """
 
     exponent: float
@@ -79,6 +80,7 @@ class Infrared(Value):
     sensors: tuple[ProximitySensor, ...]
     matt: float = 0.0
     lobe: tuple[float, ...] = ()
+    overlap: float = 0.0
     aperture_deg: float = 0.0
     width_cm: float = 0.0
     range_cm: float = 0.0
@@ -109,6 +111,7 @@ class Infrared(Value):
             "proximity_knee": 1.0 / self.curve_cm if self.curve_cm else 0.0,
             "proximity_width2": self.width_cm**2,
             "proximity_least": 1.0 / self.range_cm if self.range_cm else 0.0,
+            "proximity_overlap": self.overlap,
             "proximity_dead": self.dead,
             "proximity_noise": table([s.noise for s in sensors]),
             "proximity_rise": np.array([s.noise_rise for s in sensors]),
@@ -139,7 +142,7 @@ class Infrared(Value):
             wide = self.aperture_deg
             require(0 < wide <= 85, "aperture_deg", "degrees above 0, at most 85", wide)
             require(self.curve_cm > 0, "curve_cm", "more than 0", self.curve_cm)
-        for key in ("width_cm", "range_cm"):
+        for key in ("width_cm", "range_cm", "overlap"):
             require(getattr(self, key) >= 0, key, "0 or more", getattr(self, key))
         require(0 <= self.dead < self.top, "dead", "counts from 0 to below top", self.dead)
         require(self.matt in (0.0, 1.0), "matt", "0 (as in the paper) or 1", self.matt)

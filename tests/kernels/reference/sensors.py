@@ -49,8 +49,17 @@ def proximity_sum(profile: Profile, arena: Arena, pose, k: int) -> float:
 
 
 def gathered(profile: Profile, arena: Arena, pose, k: int) -> float:
-    """x = Σ share a ρ cos / ((d + offset)² + width²) of measured sensor `k`: what reaches it, ray by ray."""
+    """x = Σ share a ρ cos / ((d + offset)² + width²) of measured sensor `k`: what reaches it, ray by ray.
+
+    Less what the outermost rays would see of a flat surface at the middle ray's distance, `overlap` times.
+    """
     law, sensor = profile.infrared, profile.infrared.sensors[k]
+
+    def back(d: float) -> float:
+        if law.range_cm and d > law.range_cm:
+            return 0.0
+        return sensor.a / (max(d + sensor.offset_cm, 1e-3) ** 2 + law.width_cm**2)
+
     place, direction = place_and_direction(sensor, pose)
     total = 0.0
     for quarters, share in enumerate(law.lobe):
@@ -58,10 +67,11 @@ def gathered(profile: Profile, arena: Arena, pose, k: int) -> float:
             beta = side * math.radians(law.aperture_deg * quarters / 4)
             ray = (math.cos(direction + beta), math.sin(direction + beta))
             d = distance(arena, place, ray)
-            if not law.range_cm or d <= law.range_cm:
-                slant = cosine_of_incidence(arena, place, ray, d) if law.matt else 1.0
-                back = slant * reflectance(arena, place, ray)
-                total += share / 2 * sensor.a * back / ((d + sensor.offset_cm) ** 2 + law.width_cm**2)
+            slant = cosine_of_incidence(arena, place, ray, d) if law.matt else 1.0
+            slant *= reflectance(arena, place, ray)
+            total += share / 2 * slant * back(d)
+            if quarters == 0:
+                total -= law.overlap / 2 * slant * back(d / math.cos(math.radians(law.aperture_deg)))
     return total
 
 
