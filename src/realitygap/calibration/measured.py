@@ -195,7 +195,7 @@ class Measured:
         there = self._at_places(use)
         values = self._ended(self._places, fit.values, there)
         values = self._solved(self._places, values, there, self._noise, intervals=False).values
-        return self.optics.shown(values, use)
+        return self.optics.shown(self._ended(self._places, values, there), use)
 
     def _at_places(self, use: Use) -> Use:
         """[m, S] the places of which any reading is in `use` [n, S]."""
