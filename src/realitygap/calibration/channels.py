@@ -34,6 +34,8 @@ OVERFITTED = 1.3
 """Held-out RMSE over the fitted one, from which on a form is said to fit more than the robot."""
 FAR_OFF, NARROW = 10.0, 4.0
 """Model error over noise, and an angular exponent, from which on a light's distances are doubted."""
+AS_GOOD = 1.1
+"""A form that errs so many times as much on places held out is still heard."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -135,7 +137,8 @@ def fit_infrared(
         made[MEASURED] = profile
     best = min(off, key=lambda name: rows.rmse_lit(off[name])) if form == AUTO else form
     found = _channel("infrared", best, rows, fits, off, made[best])
-    fit, unsure = agreed(best, fits)
+    errs = {name: rows.rmse_lit(model) for name, model in off.items()}
+    fit, unsure = agreed(best, {name: fits[name] for name in errs if errs[name] <= AS_GOOD * errs[best]})
     found = replace(found, fit=fit, warnings=(*found.warnings, *unsure))
     if best == MEASURED:
         found = replace(found, profile=_with_noise(found, rows))
@@ -144,7 +147,8 @@ def fit_infrared(
 
 def agreed(form: str, fits: Mapping[str, Fit]) -> tuple[Fit, tuple[str, ...]]:
     """A form's fit, in which reflectances that another form puts elsewhere count as not told; and in words
-    which those are. An interval holds if its form does: what both forms say is not the form's doing.
+    which those are. An interval holds if its form does: what two forms say that err as little is neither's
+    doing.
     """
     fit, said = fits[form], []
     others = [(name, c) for name, one in fits.items() if name != form for c in one.constants]
