@@ -126,6 +126,25 @@ def test_a_learner_learns(monkeypatch):
     assert learn.main(4) > 0.3
 
 
+def test_other_peoples_optimisers_find_something(monkeypatch):
+    """CMA-ES and differential evolution do better than nothing within a few generations."""
+    pytest.importorskip("cma", reason="no pycma here: pip install cma")
+    monkeypatch.syspath_prepend(EXAMPLES)
+    import optimise
+
+    assert min(optimise.main(12).values()) > 0.1
+
+
+def test_an_archive_of_behaviours_fills(monkeypatch, tmp_path):
+    """And is drawn."""
+    pytest.importorskip("ribs", reason="no pyribs here: pip install ribs")
+    monkeypatch.syspath_prepend(EXAMPLES)
+    import illuminate
+
+    assert illuminate.main(6, tmp_path / "map.png").stats.num_elites > 30
+    assert (tmp_path / "map.png").stat().st_size > 5000
+
+
 def stop_at(done: int) -> Callable[[Progress], None]:
     """Ctrl-C once so many evaluations are done."""
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from realitygap.errors import TaskError
 from realitygap.kernels.params import Path, Room
 
-__all__ = ["CompiledScore", "Score", "compile_score", "example"]
+__all__ = ["CompiledScore", "Score", "compile_score", "example", "reason"]
 
 Score = Callable[[Any, Any], float]
 """What a user writes: (Path, Room) → a number, larger is better."""
@@ -106,7 +106,7 @@ def compile_score(score: Score) -> CompiledScore:
     try:
         compiled.compile(types)
     except Exception as error:  # Numba's own errors, and those it lets through (a name NumPy lacks)
-        raise TaskError(f"{_where(score, error)}: the score cannot be compiled: {_reason(error)}") from None
+        raise TaskError(f"{_where(score, error)}: the score cannot be compiled: {reason(error)}") from None
     returned = compiled.overloads[types].signature.return_type
     if returned != numba.float64:
         raise TaskError(
@@ -187,7 +187,7 @@ def _named(returned: Any) -> str:
     return "int" if text.startswith(("Literal[int]", "int", "uint")) else text
 
 
-def _reason(error: Exception) -> str:
+def reason(error: Exception) -> str:
     """The line of Numba's report that says what is wrong, and what a score may use."""
     dull = ("Failed in", "During:", "File ", "<source", "This error", "-", "^", ">>>", "def ")
     plain = re.sub(r"\x1b\[[0-9;]*m", "", str(error))
@@ -199,4 +199,4 @@ def _reason(error: Exception) -> str:
     lines = [line.strip() for line in plain.splitlines()]
     told = [line for line in lines if line and not line.startswith(dull)]
     first = next((line for line in told if "rror" in line or "nknown" in line or "No " in line), "")
-    return f"{(first or (told or ['unknown'])[0]).rstrip('.')}. A score may use numbers, math and NumPy only."
+    return f"{(first or (told or ['unknown'])[0]).rstrip('.')}. It may use numbers, math and NumPy only."

@@ -1,0 +1,104 @@
+"""Controllers with real-valued weights, and trials under them: for anybody's optimiser.
+
+A controller is a function decide(weights, memory, inputs, outputs): inputs −1 … 1 in tenths, as the paper's
+network has them; `memory` is 0 when a trial begins, and its own from step to step; outputs −1 … 1 are rounded
+to tenths of the top command. It writes into the last two and returns nothing.
+"""
+
+import math
+
+from realitygap.kernels.jit import step
+from realitygap.kernels.network import LIMIT
+from realitygap.kernels.params import Path
+from realitygap.kernels.trial import act, begin, draw_noise, draw_start, feed_network, move, note, sense
+
+
+@step
+def feed_forward(weights, memory, inputs, outputs):
+    """One hidden layer of tanh: weights [H, I + 1] into it and [2, H + 1] out of it, biases last.
+
+    H follows from the number of weights; the hidden layer's values are kept in `memory`.
+    """
+    n = inputs.shape[0]
+    hidden = (weights.shape[0] - 2) // (n + 3)
+    at = 0
+    for j in range(hidden):
+        total = weights[at + n]
+        for i in range(n):
+            total += weights[at + i] * inputs[i]
+        memory[j] = math.tanh(total)
+        at += n + 1
+    for o in range(2):
+        total = weights[at + hidden]
+        for j in range(hidden):
+            total += weights[at + j] * memory[j]
+        outputs[o] = math.tanh(total)
+        at += hidden + 1
+
+
+@step
+def recurrent(weights, memory, inputs, outputs):
+    """An Elman network: weights [H, I + H + 1] into its hidden layer and [2, H + 1] out of it, biases last.
+
+    memory [2H]: the layer's values now and a step ago.
+    """
+    n = inputs.shape[0]
+    hidden = memory.shape[0] // 2
+    for j in range(hidden):
+        memory[hidden + j] = memory[j]
+    at = 0
+    for j in range(hidden):
+        total = weights[at + n + hidden]
+        for i in range(n):
+            total += weights[at + i] * inputs[i]
+        for i in range(hidden):
+            total += weights[at + n + i] * memory[hidden + i]
+        memory[j] = math.tanh(total)
+        at += n + hidden + 1
+    for o in range(2):
+        total = weights[at + hidden]
+        for j in range(hidden):
+            total += weights[at + j] * memory[j]
+        outputs[o] = math.tanh(total)
+        at += hidden + 1
+
+
+@step
+def command(value):
+    """An output −1 … 1 as whole units −10 … 10."""
+    return math.floor(min(max(value, -1.0), 1.0) * LIMIT + 0.5)
+
+
+def trials_under(decide):
+    """The loop over trials under a compiled `decide`, to be compiled with it."""
+
+    def run(world, nobody, weights, which, streams, paths, work, own):
+        """Trial t is controller which[t] on streams[t], into paths[t]; how many outputs were not finite.
+
+        own: scratch (memory, inputs, outputs).
+        """
+        memory, inputs, outputs = own
+        wrong = 0
+        for t in range(which.shape[0]):
+            draw_start(world.task, streams[t], work.start)
+            begin(nobody, 0, work.start, work)
+            p = paths[t]
+            path = Path(p[0], p[1], p[2], p[3], p[4], p[5])
+            for i in range(memory.shape[0]):
+                memory[i] = 0.0
+            for k in range(world.task.steps):
+                draw_noise(world.level, streams[t], k, work.readings.shape[0], work)
+                sense(world.robot, world.arena, world.task.feed, world.level, work)
+                feed_network(world.robot, world.task, work)
+                for i in range(inputs.shape[0]):
+                    inputs[i] = work.inputs[i] / LIMIT
+                decide(weights[which[t]], memory, inputs, outputs)
+                for w in range(2):
+                    wrong += 0 if math.isfinite(outputs[w]) else 1
+                    work.outputs[w] = command(outputs[w])
+                act(world.robot, nobody, 0, world.level, work)
+                move(world.robot, world.arena, work)
+                note(path, k, work)
+        return wrong
+
+    return run

@@ -1,0 +1,130 @@
+"""What a vector of numbers stands for: controllers with weights, of ours or of a user's own file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.errors import UsageError
+from realitygap.kernels import policy
+from realitygap.kernels.network import LIMIT
+from realitygap.tasks.scoring import reason
+from realitygap.user_code import named_object, place_of
+from realitygap.values import Command
+
+__all__ = ["Form", "WeightedController", "form_of"]
+
+Floats = NDArray[np.float64]
+Decide = Callable[[Floats, Floats, Floats, Floats], None]
+WIDEST = 256
+"""Hidden neurons at most."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Form:
+    """A kind of controller with real-valued weights.
+
+    Attributes:
+        weights: how many; memory: numbers that it keeps from step to step.
+        decide: writes outputs, see `kernels.policy`; the compiled function, or a user's.
+        run: trials under it, compiled.
+    """
+
+    weights: int
+    memory: int
+    decide: Decide
+    run: Callable[..., int]
+
+
+class WeightedController:
+    """One of them that drives any body, as a network does: inputs −10 … 10 in, commands −10 … 10 out."""
+
+    def __init__(self, form: Form, weights: Floats) -> None:
+        self.form, self.weights = form, np.array(weights, np.float64)
+        self._memory, self._outputs = np.zeros(form.memory), np.zeros(2)
+
+    def reset(self) -> None:
+        """Before a trial: it remembers nothing."""
+        self._memory[:] = 0.0
+
+    def decide(self, inputs: Sequence[int]) -> Command:
+        """One step.
+
+        Raises:
+            UsageError: an output is no finite number.
+        """
+        self.form.decide(self.weights, self._memory, np.array(inputs, np.float64) / LIMIT, self._outputs)
+        if not np.isfinite(self._outputs).all():
+            raise UsageError(f"controller: expected finite outputs, got {self._outputs.tolist()}.")
+        left, right = (int(policy.command(value)) for value in self._outputs)
+        return Command(left=left, right=right)
+
+
+def form_of(name: str, inputs: int) -> Form:
+    """A controller by its name.
+
+    Args:
+        name: "feed-forward:8" or "recurrent:4", with its hidden neurons; or FILE.py:NAME, a function
+            decide(weights, memory, inputs, outputs) whose file says how many `WEIGHTS` and how much `MEMORY`
+            it needs (numbers, or functions of the inputs' number).
+        inputs: how many sensors feed it.
+
+    Raises:
+        UsageError: no such controller; names what was expected.
+    """
+    if place_of(name) is not None:
+        return _own(name, inputs)
+    kind, _, size = str(name).partition(":")
+    hidden = int(size) if size.isdecimal() else 0
+    if kind not in ("feed-forward", "recurrent") or not 1 <= hidden <= WIDEST:
+        raise UsageError(
+            "controller: expected feed-forward:N or recurrent:N (hidden neurons, 1 to "
+            f"{WIDEST}), delay-network, or FILE.py:NAME, got {name!r}."
+        )
+    if kind == "feed-forward":
+        weights, memory, decide = hidden * (inputs + 1), hidden, policy.feed_forward
+    else:
+        weights, memory, decide = hidden * (inputs + hidden + 1), 2 * hidden, policy.recurrent
+    weights += 2 * (hidden + 1)
+    return Form(weights=weights, memory=memory, decide=decide, run=_compiled(decide, False))
+
+
+def _own(name: str, inputs: int) -> Form:
+    """A user's function, compiled."""
+    from realitygap.kernels.jit import SHELF
+
+    plain: Any = named_object(name, UsageError, "controller")
+    sizes = [plain.__globals__.get(key, default) for key, default in (("WEIGHTS", None), ("MEMORY", 0))]
+    weights, memory = (size(inputs) if callable(size) else size for size in sizes)
+    for key, size, least in (("WEIGHTS", weights, 1), ("MEMORY", memory, 0)):
+        if isinstance(size, bool) or not isinstance(size, int) or size < least:
+            raise UsageError(f"{name}: {key}: expected a whole number, {least} or more, got {size!r}.")
+    decide = SHELF.compiled(plain, error_model="numpy", boundscheck=True)
+    try:
+        decide(np.zeros(weights), np.zeros(memory), np.zeros(inputs), np.zeros(2))
+    except Exception as error:
+        file, why = Path(name.rpartition(":")[0]).name, reason(error).rstrip(".")
+        raise UsageError(
+            f"{file}: the controller cannot be carried out: {why}. It is given weights[{weights}], "
+            f"memory[{memory}], inputs[{inputs}] and outputs[2], and may use numbers, math and NumPy."
+        ) from None
+    return Form(weights=weights, memory=memory, decide=decide, run=_compiled(decide, True))
+
+
+@lru_cache(maxsize=16)
+def _compiled(decide: Any, may_allocate: bool) -> Callable[..., int]:
+    """Trials under a controller: ours never allocate, which halves their time."""
+    from realitygap.kernels.jit import SHELF
+
+    made = SHELF.compiled(
+        policy.trials_under(decide), like=decide, error_model="numpy", nogil=True,
+        fastmath={"nnan", "ninf", "nsz"} if not may_allocate else False, _nrt=may_allocate,
+    )  # fmt: skip
+    run: Callable[..., int] = made
+    return run

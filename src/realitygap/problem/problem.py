@@ -1,0 +1,213 @@
+"""A task as a problem for anybody's optimiser: solutions [B, dim] in, fitness and measures out.
+
+problem = Problem("obstacle-avoidance", controller="feed-forward:8")
+batch = problem.evaluate(X, seed=generation)        # maximise batch.fitness
+"""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from os import PathLike
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.controller.layout import (
+    DELAY,
+    EXPRESSED,
+    FIRST_LINK,
+    LINK_FIELDS,
+    MAX_DELAY,
+    MAX_THRESHOLD,
+    MAX_WEIGHT,
+    SOURCE,
+    THRESHOLD,
+    WEIGHT,
+    Layout,
+)
+from realitygap.controller.network import NetworkController, decode
+from realitygap.controller.operators import Variation
+from realitygap.errors import UsageError
+from realitygap.kernels import halves
+from realitygap.kernels.params import Networks, Path
+from realitygap.kernels.work import new_work
+from realitygap.problem.controllers import WeightedController, form_of
+from realitygap.simulation.simulation import Simulation, batch_streams
+from realitygap.tasks.task import Task
+from realitygap.world.arena import Arena
+from realitygap.world.profile import Profile
+
+__all__ = ["Batch", "Problem"]
+
+Floats = NDArray[np.float64]
+REACH = 4.0
+"""Weights lie in ±4, as the paper's do (§5.3); nothing but the bounds says so."""
+FRESH = 2**62
+"""Seeds from here on are those of retests."""
+MEASURES = ("speed", "turning")
+
+
+class Batch(NamedTuple):
+    """What became of B solutions.
+
+    Attributes:
+        fitness: [B] mean score over the trials; larger is better.
+        measures: [B, 2] the wheels' mean speed, and how much faster the right one turned than the left, over
+            the top speed; means over the trials.
+        info: "scores" [B, trials], "sd" [B] over the trials.
+    """
+
+    fitness: Floats
+    measures: Floats
+    info: dict[str, Floats]
+
+
+class Problem:
+    """A task, a robot and a kind of controller.
+
+    Args:
+        task: one that comes with the package, a Python file of one's own, or a Task.
+        controller: "feed-forward:8" or "recurrent:4" (hidden neurons; weights are real numbers),
+            "delay-network" (the paper's genotype of slots, whole numbers), or FILE.py:NAME
+            (`controllers.form_of` says what that is).
+        profile: the robot: a shipped profile's name or a TOML file.
+        noise: zero, observed, double or a number.
+        arena: in place of the task's.
+        workers: threads; one a core if None. It never changes a result.
+
+    Attributes:
+        dim: numbers of a solution.
+        bounds: [2, dim] lowest and highest; what lies beyond is clipped.
+        integer: bool[dim], numbers that are rounded to whole ones.
+        measures: their names; measure_bounds: [2, 2] lowest and highest of each.
+        simulation: where solutions are tried.
+
+    Raises:
+        RealityGapError: no such task, controller, profile, noise or arena; says what was expected.
+    """
+
+    measures = MEASURES
+
+    def __init__(
+        self,
+        task: Task | str | PathLike[str],
+        controller: str = "feed-forward:8",
+        *,
+        profile: Profile | str | PathLike[str] = "paper",
+        noise: str | float = "observed",
+        arena: Arena | str | PathLike[str] | None = None,
+        workers: int | None = None,
+    ) -> None:
+        self.simulation = Simulation(task, profile, noise, arena)
+        self.workers = workers or os.cpu_count() or 1
+        self._cores = self.simulation._cores
+        inputs = len(self._cores.trial.channels)
+        self.layout = Layout(inputs=inputs) if controller == "delay-network" else None
+        if self.layout is not None:
+            self.bounds = _gene_bounds(self.layout)
+        else:
+            self.form = form_of(controller, inputs)
+            self.bounds = np.array([[-REACH], [REACH]]) * np.ones(self.form.weights)
+        self.dim = self.bounds.shape[1]
+        self.integer = np.full(self.dim, self.layout is not None)
+        self.measure_bounds = np.array([[-1.0, -1.0], [1.0, 1.0]])
+
+    def x0(self, seed: int = 0) -> Floats:
+        """[dim] where a search may begin: no weights, or a random genotype of the paper's kind."""
+        if self.layout is None:
+            return np.zeros(self.dim)
+        return Variation(layout=self.layout).random(np.uint64(seed)).reshape(-1).astype(np.float64)
+
+    def decode(self, solutions: Any) -> Any:
+        """Weights [B, dim] within the bounds; of "delay-network" genotypes int8[B, slots, fields].
+
+        Raises:
+            UsageError: an array of another shape, or numbers that are not finite.
+        """
+        given = np.atleast_2d(np.asarray(solutions, np.float64))
+        if given.ndim != 2 or given.shape[1] != self.dim or not np.isfinite(given).all():
+            expected = f"finite numbers [B, {self.dim}]"
+            raise UsageError(f"solutions: expected {expected}, got an array of shape {list(given.shape)}.")
+        inside = np.clip(given, *self.bounds)
+        if self.layout is None:
+            return inside
+        return np.rint(inside).astype(np.int8).reshape(-1, *self.layout.shape)
+
+    def controller(self, solution: Any) -> WeightedController | NetworkController:
+        """What drives any body as one solution [dim] does."""
+        (one,) = self.decode(solution)
+        if self.layout is not None:
+            return NetworkController(one, self.layout)
+        return WeightedController(self.form, one)
+
+    def evaluate(self, solutions: Any, seed: int = 0, trials: int | None = None) -> Batch:
+        """Fitness of solutions on the same trials each: a function of solution, seed and number of trials.
+
+        Args:
+            solutions: [B, dim].
+            seed: names the trials' starts and noise; take another for each generation.
+            trials: of each; the task's own if None.
+
+        Raises:
+            UsageError: an array that does not fit, a seed that is none, or outputs that are no numbers.
+        """
+        decoded = self.decode(solutions)
+        streams = batch_streams(seed, self._trials(trials))
+        made = decode(decoded, self.layout) if self.layout is not None else decoded
+        jobs = [part for part in np.array_split(np.arange(len(decoded)), 4 * self.workers) if len(part)]
+        _ = self._cores.score, self._cores.room, self._cores.world  # made once, before threads ask
+        with ThreadPoolExecutor(self.workers) as pool:
+            parts = list(pool.map(lambda part: self._part(made, part, streams), jobs))
+        scores, measures = (np.concatenate(one) for one in zip(*parts, strict=True))
+        self._cores.require_finite(scores)
+        return Batch(scores.mean(1), measures, {"scores": scores, "sd": scores.std(1)})
+
+    def retest(self, solutions: Any, trials: int = 100, seed: int = 0) -> Batch:
+        """Fitness on trials that no `evaluate` with a seed below 2**62 has seen: of a champion, never its own
+        best luck."""
+        return self.evaluate(solutions, FRESH + seed, trials)
+
+    def _trials(self, trials: int | None) -> int:
+        count = self.simulation.task.trials if trials is None else trials
+        if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+            raise UsageError(f"trials: expected a whole number, 1 or more, got {trials!r}.")
+        return count
+
+    def _part(self, made: Any, part: NDArray[np.int64], streams: NDArray[np.uint64]) -> tuple[Floats, Floats]:
+        """Scores [b, trials] and measures [b, 2] of some solutions, one after the other, in one thread."""
+        cores, trials = self._cores, len(streams)
+        networks = isinstance(made, Networks)
+        nobody = made if networks else halves.quiet()
+        work = new_work(cores.robot, cores.trial, nobody)
+        paths = np.zeros((trials, len(Path._fields), cores.trial.steps))
+        scores, measures = np.empty((len(part), trials)), np.empty((len(part), 2))
+        own = None if networks else (np.zeros(self.form.memory), np.zeros(len(work.inputs)), np.zeros(2))
+        for i, one in enumerate(part):
+            which = np.full(trials, one)
+            if networks:
+                from realitygap.kernels import batch
+
+                batch.run_trials(cores.world, made, which, streams, paths, work)
+            elif self.form.run(cores.world, nobody, made, which, streams, paths, work, own):
+                raise UsageError(f"controller: expected finite outputs, not so of solution {one}.")
+            scores[i] = cores.score.over(paths, cores.room)
+            speed, apart = paths[:, 3:5].mean(0).mean(1)
+            measures[i] = (speed + apart) / 2, (apart - speed) / 2
+        cores.require_finite_path(paths)
+        return scores, np.clip(measures / cores.room.top_speed, -1.0, 1.0)
+
+
+def _gene_bounds(layout: Layout) -> Floats:
+    """[2, genes] of the paper's encoding (§5.2, §5.3); what must be expressed cannot be switched off."""
+    low, high = np.zeros((2, *layout.shape))
+    high[:, EXPRESSED] = 1
+    low[: layout.first_hidden, EXPRESSED] = 1
+    low[:, THRESHOLD], high[:, THRESHOLD] = -MAX_THRESHOLD, MAX_THRESHOLD
+    fields = slice(FIRST_LINK, None)
+    for column, least, most in ((0, 0, 1), (SOURCE, 0, layout.slots - 1), (WEIGHT, -MAX_WEIGHT, MAX_WEIGHT),
+                                (DELAY, 0, MAX_DELAY)):  # fmt: skip
+        low[:, fields][:, column::LINK_FIELDS] = least
+        high[:, fields][:, column::LINK_FIELDS] = most
+    return np.stack([low.reshape(-1), high.reshape(-1)])

@@ -1,0 +1,174 @@
+"""Tasks as problems for anybody's optimiser."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from realitygap.controller.network import decode
+from realitygap.errors import UsageError
+from realitygap.problem import Problem
+from realitygap.robots.loop import drive
+from realitygap.simulation.body import SimulatedBody, network_inputs
+from realitygap.simulation.simulation import Simulation, batch_streams
+from realitygap.transfer.paths import of_poses
+from realitygap.transfer.paths import score as of_track
+
+RANDOM = np.random.default_rng(5)
+FEED, ELMAN = "feed-forward:3", "recurrent:2"
+
+
+@pytest.fixture(scope="module", params=[FEED, ELMAN])
+def problem(request) -> Problem:
+    return Problem("obstacle-avoidance", request.param, workers=1)
+
+
+def feed_forward(weights, inputs, hidden):
+    """The slow, obvious one."""
+    into, out = np.split(weights, [hidden * (len(inputs) + 1)])
+    into, out = into.reshape(hidden, -1), out.reshape(2, -1)
+    values = np.tanh(into[:, :-1] @ inputs + into[:, -1])
+    return np.tanh(out[:, :-1] @ values + out[:, -1])
+
+
+def test_feed_forward_is_the_obvious_one():
+    """Random weights, random inputs: the same outputs, hence the same commands."""
+    one = Problem("obstacle-avoidance", FEED)
+    for _ in range(200):
+        weights, inputs = RANDOM.normal(size=one.dim), RANDOM.integers(-10, 11, 8)
+        got = one.controller(weights).decide(inputs)
+        outputs = feed_forward(np.clip(weights, -4, 4), inputs / 10, 3)
+        assert [got.left, got.right] == np.floor(outputs * 10 + 0.5).tolist()
+
+
+def test_recurrent_is_the_obvious_one():
+    """It remembers its hidden layer from step to step, and nothing from trial to trial."""
+    one = Problem("obstacle-avoidance", ELMAN)
+    weights = RANDOM.normal(size=one.dim)
+    into, out = weights[: 2 * 11].reshape(2, 11), weights[2 * 11 :].reshape(2, 3)
+    driver = one.controller(weights)
+    for _ in range(2):
+        driver.reset()
+        memory = np.zeros(2)
+        for _ in range(50):
+            inputs = RANDOM.integers(-10, 11, 8)
+            memory = np.tanh(into[:, :8] @ (inputs / 10) + into[:, 8:10] @ memory + into[:, 10])
+            outputs = np.tanh(out[:, :2] @ memory + out[:, 2])
+            got = driver.decide(inputs)
+            assert [got.left, got.right] == np.floor(outputs * 10 + 0.5).tolist()
+
+
+class Watched:
+    """Drives as a solution does, and keeps where the robot was."""
+
+    def __init__(self, inner, body):
+        self.inner, self.body = inner, body
+
+    def reset(self):
+        self.inner.reset()
+        self.poses = []
+
+    def decide(self, inputs):
+        self.poses.append(self.body.pose)
+        return self.inner.decide(inputs)
+
+
+def test_a_controller_drives_a_body_as_it_was_evaluated(problem):
+    """A trial of the compiled loop is that of the simulated body, driven step by step."""
+    weights, simulation = RANDOM.normal(size=problem.dim), problem.simulation
+    batch = problem.evaluate(weights, seed=3, trials=2)
+    for stream, score in zip(batch_streams(3, 2), batch.info["scores"][0], strict=True):
+        body = SimulatedBody(simulation, stream=int(stream))
+        watched = Watched(problem.controller(weights), body)
+        drive(body, watched, seconds=20.0, inputs=network_inputs(simulation))
+        track = of_poses([*watched.poses, body.pose])
+        assert of_track(track, simulation.task, simulation.profile) == pytest.approx(score, abs=0.005)
+
+
+def test_fitness_depends_on_nothing_else(problem):
+    """Not on the others of its batch, their order, or the number of threads; but on the seed."""
+    solutions = RANDOM.normal(size=(7, problem.dim))
+    whole = problem.evaluate(solutions, seed=1)
+    assert (problem.evaluate(solutions[3], seed=1).fitness == whole.fitness[3]).all()
+    assert (problem.evaluate(solutions[::-1], seed=1).fitness == whole.fitness[::-1]).all()
+    problem.workers = 3
+    more = problem.evaluate(solutions, seed=1)
+    problem.workers = 1
+    assert (more.fitness == whole.fitness).all() and (more.measures == whole.measures).all()
+    assert (problem.evaluate(solutions, seed=2).fitness != whole.fitness).any()
+
+
+def test_what_comes_back(problem):
+    """Means, spread, and measures within their bounds."""
+    solutions = RANDOM.normal(size=(5, problem.dim)) * 3
+    batch = problem.evaluate(solutions, seed=1, trials=3)
+    scores = batch.info["scores"]
+    assert scores.shape == (5, 3) and (batch.fitness == scores.mean(1)).all()
+    assert (batch.info["sd"] == scores.std(1)).all()
+    low, high = problem.measure_bounds
+    assert batch.measures.shape == (5, 2) and (low <= batch.measures).all() and (batch.measures <= high).all()
+    assert np.ptp(batch.measures, axis=0).min() > 0
+    assert problem.retest(solutions, trials=3).fitness.shape == (5,)
+
+
+def test_driving_straight_and_turning_are_told_by_the_measures(problem):
+    """A controller of biases alone: both wheels forward; one back."""
+    weights, hidden = np.zeros((2, problem.dim)), 3 if problem.form.memory == 3 else 2
+    weights[:, -1] = 4.0  # the right wheel's bias
+    weights[:, -2 - hidden] = 4.0, -4.0
+    speed, turning = problem.evaluate(weights, seed=1).measures.T
+    assert speed[0] > 0.05 and abs(speed[1]) < 0.05 and turning[1] > 0.8 and abs(turning[0]) < 0.2
+
+
+def test_the_papers_network_is_the_simulations():
+    """Genotypes as vectors have the fitness of `Simulation.scores`; every vector is clipped into one."""
+    one = Problem("light-seeking", "delay-network")
+    solutions = np.stack([one.x0(seed) for seed in range(3)])
+    nets = decode(one.decode(solutions), one.layout)
+    streams = np.tile(batch_streams(4, 2), (3, 1))
+    expected = Simulation("light-seeking", "paper").scores(nets, streams)
+    assert (one.evaluate(solutions, seed=4, trials=2).info["scores"] == expected).all()
+    wild = RANDOM.uniform(-300, 300, (20, one.dim))
+    assert one.integer.all() and np.isfinite(one.evaluate(wild, trials=1).fitness).all()
+    assert one.evaluate(solutions[0]).fitness.shape == (1,)
+
+
+OWN = """
+WEIGHTS = 2
+MEMORY = 1
+
+
+def decide(weights, memory, inputs, outputs):
+    memory[0] += 0.1
+    outputs[0] = weights[0] + {left}
+    outputs[1] = weights[1]
+"""
+
+
+def test_a_controller_of_ones_own(tmp_path):
+    """A short file is enough; what it may not do is said by name."""
+    file = tmp_path / "own.py"
+    file.write_text(OWN.format(left="0.0 * memory[0]"))
+    one = Problem("obstacle-avoidance", f"{file}:decide")
+    assert one.dim == 2 and one.evaluate([[0.5, 0.5]]).fitness[0] > one.evaluate([[0.5, -0.5]]).fitness[0]
+    for left, said in (
+        ("memory[7]", "index|bounds"),
+        ("unknown", "unknown"),
+        ("math.nan * weights[0]", "finite"),
+    ):
+        file.write_text(OWN.format(left=left).replace("WEIGHTS", "import math\n\nWEIGHTS", 1))
+        with pytest.raises(UsageError, match=said):
+            Problem("obstacle-avoidance", f"{file}:decide").evaluate([[0.5, 0.5]])
+
+
+def test_refusals(problem):
+    """What would be wrong is said."""
+    for name in ("feed-forward", "feed-forward:0", "recurrent:x", "transformer:8"):
+        with pytest.raises(UsageError, match="controller: expected feed-forward:N"):
+            Problem("obstacle-avoidance", name)
+    for solutions in (np.zeros((2, problem.dim + 1)), np.full(problem.dim, np.nan)):
+        with pytest.raises(UsageError, match="solutions: expected finite numbers"):
+            problem.evaluate(solutions)
+    for trials in (0, 1.5, True):
+        with pytest.raises(UsageError, match="trials: expected a whole number"):
+            problem.evaluate(np.zeros(problem.dim), trials=trials)
