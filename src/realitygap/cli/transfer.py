@@ -76,6 +76,12 @@ SIDES = (
     metavar="FILE",
     help="TOML file of the disk that a real robot wears [default: the shipped disk].",
 )
+@click.option(
+    "--pack/--no-pack",
+    default=None,
+    help="Keep trials on a twin that are not filmed in one file, transfer/trials.sqlar, not in a folder each "
+    "[default: from 1000 trials on].",
+)
 @option.twin_noise()
 @option.seed(None, " [default: the study's]")
 @option.seconds

@@ -24,6 +24,7 @@ from realitygap.robots.recording import Recording
 from realitygap.study.load import Study
 from realitygap.tasks.task import Task
 from realitygap.track import Track, Trajectory, read_track
+from realitygap.transfer.packed import placed
 from realitygap.transfer.replay import Replays
 from realitygap.transfer.trial import SIMULATED, SITUATED
 from realitygap.world.arena import Arena
@@ -158,10 +159,11 @@ class _Gather:
         replay = self.replays.of(pair.folder)
         scores = [part.table.text(value) for value in pair.fitness]
         known = replay.simulated
-        path = read_track(pair.folder / SIMULATED) if known is None else known.track
+        with placed(pair.folder) as here:
+            path = read_track(here / SIMULATED) if known is None else known.track
+            there = read_track(here / SITUATED)
         simulated = cast.drive("simulated", scores[0], path, known, replay.genes)
-        path = read_track(pair.folder / SITUATED)
-        situated = cast.drive(pair.where, scores[1], path, replay.situated, replay.genes)
+        situated = cast.drive(pair.where, scores[1], there, replay.situated, replay.genes)
         who = "" if pair.individual == "champion" else f"{pair.individual}/"
         name, link = f"{pair.where}, start {pair.start}", f"{pair.robot}/{who}start-{pair.start}"
         return {"name": name, "link": link, "simulated": simulated, "situated": situated}

@@ -11,7 +11,7 @@ from realitygap import whole
 from realitygap.errors import FilmError, FrozenError, LineError, RobotError, RobotStoppedError
 from realitygap.robots.address import Address
 
-__all__ = ["blamed", "files_in", "half_folder", "keep", "keep_camera", "made"]
+__all__ = ["blamed", "files_in", "half_folder", "keep", "keep_camera", "made", "put_aside"]
 
 
 @contextmanager
@@ -24,7 +24,7 @@ def made(final: Path, robot: Address) -> Iterator[Path]:
     half = _begun(final, robot)
     with blamed(final, robot), whole.together(half):
         yield half
-    _put_aside(final, robot, "earlier")
+    put_aside(final, robot, "earlier")
     whole.move(half, final)
 
 
@@ -41,7 +41,7 @@ def keep(final: Path, robot: Address, files: Mapping[str, bytes], *, finished: b
     for name, content in files.items():
         (half / name).write_bytes(content)
     if finished:
-        _put_aside(final, robot, "earlier")
+        put_aside(final, robot, "earlier")
         whole.move(half, final)
 
 
@@ -76,7 +76,7 @@ def blamed(final: Path, robot: Address) -> Iterator[None]:
 def _begun(final: Path, robot: Address) -> Path:
     """An empty folder to make a trial in."""
     half = half_folder(final)
-    _put_aside(half, robot, "stopped")
+    put_aside(half, robot, "stopped")
     half.mkdir(parents=True)
     return half
 
@@ -86,7 +86,7 @@ def half_folder(final: Path) -> Path:
     return final.with_name(f"{final.name}.half")
 
 
-def _put_aside(folder: Path, robot: Address, word: str) -> None:
+def put_aside(folder: Path, robot: Address, word: str) -> None:
     """Make room for another try; what a real robot recorded is never thrown away."""
     if not folder.exists():
         return

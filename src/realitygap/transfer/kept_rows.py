@@ -13,6 +13,7 @@ from typing import Any
 
 from realitygap import whole
 from realitygap.study.digest import check_of
+from realitygap.transfer.packed import content
 
 __all__ = ["MARKS", "Kept", "digest"]
 
@@ -63,7 +64,7 @@ def digest(words: Iterable[object], data: bytes, paths: Iterable[Path]) -> str:
     found.update(repr(list(words)).encode())
     found.update(data)
     for path in paths:
-        found.update(path.read_bytes() if path.is_file() else b"none")
+        found.update(content(path) or b"none")
     return found.hexdigest()
 
 

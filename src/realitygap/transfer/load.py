@@ -11,8 +11,9 @@ from typing import Any
 from realitygap.errors import StudyError
 from realitygap.study.settings import refuse_difference
 from realitygap.text import as_path, refuse_unknown
-from realitygap.toml import read_toml
+from realitygap.toml import parse_toml
 from realitygap.track import Track, read_track
+from realitygap.transfer.packed import content, every, placed
 from realitygap.transfer.plan import FOLDER, SOURCES, Situation
 from realitygap.transfer.trial import SIMULATED, SITUATED, TRIAL
 from realitygap.values import Pose
@@ -27,6 +28,8 @@ LOOSE = (
 
 PLAIN = ("run", "name", "task", "noise", "individual", "start", "seconds", "situated_from", "late_steps")
 """Keys of a trial's file that are taken as they are."""
+
+CURE = "Move its folder away."
 
 OF_ROBOT = ("evaluation", "robot", "unit", "port", "twin_noise", "seed", "baud", "disk", "marker")
 """What else its result depends on."""
@@ -78,12 +81,12 @@ class Transferred:
     @cached_property
     def simulated(self) -> Track:
         """The path in the simulation that it was evolved in."""
-        return _track(self.folder / SIMULATED, "simulation")
+        return _track(self.folder, SIMULATED, "simulation")
 
     @cached_property
     def situated(self) -> Track:
         """The path on the robot."""
-        return _track(self.folder / SITUATED, self.situated_from)
+        return _track(self.folder, SITUATED, self.situated_from)
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the paths, ready for JSON."""
@@ -91,9 +94,10 @@ class Transferred:
         return {**plain, "folder": str(self.folder), "pose": self.pose.to_dict()}
 
 
-def _track(file: Path, seen_by: str) -> Track:
+def _track(folder: Path, name: str, seen_by: str) -> Track:
     cure = "Delete the trial's folder and make it again."
-    return read_track(file, seen_by=seen_by, error=StudyError, cure=cure)
+    with placed(folder) as here:
+        return read_track(here / name, seen_by=seen_by, error=StudyError, cure=cure)
 
 
 def load_transfers(study_folder: str | PathLike[str]) -> list[Transferred]:
@@ -102,8 +106,11 @@ def load_transfers(study_folder: str | PathLike[str]) -> list[Transferred]:
     Raises:
         StudyError: a trial's file that cannot be read.
     """
-    files = (as_path(study_folder, "study") / FOLDER).glob(f"*/*/start-*/{TRIAL}")
-    found = [load_transfer(file.parent) for file in files if file.parent.name[6:].isdecimal()]
+    home = as_path(study_folder, "study") / FOLDER
+    files = [file for file in home.glob(f"*/*/start-*/{TRIAL}") if file.parent.name[6:].isdecimal()]
+    found = [load_transfer(file.parent) for file in files]
+    packed = ((file, data) for file, data in every(home, TRIAL) if not file.is_file())
+    found += [_transferred(file, _read(file, data)) for file, data in packed]
     return sorted(found, key=lambda one: (one.unit is None, one.unit or 0, one.robot, one.run, one.start))
 
 
@@ -114,9 +121,10 @@ def is_done(folder: Path, one: Situation) -> bool:
         StudyError: it was made with other settings.
     """
     file = folder / one.folder / TRIAL
-    if not file.is_file():
+    data = content(file)
+    if data is None:
         return False
-    table = read_trial(file)
+    table = _read(file, data)
     there = {key: value for key, value in table.items() if key not in LOOSE}
     requested = {key: value for key, value in one.facts().items() if value is not None}
     for key in ("disk", "baud"):  # no camera looked for it, or will; any rate will do
@@ -134,8 +142,11 @@ def load_transfer(folder: Path) -> Transferred:
     Raises:
         StudyError: its file cannot be read.
     """
-    file = folder / TRIAL
-    table = read_trial(file)
+    return _transferred(folder / TRIAL, read_trial(folder / TRIAL))
+
+
+def _transferred(file: Path, table: dict[str, Any]) -> Transferred:
+    folder = file.parent
     try:
         return Transferred(
             folder=folder,
@@ -162,7 +173,16 @@ def read_trial(file: Path) -> dict[str, Any]:
     Raises:
         StudyError: it cannot be read, or has a key that no trial has.
     """
-    cure = "Move its folder away."
-    table = read_toml(file, StudyError, cure, broken=cure)
+    data = content(file)
+    if data is None:
+        raise StudyError(f"{file}: no such file. {CURE}")
+    return _read(file, data)
+
+
+def _read(file: Path, data: bytes) -> dict[str, Any]:
+    try:
+        table = parse_toml(data.decode("utf-8-sig"))
+    except ValueError as why:
+        raise StudyError(f"{file}: not a TOML file: {why}. {CURE}") from None
     refuse_unknown(table, (*PLAIN, *LOOSE, *OF_ROBOT), StudyError, where=str(file))
     return table

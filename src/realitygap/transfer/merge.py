@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from contextlib import ExitStack
 from pathlib import Path
 
 from realitygap.errors import StudyError
@@ -12,8 +13,9 @@ from realitygap.study.lock import lock
 from realitygap.study.schema import told
 from realitygap.study.settings import refuse_difference
 from realitygap.study.sources import refuse_links
-from realitygap.transfer.folder import half_folder
-from realitygap.transfer.load import Transferred, load_transfer
+from realitygap.transfer.folder import files_in, half_folder
+from realitygap.transfer.load import Transferred, load_transfer, load_transfers
+from realitygap.transfer.packed import Packed, content, placed
 from realitygap.transfer.plan import FOLDER
 from realitygap.transfer.trial import SIMULATED, SITUATED, TRIAL
 from realitygap.whole import move
@@ -36,8 +38,7 @@ def merge_trials(shards: Mapping[Shard, Path], folder: Path) -> list[Transferred
         StudyError: shards of different transfers or of another study, or other trials are there.
     """
     _refuse_other(shards, folder)
-    made: list[Path] = []
-    with lock(folder):
+    with lock(folder), ExitStack() as opened:
         todo = [
             (trial, folder / trial.relative_to(shard))
             for shard in shards.values()
@@ -45,27 +46,38 @@ def merge_trials(shards: Mapping[Shard, Path], folder: Path) -> list[Transferred
         ]
         for trial, place in todo:
             _refuse_overwriting(trial, place)
-        for trial, place in todo:
+        left = [(trial, place) for trial, place in todo if content(place / TRIAL) is None]
+        home = folder / FOLDER
+        with told(home):
+            home.mkdir(exist_ok=True)
+        packed = any(not trial.is_dir() for trial, _ in left)
+        archive = opened.enter_context(Packed(home)) if packed else None
+        for trial, place in left:
             with told(place):
-                for camera in trial.parent.parent.glob("camera-*.json"):
-                    if not (place.parent.parent / camera.name).exists():
-                        place.parent.mkdir(parents=True, exist_ok=True)
-                        shutil.copyfile(camera, place.parent.parent / camera.name)
-                if not place.exists():
+                _copy_cameras(trial.parent.parent, place.parent.parent)
+                if archive is not None and not trial.is_dir():
+                    with placed(trial) as here:
+                        archive.keep(place.relative_to(home).as_posix(), files_in(here))
+                else:
                     half = half_folder(place)
                     shutil.rmtree(half, ignore_errors=True)
                     shutil.copytree(trial, half)
                     move(half, place)
-            made.append(place)
-    return [load_transfer(place) for place in made]
+    return [load_transfer(place) for _, place in todo]
 
 
-def _trials(shard: Path) -> Iterator[Path]:
-    """The finished trials of a shard."""
+def _trials(shard: Path) -> list[Path]:
+    """The folders of a shard's finished trials, packed ones included."""
     refuse_links(shard)
-    for file in sorted((shard / FOLDER).glob(f"*/*/start-*/{TRIAL}")):
-        if file.parent.name[6:].isdecimal():
-            yield file.parent
+    return [one.folder for one in load_transfers(shard)]
+
+
+def _copy_cameras(there: Path, here: Path) -> None:
+    """Take the calibrations that are missing."""
+    for camera in there.glob("camera-*.json"):
+        if not (here / camera.name).exists():
+            here.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(camera, here / camera.name)
 
 
 def _refuse_other(shards: Mapping[Shard, Path], folder: Path) -> None:
@@ -81,8 +93,8 @@ def _refuse_other(shards: Mapping[Shard, Path], folder: Path) -> None:
 
 def _refuse_overwriting(trial: Path, place: Path) -> None:
     """Refuse to put a trial where another is."""
-    for name in (SIMULATED, SITUATED) if place.exists() else ():
-        if not (place / name).is_file() or (place / name).read_bytes() != (trial / name).read_bytes():
-            raise StudyError(
-                f"{place}: another trial is there than {trial}, and is not overwritten. Move it away."
-            )
+    there = place.exists() or content(place / TRIAL) is not None
+    if there and any(content(place / name) != content(trial / name) for name in (SIMULATED, SITUATED)):
+        raise StudyError(
+            f"{place}: another trial is there than {trial}, and is not overwritten. Move it away."
+        )

@@ -41,6 +41,8 @@ class Transfer:
         eye: the live camera over a real robot: a camera's number, a video file, a stream.
         disk: what a real robot wears, or its file; the shipped one if None.
         marker: what the robots wear instead: a tag, or as `Tag.parse` reads it.
+        pack: keep trials on a twin that are not filmed in one file instead of a folder each; from a thousand
+            on if None.
 
     Raises:
         UsageError: what is none, or does not go together.
@@ -60,6 +62,7 @@ class Transfer:
     eye: str | int | None = None
     disk: Disk | str | Path | None = None
     marker: Marker | str | None = None
+    pack: bool | None = None
 
     def __post_init__(self) -> None:
         whole("starts", self.starts, 1, 10**6)

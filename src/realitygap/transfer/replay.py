@@ -14,6 +14,7 @@ from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study
 from realitygap.track import Trajectory
 from realitygap.transfer.load import load_transfer, read_trial
+from realitygap.transfer.packed import placed
 from realitygap.transfer.plan import transfer_stream
 from realitygap.transfer.trial import TRIAL
 
@@ -79,6 +80,7 @@ class Replays:
 
 def _recording(folder: Path) -> Recording | None:
     try:
-        return Recording.from_folder(folder)
+        with placed(folder) as here:
+            return Recording.from_folder(here)
     except UsageError:
         return None

@@ -24,6 +24,7 @@ from realitygap.text import must_be
 from realitygap.transfer.load import Transferred, is_done, load_transfer, load_transfers
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.overhead import Found, Overhead, open_overhead
+from realitygap.transfer.packed import MANY
 from realitygap.transfer.plan import FOLDER, Situation, situations
 from realitygap.transfer.trial import Carry
 from realitygap.transfer.work import by_hand, on_twins
@@ -85,7 +86,7 @@ def run_transfer(
     place = study.folder if shard is None else shard_folder(study.folder, shard)
     with opened(workers) as pool, lock(place):
         requested = list(situations(study, options))
-        mark = None
+        mark, many = None, len(requested) >= MANY
         if shard is not None:
             mark = marked(place, shard, WORK, begun=exists(place), **_facts(study, options, requested))
             requested = shard.own(requested)
@@ -99,7 +100,8 @@ def run_transfer(
         with _interrupted(place, real=bool(real)):
             _on_ports(study, place, real, options, attendant)
             done = len(requested) - len(twins)
-            on_twins(study, place, twins, done=done, pool=pool, on_progress=on_progress)
+            pack = many if options.pack is None else options.pack
+            on_twins(study, place, twins, pack=pack, done=done, pool=pool, on_progress=on_progress)
         if mark is not None:
             mark.write(place, finished=True)
     return [load_transfer(place / one.folder) for one in requested]

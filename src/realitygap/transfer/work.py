@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -15,8 +16,9 @@ from realitygap.robots.body import abandon
 from realitygap.study.far import Home, Words, home_of, words_for
 from realitygap.study.load import Study, load_study
 from realitygap.study.schema import told
-from realitygap.transfer.folder import blamed, files_in, keep, keep_camera
-from realitygap.transfer.plan import Situation, check_body
+from realitygap.transfer.folder import blamed, files_in, keep, keep_camera, put_aside
+from realitygap.transfer.packed import Packed
+from realitygap.transfer.plan import FOLDER, Situation, check_body
 from realitygap.transfer.trial import Carry, Stage
 from realitygap.work.pool import Pool, Setup, Tell
 from realitygap.work.progress import OnProgress, Reporter
@@ -120,6 +122,7 @@ def on_twins(
     place: Path,
     todo: Sequence[Situation],
     *,
+    pack: bool,
     done: int,
     pool: Pool,
     on_progress: OnProgress | None,
@@ -130,6 +133,7 @@ def on_twins(
         study: whose individuals drive.
         place: where their folders are.
         todo: the trials.
+        pack: whether those that are not filmed go into one file.
         done: how many there are already.
         pool: who makes them.
         on_progress: called a few times a second.
@@ -162,12 +166,17 @@ def on_twins(
             keep_camera(stage.camera_file(one), files)
             return
         with told(place / one.folder):
-            keep(place / one.folder, one.robot, files, finished=message.finished)
+            if archive is not None and message.finished and one.robot.unit is not None and not one.film:
+                archive.keep(str(Path(one.folder).relative_to(FOLDER)), files)
+                put_aside(place / one.folder, one.robot, "earlier")
+            else:
+                keep(place / one.folder, one.robot, files, finished=message.finished)
         reporter.add(0.0, done=int(message.finished))
 
     words = (words_for(study.folder, pool), str(place.resolve()))
-    for jobs in (cameras, trials()) if away else (chain(cameras, trials()),):
-        pool.work(Setup(bench_in, words, here=Bench(stage, place)), jobs, hear)
+    with Packed(place / FOLDER) if pack else nullcontext() as archive:
+        for jobs in (cameras, trials()) if away else (chain(cameras, trials()),):
+            pool.work(Setup(bench_in, words, here=Bench(stage, place)), jobs, hear)
 
 
 def _refuse_own(todo: Sequence[Situation], *, away: bool) -> None:

@@ -1,0 +1,125 @@
+"""Trials in one file instead of a folder each: a SQLite archive, as `sqlite3 trials.sqlar -Ax` unpacks it.
+
+Thousands of trials are a hundred thousand small files otherwise. Whoever reads a trial asks here: its folder
+counts, or else what is packed under the folder's name.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+import tempfile
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+from realitygap.errors import StudyError
+from realitygap.study.schema import told
+from realitygap.values import Closing
+
+__all__ = ["MANY", "PACKED", "Packed", "content", "every", "placed"]
+
+PACKED = "trials.sqlar"
+"""In a study's folder of transfers."""
+MANY = 1000
+"""From so many trials on they are packed, if nobody says otherwise."""
+
+DEPTH = 4
+"""Parts of a file's name from the folder of transfers: robot, run, start, file."""
+
+_MODE = 0o100644
+_IN = "name >= ? AND name < ?"
+_TABLE = "CREATE TABLE IF NOT EXISTS sqlar(name TEXT PRIMARY KEY, mode INT, mtime INT, sz INT, data BLOB)"
+"""As SQLite's own archives are: `data` is zlib where that is shorter than `sz`."""
+
+
+class Packed(Closing):
+    """The archive of a folder of transfers, open for writing; one process writes (see `study.lock`)."""
+
+    def __init__(self, home: Path) -> None:
+        self._path = home / PACKED
+        with told(self._path):
+            self._database = sqlite3.connect(self._path, isolation_level=None)
+            self._database.execute("PRAGMA page_size = 1024")
+            self._database.execute(_TABLE)
+
+    def keep(self, folder: str, files: Mapping[str, bytes]) -> None:
+        """A trial's files, all or none of them.
+
+        Args:
+            folder: its name, from the folder of transfers.
+            files: content by name.
+        """
+        rows = [(f"{folder}/{name}", _MODE, len(data), _shorter(data)) for name, data in files.items()]
+        with told(self._path):
+            self._database.execute("BEGIN IMMEDIATE")
+            self._database.execute(f"DELETE FROM sqlar WHERE {_IN}", _in(folder))
+            self._database.executemany("INSERT INTO sqlar VALUES (?, ?, 0, ?, ?)", rows)
+            self._database.execute("COMMIT")
+
+    def close(self) -> None:
+        """Let go of it."""
+        self._database.close()
+
+
+def content(file: Path) -> bytes | None:
+    """What is in a trial's file; None where there is none.
+
+    Raises:
+        StudyError: the archive is damaged.
+    """
+    with told(file):
+        if file.is_file():
+            return file.read_bytes()
+    if len(file.parts) < DEPTH + 1:
+        return None
+    name = "/".join(file.parts[-DEPTH:])
+    return next((data for _, data in _rows(file.parents[DEPTH - 1], "name = ?", (name,))), None)
+
+
+@contextmanager
+def placed(folder: Path) -> Iterator[Path]:
+    """A trial's folder, or one for a while with what is packed under its name."""
+    if folder.is_dir():
+        yield folder
+        return
+    with tempfile.TemporaryDirectory(prefix="realitygap-") as name:
+        inside = "/".join(folder.parts[1 - DEPTH :])
+        for path, data in _rows(folder.parents[DEPTH - 2], _IN, _in(inside)):
+            Path(name, path.name).write_bytes(data)
+        yield Path(name)
+
+
+def every(home: Path, name: str) -> Iterator[tuple[Path, bytes]]:
+    """The file of this name of every packed trial, and its content.
+
+    Args:
+        home: the folder of transfers.
+        name: the file's.
+    """
+    return _rows(home, "name LIKE ?", (f"%/{name}",))
+
+
+def _rows(home: Path, which: str, values: tuple[str, ...]) -> Iterator[tuple[Path, bytes]]:
+    path = home / PACKED
+    if not path.is_file():
+        return
+    with told(path), closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as database:
+        query = f"SELECT name, sz, data FROM sqlar WHERE {which} ORDER BY name"
+        rows = database.execute(query, values).fetchall()
+    for name, size, data in rows:
+        try:
+            found = data if len(data) == size else zlib.decompress(data)
+        except zlib.error as error:
+            raise StudyError(f"{path}: {name} is damaged ({error}). Restore the file from a copy.") from None
+        yield home / name, found
+
+
+def _in(folder: str) -> tuple[str, str]:
+    """What `_IN` compares with: "0" is next to "/"."""
+    return f"{folder}/", f"{folder}0"
+
+
+def _shorter(data: bytes) -> bytes:
+    packed = zlib.compress(data, 9)
+    return packed if len(packed) < len(data) else data
