@@ -15,8 +15,9 @@ from tests.kernels.test_measured import measured
 
 
 def tinted(arena: Arena, random: np.random.Generator) -> Arena:
-    """The arena with walls and cylinders of any reflectance, some black."""
-    white = random.uniform(0, 4, 1 + len(arena.cylinders)) * (random.random(1 + len(arena.cylinders)) < 0.9)
+    """The arena with walls and cylinders of any reflectance, some black; in half of all none is above 1."""
+    count = 1 + len(arena.cylinders)
+    white = random.uniform(0, random.choice([1, 4]), count) * (random.random(count) < 0.9)
     cylinders = zip(arena.cylinders, white[1:], strict=True)
     return replace(
         arena, reflectance=white[0], cylinders=tuple(replace(c, reflectance=r) for c, r in cylinders)

@@ -186,6 +186,15 @@ def is_tinted(arena):
 
 
 @step
+def is_brighter(arena):
+    """Whether sensors may notice a surface from farther away than usual."""
+    most = 1.0
+    for i in range(arena.reflectance.shape[0]):
+        most = max(most, arena.reflectance[i])
+    return most > 1.0
+
+
+@step
 def tint(arena, spot, rays, lambertian):
     """The reflectance of what each ray meets, times the cosine under which if `lambertian` is 1, into
     rays.incidence."""

@@ -5,7 +5,7 @@ exactly. Most sensors are in that state most of the time, so it is asked first, 
 side by side, by conditions that are never wrong in saying no.
 """
 
-from realitygap.kernels.geometry import TOUCHING, Rays, Spot, is_tinted, see, tint
+from realitygap.kernels.geometry import TOUCHING, Rays, Spot, is_brighter, is_tinted, see, tint
 from realitygap.kernels.jit import step
 from realitygap.kernels.near import SPARE, cell_at, is_beyond
 from realitygap.kernels.params import LANES, RAYS
@@ -92,7 +92,7 @@ def notice_segment(robot, arena, j, work):
 @step
 def notice(robot, arena, work):
     """Mark the sensors that may read more than 0 (work.noticed)."""
-    if is_tinted(arena):
+    if is_brighter(arena):
         for k in range(work.noticed.shape[0]):
             work.noticed[k] = 1
         return
