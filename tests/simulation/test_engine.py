@@ -30,7 +30,7 @@ class OneByOne:
         return found
 
     def tracks(self, networks, streams):
-        self.simulation.engine._named(networks, streams)
+        self.simulation.engine.named(networks, streams)
         found = np.zeros((len(Path._fields), *streams.shape, self.task.steps))
         for k, t in np.ndindex(*streams.shape):
             one = Networks(*(array[k : k + 1] for array in networks))

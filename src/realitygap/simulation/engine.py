@@ -88,7 +88,7 @@ class Cores:
             UsageError: networks of another task's layout, or streams that are not a row for each.
             TaskError: a score was not a finite number.
         """
-        which, flat = self._named(networks, streams)
+        which, flat = self.named(networks, streams)
         scores = np.empty(flat.shape[0])
         for first in range(0, flat.shape[0], CHUNK):
             some = slice(first, first + CHUNK)
@@ -104,7 +104,7 @@ class Cores:
         Raises:
             UsageError: networks of another task's layout, or streams that are not a row for each.
         """
-        which, flat = self._named(networks, streams)
+        which, flat = self.named(networks, streams)
         paths = np.zeros((flat.shape[0], len(Path._fields), self.trial.steps))
         self._run(networks, which, flat, paths)
         return Path(*(paths[:, i].reshape(*streams.shape, -1) for i in range(paths.shape[1])))
@@ -138,7 +138,7 @@ class Cores:
                 "Look for a division by zero or a root of a negative number in the task's score."
             )
 
-    def _named(self, networks: Networks, streams: Streams) -> tuple[NDArray[np.int64], Streams]:
+    def named(self, networks: Networks, streams: Streams) -> tuple[NDArray[np.int64], Streams]:
         """Which network each trial is of, and its stream; refuses what does not fit."""
         count = check_networks(networks, self.trial.channels.shape[0])
         fits = isinstance(streams, np.ndarray) and streams.dtype == np.uint64 and streams.ndim == 2

@@ -25,12 +25,29 @@ from realitygap.world.arena import Arena, load_arena
 from realitygap.world.noise import noise_level
 from realitygap.world.profile import Profile, load_profile
 
-__all__ = ["Simulation"]
+__all__ = ["Simulation", "engine_named"]
 
 LONGEST_S = 100_000
 MOST_READINGS = 10**6
 """Limits on a trajectory's length and on one probe's repetitions."""
 Floats = NDArray[np.float64]
+MakeEngine = Callable[[Task, Profile, float], Engine]
+
+
+def engine_named(name: str) -> MakeEngine:
+    """What makes the engine "cores" or "cuda".
+
+    Raises:
+        UsageError: another name, or there is no GPU that it could use.
+    """
+    if name == "cuda":
+        from realitygap.simulation.cuda import Cuda, require_gpu
+
+        require_gpu()
+        return Cuda
+    if name != "cores":
+        raise UsageError(f"engine: expected cores or cuda, got {name!r}.")
+    return Cores
 
 
 class Simulation:
@@ -41,7 +58,8 @@ class Simulation:
         profile: the robot.
         noise: zero, observed, double, or any level (1 = observed).
         arena: another arena than the task's.
-        engine: makes what carries out batches, of task, profile and noise; by default `Cores`.
+        engine: what carries out batches: "cores", "cuda" (an NVIDIA GPU), or whatever makes one of task,
+            profile and noise.
 
     Task, profile and arena may be given by name or file too.
 
@@ -55,7 +73,7 @@ class Simulation:
         profile: Profile | str | PathLike[str],
         noise: str | float = 1.0,
         arena: Arena | str | PathLike[str] | None = None,
-        engine: Callable[[Task, Profile, float], Engine] | None = None,
+        engine: str | MakeEngine = "cores",
     ) -> None:
         task = load_task(task)
         self.profile = load_profile(profile)
@@ -63,7 +81,8 @@ class Simulation:
         self.task = task if arena is None else replace(task, arena=load_arena(arena))
         self.noise = noise_level(noise)
         self._cores = Cores(self.task, self.profile, self.noise)
-        self.engine: Engine = self._cores if engine is None else engine(self.task, self.profile, self.noise)
+        make = engine_named(engine) if isinstance(engine, str) else engine
+        self.engine = self._cores if make is Cores else make(self.task, self.profile, self.noise)
 
     def scores(self, networks: Networks, streams: Streams) -> Floats:
         """Scores of trials of N networks: streams [N, trials] → scores [N, trials].

@@ -1,0 +1,217 @@
+"""The GPU's engine: on a GPU where there is one, else simulated; and its compilation, which needs none.
+
+Without a GPU this file runs itself again with NUMBA_ENABLE_CUDASIM=1. There the launches are simulated, and
+the steps are the processor's: so all agrees to the bit.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from textwrap import dedent
+from types import SimpleNamespace
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+from scipy.stats import ks_2samp
+
+from realitygap.controller.handmade import braitenberg
+from realitygap.controller.layout import Layout
+from realitygap.controller.network import decode
+from realitygap.errors import TaskError, UsageError
+from realitygap.kernels import halves
+from realitygap.kernels.work import new_work
+from realitygap.simulation.engine import Cores
+from realitygap.simulation.simulation import Simulation, batch_streams
+from realitygap.study.reader import DATABASE
+from realitygap.study.runner import run_study
+from realitygap.tasks import load_task
+from realitygap.testing import EngineContract
+from realitygap.world.profile import load_profile
+from tests.kernels import calls
+from tests.study.helpers import content, small
+
+if importlib.util.find_spec("numba_cuda") is None:
+    pytest.skip('no numba-cuda here: pip install "realitygap[cuda]"', allow_module_level=True)
+
+from numba import cuda
+
+from realitygap.simulation import cuda as engine
+
+HERE = pytest.mark.skipif(not cuda.is_available(), reason="no NVIDIA GPU here")
+PAPER = load_profile("paper")
+OLDEST = (7, 5)
+"""Compute capability that is compiled for where there is no GPU."""
+NEVER = 1e-6
+"""How often a right law may fail its test."""
+OWN = """
+    import numpy as np
+    from realitygap import Start, Task, load_arena
+
+    def score(path, room):
+        return float(np.median(path.x) + path.x[-1])
+
+    task = Task(name="mine", arena=load_arena("obstacle-avoidance"), feeds="proximity", score=score,
+                start=Start(x_cm=25, y_cm=25, radius_cm=3), seconds=2, trials=2)
+"""
+
+
+@HERE
+class TestCuda(EngineContract):
+    exact = engine.SIMULATED
+
+    def made(self, task, profile, noise):
+        return engine.Cuda(task, profile, noise)
+
+
+def scores(make, profile, seed: int, trials: int, name: str = "obstacle-avoidance") -> np.ndarray:
+    """Of a Braitenberg vehicle at a task."""
+    task = load_task(name).of(profile)
+    nets = decode(braitenberg(task.feeds, Layout()), Layout())
+    return make(task, profile, 1.0).scores(nets, batch_streams(seed, trials)[np.newaxis])[0]
+
+
+@HERE
+@pytest.mark.parametrize("name", EngineContract.tasks)
+def test_scores_are_distributed_as_the_processors(name):
+    """Trials on other streams: the same law; wheels a twentieth (a quarter) farther apart are found out."""
+    trials, share = (1000, 1.25) if engine.SIMULATED else (10_000, 1.05)
+    wrong = replace(PAPER, wheels=replace(PAPER.wheels, track_cm=share * PAPER.wheels.track_cm))
+    expected = scores(Cores, PAPER, 1, trials, name)
+    assert ks_2samp(scores(engine.Cuda, PAPER, 2, trials, name), expected).pvalue > NEVER
+    assert ks_2samp(scores(engine.Cuda, wrong, 2, trials, name), expected).pvalue < NEVER
+
+
+@HERE
+def test_a_large_batch_is_carried_out_in_parts(monkeypatch):
+    """Where memory is short: the same scores, and the tracks that they are of."""
+    whole = scores(engine.Cuda, PAPER, 3, 70)
+    monkeypatch.setattr(engine, "MOST_BYTES", 0)
+    assert np.array_equal(scores(engine.Cuda, PAPER, 3, 70), whole)
+
+
+@HERE
+def test_network_and_random_numbers_have_the_processors_bits():
+    """Integer updates, and bits, shares and whole numbers drawn of a stream."""
+    kernel, given = exact_parts()
+    cuda.jit(kernel)[1, 1](given)
+    nets, work, inputs, *expected = exact_parts()[1]
+    calls.drive(nets, 0, inputs, work, expected[0])
+    calls.draw(np.uint64(1995), np.int64(1000), *expected[1:])
+    assert expected[0].any()
+    assert all(np.array_equal(one, other) for one, other in zip(given[3:], expected, strict=True))
+
+
+def exact_parts() -> tuple[Any, tuple[Any, ...]]:
+    """A kernel of the integer network and the random numbers, and what it is given."""
+    draw, drive = engine.device(calls.draw), engine.device(calls.drive)
+
+    def both(given: Any) -> None:
+        nets, work, inputs, commands, raw, uniforms, whole = given
+        if cuda.grid(1) == 0:
+            drive(nets, 0, inputs, work, commands)
+            draw(np.uint64(1995), np.int64(1000), raw, uniforms, whole)
+
+    task = load_task("obstacle-avoidance").of(PAPER)
+    nets = decode(braitenberg(task.feeds, Layout()), Layout())
+    work = new_work(PAPER.to_kernel(), task.to_kernel(PAPER), nets)
+    inputs = np.random.default_rng(5).integers(-10, 11, (100, 8)).astype(np.int64)
+    drawn = np.zeros(100, np.uint64), np.zeros(100), np.zeros(100, np.int64)
+    return both, (nets, work, inputs, np.zeros((100, 2), np.int64), *drawn)
+
+
+@HERE
+@pytest.mark.skipif(not engine.SIMULATED, reason="on a GPU other scores may lead elsewhere")
+def test_runs_side_by_side_are_the_study_of_the_cores(tmp_path):
+    """Every table, genotype and checkpoint of six runs, one of which goes on from a checkpoint."""
+    asked = small(runs=3)
+    run_study(tmp_path / "cores", asked, workers=1)
+    study = run_study(tmp_path / "cuda", asked, workers=1, engine="cuda")
+    assert content(tmp_path / "cuda") == content(tmp_path / "cores")
+    assert study.versions()["engine"] == ["cuda"]
+
+
+@HERE
+def test_a_users_score_is_taken_by_the_processor(tmp_path):
+    """It may use what a GPU has not, and its indices are checked."""
+    text = dedent(OWN)
+    (tmp_path / "mine.py").write_text(text, "utf-8")
+    (tmp_path / "wrong.py").write_text(text.replace("path.x[-1]", "path.x[path.x.size]"), "utf-8")
+    robot = load_profile("paper")
+    mine, wrong = (load_task(tmp_path / f"{name}.py").of(robot) for name in ("mine", "wrong"))
+    nets = decode(braitenberg(mine.feeds, Layout()), Layout())
+    streams = batch_streams(4, 6)[np.newaxis]
+    found = engine.Cuda(mine, robot, 1.0).scores(nets, streams)
+    assert np.allclose(found, Cores(mine, robot, 1.0).scores(nets, streams), rtol=1e-6)
+    with pytest.raises(TaskError, match=r"wrong\.py, line \d+: the score stops with IndexError"):
+        engine.Cuda(wrong, robot, 1.0).scores(nets, streams)
+
+
+def test_without_a_gpu_one_message_says_the_cure(monkeypatch, tmp_path):
+    """And nothing is begun."""
+    monkeypatch.setattr(cuda, "is_available", lambda: False)
+    monkeypatch.setattr(cuda, "cuda_error", lambda: "no driver", raising=False)
+    with pytest.raises(UsageError, match=r"engine cuda: expected an NVIDIA GPU.*Leave out --engine"):
+        Simulation("obstacle-avoidance", PAPER, engine="cuda")
+    with pytest.raises(UsageError, match="engine cuda: expected an NVIDIA GPU"):
+        run_study(tmp_path / "study", small(), engine="cuda")
+    assert not (tmp_path / "study" / DATABASE).exists()
+    monkeypatch.setattr(cuda, "cuda_error", lambda: None, raising=False)
+    with pytest.raises(UsageError, match=r"expected NVIDIA's compiler NVVM.*pip install"):
+        Simulation("obstacle-avoidance", PAPER, engine="cuda")
+
+
+@pytest.mark.skipif(cuda.is_available(), reason="there is a GPU, or it is simulated")
+def test_all_of_it_holds_in_the_simulator():
+    """This file again, with simulated launches."""
+    words = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", __file__]
+    done = subprocess.run(
+        words, env={**os.environ, "NUMBA_ENABLE_CUDASIM": "1"}, capture_output=True, text=True
+    )
+    assert done.returncode == 0 and "13 passed" in done.stdout, done.stdout[-3000:]
+
+
+@pytest.fixture
+def compiler(monkeypatch):
+    """numba-cuda's compiler for the oldest GPU, whatever is here."""
+    if engine.SIMULATED:
+        pytest.skip("the simulator does not compile")
+    # Called steps are compiled for the present device.
+    device = SimpleNamespace(compute_capability=OLDEST)
+    monkeypatch.setattr("numba.cuda.dispatcher.get_current_device", lambda: device)
+    from numba.cuda.typing.typeof import Purpose, typeof
+
+    def compiled(kernel: Any, *given: Any) -> str:
+        types = tuple(typeof(value, Purpose.argument) for value in given)
+        try:
+            code, _ = cuda.compile(
+                kernel, numba.cuda.types.void(*types), device=False, abi="numba", cc=OLDEST
+            )
+        except (OSError, RuntimeError, ImportError) as error:  # without NVVM or its libraries
+            pytest.skip(f"cannot compile (install realitygap[cuda]): {str(error).splitlines()[0]}")
+        return code.decode() if isinstance(code, bytes) else code
+
+    return compiled
+
+
+def test_trials_compile_for_a_gpu(monkeypatch, compiler):
+    """The engine's kernel becomes a GPU's assembler: it allocates nothing and fuses nothing."""
+    monkeypatch.setattr(engine, "require_gpu", lambda: None)
+    monkeypatch.setattr(engine, "_placed", lambda value: value)
+    made = engine.Cuda(load_task("obstacle-avoidance").of(PAPER), PAPER, 1.0)
+    nets, paths = halves.quiet(), np.zeros((32, 6, made.cores.trial.steps))
+    batch = engine.Batch(np.zeros(32, np.int64), np.zeros(32, np.uint64), paths, np.zeros((32, 2)))
+    with engine.unfused():
+        trial = compiler(engine.trials().py_func, made.cores.world, nets, made._scratch(nets, 32), batch)
+        score = compiler(engine.scoring(made.cores.score.compiled).py_func, made.cores.room, batch)
+        parts = compiler(*exact_parts())
+    for text in (trial, score, parts):
+        assert ".entry" in text
+        assert "NRT_" not in text and "malloc" not in text and "fma." not in text
+    fused = compiler(engine.scoring(made.cores.score.compiled).py_func, made.cores.room, batch)
+    assert "fma." in fused
