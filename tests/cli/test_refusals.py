@@ -26,6 +26,7 @@ PROBE = ("probe", "avoidance", "--pose", 25, 25, 0)
         (("evolve", "light", "--evaluations", "many"), "--evaluations"),
         (("evolve", "light", "--seed", -1), "--seed"),
         (("evolve", "light", "--workers", 0), "--workers"),
+        (("evolve", "light", "--engine", "gpu"), "--engine"),
         (("evolve", "light", "--profile", "nobody"), "nobody"),
         (("bench", "--profile", "no/such/robot.toml"), "no/such/robot.toml"),
         (("reproduce", "--runs", -5), "--runs"),
@@ -164,3 +165,13 @@ def test_a_reader_that_has_seen_enough_is_no_failure():
         made.stdout.close()
         said = made.stderr.read()
     assert said == ""
+
+
+@pytest.mark.parametrize("words", [("evolve", "light"), ("reproduce",), ("experiment", "noise")])
+def test_without_what_a_gpu_takes_the_cure_is_said(words, refused, monkeypatch, tmp_path):
+    """Before anything is begun."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    told = refused(*words, "--engine", "cuda")
+    assert "numba-cuda" in told and 'pip install "realitygap[cuda]"' in told
+    assert not list(tmp_path.iterdir())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 import shutil
 from dataclasses import replace
 
@@ -19,6 +20,7 @@ from realitygap.study.jobs import Advanced, Job, Workshop
 from realitygap.study.load import load_study
 from realitygap.study.materials import gather
 from realitygap.study.parts import Condition
+from realitygap.study.plan import plans
 from realitygap.study.run import advance, begin, bench_for
 from realitygap.study.runner import run_study
 from tests.study.helpers import content, small
@@ -79,15 +81,36 @@ def test_the_fittest_and_the_champion(finished):
 def test_how_a_run_is_cut_changes_no_bit():
     """advance by 40 is advance by 1, 7 and 32."""
     materials = gather(small())
-    bench, plan = bench_for(materials, 0), Workshop(materials).plan(1)
-    whole, records = advance(bench, plan, begin(bench, plan), 40)
+    bench, plan = bench_for(materials, 0, "cores"), Workshop(materials).plan(1)
+
+    def answered(state, n):
+        asking, scores = advance(bench, plan, state, n), None
+        while True:
+            try:
+                scores = bench.scores(asking.send(scores))
+            except StopIteration as end:
+                return end.value
+
+    whole, records = answered(begin(bench, plan), 40)
     state, pieces = begin(bench, plan), []
     for n in (1, 7, 32):
-        state, piece = advance(bench, plan, state, n)
+        state, piece = answered(state, n)
         pieces.append(piece)
     assert state.to_bytes() == whole.to_bytes()
     for whole_column, columns in zip(records, zip(*pieces, strict=True), strict=True):
         assert (np.concatenate(columns) == whole_column).all()
+
+
+def test_runs_side_by_side_are_those_one_by_one():
+    """Whatever is asked for at a time, of whichever condition, is scored as if it were alone."""
+    config = small(runs=3, evaluations=70)
+    jobs = [Job(plan.id, None) for plan in plans(gather(config))]
+    together = list(Workshop(gather(config)).messages(jobs))
+    alone = [message for job in jobs for message in Workshop(gather(config)).messages([job])]
+    assert len(together) == len(alone) == 6 * 5 and [m.run for m in together[:6]] == [1, 2, 3, 4, 5, 6]
+    for job in jobs:
+        one, other = ([m for m in every if m.run == job.run] for every in (together, alone))
+        assert pickle.dumps(one) == pickle.dumps(other)
 
 
 def test_the_number_of_workers_and_of_checkpoints_changes_no_bit(finished, folder):
@@ -168,7 +191,7 @@ def test_a_moved_study_goes_on(finished, folder):
     folder.mkdir()
     open_folder(folder, gather(config), resume=False)
     with Store(folder / "study.db") as store:
-        messages = workshop.messages(Job(2, None))
+        messages = workshop.messages([Job(2, None)])
         for _ in range(2):
             message = next(messages)
             assert isinstance(message, Advanced)

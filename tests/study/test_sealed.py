@@ -126,7 +126,7 @@ def half_done(folder: Path) -> None:
     folder.mkdir()
     materials = open_folder(folder, gather(small()), resume=False)
     with Store(folder / DATABASE) as store:
-        messages = Workshop(materials).messages(Job(2, None))
+        messages = Workshop(materials).messages([Job(2, None)])
         for message, _ in zip(messages, range(2), strict=False):
             store.advance(message.run, message.records, message.kept)
 

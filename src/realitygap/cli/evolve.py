@@ -40,6 +40,7 @@ __all__ = ["evolve"]
     help="Change one setting, such as evolution.rows=10, variation.mutation=0.1 or task.seconds=10.",
 )
 @option.workers
+@option.engine
 @option.shard
 @option.resume
 @option.as_json
@@ -50,6 +51,7 @@ def evolve(
     config: Path | None,
     settings: tuple[str, ...],
     workers: Workers,
+    engine: str,
     shard: Shard | None,
     resume: bool,
     json_output: bool,
@@ -82,13 +84,14 @@ def evolve(
     chosen = replace(begun, **option.given(options))
     if not resume:
         _notes(chosen, task, workers, shard)
-    words = f"evolve {shlex.quote(task)}"
+    words = f"evolve {shlex.quote(task)}{option.unusual(engine)}"
     if shard is not None or read_mark(folder) is not None:
         carry_out_shard(
-            folder, chosen, shard, words=words, workers=workers, resume=resume, json_output=json_output
-        )
+            folder, chosen, shard, words=words, workers=workers, engine=engine, resume=resume,
+            json_output=json_output,
+        )  # fmt: skip
         return
-    carried = carry_out(folder, chosen, words=words, workers=workers, resume=resume)
+    carried = carry_out(folder, chosen, words=words, workers=workers, engine=engine, resume=resume)
     show_study(carried, json_output=json_output)
 
 

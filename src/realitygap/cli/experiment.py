@@ -62,11 +62,18 @@ def experiment() -> None:
 @option.seconds
 @option.arena
 @option.workers
+@option.engine
 @option.shard
 @option.resume
 @option.as_json
 def noise(
-    out: Path, workers: Workers, shard: Shard | None, resume: bool, json_output: bool, **options: Any
+    out: Path,
+    workers: Workers,
+    engine: str,
+    shard: Shard | None,
+    resume: bool,
+    json_output: bool,
+    **options: Any,
 ) -> None:
     """Ask which noise level crosses the reality gap best.
 
@@ -98,14 +105,15 @@ def noise(
     try:
         with ProgressLine() as progress:
             results = noise_study(
-                out, config, workers=workers, resume=resume, shard=shard, on_progress=progress.show
-            )
+                out, config, workers=workers, engine=engine, resume=resume, shard=shard,
+                on_progress=progress.show,
+            )  # fmt: skip
             if read_mark(out) is not None:
                 show_shard(out, {}, json_output=json_output)
                 return
             page = build_noise_report(out, on_progress=progress.report)
     except (KeyboardInterrupt, StudyInterruptedError, RobotStoppedError):
-        again = resuming(config, out)
+        again = resuming(config, out) + option.unusual(engine)
         raise StoppedError(f"stopped; what is done is kept in {out}; resume with `{again}`") from None
     show_noise(out, results, page, {}, json_output=json_output)
 

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from realitygap.world.profile import Profile
 
 __all__ = [
-    "Numbers", "arena", "as_json", "base", "baud", "checked_pose", "disk", "evaluations", "given",
+    "Numbers", "arena", "as_json", "base", "baud", "checked_pose", "disk", "engine", "evaluations", "given",
     "individual", "marker", "noise", "out", "picture", "pose", "profile", "resume", "runs", "seconds",
-    "seed", "shard", "task", "trust", "twin_noise", "workers",
+    "seed", "shard", "task", "trust", "twin_noise", "unusual", "workers",
 ]  # fmt: skip
 
 BAUDS = tuple(map(str, BAUD_RATES))
@@ -48,6 +48,22 @@ marker = click.option(
     help="What the robot wears: disk, aruco:DICTIONARY:NUMBER or apriltag:FAMILY:NUMBER, maybe with "
     ",size=MM,x=MM,y=MM,angle=DEGREES,height=MM behind it [default: disk].",
 )
+
+
+def _usable(_: click.Context, __: click.Parameter, said: str) -> str:
+    """An engine that is there, before anything is done with it."""
+    if said != "cores":
+        from realitygap.simulation.simulation import engine_named
+
+        engine_named(said)
+    return said
+
+
+engine = click.option(
+    "--engine", type=click.Choice(["cores", "cuda"]), default="cores", callback=_usable,
+    help="What evolution's trials run on: the processor's cores, or an NVIDIA GPU, all runs side by side "
+    "[default: cores].",
+)  # fmt: skip
 evaluations = click.option(
     "--evaluations", type=Whole(1, 10**9), help="Evaluations in each run [default: 1000]."
 )
@@ -81,6 +97,11 @@ workers = click.option(
     "own. Never changes a result.",
 )
 """A pool of the user's own is closed when the command ends."""
+
+
+def unusual(engine: str) -> str:
+    """An engine other than the usual one, as it is typed."""
+    return "" if engine == "cores" else f" --engine {engine}"
 
 
 def noise(

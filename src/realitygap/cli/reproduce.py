@@ -34,11 +34,18 @@ CONDITIONS = 6
 @option.seed(None, " [default: 1995]")
 @click.option("--starts", type=Whole(1, 10**6), help="Trials of each champion on the twin [default: 8].")
 @option.workers
+@option.engine
 @click.option("--no-transfer", is_flag=True, help="Stop before the transfer: no trials on the twin.")
 @option.resume
 @option.as_json
 def reproduce(
-    out: Path, workers: Workers, no_transfer: bool, resume: bool, json_output: bool, **options: Any
+    out: Path,
+    workers: Workers,
+    engine: str,
+    no_transfer: bool,
+    resume: bool,
+    json_output: bool,
+    **options: Any,
 ) -> None:
     """Repeat the paper's experiment, and make the page about it.
 
@@ -69,8 +76,9 @@ def reproduce(
         return {"transfers": [one.to_dict() for one in made]}
 
     words, last = ("reproduce --no-transfer", None) if no_transfer else ("reproduce", then)
+    words += option.unusual(engine)
     # One pool for all phases: its processes load and compile once. A single worker is this process.
     with nullcontext(1) if workers == 1 else opened(workers, one_thread=True) as pool:
-        carried = carry_out(out, prepare, words=words, workers=pool, resume=resume, then=last)
+        carried = carry_out(out, prepare, words=words, workers=pool, engine=engine, resume=resume, then=last)
     show_study(carried, json_output=json_output)
     click.echo(carried.took, err=True)

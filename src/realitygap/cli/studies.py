@@ -51,6 +51,7 @@ def carry_out(
     *,
     words: str,
     workers: Workers,
+    engine: str,
     resume: bool,
     then: Then | None = None,
 ) -> Carried:
@@ -61,6 +62,7 @@ def carry_out(
         config: what to do, or who finds that out first; a study that is there must have been made with it.
         words: how this command is called, up to its options: what to type to resume.
         workers: processes; one a core if None.
+        engine: what evolution's trials run on.
         resume: continue what is there.
         then: what is done between the study and its report; it gives further parts of the JSON.
 
@@ -72,7 +74,9 @@ def carry_out(
     try:
         with ProgressLine() as progress:
             requested = config(progress) if callable(config) else config
-            study = run_study(folder, requested, workers=workers, resume=resume, on_progress=progress.show)
+            study = run_study(
+                folder, requested, workers=workers, engine=engine, resume=resume, on_progress=progress.show
+            )
             more = {} if then is None else then(study, progress)
             return reported(folder, study, workers, progress, more)
     except (KeyboardInterrupt, StudyInterruptedError):
@@ -108,6 +112,7 @@ def carry_out_shard(
     *,
     words: str,
     workers: Workers,
+    engine: str,
     resume: bool,
     json_output: bool,
 ) -> None:
@@ -119,6 +124,7 @@ def carry_out_shard(
         shard: which; None continues the one that is there.
         words: how this command is called, up to its options.
         workers: processes; one a core if None.
+        engine: what evolution's trials run on.
         resume: continue what is there.
         json_output: print JSON.
 
@@ -130,8 +136,9 @@ def carry_out_shard(
     try:
         with ProgressLine() as progress:
             study = run_study(
-                folder, config, workers=workers, resume=resume, shard=shard, on_progress=progress.show
-            )
+                folder, config, workers=workers, engine=engine, resume=resume, shard=shard,
+                on_progress=progress.show,
+            )  # fmt: skip
     except (KeyboardInterrupt, StudyInterruptedError):
         again = f"realitygap {words} --out {shlex.quote(str(folder))} --resume"
         raise StoppedError(f"stopped; what is done is kept in {folder}; resume with `{again}`") from None

@@ -1,16 +1,21 @@
-"""A job is a whole run, from its checkpoint to its tests, told in messages to whoever writes."""
+"""A job is a whole run, from its checkpoint to its tests, told in messages to whoever writes.
+
+One after the other, or all side by side: then what they ask for at a time is carried out in one batch.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from realitygap.errors import UsageError
 from realitygap.evolution.algorithm import State
 from realitygap.study.materials import Materials
 from realitygap.study.plan import Plan, plans
-from realitygap.study.run import WHO, Bench, Records, Results, advance, begin, bench_for, finish
+from realitygap.study.run import WHO, Asked, Bench, Records, Results, advance, begin, bench_for, finish
 from realitygap.tasks.task import Task
 from realitygap.user_code import blamed_on
 from realitygap.values import Closing
@@ -63,11 +68,12 @@ class Workshop:
     home: Closing | None = None
     """Of the files, where they came in messages."""
 
-    def __init__(self, materials: Materials) -> None:
-        self.config = materials.config
+    def __init__(self, materials: Materials, engine: str = "cores") -> None:
+        self.config, self.engine = materials.config, engine
         self._materials = materials
         self._plans = {plan.id: plan for plan in plans(materials)}
         self._benches: dict[int, Bench] = {}
+        self._own = [file.resolve() for file in self.config.own_files().values()]
 
     @property
     def runs(self) -> list[int]:
@@ -86,29 +92,64 @@ class Workshop:
 
     def carry_out(self, job: Job, tell: Tell) -> None:
         """A run; `tell` hears its messages."""
-        for message in self.messages(job):
+        for message in self.messages([job]):
             tell(message)
+
+    def messages(self, jobs: Iterable[Job]) -> Iterator[Message]:
+        """Of runs that advance side by side: of each one for each checkpoint, then its tests."""
+        runs = {job.run: self._run(job) for job in jobs}
+        scores: dict[int, Any] = dict.fromkeys(runs)
+        while runs:
+            asked: dict[int, Asked] = {}
+            for run, told in list(runs.items()):
+                try:
+                    while not isinstance(item := told.send(scores.pop(run, None)), Asked):
+                        yield item
+                    asked[run] = item
+                except StopIteration:
+                    del runs[run]
+            scores = self._scores(asked)
+
+    def _scores(self, asked: Mapping[int, Asked]) -> dict[int, Any]:
+        """Of each run what it asked for: like trials of one condition in one batch."""
+        like: dict[tuple[int, float, int], list[int]] = {}
+        for run, one in asked.items():
+            like.setdefault((self._plans[run].condition, one.noise, one.streams.shape[1]), []).append(run)
+        scores: dict[int, Any] = {}
+        for (condition, noise, _), runs in like.items():
+            with self._blamed():
+                bench = self._bench(condition)
+                if len(runs) == 1:
+                    scores[runs[0]] = bench.scores(asked[runs[0]])
+                    continue
+                genes = [asked[run].genes for run in runs]
+                streams = np.concatenate([asked[run].streams for run in runs])
+                found = bench.scores(Asked(noise, np.concatenate(genes), streams))
+            ends = np.cumsum([len(one) for one in genes])
+            scores |= dict(zip(runs, np.split(found, ends[:-1]), strict=True))
+        return scores
 
     def close(self) -> None:
         """Remove files that came in messages."""
         if self.home is not None:
             self.home.close()
 
-    def messages(self, job: Job) -> Iterator[Message]:
-        """A run's messages, one for each checkpoint, then its tests."""
+    def _run(self, job: Job) -> Generator[Asked | Message, Any, None]:
+        """A run: what it asks for, to be sent the scores, and its messages."""
         plan = self._plans[job.run]
         bench = self._bench(plan.condition)
         with self._blamed():
             state = begin(bench, plan) if job.checkpoint is None else self.read(job.run, job.checkpoint)
         while (left := self.config.evaluations - state.evaluations) > 0:
             with self._blamed():
-                state, records = advance(bench, plan, state, min(left, self.config.checkpoint_every))
+                some = min(left, self.config.checkpoint_every)
+                state, records = yield from advance(bench, plan, state, some)
                 kept = Kept(
                     state.evaluations, float(state.best_fitness), int(state.best_number), state.to_bytes()
                 )
             yield Advanced(job.run, records, kept)
         with self._blamed():
-            results = finish(bench, plan, state)
+            results = yield from finish(bench, plan, state)
         yield Finished(job.run, results)
 
     def read(self, run: int, checkpoint: bytes) -> State:
@@ -124,8 +165,8 @@ class Workshop:
     def _blamed(self) -> Iterator[None]:
         """What goes wrong in a user's algorithm or encoding is told by their file and line."""
         with ExitStack() as stack:
-            for file in self.config.own_files().values():
-                stack.enter_context(blamed_on(file.resolve(), UsageError, own=True))
+            for file in self._own:
+                stack.enter_context(blamed_on(file, UsageError, own=True))
             yield
 
     def cost(self, run: int, evaluations: int) -> float:
@@ -145,7 +186,7 @@ class Workshop:
 
     def _bench(self, condition: int) -> Bench:
         if condition not in self._benches:
-            self._benches[condition] = bench_for(self._materials, condition)
+            self._benches[condition] = bench_for(self._materials, condition, self.engine)
         return self._benches[condition]
 
 

@@ -1,13 +1,15 @@
 """One run: `advance(bench, plan, state, n)` evaluates n individuals more; `finish` tests the last.
 
 State is a value, and every draw is named by the run, the evaluation and the trial: how a run is
-cut into pieces, and who carries them out, changes no bit.
+cut into pieces, and who carries them out, changes no bit. Both are generators: they yield the trials that
+they ask for and are sent the scores, so that an engine may carry out those of many runs at once.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Generator
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -26,13 +28,22 @@ from realitygap.tasks.task import Task
 from realitygap.world.noise import NOISE_LEVELS
 from realitygap.world.profile import Profile
 
-__all__ = ["WHO", "Bench", "Records", "Results", "advance", "begin", "bench_for", "finish"]
+__all__ = ["WHO", "Asked", "Bench", "Records", "Results", "advance", "begin", "bench_for", "finish"]
 
-STEPS_AT_ONCE = 200_000
-"""Steps simulated in one call of a test: a limit on memory."""
+Scores = NDArray[np.float64]
 
 WHO = ("fittest", "champion")
 """Who is tested: the highest fitness ever stored (the paper's), and the best of the retest."""
+
+
+class Asked(NamedTuple):
+    """Trials that a run asks for, to be sent their scores [n, trials]."""
+
+    noise: float
+    genes: Genes
+    """[n, ...]."""
+    streams: NDArray[np.uint64]
+    """[n, trials]."""
 
 
 class Records(NamedTuple):
@@ -75,11 +86,18 @@ class Bench:
     algorithm: Algorithm[Any]
     retest_trials: int
     fresh_trials: int
+    engine: str = "cores"
+    _simulations: dict[float, Simulation] = field(default_factory=dict, init=False, repr=False)
 
-    @cached_property
-    def simulation(self) -> Simulation:
-        """At the condition's own noise."""
-        return Simulation(self.task, self.profile, self.noise)
+    def simulation(self, noise: float) -> Simulation:
+        """At a level of noise, kept."""
+        if noise not in self._simulations:
+            self._simulations[noise] = Simulation(self.task, self.profile, noise, engine=self.engine)
+        return self._simulations[noise]
+
+    def scores(self, asked: Asked) -> Scores:
+        """What is asked for, [n, trials]."""
+        return self.simulation(asked.noise).scores(self.encoding.decode(asked.genes), asked.streams)
 
     @cached_property
     def individual(self) -> Genes:
@@ -88,7 +106,7 @@ class Bench:
 
     def compile(self) -> None:
         """Load or compile once everything that a run calls."""
-        self.simulation.compile()
+        self.simulation(self.noise).compile()
         state = self.algorithm.init(np.uint64(0))
         trial_streams(np.uint64(0), 0, 1, 1)
         while state.evaluations < self.algorithm.cells + 2:
@@ -111,8 +129,8 @@ class Bench:
         return told
 
 
-def bench_for(materials: Materials, condition: int) -> Bench:
-    """The bench of one condition of a study."""
+def bench_for(materials: Materials, condition: int, engine: str) -> Bench:
+    """The bench of one condition of a study, whose trials an engine of this name carries out."""
     config, task = materials.config, materials.tasks[condition]
     encoding = config.encoding_for(task)
     return Bench(
@@ -123,6 +141,7 @@ def bench_for(materials: Materials, condition: int) -> Bench:
         algorithm=config.evolution.make(encoding),
         retest_trials=config.retest_trials,
         fresh_trials=config.fresh_trials,
+        engine=engine,
     )
 
 
@@ -132,7 +151,9 @@ def begin(bench: Bench, plan: Plan) -> State:
     return state
 
 
-def advance(bench: Bench, plan: Plan, state: State, n: int) -> tuple[State, Records]:
+def advance(
+    bench: Bench, plan: Plan, state: State, n: int
+) -> Generator[Asked, Scores, tuple[State, Records]]:
     """Carry out the next `n` evaluations of a run, as many at once as the algorithm gives.
 
     Args:
@@ -141,8 +162,8 @@ def advance(bench: Bench, plan: Plan, state: State, n: int) -> tuple[State, Reco
         state: of the algorithm.
         n: evaluations.
 
-    Raises:
-        TaskError: the task's score is no finite number.
+    Returns:
+        The state after them, and their records.
     """
     trials, start = bench.task.trials, state.evaluations
     streams = trial_streams(np.uint64(substream(plan.stream, TRIALS)), start, n, trials)
@@ -153,7 +174,7 @@ def advance(bench: Bench, plan: Plan, state: State, n: int) -> tuple[State, Reco
     while done < n:
         batch = bench.ask(state, n - done)
         some = slice(done, done + len(batch.genes))
-        scores.append(bench.simulation.scores(bench.encoding.decode(batch.genes), streams[some]))
+        scores.append((yield Asked(bench.noise, batch.genes, streams[some])))
         fitness.append(np.array([math.fsum(row) / trials for row in scores[-1].tolist()]))
         state = bench.tell(state, batch, fitness[-1])
         batches.append(batch)
@@ -169,32 +190,23 @@ def advance(bench: Bench, plan: Plan, state: State, n: int) -> tuple[State, Reco
     return state, records
 
 
-def finish(bench: Bench, plan: Plan, state: State) -> Results:
+def finish(bench: Bench, plan: Plan, state: State) -> Generator[Asked, Scores, Results]:
     """Retest the last population, then test the fittest and the champion at every noise level.
 
     All individuals meet the same starts and draws: they are compared like with like.
     """
     cells = np.flatnonzero(state.numbers >= 0)
-    retest = _scores(bench, bench.noise, state.genes[cells], plan, RETEST, bench.retest_trials)
+    retest = yield _test(bench.noise, state.genes[cells], plan, RETEST, bench.retest_trials)
     champion = int(np.argmax([math.fsum(row) for row in retest.tolist()]))
     pair = np.stack([state.best_genes, state.genes[cells[champion]]])
     fresh = {}
     for noise in NOISE_LEVELS.values():
-        scores = _scores(bench, noise, pair, plan, FRESH, bench.fresh_trials)
+        scores = yield _test(noise, pair, plan, FRESH, bench.fresh_trials)
         fresh.update({(who, noise): scores[i] for i, who in enumerate(WHO)})
     return Results(cells, state.numbers[cells], retest, champion, fresh)
 
 
-def _scores(
-    bench: Bench, noise: float, genes: Genes, plan: Plan, purpose: int, trials: int
-) -> NDArray[np.float64]:
-    """Scores [N, trials] of individuals on trials that belong to the run and the purpose."""
-    simulation = bench.simulation if noise == bench.noise else Simulation(bench.task, bench.profile, noise)
+def _test(noise: float, genes: Genes, plan: Plan, purpose: int, trials: int) -> Asked:
+    """Of individuals on trials that belong to the run and the purpose."""
     streams = trial_streams(plan.stream, purpose, 1, trials)
-    scores = np.empty((len(genes), trials))
-    at_once = max(1, STEPS_AT_ONCE // bench.task.steps)
-    for i, one in enumerate(genes):
-        network = bench.encoding.decode(one[np.newaxis])
-        for t in range(0, trials, at_once):
-            scores[i, t : t + at_once] = simulation.scores(network, streams[:, t : t + at_once])[0]
-    return scores
+    return Asked(noise, genes, np.repeat(streams, len(genes), axis=0))

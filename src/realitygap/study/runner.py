@@ -42,6 +42,7 @@ def run_study(
     workers: Workers = None,
     resume: bool = False,
     shard: Shard | None = None,
+    engine: str = "cores",
     on_progress: OnProgress | None = None,
 ) -> Study:
     """Carry out a study in a folder, or go on with the one that is there.
@@ -55,6 +56,8 @@ def run_study(
         resume: go on with the study that is in the folder; without one, make it from `config`.
         shard: the share of the runs to carry out; one that was begun is gone on with as it was. `merge`
             makes the study of all shards' folders.
+        engine: "cores", or "cuda": an NVIDIA GPU carries out the trials of all runs side by side, without
+            workers.
         on_progress: called a few times a second.
 
     Returns:
@@ -75,7 +78,7 @@ def run_study(
                 if mark is not None and not exists(folder):
                     with told(folder):
                         mark.write(folder, finished=False)
-                workshop = Workshop(open_folder(folder, requested, resume=resume))
+                workshop = Workshop(open_folder(folder, requested, resume=resume), engine)
                 _carry_out(folder, workshop, pool, mark, on_progress)
                 if mark is not None:
                     with told(folder):
@@ -108,12 +111,16 @@ def _carry_out(
         keeper = _Keeper(workshop, store, left, len(runs), on_progress)
         if not left:
             return
-        store.begin_session(versions())
+        store.begin_session({**versions(), "engine": workshop.engine})
         workshop.compile()
         keeper.begin(EVOLVING)
         costs = {run: workshop.cost(run, n) + workshop.tests_cost(run) for run, n in left.items()}
         longest_first = sorted(costs, key=lambda run: (-costs[run], run))
         jobs = (Job(run, store.checkpoint(run, workshop.read)) for run in longest_first)
+        if workshop.engine != "cores":
+            for message in workshop.messages(jobs):
+                keeper.keep(message)
+            return
         pool.work(Setup(workshop_of, (words_for(folder, pool),), here=workshop), jobs, keeper.keep)
 
 

@@ -73,6 +73,7 @@ def noise_study(
     config: NoiseConfig | None = None,
     *,
     workers: Workers = None,
+    engine: str = "cores",
     resume: bool = False,
     shard: Shard | None = None,
     on_progress: OnProgress | None = None,
@@ -85,6 +86,7 @@ def noise_study(
         folder: made if it does not exist.
         config: what to do; None to resume a study as it was made.
         workers: processes, one a core if None, 1 stays in this process; or a pool.
+        engine: what evolution's trials run on: see `run_study`.
         resume: go on with the study that is in the folder; without one, make it from `config`.
         shard: the share of the controllers to evolve, drive and compare; one that was begun is gone on with
             as it was. `merge_noise` makes the study of all shards' folders.
@@ -112,7 +114,7 @@ def noise_study(
                     mark.write(folder, finished=False)
             made = open_folder(folder, config, resume=resume)
             own = None if mark is None else mark.shard
-            _Phases(folder.resolve(), made, pool, own, on_progress).carry_out(near(workers))
+            _Phases(folder.resolve(), made, pool, own, on_progress).carry_out(near(workers), engine)
             if mark is None:
                 return write_results(Stage(folder, made))
             mark.write(folder, finished=True)
@@ -155,11 +157,11 @@ class _Phases:
             on_progress, {name: left[name] * self.costs[name] for name in left}, patience_s=FIRST_GUESS_S
         )
 
-    def carry_out(self, recorders: Workers) -> None:
-        """Every phase that is not over; calibration has workers of its own."""
+    def carry_out(self, recorders: Workers, engine: str) -> None:
+        """Every phase that is not over; calibration has workers of its own, evolution may have an engine."""
         phases: dict[str, Callable[[], None]] = {
             CALIBRATING: lambda: self._calibrate(recorders),
-            EVOLVING: self._evolve,
+            EVOLVING: lambda: self._evolve(engine),
             DRIVING: lambda: self._trials(DRIVING, self.to_drive),
             COMPARING: lambda: self._trials(COMPARING, self.to_compare),
         }
@@ -221,7 +223,7 @@ class _Phases:
                 )  # fmt: skip
             self.reporter.add(0.0, done=1)
 
-    def _evolve(self) -> None:
+    def _evolve(self, engine: str) -> None:
         """The runs of every seed set, each in the simulation of its calibration unit."""
         total, before = len(self.every), 0
         self.reporter.phase(EVOLVING, done=0, total=total, what="runs")
@@ -237,8 +239,10 @@ class _Phases:
                 tell(done, self.costs[EVOLVING] * (total - before - share))
                 self._keep_time(KEEP_S)
 
-            resume, shard = exists(place), self.shard
-            run_study(place, requested, workers=self.pool, resume=resume, shard=shard, on_progress=heard)
+            run_study(
+                place, requested, workers=self.pool, engine=engine, resume=exists(place), shard=self.shard,
+                on_progress=heard,
+            )  # fmt: skip
             before += sum((one.seed_set, one.home) == (seed_set, unit) for one in self.every)
 
     def _trials(self, phase: str, left: list[Controller]) -> None:
