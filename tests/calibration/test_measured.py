@@ -144,11 +144,15 @@ def test_a_curve_passes_the_ends_of_the_converter():
     noisy = np.clip(true + 20 * np.random.default_rng(5).normal(size=u.shape), 0, 1023)
     use = np.ones(u.shape, bool)
     use[:, 2] = False
-    curves = Curves(Seen(counts=noisy, use=use, top=1023.0, noise=20.0), u).fitted()
+    fit = Curves(Seen(counts=noisy, use=use, top=1023.0, noise=20.0), u)
+    curves = fit.fitted()
     inside = (true > 60) & (true < 960)
     off = on_curves(curves, u) - true
     assert np.abs(off[inside]).max() < 25
     assert np.diff(curves, axis=1).min() >= 0 and curves.min() >= 0 and curves.max() <= 1023
+    size, middle = fit.deviations(curves), slice(10, 30)
+    far = np.abs(curves - (1600 * np.linspace(0, 1, 41) - 300))[:2, middle] / size[:2, middle]
+    assert size[:2, middle].max() < 8 and (far < 2).mean() > 0.85 and np.isinf(size[2]).all()
 
 
 def test_noise_that_rises_with_the_wheels_is_found():

@@ -97,8 +97,7 @@ class Curves:
 
     def _solved(self, bread: Array, towards: Array, *, pooled: bool) -> Array:
         seen = self._seen
-        bends = BENDS * (seen.smooth * STEPS**3 * bread.trace(axis1=1, axis2=2).mean() / (STEPS + 1))
-        alike = np.eye(STEPS + 1) * (1.0 / (ALIKE * seen.top) ** 2 if not pooled else 1e-12)
+        bends, alike = self._held(bread, pooled=pooled)
         curves, falls = towards.copy(), np.zeros((len(bread), STEPS))
         for _ in range(ROUNDS):
             full = self._full(np.repeat(curves, self._bread.shape[0], 0) if pooled else curves)
@@ -114,6 +113,24 @@ class Curves:
                 break
             falls = np.maximum(falls, fell)
         return np.asarray(curves)
+
+    def _held(self, bread: Array, *, pooled: bool) -> tuple[Array, Array]:
+        """What holds curves where readings do not: small second differences, and the curve of all."""
+        bends = BENDS * (self._seen.smooth * STEPS**3 * bread.trace(axis1=1, axis2=2).mean() / (STEPS + 1))
+        return bends, np.eye(STEPS + 1) * (1.0 / (ALIKE * self._seen.top) ** 2 if not pooled else 1e-12)
+
+    def deviations(self, curves: Array) -> Array:
+        """[S, STEPS + 1] standard errors of fitted curves' values, counts; infinite where no reading is near.
+
+        The light is taken as it is; what the curves leave over counts as noise.
+        """
+        inside = self._seen.use & ~self._ends[0] & ~self._ends[1]
+        off = np.where(inside, on_curves(curves, self._u) - self._seen.counts, 0.0) / self._seen.noise
+        left = np.sqrt(np.maximum(1.0, (off**2).sum(axis=0) / np.maximum(inside.sum(axis=0), 1)))
+        held = sum(self._held(self._bread, pooled=False))
+        near = np.diagonal(self._bread, axis1=1, axis2=2)
+        size = np.sqrt(np.diagonal(np.linalg.inv(self._bread + held), axis1=1, axis2=2))
+        return np.where(near > 0, size * left[:, None], np.inf)
 
     def _no_fall(self, falls: Array, bread: Array) -> Array:
         """The penalty on steps that fell."""

@@ -7,23 +7,23 @@ that suit it best follow by linear least squares (variable projection: Golub and
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.curves import Curves, Seen, on_curves, smoothness
+from realitygap.calibration.constants import SIGMAS, Constant
+from realitygap.calibration.curves import STEPS, Curves, Seen, smoothness
 from realitygap.calibration.forms import (
     Tick,
-    columns_of,
     free_directions,
     free_reflectances,
     free_turns,
     scan,
     with_columns,
 )
-from realitygap.calibration.forward import Scene, received
+from realitygap.calibration.optics import SHARES, Optics, shift_of
 from realitygap.calibration.rows import FOLDS, Rows, dead_zone, means, repeated_noise
 from realitygap.calibration.solve import Fit, Free, Values, solve
 from realitygap.calibration.solve import Measured as Readings
@@ -51,76 +51,15 @@ And how far a sensor's direction is looked for then, degrees."""
 FIRST = max(COARSE)
 FINEST = 0.004
 """Share of the full scale that no model is expected to be better than."""
-SHARES = ("share_1", "share_2", "share_3", "share_4")
 ENDS_CM = tuple(np.geomspace(5.0, 40.0, 18))
 """Where rays may end; then nearer and nearer about the best, by these shares of it."""
 NEARER = (0.08, 0.015, 0.002)
 AT_END = 0.015
 """By this share of their range rays are doubtful: readings that hang on it are left out of a descent."""
+POINTS = (STEPS // 4, STEPS // 2, 3 * STEPS // 4)
+"""Of a curve: those whose intervals are told."""
 SHIFT_CM = 0.2
 """How far off a straight series may have been set down: its distances all are by as much."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Optics:
-    """A fit under way: the profile that its constants stand in, its curves' middle, where readings were
-    taken and what was read there: `place` [n] of each of `seen`; and what of the lobe is free."""
-
-    base: Profile
-    scenes: Sequence[tuple[str, Scene]]
-    seen: Seen
-    place: NDArray[np.int64]
-    lobe: tuple[str, ...] = ()
-
-    def profile(self, values: Values) -> Profile:
-        """The base with the optics in place, and curves that only hold their places."""
-        law = self.base.infrared
-        shares = [float(values[key][0]) for key in SHARES]
-        wide, width, end = (float(values[key][0]) for key in ("aperture_deg", "width_cm", "range_cm"))
-        columns = columns_of(values, ("direction_deg",), law.sensors)
-        columns["offset_cm"] = [float(values["offset_cm"][0])] * len(law.sensors)
-        law = replace(
-            law, sensors=with_columns(law.sensors, columns), lobe=(1.0 - sum(shares), *shares),
-            overlap=0.0 if "share_1" in self.lobe else shares[-1], aperture_deg=wide, width_cm=width,
-            range_cm=end,
-        )  # fmt: skip
-        return replace(self.base, infrared=law)
-
-    def share(self, profile: Profile, values: Values) -> Array:
-        """[n, S] how far up its curve each reading lies."""
-        rigs = [(scene.tried(values), (name, shift_of(name))) for name, scene in self.scenes]
-        parts = [
-            received(profile, scene, *(float(values[key][0]) if key in values else 0.0 for key in rig))
-            for scene, rig in rigs
-        ]
-        root = np.sqrt(np.maximum(np.concatenate(parts), 0.0))
-        return np.asarray(root / (root + 1.0 / profile.infrared.curve_cm))[self.place]
-
-    def curves(self, values: Values, use: Use) -> tuple[Array, Array]:
-        """The curves [S, n] that suit the optics, and each reading's share."""
-        u = self.share(self.profile(values), values)
-        return Curves(replace(self.seen, use=use), u).fitted(), u
-
-    def readings(self, values: Values, use: Use) -> Array:
-        """Noise-free readings [n, S] by curves fitted to those in `use`; in the dead zone what exceeds it."""
-        model, dead = on_curves(*self.curves(values, use)), self.seen.dead
-        return np.where((self.seen.counts <= 0) & (dead > 0), np.maximum(model - dead, 0.0), model)
-
-    def shown(self, values: Values, use: Use) -> Array:
-        """Noise-free readings [n, S] as the robot shows them."""
-        model = on_curves(*self.curves(values, use))
-        return np.where(model < self.seen.dead, 0.0, model)
-
-    def centred(self, values: Values) -> Optics:
-        """The same with the curves' middle where readings are neither dark nor saturated."""
-        seen = self.seen
-        u = self.share(self.profile(values), values)
-        lit = seen.use & (seen.counts > 0.1 * seen.top) & (seen.counts < 0.9 * seen.top) & (u > 0) & (u < 1)
-        if not lit.any():
-            return self
-        root = float(np.median(u[lit] / (1.0 - u[lit]))) / self.base.infrared.curve_cm
-        law = replace(self.base.infrared, curve_cm=1.0 / root)
-        return replace(self, base=replace(self.base, infrared=law))
 
 
 class Measured:
@@ -155,7 +94,20 @@ class Measured:
         values = self._ended(self._places, values, use)
         fit = self._solved(self._places, values, use, self._noise, intervals=True)
         values, use = self._ended(self._places, fit.values, use), self._rows.use
-        return self.profile(values, use), replace(fit, values=values, model=self.optics.shown(values, use))
+        fit = replace(fit, values=values, constants=(*fit.constants, *self._points(values, use)))
+        return self.profile(values, use), replace(fit, model=self.optics.shown(values, use))
+
+    def _points(self, values: Values, use: Use) -> list[Constant]:
+        """Three points of each sensor's curve with their intervals, the optics as fitted."""
+        curves, u = self.optics.curves(values, use)
+        size = SIGMAS * Curves(replace(self.optics.seen, use=use), u).deviations(curves)
+        return [
+            Constant(
+                key=f"curve_{j}[{k}]", value=value, low=max(0.0, value - size[k, j]),
+                high=min(self._rows.top, value + size[k, j]), told=bool(np.isfinite(size[k, j])),
+            )
+            for j in POINTS for k, value in enumerate(curves[:, j].tolist()) if k not in self._rows.dead
+        ]  # fmt: skip
 
     def _begun(self) -> tuple[Optics, dict[str, Array]]:
         """Nearly there: of all starts the most promising are followed a stage, and the best to the end."""
@@ -298,8 +250,3 @@ def fit_measured(rows: Rows, base: Profile, tick: Tick) -> tuple[Profile, Fit, A
         if out.any() and not out.all():
             held_out[out] = form.held_out(fit, rows.use & ~out[:, None])[out]
     return profile, fit, held_out
-
-
-def shift_of(turn: str) -> str:
-    """The name of how much further off a rig stood than it was thought to, cm, by that of its turn."""
-    return turn.replace("turn", "shift").replace("deg", "cm")

@@ -1,0 +1,89 @@
+"""Where a measured sensor's readings come from: rays, and a curve for each sensor, by one set of constants."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.calibration.curves import Curves, Seen, on_curves
+from realitygap.calibration.forms import columns_of, with_columns
+from realitygap.calibration.forward import Scene, received
+from realitygap.calibration.solve import Values
+from realitygap.world.profile import Profile
+
+__all__ = ["SHARES", "Optics", "shift_of"]
+
+Array = NDArray[np.float64]
+Use = NDArray[np.bool_]
+
+SHARES = ("share_1", "share_2", "share_3", "share_4")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Optics:
+    """A fit under way: the profile that its constants stand in, its curves' middle, where readings were
+    taken and what was read there: `place` [n] of each of `seen`; and what of the lobe is free."""
+
+    base: Profile
+    scenes: Sequence[tuple[str, Scene]]
+    seen: Seen
+    place: NDArray[np.int64]
+    lobe: tuple[str, ...] = ()
+
+    def profile(self, values: Values) -> Profile:
+        """The base with the optics in place, and curves that only hold their places."""
+        law = self.base.infrared
+        shares = [float(values[key][0]) for key in SHARES]
+        wide, width, end = (float(values[key][0]) for key in ("aperture_deg", "width_cm", "range_cm"))
+        columns = columns_of(values, ("direction_deg",), law.sensors)
+        columns["offset_cm"] = [float(values["offset_cm"][0])] * len(law.sensors)
+        law = replace(
+            law, sensors=with_columns(law.sensors, columns), lobe=(1.0 - sum(shares), *shares),
+            overlap=0.0 if "share_1" in self.lobe else shares[-1], aperture_deg=wide, width_cm=width,
+            range_cm=end,
+        )  # fmt: skip
+        return replace(self.base, infrared=law)
+
+    def share(self, profile: Profile, values: Values) -> Array:
+        """[n, S] how far up its curve each reading lies."""
+        rigs = [(scene.tried(values), (name, shift_of(name))) for name, scene in self.scenes]
+        parts = [
+            received(profile, scene, *(float(values[key][0]) if key in values else 0.0 for key in rig))
+            for scene, rig in rigs
+        ]
+        root = np.sqrt(np.maximum(np.concatenate(parts), 0.0))
+        return np.asarray(root / (root + 1.0 / profile.infrared.curve_cm))[self.place]
+
+    def curves(self, values: Values, use: Use) -> tuple[Array, Array]:
+        """The curves [S, n] that suit the optics, and each reading's share."""
+        u = self.share(self.profile(values), values)
+        return Curves(replace(self.seen, use=use), u).fitted(), u
+
+    def readings(self, values: Values, use: Use) -> Array:
+        """Noise-free readings [n, S] by curves fitted to those in `use`; in the dead zone what exceeds it."""
+        model, dead = on_curves(*self.curves(values, use)), self.seen.dead
+        return np.where((self.seen.counts <= 0) & (dead > 0), np.maximum(model - dead, 0.0), model)
+
+    def shown(self, values: Values, use: Use) -> Array:
+        """Noise-free readings [n, S] as the robot shows them."""
+        model = on_curves(*self.curves(values, use))
+        return np.where(model < self.seen.dead, 0.0, model)
+
+    def centred(self, values: Values) -> Optics:
+        """The same with the curves' middle where readings are neither dark nor saturated."""
+        seen = self.seen
+        u = self.share(self.profile(values), values)
+        lit = seen.use & (seen.counts > 0.1 * seen.top) & (seen.counts < 0.9 * seen.top) & (u > 0) & (u < 1)
+        if not lit.any():
+            return self
+        root = float(np.median(u[lit] / (1.0 - u[lit]))) / self.base.infrared.curve_cm
+        law = replace(self.base.infrared, curve_cm=1.0 / root)
+        return replace(self, base=replace(self.base, infrared=law))
+
+
+def shift_of(turn: str) -> str:
+    """The name of how much further off a rig stood than it was thought to, cm, by that of its turn."""
+    return turn.replace("turn", "shift").replace("deg", "cm")
