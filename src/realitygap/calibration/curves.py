@@ -22,6 +22,8 @@ STEPS = 40
 """Of a curve."""
 ROUNDS, STEEP = 12, 1e6
 """Rounds of one fit, and the weight that keeps a curve from falling."""
+SETTLED = 1e-4
+"""Share of the full scale by which a round moves a curve that has come to rest."""
 ALIKE = 0.3
 """Share of the full scale by which a sensor's curve may easily differ from that of all."""
 SMOOTH = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
@@ -109,7 +111,7 @@ class Curves:
             )
             moved, curves = np.abs(new[..., 0] - curves).max(), new[..., 0]
             fell = np.diff(curves, axis=1) < 0
-            if moved < 1e-3 * seen.top and not (fell & (falls == 0)).any():
+            if moved < SETTLED * seen.top and not (fell & (falls == 0)).any():
                 break
             falls = np.maximum(falls, fell)
         return np.asarray(curves)

@@ -53,7 +53,7 @@ FINEST = 0.004
 """Share of the full scale that no model is expected to be better than."""
 ENDS_CM = tuple(np.geomspace(5.0, 40.0, 18))
 """Where rays may end; then nearer and nearer about the best, by these shares of it."""
-NEARER = (0.08, 0.015, 0.002)
+NEARER, LIKE = (0.08, 0.015, 0.002), 1.0 + 1e-6
 AT_END = 0.015
 """By this share of their range rays are doubtful: readings that hang on it are left out of a descent."""
 POINTS = (STEPS // 4, STEPS // 2, 3 * STEPS // 4)
@@ -87,11 +87,13 @@ class Measured:
         use = self._first.seen.use
         optics, values = self._begun()
         folds = self._rows.folds()[self._first_of]
-        smooth = smoothness(optics.seen, optics.share(optics.profile(values), values), folds)
-        self._places = replace(optics, seen=replace(optics.seen, noise=self._noise, smooth=smooth))
+        for _ in range(2):  # how smooth curves are shows only where the optics is right
+            smooth = smoothness(optics.seen, optics.share(optics.profile(values), values), folds)
+            optics = replace(optics, seen=replace(optics.seen, noise=self._noise, smooth=smooth))
+            values = self._solved(optics, values, use, self._noise, intervals=False).values
+            values = self._ended(optics, values, use)
+        self._places = optics
         self.optics = replace(optics, seen=replace(self._all, smooth=smooth), place=self._rows.place)
-        values = self._solved(self._places, values, use, self._noise, intervals=False).values
-        values = self._ended(self._places, values, use)
         fit = self._solved(self._places, values, use, self._noise, intervals=True)
         values, use = self._ended(self._places, fit.values, use), self._rows.use
         fit = replace(fit, values=values, constants=(*fit.constants, *self._points(values, use)))
@@ -188,7 +190,9 @@ class Measured:
 
         best = min([float(values["range_cm"][0]), *ends], key=left)
         for near in NEARER if best else ():
-            best = min((best * (1.0 + near * share) for share in np.linspace(-1.0, 1.0, 11)), key=left)
+            tried = best * (1.0 + near * np.linspace(-1.0, 1.0, 11))
+            found = np.array([left(end) for end in tried])
+            best = float(tried[found <= found.min() * LIKE].mean())  # amid those between two readings
         return {**values, "range_cm": np.array([best if left(best) * PLAIN < left(0.0) else 0.0])}
 
     def _frees(self, lobe: Sequence[str]) -> list[Free]:

@@ -1,4 +1,4 @@
-"""Where a measured sensor's readings come from: rays, and a curve for each sensor, by one set of constants."""
+"""Where a measured sensor's readings come from: rays, and a curve for each sensor, of one set of values."""
 
 from __future__ import annotations
 
