@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from realitygap.calibration.calibrate import calibrate
+from realitygap.calibration.calibrate import calibrate, joined
 from realitygap.calibration.channels import agreed
 from realitygap.calibration.constants import Constant
 from realitygap.calibration.judge import judge
@@ -342,3 +342,14 @@ def test_the_shipped_khepera_comes_from_these_tables(tables):
     assert {r.body_radius_cm for r in recordings} == {shipped.body.radius_cm}
     assert judge(recordings[0], shipped).rmse < 30
     assert judge(recordings[1], shipped).rmse < 20
+
+
+def test_kinds_calibrated_apart_are_the_calibration_by_all(recorded, driven) -> None:
+    """Infrared, light and wheels, each by its own recordings, joined: the same profile to the last bit."""
+    heights = {"body_height_cm": 3.0, "sensor_height_cm": 1.2}
+    lamp = replace(recorded("lamp", repeats=1), facts=heights)
+    settings = {"form": "paper", "beside": False}
+    kinds = [[lamp], [recorded("wall", repeats=1)], [driven()]]
+    whole = calibrate([one for kind in kinds for one in kind], PAPER, **settings)
+    made = joined([calibrate(kind, PAPER, **settings) for kind in kinds], PAPER)
+    assert made.profile.body.height_cm == 3.0 and made.profile.to_toml() == whole.profile.to_toml()

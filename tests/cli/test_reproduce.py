@@ -1,5 +1,7 @@
 """`reproduce` begins with a calibration, and goes on from wherever it was stopped."""
 
+import json
+
 import pytest
 from click.testing import CliRunner
 
@@ -46,8 +48,11 @@ def test_it_records_calibrates_and_resumes_with_what_was_asked(calibrations, ref
     assert [(table["task"], len(table["rows"])) for table in made["tables"]] == [
         ("obstacle-avoidance", 3), ("light-seeking", 3),
     ]  # fmt: skip
-    again = json_of("reproduce", "--no-transfer", "--workers", 1, "--resume", "--out", folder)
-    assert again == made and len(calibrations) == 2  # a study that was begun keeps its robot
+    words = ["reproduce", "--no-transfer", "--workers", "1", "--resume", "--out", str(folder), "--json"]
+    again = CliRunner().invoke(realitygap, words)
+    assert json.loads(again.stdout) == made and len(calibrations) == 2  # one that was begun keeps its robot
+    took = again.stderr.splitlines()[-1]
+    assert took.startswith("took 0:") and "finished already 0:" in took and "scoring behaviour 0:" in took
 
 
 def test_a_wrong_robot_is_refused_before_anything_is_made(calibrations, refused, tmp_path):

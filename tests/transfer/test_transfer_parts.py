@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,12 +20,14 @@ from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.track import Track, read_track
 from realitygap.transfer.film import known_poses
+from realitygap.transfer.options import Transfer
 from realitygap.transfer.paths import (
     of_counters,
     of_track,
     score,
 )
 from realitygap.transfer.plan import shown_runs
+from realitygap.transfer.work import _in_order
 from realitygap.values import Pose
 from realitygap.world.arena import load_arena
 from realitygap.world.profile import load_profile
@@ -155,3 +158,23 @@ def test_films_are_of_the_runs_that_the_figures_show(finished):
     shown = {chosen(c).run for part in parts_of(finished) for c in part.conditions}
     assert {run.id for run in shown_runs(finished)} == shown
     assert len(shown) == 2
+
+
+def test_films_stand_among_the_other_trials() -> None:
+    """All trials are in order once, no film among the last half, no two films side by side."""
+    kinds = ["film"] * 6 + ["camera"] * 42
+    todo = [
+        SimpleNamespace(film=kind == "film", source=kind, seconds=20 + k % 3) for k, kind in enumerate(kinds)
+    ]
+    order = _in_order(todo)
+    assert sorted(map(id, order)) == sorted(map(id, todo))
+    films = [k for k, one in enumerate(order) if one.film]
+    assert films[0] == 0 and films[-1] < len(order) / 2 and min(np.diff(films)) > 1
+    assert [one.film for one in _in_order(todo[:3])] == [True] * 3
+
+
+def test_single_trials_are_filmed() -> None:
+    """A run's id names all its trials, a run with a start that one."""
+    some = Transfer(film=[2, (3, 1)])
+    filmed = [(run, start) for run in (1, 2, 3) for start in (1, 2) if some.films(run, start)]
+    assert filmed == [(2, 1), (2, 2), (3, 1)]
