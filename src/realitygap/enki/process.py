@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
-import select
 import subprocess
 import weakref
 from collections.abc import Iterable, Mapping
@@ -16,6 +13,7 @@ from numpy.typing import NDArray
 from realitygap.enki.build import program
 from realitygap.enki.unit import draw_unit
 from realitygap.errors import RobotError, UsageError
+from realitygap.work import child
 
 __all__ = ["STEP_S", "EnkiProcess", "Moment"]
 
@@ -24,8 +22,8 @@ STEP_S = 0.02
 PATIENCE_S = 10.0
 """How long an answer may take, which takes microseconds."""
 LEAVE_S = 2.0
-CHUNK = 1 << 16
-GONE = "Enki's process is gone; begin again"
+WHO = "Enki's process"
+GONE = f"{WHO} is gone; begin again"
 
 
 class Moment(NamedTuple):
@@ -62,7 +60,7 @@ class EnkiProcess:
                 "folder by XDG_CACHE_HOME."
             ) from None
         self._rest = b""
-        self._finalizer = weakref.finalize(self, _end, self._process)
+        self._finalizer = weakref.finalize(self, child.end, self._process, LEAVE_S)
 
     @property
     def pid(self) -> int:
@@ -117,7 +115,8 @@ class EnkiProcess:
         if pipes[0] is None or pipes[1] is None or pipes[0].closed:
             raise RobotError(GONE)
         try:
-            _write(pipes[0].fileno(), " ".join([word, *map(str, map(_plain, numbers))]).encode() + b"\n")
+            line = " ".join([word, *map(str, map(_plain, numbers))]).encode() + b"\n"
+            child.write_all(pipes[0].fileno(), line, within_s=PATIENCE_S, who=WHO)
             answer = self._answer(pipes[1].fileno())
         except OSError as error:
             self.close()
@@ -131,9 +130,7 @@ class EnkiProcess:
 
     def _answer(self, source: int) -> bytes:
         while b"\n" not in self._rest:
-            if not select.select([source], [], [], PATIENCE_S)[0]:
-                raise RobotError(f"Enki's process has not answered for {PATIENCE_S:g} s; begin again")
-            data = os.read(source, CHUNK)
+            data = child.read_some(source, within_s=PATIENCE_S, who=WHO)
             if not data:
                 raise RobotError(GONE)
             self._rest += data
@@ -144,24 +141,3 @@ class EnkiProcess:
 def _plain(number: float) -> float | int:
     """A number as Python writes it exactly, NumPy's too."""
     return number if isinstance(number, int) else float(number)
-
-
-def _write(target: int, line: bytes) -> None:
-    """All of a line: a pipe takes so much at once."""
-    while line:
-        if not select.select([], [target], [], PATIENCE_S)[1]:
-            raise RobotError(f"Enki's process has taken nothing for {PATIENCE_S:g} s; begin again")
-        line = line[os.write(target, line[:4096]) :]
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    """Close its input, which ends it; insist if need be."""
-    for pipe in (process.stdin, process.stdout):
-        if pipe is not None:
-            with contextlib.suppress(OSError):
-                pipe.close()
-    try:
-        process.wait(LEAVE_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()

@@ -17,6 +17,7 @@ import sys
 import time
 
 from realitygap.errors import FrozenError
+from realitygap.work import child
 
 __all__ = ["SILENCE_S", "Guard", "Silence"]
 
@@ -86,11 +87,7 @@ class Guard:
         """Send the guard away: the robot stands, or is another's business."""
         self._say(LEAVES)
         self._socket.close()
-        try:
-            self._process.wait(LEAVE_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        child.end(self._process, LEAVE_S)
 
     def _say(self, word: bytes) -> None:
         with contextlib.suppress(OSError):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import select
 import socket
 import subprocess
 import sys
@@ -17,6 +16,7 @@ from typing import Any
 from realitygap.errors import RobotError, UsageError
 from realitygap.twin.server import Settings
 from realitygap.values import Closing, Pose
+from realitygap.work import child
 
 __all__ = ["TwinProcess", "end_process", "launch", "start_twin"]
 
@@ -111,28 +111,27 @@ def launch(module: str, order: Mapping[str, Any], **settings: Any) -> tuple[subp
         The process, and the line that it answers: empty if it ended instead.
 
     Raises:
-        RobotError: nothing is heard of it.
+        RobotError: it takes nothing, or nothing is heard of it.
     """
     command = [sys.executable, "-m", module]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, **settings)
     assert process.stdin is not None and process.stdout is not None
-    with contextlib.suppress(BrokenPipeError):
-        process.stdin.write(json.dumps(order).encode() + b"\n")
-        process.stdin.flush()
-    if not select.select([process.stdout], [], [], START_S)[0]:
+    said = b""
+    try:
+        with contextlib.suppress(BrokenPipeError):
+            line = json.dumps(order).encode() + b"\n"
+            child.write_all(process.stdin.fileno(), line, within_s=START_S, who=module)
+        while not said.endswith(b"\n"):
+            more = child.read_some(process.stdout.fileno(), within_s=START_S, who=module)
+            if not more:
+                break
+            said += more
+    except BaseException:
         end_process(process)
-        raise RobotError(f"{module}: nothing was heard of it for {START_S:g} s. Begin again.")
-    return process, process.stdout.readline()
+        raise
+    return process, said
 
 
 def end_process(process: subprocess.Popen[bytes]) -> None:
     """Close the leash and wait; insist if need be."""
-    for pipe in (process.stdin, process.stdout):
-        if pipe is not None:
-            with contextlib.suppress(OSError):
-                pipe.close()
-    try:
-        process.wait(LEAVE_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
+    child.end(process, LEAVE_S)

@@ -42,6 +42,8 @@ TICK_S = 0.01
 """How often the physics is brought to the present under the real clock."""
 
 CHUNK = 4096
+ANSWER_S = 60.0
+"""Real time after which an answer that nobody fetches is given up."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,11 +129,17 @@ class Server:
                 self._keep_up(self._port in ready)
             for source in ready:
                 if source is self._listener:
-                    self._buffers[self._listener.accept()[0]] = b""
+                    self._greet()
                 elif isinstance(source, socket.socket):
                     self._hear(source)
                 elif source == leash and not os.read(source, CHUNK):
                     self._running = False
+
+    def _greet(self) -> None:
+        """Hear another clock, or hand; whoever fetches no answers is not waited for without end."""
+        connection, _ = self._listener.accept()
+        connection.settimeout(ANSWER_S)
+        self._buffers[connection] = b""
 
     def _nap(self) -> float | None:
         """How long nothing happens, real time in s."""
