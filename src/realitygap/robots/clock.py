@@ -17,8 +17,8 @@ import os
 import select
 import socket
 import time
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from typing import Protocol
 
 from realitygap.errors import LineError
@@ -76,6 +76,10 @@ class RealClock:
         if not _ready(fd, max(0.0, until - time.monotonic())):
             return b""
         return _read(fd, CHUNK)
+
+    def fetch(self, fd: int) -> bytes:
+        """What has come in."""
+        return _read(fd, CHUNK) if _ready(fd, 0.0) else b""
 
     def forget(self, fd: int) -> None:
         """Drop what has come in."""
@@ -147,7 +151,6 @@ class VirtualClock(RealClock):
         self._dropping = False
         self._written = 0
         self._announced = 0
-        self._held = False
         self._run(0, 0)
         self.settle()
 
@@ -166,24 +169,17 @@ class VirtualClock(RealClock):
     def settle(self) -> None:
         """Wait until the twin is as far as it was told."""
         with self.undisturbed():
-            while self._owed:
-                self._take_reply()
+            if self._written:
+                self._run(self._now_ns, 0)
+            self._catch_up()
+
+    def _catch_up(self) -> None:
+        while self._owed:
+            self._take_reply()
 
     def undisturbed(self) -> AbstractContextManager[None]:
-        """Both ends count bytes: half an exchange would leave them out of step for good.
-
-        Within another it has no effect of its own, for each costs some system calls.
-        """
-        return nullcontext() if self._held else self._holding()
-
-    @contextmanager
-    def _holding(self) -> Iterator[None]:
-        with undisturbed():
-            self._held = True
-            try:
-                yield
-            finally:
-                self._held = False
+        """Both ends count bytes: half an exchange would leave them out of step for good."""
+        return undisturbed()
 
     def wrote(self, count: int) -> None:
         """The twin is told with the next message."""
@@ -191,12 +187,16 @@ class VirtualClock(RealClock):
 
     def read(self, fd: int, *, until: float, lines: int) -> bytes:
         """Let the twin run until it has put out `lines` lines; all that it has put out."""
-        self.settle()
+        self._catch_up()
         if self._dropping:
             self._collect(fd)
             self._dropping = False
         self._run(max(int(until * 1e9) + 1, self._now_ns), lines)  # + 1: surely past `until`
-        self.settle()
+        return self.fetch(fd)
+
+    def fetch(self, fd: int) -> bytes:
+        """All that the twin has put out up to now."""
+        self._catch_up()
         return self._collect(fd)
 
     def forget(self, fd: int) -> None:

@@ -17,14 +17,23 @@ MOVING = (*NUMBERS, signal.SIGTSTP)
 """While a robot moves whose time does not wait: it has to stand before this process is suspended."""
 
 
+_active: list[Stopping] = []
+"""Contexts within which the main thread is, which handle all of `NUMBERS`: signals are a process's own."""
+
+
 @contextmanager
 def undisturbed() -> Iterator[None]:
     """Within it no signal interrupts the main thread; one that came has its effect at the end.
 
-    For exchanges that both ends count: half of one would leave them out of step.
+    For exchanges that both ends count: half of one would leave them out of step. While a robot drives it
+    costs no system call: its `Stopping` holds back what comes.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
+        return
+    if _active:
+        with _active[-1].held():
+            yield
         return
     missed: list[tuple[int, FrameType | None]] = []
     before = {n: signal.signal(n, lambda number, frame: missed.append((number, frame))) for n in NUMBERS}
@@ -56,9 +65,13 @@ class Stopping:
                 if number == signal.SIGTSTP and signal.getsignal(number) == signal.SIG_IGN:
                     continue  # a shell without job control
                 self._before[number] = signal.signal(number, self._arrived)
+        if self._before.keys() >= set(NUMBERS):
+            _active.append(self)
         return self
 
     def __exit__(self, *error: object) -> None:
+        if self in _active:
+            _active.remove(self)
         for number, handler in self._before.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
         self._before.clear()
@@ -68,10 +81,13 @@ class Stopping:
     @contextmanager
     def held(self) -> Iterator[None]:
         """Within it no signal interrupts; one that came is raised at its end, if nothing else is."""
-        self._held = True
-        yield
-        self._held = False
-        if self._missed is not None:
+        before, self._held = self._held, True
+        try:
+            yield
+        finally:
+            self._held = before
+        if self._missed is not None and not before:
+            self._held = True
             raise _stopped(self._missed)
 
     def _arrived(self, number: int, frame: FrameType | None) -> None:

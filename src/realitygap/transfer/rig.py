@@ -118,10 +118,11 @@ def driven(
     """
     poses: list[Pose] = []
     sensors = task.of(profile).sensors
+    seen = body if isinstance(body, Seen) else None
 
     def look() -> None:
-        if isinstance(body, Seen):
-            poses.append(body.pose)
+        if seen is not None:
+            poses.append(seen.pose)
 
     def inputs(readings: Readings) -> list[int]:
         look()

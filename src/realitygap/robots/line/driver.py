@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import ClassVar, Self, cast
 
 from realitygap.errors import LineError, RealityGapError, RobotError
@@ -24,7 +26,7 @@ ANSWER_S = 0.1
 LOOK_S = 0.02
 
 
-class Driver(Closing):
+class Driver(Closing, ABC):
     """Use `connect`; as a context it stops the robot and closes the line."""
 
     dialect: ClassVar[Dialect]
@@ -93,7 +95,11 @@ class Driver(Closing):
 
     def command(self, left: int, right: int) -> None:
         """Wheel speeds, the robot's own units."""
-        self.line.ask(self.dialect.request("D", left, right))
+        request = self.dialect.request("D", left, right)
+        if self.clock.waits:  # nothing happens before the next question, which asks for its answer too
+            self.line.promise(request)
+        else:
+            self.line.ask(request)
 
     def speeds(self) -> tuple[int, int]:
         """Wheel speeds as the robot says them, its own units."""
@@ -138,6 +144,8 @@ class Driver(Closing):
             LineError: the robot did not confirm: it may still be moving.
         """
         failure: RealityGapError | None = None
+        with suppress(RobotError):
+            self.line.redeem()
         until, tries, (least, most) = self.clock.now() + STOP_S, 0, STOP_TRIES
         while tries < least or (tries < most and self.clock.now() < until):
             tries += 1
@@ -184,6 +192,6 @@ class Driver(Closing):
             self.clock.sleep_until(self.clock.now() + LOOK_S)
         return False
 
+    @abstractmethod
     def is_still(self) -> bool:
         """Whether its wheels do not turn, as far as it can tell."""
-        raise NotImplementedError

@@ -77,6 +77,7 @@ class Line:
         self.odd = ""
         self.together = True
         self.before: Callable[[], None] = nothing
+        self._promised: tuple[Request, ...] = ()
         self._batch_failures = 0
         self._heard = b""
         self._port: Any = self._opened()
@@ -104,8 +105,29 @@ class Line:
         with self.clock.undisturbed():
             return self._ask(requests, self.give_up_s if give_up_s is None else give_up_s)
 
+    def promise(self, request: Request) -> None:
+        """Send a command that may be sent again; its answer is fetched with that of the next question, and
+        it is repeated with that if need be.
+
+        Args:
+            request: the command.
+
+        Raises:
+            LineError: the line is lost.
+        """
+        with self.clock.undisturbed():
+            self.redeem()
+            self.tell(request.data)
+            self._promised = (request,)
+
+    def redeem(self) -> None:
+        """Fetch the answer to a command that was promised one, whatever it is."""
+        if self._promised:
+            with self.clock.undisturbed(), contextlib.suppress(GarbledError, RefusedError):
+                self._exchange(())
+
     def _ask(self, requests: Sequence[Request], give_up_s: float) -> list[Answer]:
-        start, tries = self.clock.now(), 1
+        start, tries, promised = self.clock.now(), 1, self._promised
         until = start + give_up_s + self._wire_s(requests)
         try:
             return self._first_try(requests)
@@ -118,6 +140,8 @@ class Line:
             tries += 1
             try:
                 self._resynchronise()
+                for request in promised:
+                    self._exchange((request,))
                 return [answer for request in requests for answer in self._exchange((request,))]
             except (GarbledError, RefusedError) as error:
                 self.faults += 1
@@ -184,18 +208,24 @@ class Line:
         return answers
 
     def _exchange(self, requests: Sequence[Request]) -> list[Answer]:
-        self.forget()
-        self.tell(b"".join(request.data for request in requests))
-        until = self.clock.now() + self.dialect.patience_s + self._wire_s(requests)
+        promised, self._promised = self._promised, ()
+        if promised:
+            self._heard += self.clock.fetch(self.fileno())
+        else:
+            self.forget()
+        if requests:
+            self.tell(b"".join(request.data for request in requests))
+        awaited = (*promised, *requests)
+        until = self.clock.now() + self.dialect.patience_s + self._wire_s(awaited)
         answers: list[Answer] = []
-        for request in requests:
-            line = self._next_line(until, len(requests) - len(answers))
+        for request in awaited:
+            line = self._next_line(until, len(awaited) - len(answers))
             if line is None:
                 raise GarbledError(f"nothing to {request.text!r}")
             self.odd = line
             answers.append(self.dialect.parse_answer(line, request))
             self.odd = ""
-        return answers
+        return answers[len(promised) :]
 
     def _resynchronise(self) -> None:
         """Bring the line back into step.
