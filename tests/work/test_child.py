@@ -14,17 +14,15 @@ from realitygap.work import child
 
 def test_no_wait_for_a_child_is_without_end() -> None:
     """Whoever takes nothing, or says nothing, is given up, and the message says who and for how long."""
-    source, target = os.pipe()
-    try:
-        with pytest.raises(RobotError, match="the deaf one has taken nothing for 0.05 s"):
-            child.write_all(target, bytes(1 << 20), within_s=0.05, who="the deaf one")
-        while len(child.read_some(source, within_s=0.05, who="it")) == child.CHUNK:
-            pass
-        with pytest.raises(RobotError, match="the dumb one has not answered for 0.05 s"):
-            child.read_some(source, within_s=0.05, who="the dumb one")
-    finally:
-        os.close(source)
-        os.close(target)
+    pipes = os.pipe(), os.pipe()
+    with pytest.raises(RobotError, match=r"the deaf one has taken nothing for 0\.05 s"):
+        child.write_all(pipes[0][1], bytes(1 << 20), within_s=0.05, who="the deaf one")
+    with pytest.raises(RobotError, match=r"the dumb one has not answered for 0\.05 s"):
+        child.read_some(pipes[1][0], within_s=0.05, who="the dumb one")
+    child.write_all(pipes[1][1], b"said", within_s=0.05, who="it")
+    assert child.read_some(pipes[1][0], within_s=0.05, who="it") == b"said"
+    for end in (*pipes[0], *pipes[1]):
+        os.close(end)
 
 
 def test_a_child_that_does_not_leave_is_ended() -> None:
