@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,12 +27,11 @@ from tests.correspondence.ladders import (
     phrase_scores,
     reliability,
     right,
-    setting_for,
 )
-from tests.correspondence.vehicles import everybody
+from tests.correspondence.vehicles import SMALL, Driven, called_by_name, everybody
 from tests.exemplars.wide import FAMILIES
 
-from realitygap.correspondence.names import KINDS, namer
+from realitygap.correspondence.names import KINDS
 from realitygap.correspondence.words import PAPER_SCORES
 from realitygap.report.style import PAGE, new_figure, styled
 
@@ -98,10 +98,19 @@ def names() -> None:
 
 def names_on_enki(found: dict[str, list[Named]]) -> None:
     """Vehicles by what they are written to do, on both robots, in trials that show it; and as trials fall."""
-    made = [*everybody(range(SEEDS))]
-    setting = setting_for("obstacle-avoidance")
-    said = namer(setting).name([one.trial for one in made], setting)
+    large = [name for one, name in vehicles_named(("thymio2",)) if one.shown]
+    print(f"\n{len(large)} show it: {right(large):.1%} right, confidence off by {miscalibration(large):.3f}")
+    every = vehicles_named(SMALL)
+    found["vehicles on Enki's\nKhepera and e-puck"] = [name for one, name in every if one.shown]
+    found["the same,\nas trials fall"] = [name for _, name in every]
+
+
+def vehicles_named(models: Sequence[str]) -> list[tuple[Driven, Named]]:
+    """All vehicles on these robots, and what they are called; prints a table."""
+    made = [*everybody(range(SEEDS), models)]
+    said = called_by_name(made)
     every = [(one, Named(one.kind, name.name, name.confidence)) for one, name in zip(made, said, strict=True)]
+    print(f"\nOn Enki's {', '.join(models)}:")
     print(
         "\n| written to be | vehicle | show it | right of these | right of all | else called |\n"
         + "|---" * 6
@@ -113,8 +122,7 @@ def names_on_enki(found: dict[str, list[Named]]) -> None:
         others = ", ".join(f"{name} {count}" for name, count in wrong.most_common())
         shares = f"{right(shown):.0%} | {right([n for _, n in own]):.0%}"
         print(f"| {kind} | {family} | {len(shown)} of {len(own)} | {shares} | {others} |")
-    found["vehicles on Enki's\nKhepera and e-puck"] = [name for one, name in every if one.shown]
-    found["the same,\nas trials fall"] = [name for _, name in every]
+    return every
 
 
 def reliability_figure(found: dict[str, list[Named]]) -> None:

@@ -19,25 +19,40 @@ gives both wheels' speeds as shares of the top speed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from realitygap.correspondence.names import NONE
+from realitygap.correspondence.names import NONE, Name, namer
+from realitygap.correspondence.setting import setting_of
 from realitygap.correspondence.trials import Trial, resampled
 from realitygap.robots.enki import EnkiBody
 from realitygap.tasks.load import load_task
+from realitygap.tasks.task import Task
 from realitygap.track import Track
 from realitygap.values import Command, Pose
-from realitygap.world.arena import Arena
+from realitygap.world.arena import Arena, load_arena
 
 Rule = Callable[[np.ndarray], tuple[float, float]]
-ORDER = {"khepera": [0, 1, 2, 3, 4, 5, 6, 7], "epuck": [5, 6, 7, 0, 1, 2, 3, 4]}
-TOP_CM_S, RADIUS_CM = {"khepera": 9.0, "epuck": 12.0}, {"khepera": 2.6, "epuck": 3.7}
-FULL = {"khepera": 1023.0, "epuck": 4095.0}
+ORDER = {
+    "khepera": [0, 1, 2, 3, 4, 5, 6, 7],
+    "epuck": [5, 6, 7, 0, 1, 2, 3, 4],
+    "thymio2": [0, 1, 2, 2, 3, 4, 6, 5],
+}
+"""A Thymio has five sensors ahead, the middle one between left and right, and two behind."""
+TOP_CM_S = {"khepera": 9.0, "epuck": 12.0, "thymio2": 14.0}
+RADIUS_CM = {"khepera": 2.6, "epuck": 3.7, "thymio2": 8.0}
+FULL = {"khepera": 1023.0, "epuck": 4095.0, "thymio2": 4505.0}
 """Enki's own; its top commands are never reached."""
+TRACK_CM = {"khepera": 5.3, "epuck": 5.3, "thymio2": 9.4}
+FARTHER = {"khepera": 1.0, "epuck": 1.0, "thymio2": 2.0}
+"""How many times the clearances of a small robot, which sees 5 cm, a rule is tuned to."""
+SMALL = ("khepera", "epuck")
+ROOMS = {"thymio2": "obstacle-avoidance-large"}
+"""Where a robot drives that is too large for the paper's arena."""
 
 
 class Sight:
@@ -49,7 +64,7 @@ class Sight:
     def __call__(self, clearance: float, *, beside: bool = False) -> float:
         """The reading, a share of full scale, of what looks at a wall so far (cm) from the body's edge."""
         with closing(EnkiBody(self.model, 0, noise=0.0)) as body:
-            away = RADIUS_CM[self.model] + clearance
+            away = RADIUS_CM[self.model] + FARTHER[self.model] * clearance
             heading = math.pi / 2 if beside else math.pi
             body.enter({"size_cm": [200.0, 200.0]}, 1, Pose(x=away, y=100.0, heading=heading))
             near = body.sense().proximity[ORDER[self.model]] / FULL[self.model]
@@ -169,7 +184,8 @@ def pivots(hand: Hand) -> Rule:
 def fixed_turns(hand: Hand) -> Rule:
     draw, left, side = hand.draw, 0, hand.side()
     pace, feels, spin = draw.uniform(0.4, 0.8), hand.sight(draw.uniform(0.8, 2)), draw.uniform(0.3, 0.5)
-    lasts = round(draw.uniform(1.2, 2.4) * 5.3 / (2 * spin * TOP_CM_S[hand.sight.model]) * 10)
+    model = hand.sight.model
+    lasts = round(draw.uniform(1.2, 2.4) * TRACK_CM[model] / (2 * spin * TOP_CM_S[model]) * 10)
 
     def rule(p: np.ndarray) -> tuple[float, float]:
         nonlocal left
@@ -320,9 +336,9 @@ class Driven(NamedTuple):
 
 
 def driven(kind: str, family: str, model: str, seed: int, *, seconds: float = 20.0) -> Driven:
-    """One trial in the paper's arena, from anywhere, of a robot of its own."""
+    """One trial in the robot's arena, from anywhere, of a robot of its own."""
     draw = np.random.default_rng([seed, *f"{kind} {family} {model}".encode()])
-    arena = load_task("obstacle-avoidance").arena
+    arena = task_of(model).arena
     room = {
         "size_cm": list(arena.size_cm), "cylinders": [[c.x_cm, c.y_cm, c.radius_cm] for c in arena.cylinders]
     }  # fmt: skip
@@ -345,11 +361,27 @@ def driven(kind: str, family: str, model: str, seed: int, *, seconds: float = 20
     return Driven(kind, family, model, trial, _shown(kind, *np.array(said).T))
 
 
-def everybody(seeds: range) -> Iterator[Driven]:
+def task_of(model: str) -> Task:
+    """Obstacle avoidance, in the arena that a robot fits."""
+    task = load_task("obstacle-avoidance")
+    return replace(task, arena=load_arena(ROOMS[model])) if model in ROOMS else task
+
+
+def called_by_name(drives: Sequence[Driven]) -> list[Name]:
+    """What the trials are called, each in its robot's arena."""
+    found: dict[int, Name] = {}
+    for room in {one.model in ROOMS for one in drives}:
+        here = [k for k, one in enumerate(drives) if (one.model in ROOMS) == room]
+        setting = setting_of([], task_of(drives[here[0]].model))
+        found |= dict(zip(here, namer(setting).name([drives[k].trial for k in here], setting), strict=True))
+    return [found[k] for k in range(len(drives))]
+
+
+def everybody(seeds: range, models: Sequence[str] = SMALL) -> Iterator[Driven]:
     """Each vehicle on each robot, a trial a seed."""
     for kind, families in VEHICLES.items():
         for family in families:
-            for model in ORDER:
+            for model in models:
                 yield from (driven(kind, family, model, seed) for seed in seeds)
 
 
