@@ -198,7 +198,7 @@ def _in_order(todo: Sequence[Situation]) -> list[Situation]:
     and others are done meanwhile."""
     films, others = ([one for one in todo if one.film is film] for film in (True, False))
     others.sort(key=lambda one: -_cost(one))
-    apart = 1 + len(others) // 2 // max(1, len(films))
+    apart = 1 + max(1, len(others) // 2 // max(1, len(films)))
     for k, film in enumerate(films):
         others.insert(k * apart, film)
     return others
