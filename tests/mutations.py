@@ -137,9 +137,9 @@ MUTATIONS = (
     # tracker
     Mutation("film/disk.py", "the heading is looked back",
              "math.atan2(front_y - y, front_x - x)", "math.atan2(y - front_y, x - front_x)", TRACKER),
-    Mutation("film/finder.py", "places are a step off",
-             "x, y = place[0] + axis, (place[1] + axis)[:, None]",
-             "x, y = place[0] + axis + self._step, (place[1] + axis)[:, None]", TRACKER),
+    Mutation("film/window.py", "places are a step off",
+             "_pixel(optics, place[0] + axis[j], place[1] + axis[i])",
+             "_pixel(optics, place[0] + axis[j] + axis[1] - axis[0], place[1] + axis[i])", TRACKER),
     Mutation("film/tracker.py", "a lost robot is guessed where it was",
              "return None if seen is None else (seen.pose, seen.quality)",
              "return (last and (last, 0.5)) if seen is None else (seen.pose, seen.quality)", TRACKER),

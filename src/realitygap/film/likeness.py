@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 import cv2
 import numpy as np
@@ -20,7 +20,6 @@ from realitygap.film.masks import Grey
 
 if TYPE_CHECKING:
     from realitygap.film.camera import CameraModel
-    from realitygap.film.tag import Tag
 
 __all__ = ["cells_seen", "fitted", "likeliest"]
 
@@ -34,8 +33,28 @@ SPOTS = 4
 """Places along a cell at which its brightness is taken; the outer ones are left out."""
 
 
+class Printed(Protocol):
+    """What a tag's picture is made of."""
+
+    @property
+    def cells(self) -> NDArray[Any]:
+        """[n, n] white 1, black 0."""
+
+    @property
+    def size(self) -> float:
+        """mm."""
+
+    @property
+    def radius_cm(self) -> float:
+        """Of the circle about it."""
+
+    @property
+    def height_cm(self) -> float:
+        """Above the floor."""
+
+
 def likeliest(
-    window: Grey, corner: Array, camera: CameraModel, tag: Tag, around: tuple[Array, float]
+    window: Grey, corner: Array, camera: CameraModel, tag: Printed, around: tuple[Array, float]
 ) -> list[Array]:
     """Rough corners of what looks most like the tag about a place, [4, 2] px of the window, the likeliest
     first.
@@ -70,7 +89,7 @@ def likeliest(
     return [pixels for _, pixels in found[:CHOSEN]]
 
 
-def fitted(picture: Grey, tag: Tag, rough: list[Array]) -> Iterator[tuple[Array, float]]:
+def fitted(picture: Grey, tag: Printed, rough: list[Array]) -> Iterator[tuple[Array, float]]:
     """The tag's corners [4, 2] px, and its correlation up to 1, where rough ones lie: its own picture is
     moved over the film's until the two are most alike."""
     cells = np.pad(tag.cells, 1, constant_values=1).astype(np.float32)
@@ -88,7 +107,7 @@ def fitted(picture: Grey, tag: Tag, rough: list[Array]) -> Iterator[tuple[Array,
         yield square @ onto.T.astype(float), float(quality)
 
 
-def cells_seen(picture: Grey, tag: Tag, corners: Array) -> float:
+def cells_seen(picture: Grey, tag: Printed, corners: Array) -> float:
     """How well the brightness of what lies between corners [4, 2] px follows the tag's cells within its rim,
     a correlation up to 1: of another number's cells it is far less, the rim being the same."""
     n = len(tag.cells)
