@@ -148,7 +148,8 @@ def test_a_unit_is_fitted(tmp_path, monkeypatch, recorded, driven, lit):
     monkeypatch.setattr(
         fits, "calibrate", lambda *args, **facts: calibrate(*args, **{**facts, "form": "paper"})
     )  # the quickest
-    (tmp_path / "robot.toml").write_text(unit.fitted(tmp_path), "utf-8")
+    text = unit._profile(tmp_path, [unit.fitted(tmp_path, list(made))])
+    (tmp_path / "robot.toml").write_text(text, "utf-8")
     profile = load_profile(tmp_path / "robot.toml")
     assert profile.name == "twin-11" and profile.provenance.date == "" and len(profile.provenance.files) == 4
     assert {fit.channel for fit in profile.provenance.fits} == {"infrared", "ambient", "wheels"}

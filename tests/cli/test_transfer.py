@@ -199,10 +199,9 @@ def test_reproduce_transfers_before_it_reports(json_of, monkeypatch, tmp_path):
     words = ("reproduce", "--runs", 1, "--evaluations", 66, "--workers", 1, "--profile", "paper")
     words = (*words, "--starts", 3, "--out", tmp_path / "study")
     assert json_of(*words)["transfers"] == []
-    first, rest = asked
-    assert first.robots == rest.robots == ("twin:1",) and first.runs == rest.runs == ()
-    assert first.film == [1, 2, 3, 4, 5, 6] and first.starts == 1
-    assert rest.starts == 3 and rest.film is False
+    (made,) = asked
+    assert made.robots == ("twin:1",) and made.runs == () and made.starts == 3
+    assert made.film == [(run, 1) for run in range(1, 7)]
     asked.clear()
     assert "transfers" not in json_of(*words, "--resume", "--no-transfer")
     assert not asked

@@ -44,5 +44,6 @@ def test_its_page_calls_it_what_it_is():
     """Pseudo-reality that others made: no twin, and no robot of the user's own."""
     settings = {"robot": "enki:epuck"}
     assert robot_words(settings) == "enki:epuck, a robot of EPFL's simulator Enki"
-    assert "Enki: pseudo-reality" in limits(settings)[0] and "twin" not in " ".join(limits(settings))
+    assert "simulated by Enki, EPFL's simulator: pseudo-reality" in limits(settings)[0]
+    assert "twin" not in " ".join(limits(settings))
     assert robot_words({}) == "" and "The robot is a twin" in limits({})[0]

@@ -191,9 +191,12 @@ def _situated(folder: Path) -> object:
     from realitygap.experiments.noise import situated
 
     stage = SimpleNamespace(
-        folder=folder, config=SimpleNamespace(units=1, starts=2), task=lambda name: SimpleNamespace(steps=20)
+        folder=folder,
+        config=SimpleNamespace(units=1, starts=2),
+        task=lambda name: SimpleNamespace(steps_of=lambda profile: 20),
+        profile=lambda unit: SimpleNamespace(period_s=0.1),
     )
-    one = SimpleNamespace(task="t", name="one", folder="one")
+    one = SimpleNamespace(task="t", name="one", folder="one", home=1)
     original, situated.situated_file = situated.situated_file, lambda folder, one: folder / "one.npz"
     try:
         return situated.read_situated(stage, one)

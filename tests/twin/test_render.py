@@ -118,5 +118,5 @@ def test_a_renderer_that_hangs_or_dies_is_told_of(
 def test_a_process_that_says_nothing_at_its_start_is_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing heard for too long: the process is ended, and the module is named."""
     monkeypatch.setattr(process, "START_S", 0.2)
-    with pytest.raises(RobotError, match=r"json\.tool: nothing was heard of it for 0\.2 s"):
+    with pytest.raises(RobotError, match=r"json\.tool has not answered for 0\.2 s"):
         process.launch("json.tool", {})  # it waits for the end of its input

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -157,26 +157,39 @@ def on_twins(
             camera = file.read_bytes() if away and file in watched else None
             yield Job(one, study.genotype(one.run, one.evaluation), camera)
 
-    def hear(message: Worked | Made) -> None:
+    words = (words_for(study.folder, pool), str(place.resolve()))
+    with Packed(place / FOLDER) if pack else nullcontext() as archive:
+        keeper = _Keeper(place=place, stage=stage, archive=archive, reporter=reporter)
+        for jobs in (cameras, trials()) if away else (chain(cameras, trials()),):
+            pool.work(Setup(bench_in, words, here=Bench(stage, place)), jobs, keeper.hear)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Keeper:
+    """Puts what workers send in its place: trials in folders of their own, or in one file for all."""
+
+    place: Path
+    stage: Stage
+    archive: Packed | None
+    reporter: Reporter
+
+    def hear(self, message: Worked | Made) -> None:
+        """One of their messages."""
         if isinstance(message, Worked):
-            reporter.add(message.cost)
+            self.reporter.add(message.cost)
             return
         one, files = message.situation, message.files
         if message.camera:
-            keep_camera(stage.camera_file(one), files)
+            keep_camera(self.stage.camera_file(one), files)
             return
-        with told(place / one.folder):
-            if archive is not None and message.finished and one.robot.unit is not None and not one.film:
-                archive.keep(str(Path(one.folder).relative_to(FOLDER)), files)
-                put_aside(place / one.folder, one.robot, "earlier")
+        folder = self.place / one.folder
+        with told(folder):
+            if self.archive is not None and message.finished and one.robot.unit is not None and not one.film:
+                self.archive.keep(str(Path(one.folder).relative_to(FOLDER)), files)
+                put_aside(folder, one.robot, "earlier")
             else:
-                keep(place / one.folder, one.robot, files, finished=message.finished)
-        reporter.add(0.0, done=int(message.finished))
-
-    words = (words_for(study.folder, pool), str(place.resolve()))
-    with Packed(place / FOLDER) if pack else nullcontext() as archive:
-        for jobs in (cameras, trials()) if away else (chain(cameras, trials()),):
-            pool.work(Setup(bench_in, words, here=Bench(stage, place)), jobs, hear)
+                keep(folder, one.robot, files, finished=message.finished)
+        self.reporter.add(0.0, done=int(message.finished))
 
 
 def _refuse_own(todo: Sequence[Situation], *, away: bool) -> None:
