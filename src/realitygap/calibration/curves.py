@@ -22,7 +22,7 @@ STEPS = 40
 """Of a curve."""
 ROUNDS, STEEP = 12, 1e6
 """Rounds of one fit, and the weight that keeps a curve from falling."""
-SETTLED = 1e-4
+SETTLED = 1e-3
 """Share of the full scale by which a round moves a curve that has come to rest."""
 ALIKE = 0.3
 """Share of the full scale by which a sensor's curve may easily differ from that of all."""
