@@ -54,7 +54,10 @@ class Dask:
             ) from None
         logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what it has to say is told as an error
         try:
-            self._client = Client(address, timeout=WAIT_S, set_as_default=False)
+            try:
+                self._client = Client(address, timeout=WAIT_S, set_as_default=False)
+            except AssertionError:  # its own thread had not begun within ten seconds: the machine stood still
+                self._client = Client(address, timeout=WAIT_S, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
             raise ConfigError(
                 f"workers: no Dask scheduler answers at {address!r} ({error}). Start one (`dask scheduler`), "
