@@ -1,7 +1,5 @@
 """Every error that a user can meet: what was expected, what came, and the cure."""
 
-from __future__ import annotations
-
 __all__ = [
     "BaudError",
     "CalibrationError",

@@ -6,8 +6,6 @@ is removed, compiled again, and that is said. Where nothing can be kept, one tem
 process and all that it starts. This module knows neither the simulation nor its twin.
 """
 
-from __future__ import annotations
-
 import atexit
 import hashlib
 import inspect

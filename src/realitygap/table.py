@@ -1,7 +1,5 @@
 """CSV tables, read: whatever is wrong with one is said with its line."""
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Sequence

@@ -4,8 +4,6 @@ Whoever uses one holds a lock on it, which the system takes away from a dead pro
 nobody holds was left by a kill, and the next one of ours that is made sweeps it away.
 """
 
-from __future__ import annotations
-
 import fcntl
 import os
 import re

@@ -1,7 +1,5 @@
 """Small files that people write, read; whatever is wrong with them is said in one line."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """Facts as TOML, in and out."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Python of a user's own: files that are run, what they name, and what is wrong with them, by its line."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib.util
 import sys

@@ -4,8 +4,6 @@ A file is written under another name beside its place, brought to the disk, and 
 there. Whatever the system says of it names the file.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress

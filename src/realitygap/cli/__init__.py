@@ -1,7 +1,5 @@
 """The command line: one file a command. What a command needs is imported when it runs."""
 
-from __future__ import annotations
-
 import click
 
 from realitygap import __version__

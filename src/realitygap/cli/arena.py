@@ -1,7 +1,5 @@
 """`realitygap arena`: rooms to copy and change."""
 
-from __future__ import annotations
-
 import click
 
 from realitygap.cli.option import as_json

@@ -1,7 +1,5 @@
 """`realitygap classify`: what kind of behaviour tracks show."""
 
-from __future__ import annotations
-
 import click
 
 from realitygap.cli import option

@@ -1,7 +1,5 @@
 """`realitygap export`: an evolved individual as source for a robot's own processor."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

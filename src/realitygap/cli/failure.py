@@ -3,8 +3,6 @@
 0 done; 1 not the user's doing; 2 something that the user can mend; 130 stopped by Ctrl-C.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import sys

@@ -1,7 +1,5 @@
 """Kinds of value that options take; a value that is refused names its option and what was expected."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

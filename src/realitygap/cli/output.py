@@ -1,7 +1,5 @@
 """What commands print: JSON without NaN, and small tables in plain text."""
 
-from __future__ import annotations
-
 import json
 import math
 import sys

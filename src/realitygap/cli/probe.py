@@ -1,7 +1,5 @@
 """`realitygap probe`: what the sensors read at one place."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import click

@@ -1,7 +1,5 @@
 """`realitygap profile`: a robot's constants."""
 
-from __future__ import annotations
-
 import click
 
 from realitygap.cli.option import as_json

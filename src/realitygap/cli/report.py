@@ -1,7 +1,5 @@
 """`realitygap report`: make a study's page again."""
 
-from __future__ import annotations
-
 import click
 
 from realitygap.cli import option

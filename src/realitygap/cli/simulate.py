@@ -1,7 +1,5 @@
 """`realitygap simulate`: one trial, step by step."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

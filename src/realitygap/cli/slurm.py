@@ -1,7 +1,5 @@
 """`realitygap slurm`: a script that gives a command's shards to a cluster's queue."""
 
-from __future__ import annotations
-
 import shlex
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Whether a program that came with somebody else's study may be run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

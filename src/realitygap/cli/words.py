@@ -1,7 +1,5 @@
 """The words of a command line before they are read: numbers with commas, options given twice."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import click

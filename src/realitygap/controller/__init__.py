@@ -1,7 +1,5 @@
 """§5.2, §5.3: genotype to network, encodings, operators on genotypes, controllers made by hand."""
 
-from __future__ import annotations
-
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {

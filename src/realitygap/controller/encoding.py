@@ -5,8 +5,6 @@ its networks are those of the paper (integers, §5.3), so that every one of them
 genotype of slots: that is what pictures, texts and robots take it for.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Protocol
 

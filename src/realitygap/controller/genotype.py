@@ -16,8 +16,6 @@ What is left out is blank; `off` marks content that is stored but not expressed;
 a # is a comment. The same genotype always gives the same text, and the text the same genotype.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from pathlib import Path

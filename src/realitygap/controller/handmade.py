@@ -4,8 +4,6 @@ The Braitenberg vehicles (V. Braitenberg, "Vehicles", 1984) are for eight sensor
 order: left 90°, left 45°, front left, front right, right 45°, right 90°, back right, back left.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Sequence

@@ -4,8 +4,6 @@ A neuron's output is clip(Σ weight · output of the source, delay + 1 updates a
 −10, 10); all neurons are updated together, ten times a step, from the updates before.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Sequence
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """How alike simulated and situated behaviour are, and what it is called (tables 1 and 2)."""
 
-from __future__ import annotations
-
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {

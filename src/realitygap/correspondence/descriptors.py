@@ -6,8 +6,6 @@ changed after a look at exemplars is told in docs/correspondence.md. They never 
 that are compared.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

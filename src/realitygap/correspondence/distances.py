@@ -9,8 +9,6 @@ Sources: Székely and Rizzo, "Energy statistics" (J. Stat. Plan. Inference 143, 
 Lin, "Divergence measures based on the Shannon entropy" (IEEE Trans. Inf. Theory 37, 1991).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Human judges: blind pairs of trials, their ratings, and how far the score agrees with them."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections import defaultdict

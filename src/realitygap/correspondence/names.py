@@ -10,8 +10,6 @@ share of right names: the reach, from where on a trial is too far for any name, 
 fitted to exemplars of designs that the votes know nothing of (`python -m tests.exemplars.make`).
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Sequence
 from importlib.resources import files

@@ -3,8 +3,6 @@
 A track's heading has to agree with its way: a robot with two wheels goes where it looks, or back.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import math

@@ -1,7 +1,5 @@
 """The two ends of the scale: a floor (the same robot again) and a ceiling (another behaviour)."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

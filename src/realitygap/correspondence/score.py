@@ -1,7 +1,5 @@
 """The two scores: how alike two sets of trials are, with what is said beside it; and how good they are."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass

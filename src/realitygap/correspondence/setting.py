@@ -1,7 +1,5 @@
 """Where trials took place: the arena, what stands around a robot in it, and the exemplars that serve."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from os import PathLike

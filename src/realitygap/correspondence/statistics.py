@@ -1,7 +1,5 @@
 """How sure a comparison is, and what is reported beside it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The column "differences": what a judge would say, from signed numbers (tables 1 and 2)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Compiles the program that holds Enki, once, into the user's cache."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import shutil

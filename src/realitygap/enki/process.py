@@ -1,7 +1,5 @@
 """Enki in a process of its own: a line of text in, a line of numbers out, a limit to every wait."""
 
-from __future__ import annotations
-
 import subprocess
 import weakref
 from collections.abc import Iterable, Mapping

@@ -4,8 +4,6 @@ Unit 0 is the published model itself. In the others gains, directions and wheels
 Khepera to the next.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """§5.1: the distributed genetic algorithm and two baselines, behind the same ask and tell as a user's."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from realitygap.errors import UsageError

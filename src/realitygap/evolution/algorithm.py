@@ -4,8 +4,6 @@ It sees genes and fitness, never a robot. What an algorithm of one's own looks l
 `examples/`; `realitygap.testing` has the contract that every algorithm passes.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np

@@ -5,8 +5,6 @@ OFFSPRING is the one that the variation draws from. A state and an event's numbe
 of an individual.
 """
 
-from __future__ import annotations
-
 import operator
 from abc import ABC, abstractmethod
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ of each array]) and the arrays, then the CRC-32 of everything before it. Version
 population in a fixed order, its genes int8; it is still read.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import struct

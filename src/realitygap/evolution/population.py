@@ -1,7 +1,5 @@
 """A state for most algorithms: individuals in cells, the fittest ever, and what else is remembered."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace

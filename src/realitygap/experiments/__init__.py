@@ -1,7 +1,5 @@
 """What is asked of many runs: each experiment states its plan, then carries it out."""
 
-from __future__ import annotations
-
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {

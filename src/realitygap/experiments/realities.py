@@ -5,8 +5,6 @@ from realitygap.experiments.realities import Realities, carry_out
 carry_out("out/realities", Realities(runs=2, starts=2, evaluations=200))
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -3,8 +3,6 @@
 What was asked for is written down first, so that `--resume` needs no options at any of these phases.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -10,8 +10,6 @@
 Rooms beside this one never meet it: whoever made a film, a person or the twin, it is a file.
 """
 
-from __future__ import annotations
-
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {

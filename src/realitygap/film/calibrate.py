@@ -6,8 +6,6 @@ corners) then have known places, and a camera is fitted to them; with that camer
 again, closely, and it is fitted once more.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -10,8 +10,6 @@ ray to the lens first, for which the lens's place must be known.
 Pixels are counted from the middle of the picture's upper left one: x to the right, y down.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The black and white disk that the robot carries (§6), read from TOML."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict, dataclass, fields
 from importlib.resources import files

@@ -8,8 +8,6 @@ looked at closely.
 A picture may also be given as what shows it (`Look`): then only what is looked at has to be made.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple

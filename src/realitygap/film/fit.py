@@ -5,8 +5,6 @@ numbers and the two radial terms are made to fit all points that agree, by Leven
 Marquardt's steps.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial

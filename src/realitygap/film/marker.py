@@ -1,7 +1,5 @@
 """What the robot wears under the camera: the paper's disk, or an ArUco or AprilTag marker."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

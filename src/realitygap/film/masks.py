@@ -5,8 +5,6 @@ curves, of appropriate widths, around the vertical axis": both curves have the v
 even light gives no response. The widths are in units of the patch's radius.
 """
 
-from __future__ import annotations
-
 import math
 
 import cv2

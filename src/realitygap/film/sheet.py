@@ -1,7 +1,5 @@
 """A sheet of paper with a marker on it, to print, measure and cut out."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, NamedTuple
 

@@ -5,8 +5,6 @@ its leading edge, were overlaid on the final frame to produce an image of the Kh
 'tail' behind it." (§6)
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -5,8 +5,6 @@ whenever the robot was lost. Nothing is carried over from frame to frame but whe
 in which its marker is not seen is reported as lost, never guessed.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Films in and out, through PyAV: no other program is needed."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Robots: what a body is, its address, control loop, clocks, recordings, safe stop; a folder for each."""
 
-from __future__ import annotations
-
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {

@@ -30,8 +30,6 @@ What a body has besides is found by its name:
                 body that cannot read all of them in one period
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass

@@ -10,8 +10,6 @@ virtual clock tells the twin over a second channel, a Unix socket, how far time 
 Both sides count bytes, so that no result depends on how fast a pseudo-terminal hands them on.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import select

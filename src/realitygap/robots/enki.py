@@ -1,7 +1,5 @@
 """A unit of Enki's Khepera, e-puck or Thymio II as a body: in any room, in Enki's own time."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

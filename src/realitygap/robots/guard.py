@@ -5,8 +5,6 @@ to the robot is a heartbeat for the guard: after a silence (Ctrl-Z, SIGSTOP, a c
 and when the socket closes without a word (kill -9), it tells the robot to stand.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import select

@@ -1,7 +1,5 @@
 """The control loop: each period sense, decide, act, record; whatever happens, stop first."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Protocol

@@ -1,7 +1,5 @@
 """A body of the user's own, opened by its name, and held to what it declares."""
 
-from __future__ import annotations
-
 import inspect
 from pathlib import Path
 from typing import Any, cast

@@ -1,7 +1,5 @@
 """Studies: configuration, one run, many runs, the store, resuming. A study is a folder."""
 
-from __future__ import annotations
-
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {

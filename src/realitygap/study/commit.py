@@ -1,7 +1,5 @@
 """Which commit of the project is at work, as far as anybody can know."""
 
-from __future__ import annotations
-
 import filecmp
 import json
 import os

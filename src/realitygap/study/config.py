@@ -4,8 +4,6 @@ A condition is a task at a noise level; each is evolved `runs` times. Whatever i
 the paper's value. Paths are relative to the file that names them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from os import PathLike

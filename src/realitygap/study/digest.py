@@ -4,8 +4,6 @@ SQLite finds pages that make no sense; a changed number makes sense. Each table'
 row by row, run by run: what is added costs its own length, what is read is checked as a whole.
 """
 
-from __future__ import annotations
-
 import json
 import sqlite3
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """A study where its folder is not to be seen: made again, without its evaluations, of its files' content."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A study's folder: made once, locked while worked on, opened only by the configuration it was made with."""
 
-from __future__ import annotations
-
 import platform
 import sqlite3
 import tomllib

@@ -3,8 +3,6 @@
 One after the other, or all side by side: then what they ask for at a time is carried out in one batch.
 """
 
-from __future__ import annotations
-
 from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from typing import Any, NamedTuple

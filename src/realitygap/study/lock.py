@@ -1,7 +1,5 @@
 """A study's folder is worked on by one process at a time."""
 
-from __future__ import annotations
-
 import os
 import sqlite3
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The processor that a result was made on: some bits depend on it, as they do on versions."""
 
-from __future__ import annotations
-
 import platform
 import re
 import subprocess

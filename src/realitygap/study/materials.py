@@ -4,8 +4,6 @@ A study reads only its own folder once it is made, so that it can be moved, or i
 changed, and it still resumes and replays to the same bits.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from difflib import get_close_matches

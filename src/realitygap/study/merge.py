@@ -1,7 +1,5 @@
 """Put a study together of its shards, which were carried out apart: the same to the bit as in one piece."""
 
-from __future__ import annotations
-
 import shutil
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence

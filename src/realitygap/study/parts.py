@@ -1,7 +1,5 @@
 """The tables of a study's configuration: its conditions and what they share."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any

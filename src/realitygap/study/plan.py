@@ -1,7 +1,5 @@
 """The runs of a study: their names, their order and where their randomness comes from."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A study's database, read while another process may be writing it; what is damaged is not read."""
 
-from __future__ import annotations
-
 import json
 import sqlite3
 import zlib

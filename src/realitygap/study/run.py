@@ -5,8 +5,6 @@ cut into pieces, and who carries them out, changes no bit. Both are generators: 
 they ask for and are sent the scores, so that an engine may carry out those of many runs at once.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Generator
 from dataclasses import dataclass, field

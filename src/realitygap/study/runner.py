@@ -1,7 +1,5 @@
 """Carry out a study: make or resume its folder, give its runs to workers, write what they find."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path

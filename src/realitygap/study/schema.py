@@ -1,7 +1,5 @@
 """The tables of a study's database, as SQL, and the errors of SQLite in a person's words."""
 
-from __future__ import annotations
-
 import errno
 import sqlite3
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Settings as a person types them (`variation.mutation=0.1`), and where two configurations differ."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path

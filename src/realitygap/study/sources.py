@@ -1,7 +1,5 @@
 """The files that a study follows from: in its own folder, and as they were when it was made."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping
 from itertools import zip_longest

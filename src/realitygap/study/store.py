@@ -4,8 +4,6 @@ One process writes (see `folder.lock`). The write-ahead log keeps what was commi
 kill -9 at any moment; a power cut may lose the last transactions, never the database.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -4,8 +4,6 @@ Task files that this user evolved with, or agreed to, are known by their content
 `~/.local/state/realitygap` (`XDG_STATE_HOME`), where no study can reach it.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Tasks by name, and tasks from a user's Python file."""
 
-from __future__ import annotations
-
 import importlib
 import shutil
 from dataclasses import replace

@@ -3,8 +3,6 @@
 Every index is checked while it runs: that costs a trial nothing that could be measured.
 """
 
-from __future__ import annotations
-
 import builtins
 import dis
 import inspect

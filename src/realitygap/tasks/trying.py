@@ -5,8 +5,6 @@ and cylinders. Shorter paths and rooms with no lamp or three are tried too; ther
 but an index out of range is no fault: the task has no such path.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from functools import lru_cache

@@ -18,8 +18,6 @@ A contract asks for what it tests by one method, which you override; nothing her
 failed assertion.
 """
 
-from __future__ import annotations
-
 from realitygap.testing.algorithm import AlgorithmContract
 from realitygap.testing.body import BodyContract
 from realitygap.testing.encoding import EncodingContract

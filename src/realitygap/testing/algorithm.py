@@ -1,7 +1,5 @@
 """What every algorithm does, whatever it searches."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

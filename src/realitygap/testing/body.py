@@ -1,7 +1,5 @@
 """What every body does, wherever its wheels are."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from unittest import SkipTest

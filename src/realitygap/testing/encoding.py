@@ -1,7 +1,5 @@
 """What every encoding does, whatever its genes are."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from realitygap.controller.encoding import Encoding, controller_of

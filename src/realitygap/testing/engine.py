@@ -1,7 +1,5 @@
 """What every engine does, whatever carries its trials out."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What every pool does, wherever its workers are."""
 
-from __future__ import annotations
-
 import os
 import signal
 import tempfile

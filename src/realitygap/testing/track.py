@@ -1,7 +1,5 @@
 """What every track says, whoever saw the robot."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from tempfile import TemporaryDirectory
 

@@ -1,7 +1,5 @@
 """Transfer (§6): evolved individuals on robots, each trial paired with its simulation."""
 
-from __future__ import annotations
-
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {

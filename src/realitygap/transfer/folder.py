@@ -1,7 +1,5 @@
 """The folder of a trial: made beside the final one, which appears when everything is in it."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Score rows that were computed once, kept in a study's folder for as long as they hold."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """Finished transfers, read back from a study's folder."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 from functools import cached_property
 from os import PathLike

@@ -1,7 +1,5 @@
 """Put the trials of a transfer's shards into the folder of the study that drove."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Mapping
 from contextlib import ExitStack

@@ -4,8 +4,6 @@ Thousands of trials are a hundred thousand small files otherwise. Whoever reads 
 counts, or else what is packed under the folder's name.
 """
 
-from __future__ import annotations
-
 import sqlite3
 import tempfile
 import zlib

@@ -1,7 +1,5 @@
 """A finished transfer lived once more: what its simulated and its situated robot read, and decided."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

@@ -7,8 +7,6 @@ from realitygap.transfer.run import run_transfer
 transfer(load_study("out/reproduce"), Transfer(robots=("twin:1", "twin:2"), starts=3))
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from os import PathLike

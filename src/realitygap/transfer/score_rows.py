@@ -9,8 +9,6 @@
 A score row follows from the study and its transfers alone; what is in `marks.json` is not computed again.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable
 from os import PathLike

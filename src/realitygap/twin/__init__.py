@@ -4,8 +4,6 @@ Physics by MuJoCo, sensor laws of its own, reached as a robot is: through a seri
 The literature calls it pseudo-reality (Ligot and Birattari, Swarm Intelligence 2020).
 """
 
-from __future__ import annotations
-
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {

@@ -1,7 +1,5 @@
 """The twin's arenas: plain numbers, checked once at the door."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

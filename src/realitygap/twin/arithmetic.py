@@ -8,8 +8,6 @@ It also says how the twin's inner loops are compiled. What is kept on file is kn
 text of this room. No flag lets the compiler change the order of a sum.
 """
 
-from __future__ import annotations
-
 import math
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The robot in its arena, a millisecond at a time: what the firmware drives and the camera sees."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any

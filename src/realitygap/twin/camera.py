@@ -4,8 +4,6 @@ MuJoCo's renderer draws the frames where an EGL or OSMesa library works, else th
 same camera and lens; `metadata` says which made them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any

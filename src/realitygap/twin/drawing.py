@@ -4,8 +4,6 @@ Each pixel's ray is followed down: walls and cylinders once for the whole film, 
 where it is in the picture.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

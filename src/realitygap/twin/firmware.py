@@ -5,8 +5,6 @@ a wire of its own; a command is carried out when its line end has arrived, its a
 when the answer's last character has gone. Between events the body's physics runs on.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Iterable
 from typing import NamedTuple, Protocol

@@ -3,8 +3,6 @@
 The twin's own; the tracker's camera model has to find it out from frames (film/camera.py).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

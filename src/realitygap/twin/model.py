@@ -1,7 +1,5 @@
 """The robot and its arena for MuJoCo: bodies, wheels, motors (SI units)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

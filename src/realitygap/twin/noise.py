@@ -8,8 +8,6 @@ Every draw is named by what it belongs to (seed, purpose, sensor, number of the 
 asking twice gives the same answer and not asking changes nothing.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple

@@ -5,8 +5,6 @@ a step; the few samples on a circle's very edge come after. Lengths are single p
 are; the front patch's place has double precision.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """A card of black and white cells on the robot's back, in the disk's place: a printed marker."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

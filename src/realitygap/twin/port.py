@@ -1,7 +1,5 @@
 """The twin's end of the serial line: a pseudo-terminal that any program can open."""
 
-from __future__ import annotations
-
 import errno
 import os
 import select

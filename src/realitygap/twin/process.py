@@ -1,7 +1,5 @@
 """A twin in a process of its own, as a program starts it."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import socket

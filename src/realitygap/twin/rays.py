@@ -1,7 +1,5 @@
 """Rays of light in the plane, compiled: against faces (segments) and cylinders (circles)."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -5,8 +5,6 @@ is asked for (`QUESTION`: a pose and a window of the picture) and writes it as b
 Only the robot moves and nothing casts a shadow: so the whole is drawn once, then a window round the robot.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import select

@@ -5,8 +5,6 @@ Everything stands upright, so light is followed in the plane. Lamps hang higher 
 what of their light passes over it, it does not shade.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple

@@ -4,8 +4,6 @@ What the robots have in common stands here with its source; what differs between
 Lengths in metres, angles in radians, as everywhere inside the twin.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, fields
 from typing import Any

@@ -5,8 +5,6 @@ robot's: pulses, and pulses in 10 ms for speeds. The millisecond's loop, with Mu
 compiled where MuJoCo's library is found, and runs as it stands here, with the same bits, where it is not.
 """
 
-from __future__ import annotations
-
 import ctypes
 import math
 from contextlib import suppress

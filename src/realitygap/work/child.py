@@ -1,7 +1,5 @@
 """A program in a process of its own, spoken to through its pipes: no wait for it is without end."""
 
-from __future__ import annotations
-
 import os
 import select
 import subprocess

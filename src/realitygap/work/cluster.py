@@ -7,8 +7,6 @@
 A job's messages come when it is done. The scheduler gives the jobs of a lost worker to others.
 """
 
-from __future__ import annotations
-
 import logging
 import platform
 from collections.abc import Callable, Iterable

@@ -19,8 +19,6 @@ whether it sees the parent's files, is the pool's affair. A pool of your own:
             self.threads.shutdown()
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterable
 from contextlib import closing

@@ -5,8 +5,6 @@ it ends.
 only at the end of a job, and what runs cannot be ended.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

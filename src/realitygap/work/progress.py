@@ -1,7 +1,5 @@
 """How far work is, told now and then: one event, one reporter, for whatever is counted."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

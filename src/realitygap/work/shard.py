@@ -5,8 +5,6 @@
 A shard's folder is marked, so that what was made apart is put together only when it belongs together.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterable, Mapping

@@ -1,7 +1,5 @@
 """Workers as a person asks for them: a number of processes, or a pool of one's own."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from contextlib import closing, contextmanager

@@ -1,7 +1,5 @@
 """Arenas (§4): a rectangular room with walls, cylinders and lamps, read from TOML."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from os import PathLike

@@ -5,8 +5,6 @@ A value is a frozen dataclass whose field names are the file's keys. `Value` con
 value check itself, so that a file and a Python call are refused with the same words.
 """
 
-from __future__ import annotations
-
 import math
 import tomllib
 from collections.abc import Mapping

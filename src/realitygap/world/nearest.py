@@ -1,7 +1,5 @@
 """What is nearest to each part of a room: for the kernels, which then ask no more than they must."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Noise levels (§6): a factor on every observed deviation."""
 
-from __future__ import annotations
-
 import math
 
 from realitygap.errors import ConfigError

@@ -1,7 +1,5 @@
 """A robot's constants (§3.1 to §3.3): a frozen value, read from TOML."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Where a calibrated profile comes from: files, forms, residuals, date, version, intervals."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from realitygap.world.files import Value

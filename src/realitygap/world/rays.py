@@ -4,8 +4,6 @@ Cosines are rounded to 15 decimals: mirror-image sensors get mirror-image rays t
 and C libraries that differ in a cosine's last bit give the same robot.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """What both kinds of sensors have in common: their places and tables for the kernels, and what is refused."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Protocol

@@ -1,7 +1,5 @@
 """A robot's sensors (§3.2.3, §3.3): places in its frame and the constants of their laws."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """What a study of the level of noise is to do: every setting that its results depend on."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -3,8 +3,6 @@
 Both tests are the rank tests' normal approximations, corrected for ties and continuity.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

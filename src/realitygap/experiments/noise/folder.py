@@ -1,7 +1,5 @@
 """A noise study's folder: made once, opened only by the settings it was made with."""
 
-from __future__ import annotations
-
 import json
 import shlex
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Put a study of the level of noise together of its shards."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Mapping
 from pathlib import Path

@@ -4,8 +4,6 @@ Whatever is drawn is a function of names alone, so that neither the order of wor
 in the study changes a bit.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The tables that come out of a study of noise: small, in plain text, with all that a report needs."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path

@@ -6,8 +6,6 @@ from realitygap.experiments.noise.run import noise_study
 noise_study("out/noise", NoiseConfig(runs=8, starts=4))
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Controllers in the simulations: from the same poses, at every level, held against the twin's paths."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """What the trials of a study of noise need, loaded once in a process: robots, tasks, genes, starts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The trials of a study of noise as jobs: a controller at a time, on the twin or in the simulations."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, NamedTuple
 

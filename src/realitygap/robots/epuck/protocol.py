@@ -3,8 +3,6 @@
 Sources: Asercom.c of GCtronic, EPFL and the York Robotics Laboratory, Asercom2.c of the e-puck2.
 """
 
-from __future__ import annotations
-
 from types import MappingProxyType
 
 from realitygap.robots.line.protocol import Dialect, Form, Span

@@ -6,8 +6,6 @@ byte that says of what kind, then its bytes. Numbers have 16 bits, the low byte 
 wiki and Asercom2.c, Webots' e-puck remote control.
 """
 
-from __future__ import annotations
-
 import os
 import socket
 import struct

@@ -1,7 +1,5 @@
 """A Khepera, or a twin of one, as a body on its serial line."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

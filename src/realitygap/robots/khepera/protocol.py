@@ -1,7 +1,5 @@
 """The Khepera's dialect. Sources: Player's khepera driver, KiKS, pykhepera, Webots."""
 
-from __future__ import annotations
-
 from types import MappingProxyType
 
 from realitygap.robots.address import BAUD, BAUD_RATES

@@ -1,7 +1,5 @@
 """A unit of the twin as a body: switched on in any room, driven through its serial line in virtual time."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path

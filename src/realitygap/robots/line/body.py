@@ -1,7 +1,5 @@
 """A robot on a line as a body, and what a step of its loop can carry at a baud rate."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple, Self, cast
 

@@ -1,7 +1,5 @@
 """A robot on a line: what it can be asked and told, and how it is made to stand whatever happens."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from contextlib import suppress

@@ -4,8 +4,6 @@ A command is a capital letter and decimal arguments, ended by CR or LF; its answ
 lower case and values, ended by CR LF. What a robot says apart from others stands in its `Dialect`.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass

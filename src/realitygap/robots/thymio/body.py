@@ -1,7 +1,5 @@
 """A Thymio II as a body: seven infrared sensors, no ambient light, no counters."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
