@@ -145,6 +145,17 @@ def test_an_archive_of_behaviours_fills(monkeypatch, tmp_path):
     assert (tmp_path / "map.png").stat().st_size > 5000
 
 
+def test_a_study_becomes_tables(tmp_path, monkeypatch):
+    """Three champions' tests at three levels of noise are counted in SQL; the tables are drawn."""
+    pytest.importorskip("pyarrow", reason="no pyarrow here: pip install pyarrow")
+    monkeypatch.syspath_prepend(EXAMPLES)
+    import tables
+
+    found = tables.main(tmp_path, runs=1)
+    assert found["trials"].tolist() == [200] * 9 and found["mean"].min() > 0
+    assert (tmp_path / "best.png").stat().st_size > 5000
+
+
 def stop_at(done: int) -> Callable[[Progress], None]:
     """Ctrl-C once so many evaluations are done."""
 

@@ -1,10 +1,12 @@
-"""Public names of a room, loaded when they are first asked for."""
+"""What is loaded when it is first asked for: public names of a room, rooms above, packages of an extra."""
 
 import importlib
 from collections.abc import Callable, Mapping
 from typing import Any
 
-__all__ = ["names_of"]
+from realitygap.errors import UsageError
+
+__all__ = ["above", "names_of", "needed"]
 
 
 def names_of(room: str, homes: Mapping[str, str]) -> tuple[list[str], Callable[[str], Any]]:
@@ -22,3 +24,25 @@ def names_of(room: str, homes: Mapping[str, str]) -> tuple[list[str], Callable[[
         return getattr(importlib.import_module(f"{room}.{where[name]}"), name)
 
     return sorted(where), load
+
+
+def above(home: str) -> Any:
+    """A file of a room above, by its name: where a value shows itself, or becomes what others read."""
+    return importlib.import_module(f"realitygap.{home}")
+
+
+def needed(name: str, extra: str) -> Any:
+    """A package that one of realitygap's extras brings.
+
+    Raises:
+        UsageError: it is not installed; with the line that installs it.
+    """
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] != name.partition(".")[0]:
+            raise
+        package = name.partition(".")[0]
+        raise UsageError(
+            f"{package} is not installed. Install it: pip install 'realitygap[{extra}]'."
+        ) from None

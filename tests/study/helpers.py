@@ -14,6 +14,7 @@ from realitygap.study.config import StudyConfig
 from realitygap.study.digest import seal
 from realitygap.study.load import load_study
 from realitygap.study.parts import Condition
+from realitygap.study.views import NAMES
 
 CHILD = Path(__file__).with_name("child.py")
 TABLES = ("run", "evaluation", "checkpoint", "retest", "test")
@@ -65,6 +66,8 @@ def in_format_3(folder: Path, version: int = 3) -> None:
             if rows:
                 seal(database, run, "evaluation")
         database.execute("DROP TABLE genotypes")
+        for name in NAMES:
+            database.execute(f"DROP VIEW {name}")
         database.execute(f"PRAGMA user_version = {version}")
 
 

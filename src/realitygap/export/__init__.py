@@ -1,4 +1,4 @@
-"""Evolved networks as source for a robot's own processor (the paper's down-load): C, MicroPython, Arduino."""
+"""What others take up: networks as source for a robot's own processor (the paper's down-load), tables."""
 
 from __future__ import annotations
 
@@ -7,4 +7,5 @@ from realitygap.lazy import names_of
 __all__, __getattr__ = names_of(__name__, {
     "onboard": "OnBoard on_board",
     "source": "LANGUAGES sizes write_source",
+    "tables": "TABLES table write_tables",
 })  # fmt: skip

@@ -24,6 +24,7 @@ from realitygap.evolution.algorithm import Genes, State
 from realitygap.evolution.checkpoint import MAGIC
 from realitygap.evolution.population import Population
 from realitygap.kernels.params import Networks
+from realitygap.lazy import above
 from realitygap.study.config import StudyConfig
 from realitygap.study.folder import agree, read_config, read_materials, read_profile
 from realitygap.study.materials import Materials
@@ -203,6 +204,24 @@ class Study:
         """The last populations' retest: run, cell, number, trial, score."""
         kinds = {"run": np.int64, "cell": np.int64, "number": np.int64, "trial": np.int64, "score": float}
         return self._table("retest", kinds, "run, cell, trial", run)
+
+    def query(self, sql: str) -> Table:
+        """Columns of what SQL selects from `runs`, `evaluations` and `tests`, or from the study's tables.
+
+            study.query("SELECT task, noise, avg(champion_fresh) AS mean FROM runs GROUP BY task, noise")
+
+        Raises:
+            StudyError: the statement cannot be carried out, or writes.
+        """
+        return self._reader.query(sql, self.config.to_dict())
+
+    def to_pandas(self, table: str = "runs") -> Any:
+        """A table as pandas' DataFrame: runs, evaluations, tests, trials (on robots), or scores.
+
+        Raises:
+            UsageError: no such table, or no pandas.
+        """
+        return above("export.tables").frame(self, table)
 
     def state(self, run: int) -> State | None:
         """What a run's last checkpoint holds; None before the first. A user's file may be run for it."""

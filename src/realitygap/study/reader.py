@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.errors import StudyError
 from realitygap.study.digest import verify
 from realitygap.study.schema import BLOCKS, SEALED, check_format, told
+from realitygap.study.views import NAMES, views
 
 __all__ = ["DATABASE", "Reader", "Table"]
 
@@ -116,6 +118,35 @@ class Reader:
             filled = np.fromiter(map(_nan_for_none, rows), np.dtype(list(kinds.items())), count)
         return {key: np.ascontiguousarray(filled[key]) for key in kinds}
 
+    def query(self, sql: str, config: Mapping[str, Any]) -> Table:
+        """Columns of what a statement of SQL selects from the tables and the views.
+
+        Args:
+            sql: one statement that selects.
+            config: the study's configuration, for the views.
+
+        Raises:
+            StudyError: the statement cannot be carried out, or writes.
+        """
+        for part in ("run", "evaluation", "retest", "test"):
+            with self.reading(part):
+                pass  # it holds what was written
+        with self.reading() as database:
+            for view in views(database, config, temporary=True):
+                database.execute(view)
+            try:
+                rows = database.execute(sql)
+                names = [column[0] for column in rows.description or ()]
+                found = rows.fetchall()
+            except sqlite3.Error as error:
+                raise StudyError(
+                    f"sql: {error}. Expected a SELECT from {', '.join(NAMES)} or a table of the study."
+                ) from None
+        if len(set(names)) != len(names):
+            raise StudyError(f"sql: two columns have one name: {', '.join(names)}. Name one anew (AS).")
+        columns = zip(*found, strict=True) if found else [()] * len(names)
+        return {name: _column(values) for name, values in zip(names, columns, strict=True)}
+
     def digest(self) -> str:
         """Of every row of every run, as it was written; "" in the oldest format, which keeps none."""
         with self.reading() as database:
@@ -152,6 +183,15 @@ class Reader:
 
 def _nan_for_none(row: Sequence[Any]) -> tuple[Any, ...]:
     return tuple(np.nan if value is None else value for value in row)
+
+
+def _column(values: Sequence[Any]) -> NDArray[Any]:
+    """Whole numbers, or numbers with NaN for nothing, or whatever they are."""
+    if all(type(value) is int for value in values):
+        return np.array(values, np.int64)
+    if all(isinstance(value, int | float | None) for value in values):
+        return np.array([np.nan if value is None else value for value in values], np.float64)
+    return np.array([*values, None], object)[:-1]
 
 
 def _open(path: Path) -> sqlite3.Connection:

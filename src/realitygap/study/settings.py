@@ -9,7 +9,16 @@ from realitygap.errors import ConfigError, StudyError
 from realitygap.text import refuse_unknown
 from realitygap.toml import parse_toml
 
-__all__ = ["EDITED", "LARGEST", "apply", "difference", "refuse_difference", "refuse_edited_settings", "whole"]
+__all__ = [
+    "EDITED",
+    "LARGEST",
+    "apply",
+    "difference",
+    "flat",
+    "refuse_difference",
+    "refuse_edited_settings",
+    "whole",
+]
 
 LARGEST = 2**63 - 1
 """The largest seed."""
@@ -71,7 +80,7 @@ def _pair(text: str) -> tuple[str, Any]:
 
 def difference(here: Mapping[str, Any], there: Mapping[str, Any]) -> tuple[str, Any, Any] | None:
     """The first key (with dots) in which two configurations differ, and both values."""
-    left, right = dict(_flat(here, "")), dict(_flat(there, ""))
+    left, right = dict(flat(here)), dict(flat(there))
     for key in [*left, *(key for key in right if key not in left)]:
         if left.get(key) != right.get(key):
             return key, left.get(key), right.get(key)
@@ -115,13 +124,14 @@ def refuse_edited_settings(file: Path, made: Mapping[str, Any], now: Mapping[str
         )
 
 
-def _flat(table: Mapping[str, Any], path: str) -> Iterator[tuple[str, Any]]:
+def flat(table: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+    """Every key of a configuration, with dots, and its value."""
     for key, value in table.items():
         if isinstance(value, Mapping):
-            yield from _flat(value, f"{path}{key}.")
+            yield from flat(value, f"{path}{key}.")
         elif isinstance(value, list) and value and isinstance(value[0], Mapping):
             yield f"{path}{key}", len(value)
             for i, entry in enumerate(value):
-                yield from _flat(entry, f"{path}{key}[{i}].")
+                yield from flat(entry, f"{path}{key}[{i}].")
         else:
             yield f"{path}{key}", value

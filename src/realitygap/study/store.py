@@ -23,6 +23,7 @@ from realitygap.study.materials import Materials
 from realitygap.study.plan import plans
 from realitygap.study.run import Records, Results
 from realitygap.study.schema import BLOCKS, SEALED, check_format, schema, told
+from realitygap.study.views import views
 from realitygap.values import Closing
 
 __all__ = ["Store", "create"]
@@ -52,6 +53,8 @@ def create(path: Path, materials: Materials, sources: Mapping[str, bytes]) -> No
         database.execute("PRAGMA journal_mode = DELETE")
         database.executescript(f"BEGIN;{schema(trials)}COMMIT;")
         database.execute("BEGIN")
+        for view in views(database, materials.copies()[0].to_dict()):
+            database.execute(view)
         columns = "id, name, task, noise, position, encoding"
         database.executemany(f"INSERT INTO run ({columns}) VALUES (?, ?, ?, ?, ?, ?)", rows)
         database.executemany("INSERT INTO source VALUES (?, ?)", sources.items())

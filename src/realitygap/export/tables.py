@@ -1,0 +1,149 @@
+"""A study as tables, for pandas, R, DuckDB or a spreadsheet: Parquet, CSV or data frames.
+
+docs/tables-and-logs.md says what each column is.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from realitygap import whole
+from realitygap.errors import UsageError
+from realitygap.lazy import needed
+from realitygap.study.load import Study, Table
+from realitygap.transfer.load import load_transfers
+from realitygap.transfer.score_rows import ScoreRow, kind_of, marks_of
+
+__all__ = ["FORMATS", "TABLES", "frame", "table", "write_tables"]
+
+FORMATS = ("parquet", "csv")
+ORDER = {"runs": "run", "evaluations": "run, number", "tests": "run, who, tested_noise, number, trial"}
+"""The views of a study's database, and the order of their rows."""
+TABLES = (*ORDER, "trials", "scores")
+OF_TRIAL = (
+    "run", "name", "task", "noise", "individual", "robot", "unit", "twin_noise", "start", "seconds",
+    "situated_from", "filmed", "late_steps", "missed_steps", "lost_steps",
+)  # fmt: skip
+OF_SCORES = ("type", "situated_type", "behaviour", "correspondence", "low", "high", "differences")
+TEXTS = (
+    "name",
+    "task",
+    "individual",
+    "robot",
+    "situated_from",
+    "folder",
+    "kind",
+    "why",
+    "type",
+    "situated_type",
+    "differences",
+)
+"""Columns that stay texts where there is nothing in them."""
+
+
+def table(study: Study, name: str) -> Table:
+    """One of TABLES: NumPy columns of equal length, NaN or None where there is nothing.
+
+    Raises:
+        UsageError: no such table.
+        StudyError: the study, or a trial of it, cannot be read.
+    """
+    if name not in TABLES:
+        raise UsageError(f"table: expected {', '.join(TABLES)}, got {name!r}.")
+    if name in ORDER:
+        return study.query(f"SELECT * FROM {name} ORDER BY {ORDER[name]}")
+    marks = marks_of(study)
+    return _trials(study, marks) if name == "trials" else _columns(list(ScoreRow.__dataclass_fields__), marks)
+
+
+def frame(study: Study, name: str) -> Any:
+    """One of TABLES as pandas' DataFrame.
+
+    Raises:
+        UsageError: no such table, or no pandas.
+    """
+    return needed("pandas", "tables").DataFrame(table(study, name))
+
+
+def write_tables(study: Study, kind: str, folder: Path) -> dict[Path, int]:
+    """Write all tables of a study, a file each; how many rows each has.
+
+    Args:
+        study: with its transfers, as far as there are any.
+        kind: one of FORMATS.
+        folder: where to; made if it is not there. Files of the same names are replaced.
+
+    Raises:
+        UsageError: another format, or no pyarrow for Parquet.
+        OSError: a file cannot be written.
+    """
+    if kind not in FORMATS:
+        raise UsageError(f"format: expected {', '.join(FORMATS)}, got {kind!r}.")
+    arrow = needed("pyarrow.parquet", "tables") if kind == "parquet" else None
+    folder.mkdir(parents=True, exist_ok=True)
+    made = {}
+    for name in TABLES:
+        path, columns = folder / f"{name}.{kind}", table(study, name)
+        if arrow is None:
+            whole.write(path, _csv(columns))
+        else:
+            with whole.new(path) as new:
+                arrow.write_table(_arrow(columns), new)
+        made[path] = len(next(iter(columns.values())))
+    return made
+
+
+def _trials(study: Study, marks: Sequence[ScoreRow]) -> Table:
+    """A row for each trial on a robot, with the scores of its individual on that kind of robot."""
+    scores = {(one.run, one.individual, one.kind): one for one in marks}
+    rows = []
+    for one in load_transfers(study.folder):
+        found = scores.get((one.run, one.individual, kind_of(one)))
+        rows.append({
+            **{key: getattr(one, key) for key in OF_TRIAL},
+            **one.pose.to_dict(),
+            "score_simulated": one.fitness_simulated, "score_situated": one.fitness_situated,
+            **{key: getattr(found, key, None) for key in OF_SCORES},
+            "folder": one.folder.relative_to(study.folder).as_posix(),
+        })  # fmt: skip
+    places = ("x_cm", "y_cm", "heading_deg", "score_simulated", "score_situated")
+    return _columns([*OF_TRIAL, *places, *OF_SCORES, "folder"], rows)
+
+
+def _columns(names: Sequence[str], rows: Sequence[Any]) -> Table:
+    """Rows (dictionaries, or values with such attributes) as columns: texts, whole numbers or numbers."""
+    plain = [row if isinstance(row, dict) else row.to_dict() for row in rows]
+    columns: Table = {}
+    for name in names:
+        values = [row[name] for row in plain]
+        if name in TEXTS or any(isinstance(value, str) for value in values):
+            columns[name] = np.array([*(value or None for value in values), None], object)[:-1]
+        elif all(isinstance(value, int) for value in values):
+            columns[name] = np.array(values, bool if name == "filmed" else np.int64)
+        else:
+            columns[name] = np.array(values, np.float64)
+    return columns
+
+
+def _arrow(columns: Table) -> Any:
+    arrow = needed("pyarrow", "tables")
+    return arrow.table({
+        name: arrow.array(values, arrow.string() if values.dtype == object else None, from_pandas=True)
+        for name, values in columns.items()
+    })  # fmt: skip
+
+
+def _csv(columns: Table) -> str:
+    """Comma-separated, a line of names first; nothing where there is no number or no text."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    for row in zip(*(values.tolist() for values in columns.values()), strict=True):
+        writer.writerow("" if value is None or value != value else value for value in row)
+    return text.getvalue()
