@@ -10,8 +10,9 @@ Public names are loaded when first used, so that `import realitygap` costs next 
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from realitygap.lazy import names_of
 
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import calibrate
@@ -46,88 +47,44 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
-    "Arena",
-    "Command",
-    "Layout",
-    "NetworkController",
-    "Pose",
-    "Profile",
-    "Readings",
-    "RealityGapError",
-    "Simulation",
-    "Start",
-    "StudyConfig",
-    "Task",
-    "Track",
-    "Trajectory",
-    "Transfer",
-    "UsageError",
-    "Variation",
-    "__version__",
-    "braitenberg",
-    "build_report",
-    "calibrate",
-    "calibrated_unit",
-    "compare",
-    "constant",
-    "decode",
-    "load_arena",
-    "load_genotype",
-    "load_profile",
-    "load_recording",
-    "load_study",
-    "load_task",
-    "load_transfers",
-    "make_algorithm",
-    "marks_of",
-    "namer",
-    "noise_level",
-    "random_genotype",
-    "read_trials",
-    "run_study",
-    "run_transfer",
-    "save_genotype",
-    "setting_of",
-]
+    "Arena", "Command", "Layout", "NetworkController", "Pose", "Profile", "Readings", "RealityGapError",
+    "Simulation", "Start", "StudyConfig", "Task", "Track", "Trajectory", "Transfer", "UsageError",
+    "Variation", "__version__", "braitenberg", "build_report", "calibrate", "calibrated_unit", "compare",
+    "constant", "decode", "load_arena", "load_genotype", "load_profile", "load_recording", "load_study",
+    "load_task", "load_transfers", "make_algorithm", "marks_of", "namer", "noise_level", "random_genotype",
+    "read_trials", "run_study", "run_transfer", "save_genotype", "setting_of",
+]  # fmt: skip
 
-_HOMES = {
-    "calibration.calibrate": ("calibrate",),
-    "calibration.recordings.files": ("load_recording",),
-    "calibration.unit": ("calibrated_unit",),
-    "controller.genotype": ("Layout", "load_genotype", "random_genotype", "save_genotype"),
-    "controller.handmade": ("braitenberg", "constant"),
-    "controller.network": ("NetworkController", "decode"),
-    "controller.operators": ("Variation",),
-    "correspondence.names": ("namer",),
-    "correspondence.reading": ("read_trials",),
-    "correspondence.score": ("compare",),
-    "correspondence.setting": ("setting_of",),
-    "errors": ("RealityGapError", "UsageError"),
-    "evolution": ("make_algorithm",),
-    "report.build": ("build_report",),
-    "study.config": ("StudyConfig",),
-    "study.load": ("load_study",),
-    "study.runner": ("run_study",),
-    "tasks": ("load_task",),
-    "simulation.simulation": ("Simulation",),
-    "tasks.task": ("Start", "Task"),
-    "track": ("Track", "Trajectory"),
-    "transfer.options": ("Transfer",),
-    "transfer.run": ("load_transfers", "run_transfer"),
-    "transfer.score_rows": ("marks_of",),
-    "values": ("Command", "Pose", "Readings"),
-    "world.arena": ("Arena", "load_arena"),
-    "world.noise": ("noise_level",),
-    "world.profile": ("Profile", "load_profile"),
-}
-
-
-def __getattr__(name: str) -> Any:
-    """The public `name`, from the room that holds it."""
-    for home, names in _HOMES.items():
-        if name in names:
-            return getattr(importlib.import_module(f"realitygap.{home}"), name)
-    raise AttributeError(f"module 'realitygap' has no attribute {name!r}")
+_, __getattr__ = names_of(__name__, {
+    "calibration.calibrate": "calibrate",
+    "calibration.recordings.files": "load_recording",
+    "calibration.unit": "calibrated_unit",
+    "controller.genotype": "Layout load_genotype random_genotype save_genotype",
+    "controller.handmade": "braitenberg constant",
+    "controller.network": "NetworkController decode",
+    "controller.operators": "Variation",
+    "correspondence.names": "namer",
+    "correspondence.reading": "read_trials",
+    "correspondence.score": "compare",
+    "correspondence.setting": "setting_of",
+    "errors": "RealityGapError UsageError",
+    "evolution": "make_algorithm",
+    "report.build": "build_report",
+    "study.config": "StudyConfig",
+    "study.load": "load_study",
+    "study.runner": "run_study",
+    "tasks": "load_task",
+    "simulation.simulation": "Simulation",
+    "tasks.task": "Start Task",
+    "track": "Track Trajectory",
+    "transfer.options": "Transfer",
+    "transfer.run": "load_transfers run_transfer",
+    "transfer.score_rows": "marks_of",
+    "values": "Command Pose Readings",
+    "world.arena": "Arena load_arena",
+    "world.noise": "noise_level",
+    "world.profile": "Profile load_profile",
+})  # fmt: skip
 
 
 def __dir__() -> list[str]:

@@ -1,24 +1,10 @@
 """Every error that a user can meet: what was expected, what came, and the cure."""
 
 __all__ = [
-    "BaudError",
-    "CalibrationError",
-    "ConfigError",
-    "FilmError",
-    "FrozenError",
-    "GenotypeError",
-    "LineError",
-    "RealityGapError",
-    "RecordingError",
-    "RobotError",
-    "RobotStoppedError",
-    "StudyBusyError",
-    "StudyError",
-    "StudyInterruptedError",
-    "TaskError",
-    "TrackError",
-    "UsageError",
-]
+    "BaudError", "CalibrationError", "ConfigError", "FilmError", "FrozenError", "GenotypeError",
+    "LineError", "RealityGapError", "RecordingError", "RobotError", "RobotStoppedError", "StudyBusyError",
+    "StudyError", "StudyInterruptedError", "TaskError", "TrackError", "UsageError",
+]  # fmt: skip
 
 
 class RealityGapError(Exception):

@@ -13,16 +13,9 @@ from typing import Any
 from realitygap.errors import UsageError
 
 __all__ = [
-    "as_path",
-    "must_be",
-    "read_json",
-    "read_text",
-    "reason",
-    "refuse_odd_values",
-    "refuse_separator",
-    "refuse_unknown",
-    "to_csv",
-]
+    "as_path", "must_be", "read_json", "read_text", "reason", "refuse_odd_values", "refuse_separator",
+    "refuse_unknown", "to_csv",
+]  # fmt: skip
 
 DEEPEST, LARGEST = 32, 2**63 - 1
 """Tables in tables, and whole numbers, beyond which no file of this project goes."""

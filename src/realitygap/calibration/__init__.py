@@ -3,8 +3,6 @@
 Its main verb is `realitygap.calibrate`.
 """
 
-from __future__ import annotations
-
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {

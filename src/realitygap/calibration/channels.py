@@ -1,7 +1,5 @@
 """Fits of a sensor channel in all its forms, side by side, each judged on places held out."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 

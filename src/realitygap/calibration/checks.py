@@ -4,8 +4,6 @@ A profile must never quietly make no sense: what one sensor does is warned of, w
 whole does is refused.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import combinations

@@ -1,7 +1,5 @@
 """Fitted numbers: their intervals, and which of them the data cannot tell apart."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ there are none (Eilers 2005), and a sensor with few readings follows the curve t
 Readings at an end of the converter only say that a curve passes it there (Tobin 1958).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

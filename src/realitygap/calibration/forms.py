@@ -1,7 +1,5 @@
 """A form's fit: what is free, where the search begins, and how it does on places held out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar

@@ -1,7 +1,5 @@
 """The proximity sensors' fit (§3.2.1, §3.2.3): the paper's form first, and what goes beyond it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A profile judged by recordings: RMSE, bias, and model error over noise, for each sensor."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The ambient sensors' forms for recordings (§3.3): which of them there are, and which light they have."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ What reaches a sensor (lamp, walls, lobe) is as the extended form found it; what
 in place of a straight law between dark and floor.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ Only the optics is searched (directions, offset, width, aperture, lobe): at each
 that suit it best follow by linear least squares (variable projection: Golub and Pereyra 1973).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product

@@ -1,7 +1,5 @@
 """How far a model is from readings, sensor by sensor, and the noise that it is held against."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ neighbouring bearings disagree: in fourth differences of what a model leaves ove
 hold some of the curve).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """All that was read of one kind of sensor: several recordings' rows, one after another."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -5,8 +5,6 @@ squares stop at the first such edge. So constants are drawn at random about the 
 look at all places for all sensors: a sensor's constants move that sensor's readings only.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -41,14 +41,8 @@ from realitygap.errors import GenotypeError, UsageError
 from realitygap.text import as_path
 
 __all__ = [
-    "Layout",
-    "from_text",
-    "load_genotype",
-    "parse_text",
-    "random_genotype",
-    "save_genotype",
-    "to_text",
-]
+    "Layout", "from_text", "load_genotype", "parse_text", "random_genotype", "save_genotype", "to_text",
+]  # fmt: skip
 
 HEADER = "realitygap genotype 1"
 _LAYOUT = re.compile(r"layout inputs (\d{1,9}) outputs (\d{1,9}) slots (\d{1,9}) links (\d{1,9})")

@@ -16,15 +16,8 @@ from realitygap.errors import GenotypeError, UsageError
 from realitygap.kernels.params import MAX_DELAY
 
 __all__ = [
-    "MAX_DELAY",
-    "MAX_THRESHOLD",
-    "MAX_WEIGHT",
-    "Genes",
-    "Layout",
-    "check_genes",
-    "check_layout",
-    "shown",
-]
+    "MAX_DELAY", "MAX_THRESHOLD", "MAX_WEIGHT", "Genes", "Layout", "check_genes", "check_layout", "shown",
+]  # fmt: skip
 
 Genes = NDArray[np.int8]
 

@@ -1,7 +1,5 @@
 """The simulation, the twin, Enki and robots as Gymnasium's environments (extra `[gymnasium]`)."""
 
-from __future__ import annotations
-
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {

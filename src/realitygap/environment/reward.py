@@ -4,8 +4,6 @@ After step k of K a path is worth k/K of the score of its first k rows, so that 
 score; a step's reward is what the worth rose by.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any

@@ -1,7 +1,5 @@
 """Many simulated robots as one vector environment of Gymnasium: a compiled step for all of them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from os import PathLike
 from typing import Any

@@ -9,17 +9,9 @@ from realitygap.evolution.population import Population
 from realitygap.user_code import made, place_of
 
 __all__ = [
-    "ALGORITHMS",
-    "Algorithm",
-    "Batch",
-    "DistributedGA",
-    "Panmictic",
-    "Population",
-    "RandomSearch",
-    "State",
-    "Variation",
-    "make_algorithm",
-]
+    "ALGORITHMS", "Algorithm", "Batch", "DistributedGA", "Panmictic", "Population", "RandomSearch",
+    "State", "Variation", "make_algorithm",
+]  # fmt: skip
 
 ALGORITHMS: dict[str, type[DistributedGA] | type[Panmictic] | type[RandomSearch]] = {
     "torus": DistributedGA,

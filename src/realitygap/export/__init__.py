@@ -1,7 +1,5 @@
 """What others take up: networks as source for a robot's own processor (the paper's down-load), tables."""
 
-from __future__ import annotations
-
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {

@@ -5,8 +5,6 @@ it is the input that the simulation's own arithmetic gives; the network is §5.3
 command by a table.
 """
 
-from __future__ import annotations
-
 import hashlib
 import re
 from dataclasses import dataclass

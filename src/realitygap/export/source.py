@@ -1,7 +1,5 @@
 """An `OnBoard` written as source, and how much room it takes on small processors."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from pathlib import Path

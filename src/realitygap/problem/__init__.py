@@ -1,7 +1,5 @@
 """Tasks as problems for anybody's optimiser: arrays of solutions in, fitness and measures out."""
 
-from __future__ import annotations
-
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {

@@ -1,7 +1,5 @@
 """What a vector of numbers stands for: controllers with weights, of ours or of a user's own file."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache

@@ -4,8 +4,6 @@ problem = Problem("obstacle-avoidance", controller="feed-forward:8")
 batch = problem.evaluate(X, seed=generation)        # maximise batch.fitness
 """
 
-from __future__ import annotations
-
 import os
 from concurrent.futures import ThreadPoolExecutor
 from os import PathLike

@@ -1,7 +1,5 @@
 """Figures 1 to 6, tables 1 and 2, and the page a person looks at."""
 
-from __future__ import annotations
-
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {

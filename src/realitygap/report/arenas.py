@@ -1,7 +1,5 @@
 """Figures 1 and 2: the arenas to scale, in cm, with a robot, its sensors and their rays."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

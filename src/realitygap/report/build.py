@@ -1,7 +1,5 @@
 """Make a study's report: `index.html`, every figure as PNG and SVG, every table as CSV."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 from os import PathLike

@@ -1,7 +1,5 @@
 """Figures 4 and 6: the fittest individual at each evaluation, averaged over a condition's runs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 

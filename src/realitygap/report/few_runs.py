@@ -1,7 +1,5 @@
 """What a few runs a level can and cannot show: their averages beside the paper's and a kept study's."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path

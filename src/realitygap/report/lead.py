@@ -1,7 +1,5 @@
 """What a study's page may say of itself: whose experiment it is, and in the simulation of what."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

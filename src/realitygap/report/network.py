@@ -1,7 +1,5 @@
 """A network in its places on the robot: neurons, links, weights, delays; as a picture, and for the player."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """How every page is made: a list of its figures, its tables, a template, one file written whole."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Single pictures and films of a trajectory, for `simulate` and `replay`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path

@@ -4,8 +4,6 @@ Tasks hold noise levels, those hold runs, those trials; a trial is a simulated d
 was let have a robot or a twin, the situated one from the same pose.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

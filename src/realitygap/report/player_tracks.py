@@ -3,8 +3,6 @@
 Numbers are packed as the little-endian bytes of int16 or int8, in base64: a tenth of their JSON.
 """
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Sequence
 from typing import NamedTuple

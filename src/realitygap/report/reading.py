@@ -1,7 +1,5 @@
 """What the tables say, in plain words computed from them: nothing here knows how it should come out."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The matrix of realities: how near each calibrated simulation is, what becomes of controllers there."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The robot, seen from above and to scale."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """Tables 1 and 2: types, behaviour scores, differences, correspondence scores, beside the paper's."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields

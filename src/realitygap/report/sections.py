@@ -1,7 +1,5 @@
 """A task's section of a study's page: its figures, its tables, its sentences."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial

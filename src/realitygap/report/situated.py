@@ -1,7 +1,5 @@
 """The situated half of a task's section: figures 3 and 5 in pairs, films' last frames, a table, words."""
 
-from __future__ import annotations
-
 import base64
 import io
 import shutil

@@ -1,7 +1,5 @@
 """The few statistics the figures and tables need: means, and how sure one may be of them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

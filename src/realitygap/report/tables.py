@@ -3,8 +3,6 @@
 Behaviour names and correspondence scores need a situated robot; these columns need none.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """What a study's transfers say: the same individual simulated and situated, from the same start."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

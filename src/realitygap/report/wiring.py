@@ -4,8 +4,6 @@ Places are in cm in the robot's own frame as it is drawn: the robot looks up, so
 (forward, left) is drawn at (−left, forward).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

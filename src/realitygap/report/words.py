@@ -3,8 +3,6 @@
 "Real" and "reality" are kept for hardware; the twin is a stand-in, pseudo-reality.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

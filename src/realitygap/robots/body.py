@@ -41,23 +41,9 @@ from realitygap.robots.clock import Clock, RealClock
 from realitygap.values import Command, Pose, Readings
 
 __all__ = [
-    "KINDS",
-    "Attentive",
-    "Body",
-    "Channel",
-    "Filmed",
-    "Inspected",
-    "Odometry",
-    "Placing",
-    "Seen",
-    "Timed",
-    "abandon",
-    "attend",
-    "channel",
-    "clock_of",
-    "facts_of",
-    "odometry_of",
-]
+    "KINDS", "Attentive", "Body", "Channel", "Filmed", "Inspected", "Odometry", "Placing", "Seen", "Timed",
+    "abandon", "attend", "channel", "clock_of", "facts_of", "odometry_of",
+]  # fmt: skip
 
 KINDS = ("proximity", "ambient")
 """The kinds of sensors that there are."""

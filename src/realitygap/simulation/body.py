@@ -3,8 +3,6 @@
 Time goes on with the body's own clock, in the simulation's steps: the profile's period.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

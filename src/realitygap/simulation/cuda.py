@@ -5,8 +5,6 @@ Nothing reorders a sum and no multiplication is fused with an addition, so that 
 processor does. With NUMBA_ENABLE_CUDASIM=1 the launches are simulated, and call the processor's steps.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import warnings
 from collections.abc import Callable, Iterator

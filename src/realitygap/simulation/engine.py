@@ -4,8 +4,6 @@ An engine is made of a task, a robot and a noise level; `Simulation(…, engine=
 `realitygap.testing.EngineContract` take one of a user's own.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cached_property
 from typing import Protocol

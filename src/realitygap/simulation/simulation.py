@@ -1,7 +1,5 @@
 """The simulated robot at a task: networks in, scores and trajectories out (§3.2)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

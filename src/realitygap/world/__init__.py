@@ -5,15 +5,6 @@ from realitygap.world.noise import NOISE_LEVELS, noise_level, noise_name
 from realitygap.world.profile import Profile, load_profile, profile_names
 
 __all__ = [
-    "NOISE_LEVELS",
-    "Arena",
-    "Cylinder",
-    "Lamp",
-    "Profile",
-    "arena_names",
-    "load_arena",
-    "load_profile",
-    "noise_level",
-    "noise_name",
-    "profile_names",
-]
+    "NOISE_LEVELS", "Arena", "Cylinder", "Lamp", "Profile", "arena_names", "load_arena", "load_profile",
+    "noise_level", "noise_name", "profile_names",
+]  # fmt: skip

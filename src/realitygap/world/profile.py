@@ -18,13 +18,8 @@ from realitygap.world.rays import RAY_ANGLES_DEG
 from realitygap.world.sensors import UNLIT, Ambient, Infrared
 
 __all__ = [
-    "Noise",
-    "Profile",
-    "Wheels",
-    "largest_pole",
-    "load_profile",
-    "profile_names",
-]
+    "Noise", "Profile", "Wheels", "largest_pole", "load_profile", "profile_names",
+]  # fmt: skip
 
 FEEDS = ("proximity", "ambient")
 MEASURED = {

@@ -1,7 +1,5 @@
 """What a robot reads where it stands, and what it does in a trial of its wheels."""
 
-from __future__ import annotations
-
 from realitygap.calibration.recorder.wheel_plans import Trial
 from realitygap.errors import BaudError
 from realitygap.robots.body import Body, Seen, clock_of, odometry_of

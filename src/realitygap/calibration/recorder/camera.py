@@ -4,8 +4,6 @@ Its pictures go through the film's tracker as any film does; the twin's true pos
 but to draw the pictures.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A recording as it is written: each finished place or trial at once, so that a kill loses one at most."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime

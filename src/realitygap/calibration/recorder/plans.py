@@ -1,7 +1,5 @@
 """Plans: where the robot or the object has to stand while its sensors are recorded."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

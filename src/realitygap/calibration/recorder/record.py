@@ -6,8 +6,6 @@ from realitygap.robots.address import Address
 record(Wanted(plan="all"), "unit-7", Address.parse("twin:7").open())
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Sequence

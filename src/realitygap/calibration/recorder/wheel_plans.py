@@ -1,7 +1,5 @@
 """The wheels' plan: speed steps of many sizes, standing starts, straight lines and turns."""
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """What seems odd in a recording: units mixed up, counters that look dead. Names file and line."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

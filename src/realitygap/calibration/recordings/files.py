@@ -1,7 +1,5 @@
 """A recording's files, read with an error for whatever is wrong: file and line."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Mapping, Sequence

@@ -4,8 +4,6 @@ First line `sensors bearings distances first_mm step_mm`; then for each distance
 a line of readings for each bearing, 2 degrees apart and clockwise from the front; at last `END`.
 """
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 from typing import NamedTuple

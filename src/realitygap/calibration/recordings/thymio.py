@@ -4,8 +4,6 @@ A file is one series of one of the seven horizontal sensors, whose number its na
 (`sensor02_light.csv`). A row is one distance ("9cm") and what was read there, in time order.
 """
 
-from __future__ import annotations
-
 import hashlib
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Recordings of wheels that cannot be what they say: swapped counters, another unit, no robot's at all."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -4,8 +4,6 @@ Counters and a camera know different things. Counters show how a wheel follows i
 pulses; only what is seen from outside tells pulses per millimetre, the track, and slip.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Static friction of the wheels (§3.2.2), from how long they stay at rest once they are told to start."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Intervals of the wheels' constants, and which of them the counters cannot tell apart."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

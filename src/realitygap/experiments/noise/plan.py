@@ -17,17 +17,9 @@ from realitygap.study.plan import named
 from realitygap.work.shard import Shard
 
 __all__ = [
-    "Controller",
-    "calibration_folder",
-    "controllers",
-    "evolution",
-    "evolved_folder",
-    "homes",
-    "share",
-    "simulated_file",
-    "situated_file",
-    "stream",
-]
+    "Controller", "calibration_folder", "controllers", "evolution", "evolved_folder", "homes", "share",
+    "simulated_file", "situated_file", "stream",
+]  # fmt: skip
 
 FRESH_TRIALS = 1
 """Of the champion at the paper's levels: no claim needs them, the paths that are compared tell more."""

@@ -1,7 +1,5 @@
 """What was not planned, in tables and words: the calibration unit alone, both ends of the scores, falls."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

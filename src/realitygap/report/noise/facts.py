@@ -1,7 +1,5 @@
 """What a study of noise says: verdicts, mean curves, peaks, fitness, all with intervals."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

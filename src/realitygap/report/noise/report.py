@@ -1,7 +1,5 @@
 """The report of a study of noise: claims and verdicts, figures, tables, words, and all of it for JSON."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Reads what a study of noise left in its folder `results`; refuses what is missing or broken."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

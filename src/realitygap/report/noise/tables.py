@@ -1,7 +1,5 @@
 """Tables of a study of noise: the same for the page, for Markdown, and as CSV."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence

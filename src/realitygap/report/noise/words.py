@@ -1,7 +1,5 @@
 """The result in plain words, made from the numbers, whichever way they fall."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
