@@ -215,3 +215,61 @@ def test_other_realities(reality):
         one.close()
         ends.append((total, seen.tobytes()))
     assert ends[0] == ends[1]
+
+
+BODY = """
+import numpy as np
+from realitygap.robots.body import Channel
+from realitygap.robots.clock import SteppedClock
+from realitygap.values import Readings
+
+class Speedy:
+    channels = (Channel(name="proximity", sensors=8, high=1023),)
+    period_s, counts_turns, {speeds} = 0.1, False, (0, 0)
+    def __init__(self): self.clock = SteppedClock(lambda: None, 0.1)
+    def reset(self, pose=None): self.stop()
+    def sense(self): return Readings(proximity=np.zeros(8), ambient=np.empty(0))
+    def act(self, command): self.{speeds} = (command.left, command.right)
+    def stop(self): self.{speeds} = (0, 0)
+    close = stop
+"""
+
+
+def own(folder: Path, speeds: str = "speeds", pose: tuple[float, ...] = (25, 25, 0)) -> RobotEnv:
+    (folder / "own.py").write_text(BODY.format(speeds=speeds))
+    env = RobotEnv("obstacle-avoidance", reality=f"{folder / 'own.py'}:Speedy")
+    env.reset(seed=0, options={"pose": pose})
+    return env
+
+
+def test_measured_speeds_are_a_path(tmp_path):
+    """A robot that counts nothing is where its wheels' measured speeds say: five units a second, say."""
+    env = own(tmp_path)
+    rewards = [env.step(np.full(2, 0.5))[1] for _ in range(10)]
+    track, speed = env._inner._track(), env.simulation.profile.wheels.speed_per_unit_cm_s[0]
+    assert track.x[-1] - track.x[0] == pytest.approx(5 * speed * 0.95) and min(rewards) > 0
+
+
+def test_robots_that_cannot_be_scored_are_refused(tmp_path):
+    """Of nobody's knowing where it is, or of another kind than the profile's: before it drives."""
+    with pytest.raises(UsageError, match="expected one that tells its pose or its wheels' speeds"):
+        own(tmp_path, speeds="secret")
+    other = RobotEnv("obstacle-avoidance", profile="e-puck", reality="twin:1")
+    with pytest.raises(
+        UsageError, match=r"counts up to \d+ \(profile 'e-puck'\); this robot's go up to 1023"
+    ):
+        other.reset(seed=0)
+
+
+def test_settings_that_would_be_ignored_are_refused():
+    """Noise beside a reality that has its own; an option that there is not; a pose in a wall, there too."""
+    with pytest.raises(UsageError, match="noise: expected none with reality 'twin:1'"):
+        RobotEnv("obstacle-avoidance", noise="double", reality="twin:1")
+    for env in (vector(), RobotEnv("obstacle-avoidance", reality="twin:1")):
+        for options, said in (
+            ({"pose": (1, 25, 0)}, "pose: expected a free place"),
+            ({"pose": (1, 25)}, "pose: expected three numbers"),
+            ({"noise": 2}, "options: expected pose or reset_mask, got noise"),
+        ):
+            with pytest.raises(UsageError, match=said):
+                env.reset(seed=0, options=options)

@@ -24,7 +24,7 @@ from realitygap.values import Pose, as_stream
 from realitygap.world.arena import Arena
 from realitygap.world.profile import Profile
 
-__all__ = ["RobotVectorEnv", "commands_of", "observations_of", "spaces_of"]
+__all__ = ["RobotVectorEnv", "commands_of", "observations_of", "pose_of", "spaces_of"]
 
 Floats = NDArray[np.float64]
 NOWHERE, STILL = np.zeros((0, 3)), np.zeros((0, 2), np.int64)
@@ -98,10 +98,10 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         Raises:
             UsageError: a seed, mask or pose that is none, or where something stands.
         """
-        options = options or {}
-        which = self._masked(options.get("reset_mask"))
+        pose = pose_of(self.simulation, options)
+        which = self._masked((options or {}).get("reset_mask"))
         self._seed(seed, which)
-        self._begin(which, options.get("pose"))
+        self._begin(which, pose)
         return self._seen(), {}
 
     def step(
@@ -175,7 +175,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
             if one is not None:
                 self._seeds[i], self._trial[i] = as_stream(one, "seed"), 0
 
-    def _begin(self, which: NDArray[np.int64], pose: Sequence[float] | None = None) -> None:
+    def _begin(self, which: NDArray[np.int64], pose: Pose | None = None) -> None:
         """The next trial of these robots: each a function of its robot's seed and of how many came before."""
         if not len(which):
             return
@@ -185,8 +185,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         if pose is None:
             batch.draw_starts(self._world.task, streams, starts)
         else:
-            self.simulation._place(self._work, Pose.from_degrees(*pose))
-            starts[:] = self._work.start
+            starts[:] = pose.x, pose.y, pose.heading
         self._crowd.stream[which] = streams
         self._trial[which] += 1
         crowd.go_on(self._world, self._nobody, self._crowd, which, starts, STILL, self._work)
@@ -201,6 +200,25 @@ def spaces_of(simulation: Simulation) -> tuple[Any, Any]:
     """Of one robot's observations and actions."""
     sensors = len(simulation.task.sensors)
     return Box(-1.0, 1.0, (sensors,), np.float32), Box(-1.0, 1.0, (2,), np.float32)
+
+
+def pose_of(simulation: Simulation, options: Info | None) -> Pose | None:
+    """Where a reset's options set the robot down, if they do.
+
+    Raises:
+        UsageError: an option that there is not, no pose, or one where something stands.
+    """
+    given = {} if options is None else options
+    if strange := given.keys() - {"pose", "reset_mask"}:
+        raise UsageError(f"options: expected pose or reset_mask, got {', '.join(map(str, strange))}.")
+    if given.get("pose") is None:
+        return None
+    try:
+        pose = Pose.from_degrees(*given["pose"])
+    except (TypeError, ValueError):
+        expected = "three numbers (x cm, y cm, heading in degrees)"
+        raise UsageError(f"pose: expected {expected}, got {given['pose']!r}.") from None
+    return simulation.require_free(pose)
 
 
 def observations_of(simulation: Simulation, readings: Floats) -> NDArray[np.float32]:

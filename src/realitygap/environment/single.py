@@ -11,16 +11,24 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from realitygap.environment.robots import RobotVectorEnv, commands_of, observations_of, spaces_of
+from realitygap.environment.robots import (
+    RobotVectorEnv,
+    commands_of,
+    observations_of,
+    pose_of,
+    spaces_of,
+)
 from realitygap.errors import UsageError
-from realitygap.kernels.network import LIMIT
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import Address
-from realitygap.robots.body import Body, Placing, Seen, attend, clock_of, odometry_of
+from realitygap.robots.body import Body, Paced, Placing, Seen, attend, clock_of, odometry_of
 from realitygap.robots.signals import MOVING, NUMBERS, Stopping
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.task import Task
+from realitygap.track import Track
 from realitygap.transfer.paths import of_counters, of_poses, score
+from realitygap.transfer.plan import check_fit
+from realitygap.transfer.rig import turned
 from realitygap.values import Command, Pose, as_stream
 from realitygap.world.arena import Arena
 from realitygap.world.profile import Profile
@@ -36,15 +44,17 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
     """A robot at a task: observations, actions and rewards as in `RobotVectorEnv`.
 
     On another reality than the simulation its path is what the robot itself knows: its pose where it is told
-    (Enki, a body of one's own), else what its wheels count, which misses slip. What nobody places (a robot on
-    a line) stands where you put it before each reset; `options={"pose": …}` says where that is.
+    (Enki, a body of one's own), else what its wheels count, or the speeds that they measure (a Thymio),
+    both of which miss slip. What nobody places (a robot on a line) stands where you put it before each
+    reset; `options={"pose": …}` says where that is.
 
     Args:
-        task, profile, noise, arena: as of `RobotVectorEnv`; noise is the simulation's.
+        task, profile, arena: as of `RobotVectorEnv`.
+        noise: zero, observed (None), double or a number; of the simulation alone.
         reality: "simulation", or a robot's address: twin:1, enki:epuck, khepera:/dev/ttyUSB0, my.py:Class.
 
     Raises:
-        RealityGapError: no such task, profile, noise, arena or robot.
+        RealityGapError: no such task, profile, noise, arena or robot; noise for a robot that has its own.
     """
 
     def __init__(
@@ -52,17 +62,22 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
         task: Task | str | PathLike[str],
         *,
         profile: Profile | str | PathLike[str] = "paper",
-        noise: str | float = "observed",
+        noise: str | float | None = None,
         arena: Arena | str | PathLike[str] | None = None,
         reality: str = SIMULATION,
     ) -> None:
         self._inner: RobotVectorEnv | _Situated
         if reality == SIMULATION:
+            level = "observed" if noise is None else noise
             self._inner = RobotVectorEnv(
-                task, profile=profile, noise=noise, arena=arena, autoreset_mode=AutoresetMode.DISABLED
+                task, profile=profile, noise=level, arena=arena, autoreset_mode=AutoresetMode.DISABLED
+            )
+        elif noise is not None:
+            raise UsageError(
+                f"noise: expected none with reality {reality!r}, which has its own; got {noise!r}."
             )
         else:
-            self._inner = _Situated(Simulation(task, profile, noise, arena), Address.parse(reality))
+            self._inner = _Situated(Simulation(task, profile, arena=arena), Address.parse(reality))
         self.simulation = self._inner.simulation
         self.observation_space, self.action_space = spaces_of(self.simulation)
 
@@ -115,58 +130,66 @@ class _Situated:
 
     @property
     def body(self) -> Body:
-        """The robot, opened when it is first needed."""
+        """The robot, opened when it is first needed; one of another kind than the profile's is refused."""
         if self._body is None:
-            self._body = self.robot.open(kinds=(self.simulation.task.feeds,))
-            if abs(self._body.period_s - self.simulation.profile.period_s) > 1e-9:
-                here, there = self.simulation.profile.period_s, self._body.period_s
-                self.close()
-                raise UsageError(
-                    f"profile: expected the robot's period, {there:g} s, got {here:g} s. Calibrate one."
+            feeds = self.simulation.task.feeds
+            self._body = self.robot.open(kinds=(feeds,))
+            try:
+                check_fit(
+                    self._body, self.simulation.profile, feeds, "profile: expected the robot's, got one of"
                 )
+            except BaseException:
+                self.close()
+                raise
         return self._body
 
     def reset(self, *, seed: int | None, options: Info | None) -> tuple[Seen32, Info]:
         """Place it, or take it that somebody has."""
+        pose = pose_of(self.simulation, options)
         self._rest()
         if seed is not None:
             self._seeds, self._trial = as_stream(seed, "seed"), 0
         assert self._seeds is not None
         stream = substream(self._seeds, np.uint64(self._trial))
         self._trial += 1
-        pose = (options or {}).get("pose")
-        start = self.simulation.start(int(stream)) if pose is None else Pose.from_degrees(*pose)
+        self._start = pose or self.simulation.start(int(stream))
         body = self.body
         if isinstance(body, Placing):
             body.enter(self.simulation.task.arena.plain(), int(stream) % 2**63, None)
-        body.reset(start)
+        body.reset(self._start)
         attend(body, self.simulation.task.feeds)
         clock = clock_of(body)
         self._moving.enter_context(Stopping(NUMBERS if clock.waits else MOVING))
         self._driving = True
-        self._due = clock.now()
-        self._start, self._worth, self._poses = start, 0.0, list[Pose]()
-        self._counts = list[tuple[float, float]]()
-        return self._look(), {}
+        self._due, self._worth = clock.now(), 0.0
+        self._poses, self._odometry = list[Pose](), list[tuple[float, ...]]()
+        try:
+            seen = self._look()
+            self._track()
+        except BaseException:
+            self.close()
+            raise
+        return seen, {}
 
     def step(self, actions: object) -> tuple[Seen32, Any, Any, Any, Info]:
         """Act, wait for the step's end, look."""
         if not self._driving:
             raise UsageError("step: expected a reset before it, after a trial's end too.")
         (left, right), profile = commands_of(actions, (1, 2))[0].tolist(), self.simulation.profile
-        scale, period = profile.wheels.top_command / LIMIT, profile.period_s
+        wheels, period = profile.wheels, profile.period_s
         try:
-            self.body.act(Command(left=round(scale * left), right=round(scale * right)))
+            self.body.act(Command(left=wheels.command(left), right=wheels.command(right)))
             clock = clock_of(self.body)
             now = clock.now()
             self._due += period if now - self._due <= period else period + (now - self._due)
             clock.sleep_until(self._due)
             seen = self._look()
+            scored = score(self._track(), self.simulation.task, profile)
         except BaseException:
             self.close()
             raise
-        done, steps = len(self._counts) - 1, self.simulation.task.steps_of(profile)
-        worth = done / steps * self._scored()
+        done, steps = len(self._odometry) - 1, self.simulation.task.steps_of(profile)
+        worth = done / steps * scored
         reward, self._worth = worth - self._worth, worth
         info: Info = {}
         if done == steps:
@@ -175,32 +198,28 @@ class _Situated:
         return seen, np.array([reward]), np.zeros(1, bool), np.array([done == steps]), info
 
     def _look(self) -> Seen32:
-        body, task = self.body, self.simulation.task
+        body, task, unknown = self.body, self.simulation.task, (np.nan, np.nan)
         readings = body.sense()
         if isinstance(body, Seen):
             self._poses.append(body.pose)
-        self._counts.append(odometry_of(body).counters or (np.nan, np.nan))
+        told = odometry_of(body)
+        now = clock_of(body).now()
+        self._odometry.append((now, *(told.counters or unknown), *(told.speeds or unknown)))
         fed = readings.proximity if task.feeds == "proximity" else readings.ambient
         return observations_of(self.simulation, np.asarray(fed, np.float64)[np.newaxis])
 
-    def _scored(self) -> float:
-        """The score of the path so far."""
-        from realitygap.transfer.rig import _cm_per_pulse
-
-        profile, task = self.simulation.profile, self.simulation.task
+    def _track(self) -> Track:
+        """The path so far, as it is known."""
+        body, profile = self.body, self.simulation.profile
         if self._poses:
-            track = of_poses(self._poses, profile.period_s)
-        else:
-            pulse = _cm_per_pulse(self.body, profile)
-            if pulse is None:
-                raise UsageError(
-                    f"robot {self.robot}: expected one that tells its pose or counts its wheels."
-                )
-            track = of_counters(
-                np.array(self._counts), self._start, cm_per_pulse=pulse, axle_cm=profile.wheels.track_cm,
-                period_s=profile.period_s,
-            )  # fmt: skip
-        return score(track, task, profile)
+            return of_poses(self._poses, profile.period_s)
+        told = np.array(self._odometry)
+        ways, unit = turned(body, profile, told[:, 1:3], told[:, 3:], told[:, 0])
+        if unit is None or not (body.counts_turns or isinstance(body, Paced)):
+            expected = "one that tells its pose or its wheels' speeds, or counts pulses of a known length"
+            raise UsageError(f"robot {self.robot}: expected {expected}.")
+        axle, period_s = profile.wheels.track_cm, profile.period_s
+        return of_counters(ways, self._start, cm_per_pulse=unit, axle_cm=axle, period_s=period_s)
 
     def _rest(self) -> None:
         """Stand, if it drives."""

@@ -113,8 +113,7 @@ def on_board(run: Run, who: str, genes: Genes, *, name: str = "controller", step
         )
     channel = profile.channel(feeds)
     edges, rising = _edges(profile, feeds)
-    scale = profile.wheels.top_command / LIMIT
-    commands = tuple(round(scale * value) for value in range(-LIMIT, LIMIT + 1))
+    commands = tuple(profile.wheels.command(value) for value in range(-LIMIT, LIMIT + 1))
     if max(int(channel.top), *map(abs, commands)) > INT16 - 1:
         raise StudyError(
             f"{study.folder}: expected readings and commands of 16 bits, profile {profile.name!r} has larger "

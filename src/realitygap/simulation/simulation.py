@@ -170,8 +170,12 @@ class Simulation:
             raise UsageError(f"seconds: expected {expected}, got {seconds!r}.")
         return steps
 
-    def _place(self, work: Work, pose: object) -> None:
-        """Set the robot down, if nothing stands there."""
+    def require_free(self, pose: object) -> Pose:
+        """A pose at which nothing stands.
+
+        Raises:
+            UsageError: it is none, not finite, or the robot would stand in something.
+        """
         if not isinstance(pose, Pose):
             cure = "Pose.from_degrees(25, 25, 90) makes one."
             raise UsageError(f"pose: expected a Pose, got {shown(pose)}. {cure}")
@@ -186,7 +190,11 @@ class Simulation:
                 f"{arena.name!r}, got ({pose.x:g}, {pose.y:g}) cm, which overlaps {where}. "
                 f"The arena reaches from (0, 0) to ({arena.size_cm[0]:g}, {arena.size_cm[1]:g}) cm."
             )
-        work.start[:] = pose.x, pose.y, pose.heading
+        return pose
+
+    def _place(self, work: Work, pose: object) -> None:
+        free = self.require_free(pose)
+        work.start[:] = free.x, free.y, free.heading
 
 
 def batch_streams(stream: int, count: int) -> Streams:

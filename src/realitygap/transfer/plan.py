@@ -21,6 +21,7 @@ from realitygap.study.load import Run, Study
 from realitygap.study.plan import run_stream
 from realitygap.study.run import WHO
 from realitygap.transfer.options import Transfer
+from realitygap.world.profile import Profile
 
 if TYPE_CHECKING:
     from realitygap.film.marker import Marker
@@ -32,6 +33,7 @@ __all__ = [
     "Known",
     "Situation",
     "check_body",
+    "check_fit",
     "chosen_runs",
     "median_run",
     "shown_runs",
@@ -255,25 +257,38 @@ def check_body(study: Study, task: str, body: Body) -> None:
     """Refuse controllers that were evolved for another kind of robot.
 
     Raises:
-        UsageError: other sensors, a full scale that differs by more than a hundredth, or another period than
-            a simulation's step.
+        UsageError: as of `check_fit`.
     """
-    profile, feeds = study.profile, study.task(task).feeds
-    law = profile.infrared if feeds == "proximity" else profile.ambient
-    one, evolved = channel(body, feeds), f"task {task!r} was evolved for a robot with"
+    evolved = f"task {task!r} was evolved for a robot with"
+    check_fit(body, study.profile, study.task(task).feeds, evolved)
+
+
+def check_fit(body: Body, profile: Profile, feeds: str, wanted: str) -> None:
+    """Refuse a robot of another kind than a profile's.
+
+    Args:
+        body: the robot.
+        profile: of those that fit.
+        feeds: the kind of sensors that matter.
+        wanted: begins the message, which goes on with what the profile has.
+
+    Raises:
+        UsageError: other sensors, a full scale that differs by more than a hundredth, or another period.
+    """
+    law, one, name = profile.channel(feeds), channel(body, feeds), f"(profile {profile.name!r})"
     if len(law.sensors) != one.sensors:
         raise UsageError(
-            f"{evolved} {len(law.sensors)} {feeds} sensors (profile {profile.name!r}); this robot has "
-            f"{one.sensors}: its controllers cannot drive it."
+            f"{wanted} {len(law.sensors)} {feeds} sensors {name}; this robot has {one.sensors}: take its "
+            "own profile."
         )
     if abs(law.top - one.high) > SAME_SCALE * law.top:
         raise UsageError(
-            f"{evolved} {feeds} counts up to {law.top:g} (profile {profile.name!r}); this robot's go up to "
-            f"{one.high}: calibrate it, and evolve with its own profile."
+            f"{wanted} {feeds} counts up to {law.top:g} {name}; this robot's go up to {one.high}: calibrate "
+            "it, and take its own profile."
         )
     if body.period_s != profile.period_s:
         raise UsageError(
-            f"{evolved} a period of {profile.period_s:g} s; this robot's is {body.period_s:g} s."
+            f"{wanted} a period of {profile.period_s:g} s {name}; this robot's is {body.period_s:g} s."
         )
 
 

@@ -36,11 +36,9 @@ if TYPE_CHECKING:
     from realitygap.transfer.film import Watcher
     from realitygap.twin.states import States
 
-__all__ = ["Driven", "Rig", "driven"]
+__all__ = ["Driven", "Rig", "driven", "turned"]
 
 Floats = NDArray[np.float64]
-LIMIT = 10
-"""The largest output of a network."""
 
 
 class Driven(NamedTuple):
@@ -84,16 +82,16 @@ class Scaled:
     """A controller whose outputs −10 … 10 become a robot's commands, up to its profile's top command."""
 
     def __init__(self, network: Controller, profile: Profile) -> None:
-        self._network, self._scale = network, profile.wheels.top_command / LIMIT
+        self._network, self._wheels = network, profile.wheels
 
     def reset(self) -> None:
         """Before a trial."""
         self._network.reset()
 
     def decide(self, inputs: Sequence[int]) -> Command:
-        """One step; a command is the nearest whole unit."""
+        """One step."""
         given = self._network.decide(inputs)
-        return Command(left=round(self._scale * given.left), right=round(self._scale * given.right))
+        return Command(left=self._wheels.command(given.left), right=self._wheels.command(given.right))
 
 
 def driven(
@@ -135,20 +133,29 @@ def driven(
     attend(body)
     body.sense()
     last, unknown = odometry_of(body), (np.nan, np.nan)
-    if not body.counts_turns and isinstance(body, Paced):
-        speeds = np.vstack([made.speeds, last.speeds or unknown])
-        took = np.diff(made.t, append=made.t[-1] + body.period_s)
-        ways = np.cumsum((speeds[1:] + speeds[:-1]) / 2 * took[:, None], axis=0)
-        return Driven(made, np.vstack([np.zeros(2), ways]), profile.wheels.speed_per_unit_cm_s, tuple(poses),
-                      body.period_s)  # fmt: skip
     counters = np.vstack([made.counters, last.counters or unknown])
-    return Driven(made, counters, _cm_per_pulse(body, profile), tuple(poses), body.period_s)
+    speeds = np.vstack([made.speeds, last.speeds or unknown])
+    times = np.append(made.t, made.t[-1] + body.period_s)
+    return Driven(made, *turned(body, profile, counters, speeds, times), tuple(poses), body.period_s)
 
 
-def _cm_per_pulse(body: Body, profile: Profile) -> tuple[float, float] | None:
-    """As the calibration measured it, else as the body says; None if nobody knows."""
+def turned(
+    body: Body, profile: Profile, counters: Floats, speeds: Floats, times: Floats
+) -> tuple[Floats, tuple[float, float] | None]:
+    """What the wheels have turned, as `Driven` has it: `counters`, and how long one of them is (cm).
+
+    Args:
+        body: whose wheels.
+        profile: what is known of them, before what the body itself says.
+        counters, speeds: [rows, 2] as read, in the body's units, NaN where they were not.
+        times: [rows] when, s.
+    """
+    if not body.counts_turns and isinstance(body, Paced):
+        ways = np.cumsum((speeds[1:] + speeds[:-1]) / 2 * np.diff(times)[:, None], axis=0)
+        return np.vstack([np.zeros(2), ways]), profile.wheels.speed_per_unit_cm_s
     told, nominal = profile.provenance, getattr(body, "pulses_per_mm", None)
-    return told.cm_per_pulse(nominal or 1.0) if told.pulses_per_mm or nominal is not None else None
+    known = told.pulses_per_mm or nominal is not None
+    return counters, told.cm_per_pulse(nominal or 1.0) if known else None
 
 
 class Rig(Closing):

@@ -71,6 +71,10 @@ class Wheels(Value):
     lag: float = 0.0
     play_cm: float = 0.0
 
+    def command(self, output: int) -> int:
+        """A network's output −10 … 10 in the robot's units, of which it takes whole ones."""
+        return round(self.top_command / TOP_INPUT * output)
+
     def _check(self) -> None:
         for key in ("track_cm", "top_command", "divisor"):
             require(getattr(self, key) > 0, key, "more than 0", getattr(self, key))
