@@ -16,7 +16,7 @@ from realitygap.controller.genotype import random_genotype
 from realitygap.controller.handmade import constant
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import decode
-from realitygap.errors import UsageError
+from realitygap.errors import StudyError, UsageError
 from realitygap.export.onboard import OnBoard, on_board
 from realitygap.export.source import sizes, write_source
 from realitygap.study.load import Study
@@ -157,6 +157,18 @@ def test_arduino(study, tmp_path):
         "-x", "c++", "-c", sketch, "-o", tmp_path / "sketch.o")  # fmt: skip
 
 
+def test_a_compiler_that_never_ends_counts_as_none(study, tmp_path, monkeypatch):
+    """Its size is left out, and the files are written all the same."""
+
+    def never(words, **settings):
+        raise subprocess.TimeoutExpired(words, settings["timeout"])
+
+    _, source, _ = write_source(on_board(study.runs[0], "random", RICH), "c99", tmp_path)
+    monkeypatch.setattr(shutil, "which", lambda name: name)
+    monkeypatch.setattr(subprocess, "run", never)
+    assert sizes(source) == {}
+
+
 def test_another_robot(tmp_path):
     """An e-puck's counts, up to 4095, and its commands, hundreds of units, are exported in its own scale."""
     e_puck = load_profile("e-puck")
@@ -172,10 +184,16 @@ def test_another_robot(tmp_path):
 
 
 def test_refusals(study, tmp_path):
-    """A name that is none in C, and a language that there is not."""
+    """A name that is none in C, a language that there is not, a step of no whole milliseconds."""
     one = study.runs[0]
     for name in ("", "2fast", "Avoider", "a b", "x" * 41):
         with pytest.raises(UsageError, match="name: expected a lower-case letter"):
             on_board(one, "fittest", one.fittest, name=name)
+    profile = tmp_path / "robot.toml"
+    profile.write_text(replace(load_profile("paper"), period_s=0.0625).to_toml())
+    config = small(evaluations=2, profile=str(profile))
+    odd = run_study(tmp_path / "study", config, workers=1).runs[0]
+    with pytest.raises(StudyError, match=r"expected a period of whole milliseconds.* got 62.5 ms"):
+        on_board(odd, "fittest", odd.fittest)
     with pytest.raises(UsageError, match="language: expected c99, micropython, arduino, got 'rust'"):
         write_source(on_board(one, "fittest", one.fittest), "rust", tmp_path)

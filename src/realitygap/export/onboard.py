@@ -19,7 +19,7 @@ from realitygap.errors import StudyError, UsageError
 from realitygap.evolution.algorithm import Genes
 from realitygap.kernels.network import LIMIT
 from realitygap.kernels.params import MAX_DELAY, UPDATES
-from realitygap.study.load import Run
+from realitygap.study.load import Run, Study
 from realitygap.world.profile import Profile
 
 __all__ = ["OnBoard", "Vectors", "on_board"]
@@ -102,7 +102,7 @@ def on_board(run: Run, who: str, genes: Genes, *, name: str = "controller", step
 
     Raises:
         UsageError: a name that is none in C.
-        StudyError: a network or a range too large for 16 bits.
+        StudyError: a network or a range too large for 16 bits, or a period of no whole milliseconds.
     """
     study, profile, task = run.study, run.study.profile, run.study.facts(run.task)
     feeds, sensors = str(task["feeds"]), tuple(task["sensors"])
@@ -114,11 +114,7 @@ def on_board(run: Run, who: str, genes: Genes, *, name: str = "controller", step
     channel = profile.channel(feeds)
     edges, rising = _edges(profile, feeds)
     commands = tuple(profile.wheels.command(value) for value in range(-LIMIT, LIMIT + 1))
-    if max(int(channel.top), *map(abs, commands)) > INT16 - 1:
-        raise StudyError(
-            f"{study.folder}: expected readings and commands of 16 bits, profile {profile.name!r} has larger "
-            "ones."
-        )
+    _require_small(study, int(channel.top), commands)
     controller = controller_of(study.encoding(run.task), genes)
     return OnBoard(
         name=name, facts=_facts(run, who, genes), profile=_plain(profile.name), feeds=feeds,
@@ -127,6 +123,17 @@ def on_board(run: Run, who: str, genes: Genes, *, name: str = "controller", step
         speeds=profile.wheels.speed_per_unit_cm_s,
         vectors=_vectors(controller, profile, feeds, sensors, commands, steps),
     )  # fmt: skip
+
+
+def _require_small(study: Study, top: int, commands: tuple[int, ...]) -> None:
+    """Refuse what a small processor cannot keep to."""
+    where, period_ms = f"{study.folder}: profile {study.profile.name!r}", 1000 * study.profile.period_s
+    if max(top, *map(abs, commands)) > INT16 - 1:
+        raise StudyError(f"{where}: expected readings and commands of 16 bits, it has larger ones.")
+    if abs(period_ms - round(period_ms)) > 1e-6:
+        raise StudyError(
+            f"{where}: expected a period of whole milliseconds, which chips count in, got {period_ms:g} ms."
+        )
 
 
 def _edges(profile: Profile, feeds: str) -> tuple[tuple[int, ...], bool]:

@@ -91,8 +91,8 @@ def sizes(source: Path) -> dict[str, int]:
 
 
 def _said(*words: str) -> str | None:
-    """What a program prints; None if it fails."""
-    done: subprocess.CompletedProcess[str] = subprocess.run(
-        words, capture_output=True, text=True, timeout=60, check=False
-    )
-    return done.stdout if done.returncode == 0 else None
+    """What a program prints; None if it fails, or takes a minute."""
+    try:
+        return subprocess.run(words, capture_output=True, text=True, timeout=60, check=True).stdout
+    except subprocess.SubprocessError:
+        return None
