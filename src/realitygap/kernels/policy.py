@@ -14,6 +14,18 @@ from realitygap.kernels.trial import act, begin, draw_noise, draw_start, feed_ne
 
 
 @step
+def put_out(weights, memory, hidden, outputs):
+    """The output layer: weights [2, H + 1], biases last, on the H first of `memory`."""
+    at = 0
+    for o in range(2):
+        total = weights[at + hidden]
+        for j in range(hidden):
+            total += weights[at + j] * memory[j]
+        outputs[o] = math.tanh(total)
+        at += hidden + 1
+
+
+@step
 def feed_forward(weights, memory, inputs, outputs):
     """One hidden layer of tanh: weights [H, I + 1] into it and [2, H + 1] out of it, biases last.
 
@@ -28,12 +40,7 @@ def feed_forward(weights, memory, inputs, outputs):
             total += weights[at + i] * inputs[i]
         memory[j] = math.tanh(total)
         at += n + 1
-    for o in range(2):
-        total = weights[at + hidden]
-        for j in range(hidden):
-            total += weights[at + j] * memory[j]
-        outputs[o] = math.tanh(total)
-        at += hidden + 1
+    put_out(weights[at:], memory, hidden, outputs)
 
 
 @step
@@ -55,12 +62,7 @@ def recurrent(weights, memory, inputs, outputs):
             total += weights[at + n + i] * memory[hidden + i]
         memory[j] = math.tanh(total)
         at += n + hidden + 1
-    for o in range(2):
-        total = weights[at + hidden]
-        for j in range(hidden):
-            total += weights[at + j] * memory[j]
-        outputs[o] = math.tanh(total)
-        at += hidden + 1
+    put_out(weights[at:], memory, hidden, outputs)
 
 
 @step
