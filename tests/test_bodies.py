@@ -23,6 +23,7 @@ from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import Start, load_task
 from realitygap.testing import BodyContract
 from realitygap.twin.process import start_twin
+from realitygap.twin.server import BODY, STRANGER
 from realitygap.values import Command, Pose
 from realitygap.world.arena import Arena
 from realitygap.world.profile import load_profile
@@ -54,15 +55,23 @@ class TestTwinBody(BodyContract):
     """The physics, in a process of its own, through driver and pseudo-terminal, under the virtual clock."""
 
     pulses_per_unit = 100.0
+    physics = BODY
 
     @contextmanager
     def opened(self) -> Iterator[tuple[Body, Clock]]:
         with ExitStack() as stack:
-            twin = stack.enter_context(start_twin({"size_cm": [50.0, 50.0]}, unit=1, seed=2))
+            room = {"size_cm": [50.0, 50.0]}
+            twin = stack.enter_context(start_twin(room, unit=1, seed=2, body=self.physics))
             clock = VirtualClock(twin.channel)
             stack.callback(clock.close)
             khepera = stack.enter_context(Khepera.connect(twin.device, clock=clock))
             yield KheperaBody(khepera, kinds=("proximity", "ambient"), carry=twin.place), clock
+
+
+class TestStranger(TestTwinBody):
+    """Another physics behind the same line, whose commands take effect late."""
+
+    physics = STRANGER
 
 
 def _genes(k: int) -> np.ndarray:

@@ -49,11 +49,11 @@ def experiment() -> None:
 )
 @click.option(
     "--robot", metavar="R",
-    help="twin, enki:MODEL, or a body of your own that places itself, file.py:Class: the only unit "
+    help="twin, stranger, enki:MODEL, or a body of your own that places itself, file.py:Class: the only unit "
     "[default: twin].",
 )  # fmt: skip
 @option.base
-@click.option("--units", type=Whole(1, 100), help="Units of the twin, or of Enki's [default: 3].")
+@click.option("--units", type=Whole(1, 100), help="Units of the twin, the stranger, or Enki's [default: 3].")
 @click.option("--starts", type=Whole(2, 1000), help="Trials of each controller on each unit [default: 8].")
 @option.evaluations
 @option.twin_noise()
@@ -145,7 +145,7 @@ def _config(out: Path, resume: bool, options: dict[str, Any]) -> NoiseConfig:
     asked = option.given(options)
     if asked.get("robot") == "twin":
         del asked["robot"]
-    if asked.get("robot", "enki").partition(":")[0] != "enki":
+    if asked.get("robot", "enki").partition(":")[0] not in ("stranger", "enki"):
         for key in ("units", "twin_noise"):
             if key in asked:
                 name = f"--{key.replace('_', '-')}"

@@ -29,8 +29,8 @@ SMALL = {"runs": 2, "starts": 2, "evaluations": 200}
 @option.out("out/realities")
 @click.option(
     "--robot", "robots", multiple=True, metavar="R",
-    help="A reality that must be there: twin, enki:MODEL, or a body of your own that places itself, "
-    "file.py:Class; may be repeated.",
+    help="A reality that must be there: twin, stranger, enki:MODEL, or a body of your own that places "
+    "itself, file.py:Class; may be repeated.",
 )  # fmt: skip
 @click.option("--only", is_flag=True, default=None, help="Only those that --robot names.")
 @option.base

@@ -29,7 +29,7 @@ PLANS = ("infrared", "ambient", "wheels", "all")
     "--robot",
     type=RobotKind(),
     required=True,
-    help="twin:UNIT or enki:MODEL:UNIT (placed by the program), serial:PORT, epuck:PORT, "
+    help="twin:UNIT, stranger:UNIT or enki:MODEL:UNIT (placed by the program), serial:PORT, epuck:PORT, "
     "epuck2:HOST or thymio:PORT (placed by you), or a body of your own, file.py:Class.",
 )
 @click.option("--plan", type=click.Choice(PLANS), required=True, help="What to record.")

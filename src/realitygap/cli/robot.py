@@ -48,8 +48,8 @@ def robot() -> None:
     "--robot",
     "address",
     type=RobotKind(),
-    help="khepera:PORT, epuck:PORT, epuck2:HOST, thymio:PORT, twin:UNIT, enki:MODEL:UNIT, or a body of your "
-    "own, file.py:Class.",
+    help="khepera:PORT, epuck:PORT, epuck2:HOST, thymio:PORT, twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, "
+    "or a body of your own, file.py:Class.",
 )
 @click.option("--port", metavar="P", help="The same as --robot serial:P.")
 @option.baud()

@@ -48,8 +48,8 @@ SIDES = (
     "robots",
     multiple=True,
     required=True,
-    help="twin:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT, epuck:PORT, epuck2:HOST, thymio:PORT, or a "
-    "body of your own, file.py:Class; may be repeated.",
+    help="twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT, epuck:PORT, epuck2:HOST, "
+    "thymio:PORT, or a body of your own, file.py:Class; may be repeated.",
 )
 @click.option(
     "--starts", type=Whole(1, 10**6), default=1, help="Trials of each run, each from its own start."

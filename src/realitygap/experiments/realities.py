@@ -41,8 +41,8 @@ class Realities(Value):
     """What is asked for; on each reality the same.
 
     Attributes:
-        robots: addresses that must be there: "twin", "enki:MODEL", or a robot of one's own that places
-            itself, "file.py:Class".
+        robots: addresses that must be there: "twin", "stranger", "enki:MODEL", or a robot of one's own that
+            places itself, "file.py:Class".
         only: leave out what is not among `robots`; else all that is at hand is tried.
         base: the rough profile of one's own robots.
         levels: of noise: controllers evolve at each, and are compared with the simulation at each.

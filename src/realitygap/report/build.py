@@ -103,6 +103,9 @@ def _stand_in(sections: Sequence[Section]) -> dict[str, str]:
     driven = {pair.kind for group in groups for pair in group.pairs}
     kinds = {name == ROBOT for name in driven}
     which = "both" if len(kinds) > 1 else "" if not kinds else "robot" if True in kinds else "twin"
-    enki = any(name.startswith("Enki") for name in driven)
-    told = "a robot of EPFL’s simulator Enki" if enki else "a physics twin of the robot"
+    told = "a physics twin of the robot"
+    if any(name.startswith("Enki") for name in driven):
+        told = "a robot of EPFL’s simulator Enki"
+    elif any(name.startswith("stranger") for name in driven):
+        told = "a second physics twin of the robot"
     return {"stand_in": which, "stand_in_is": told}

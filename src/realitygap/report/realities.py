@@ -121,7 +121,11 @@ def _own_noise(robot: str) -> dict[str, float]:
     if address.kind == "enki":
         published = load_profile(MODELS[address.rest.partition(":")[0]].profile)
         return {"infrared": published.noise.proximity}
-    return {"infrared": PROXIMITY_COUNTS, "ambient": AMBIENT_COUNTS} if address.kind == "twin" else {}
+    return (
+        {"infrared": PROXIMITY_COUNTS, "ambient": AMBIENT_COUNTS}
+        if address.kind in ("twin", "stranger")
+        else {}
+    )
 
 
 def matrix(realities: Sequence[Reality]) -> NoiseTable:

@@ -126,6 +126,8 @@ STAND_INS = {
     "twin": "a physics twin of the robot, with sensors, wheels and noise of its own: a stand-in, "
     "called pseudo-reality, in other code than the simulation’s, though sizes of noise, arenas "
     "and starts have common sources. It is not a robot",
+    "stranger": "a second physics twin of the robot, outside the family of laws that the calibration can "
+    "fit: a stand-in, called pseudo-reality. It is not a robot",
     "Enki": "a robot of EPFL’s simulator Enki, whose sensor models and noise others made: a stand-in, called "
     "pseudo-reality. It is not a robot",
 }
@@ -157,7 +159,7 @@ def transfer_sheet_words(many: int, where: str, *, counted: bool) -> Words:
 def _caption(part: TaskPart, shown: Sequence[Pair]) -> str:
     """What stands under figure 3 or 5."""
     where, unit = shown[0].where, part.task.fitness_unit
-    kind = "physics stand-in" if shown[0].kind.startswith("twin") else "stand-in"
+    kind = "physics stand-in" if shown[0].kind.startswith(("twin", "stranger")) else "stand-in"
     stood_in = shown[0].stand_in is not None
     what = f"{where}, a {kind} for the robot (pseudo-reality)" if stood_in else f"the {where}"
     sources = {pair.source for pair in shown}

@@ -1,6 +1,7 @@
 """Robots by their address, and how each is opened.
 
 twin, twin:UNIT                    a unit of the twin (pseudo-reality)
+stranger, stranger:UNIT            a unit of a twin outside the family of laws that calibration can fit
 enki, enki:MODEL, enki:MODEL:UNIT  a unit of a robot in EPFL's simulator Enki: khepera, epuck, thymio2
 khepera:PORT, serial:PORT          a Khepera on a serial port
 epuck:PORT, epuck2:PORT            an e-puck or e-puck2 on a serial port
@@ -25,12 +26,13 @@ if TYPE_CHECKING:
 __all__ = ["BAUD_RATES", "FORMS", "ROBOT", "Address", "StandIn"]
 
 FORMS = (
-    "twin, twin:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT, epuck:PORT, epuck2:HOST, thymio:PORT, "
-    "file.py:Class or module:Class"
+    "twin, twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT, epuck:PORT, "
+    "epuck2:HOST, thymio:PORT, file.py:Class or module:Class"
 )
 
 OPENERS = {
     "twin": "realitygap.robots.khepera.twin:opened",
+    "stranger": "realitygap.robots.khepera.twin:opened_stranger",
     "enki": "realitygap.robots.enki:opened",
     "khepera": "realitygap.robots.khepera.body:opened",
     "serial": "realitygap.robots.khepera.body:opened",
@@ -45,6 +47,8 @@ BAUD = 38400
 BAUD_RATES = (9600, 19200, 38400, 57600, 115200)
 """Of a serial line."""
 LARGEST_UNIT = 2**63 - 1
+STAND_INS = ("twin", "stranger", "enki")
+"""Simulated robots, which come in units."""
 MODELS = ("khepera", "epuck", "thymio2")
 """Enki's robots; the first is meant where none is named."""
 
@@ -57,7 +61,7 @@ class StandIn(NamedTuple):
     """A simulated robot, as its folder's name says: "twin-1", "enki-epuck-3-noise-2".
 
     Attributes:
-        name: of such robots: "twin", or of Enki's "Enki khepera".
+        name: of such robots: "twin", "stranger", or of Enki's "Enki khepera".
         unit: its number.
         scale: of its noise, "" for 1.
     """
@@ -69,7 +73,7 @@ class StandIn(NamedTuple):
     @classmethod
     def of_folder(cls, name: str) -> Self | None:
         """None for a robot."""
-        found = re.fullmatch(r"(twin|enki-\w+)-(\d+)(?:-noise-(.+))?", name)
+        found = re.fullmatch(r"(twin|stranger|enki-\w+)-(\d+)(?:-noise-(.+))?", name)
         if found is None:
             return None
         return cls(found[1].replace("enki-", "Enki "), found[2], found[3] or "")
@@ -100,8 +104,8 @@ class Address:
             UsageError: anything else.
         """
         kind, colon, rest = text.partition(":")
-        if kind == "twin":
-            return cls(kind=kind, rest=_unit(rest if colon else "1", "a twin's", text))
+        if kind in ("twin", "stranger"):
+            return cls(kind=kind, rest=_unit(rest if colon else "1", f"a {kind}'s", text))
         if kind == "enki":
             model, more, unit = (rest if colon else MODELS[0]).partition(":")
             if model not in MODELS:
@@ -116,8 +120,8 @@ class Address:
 
     @property
     def unit(self) -> int | None:
-        """Of a simulated one, a twin or Enki's; None for another robot."""
-        return int(self.rest.rpartition(":")[2]) if self.kind in ("twin", "enki") else None
+        """Of a simulated one, a twin, a stranger or Enki's; None for another robot."""
+        return int(self.rest.rpartition(":")[2]) if self.kind in STAND_INS else None
 
     @property
     def port(self) -> str | None:

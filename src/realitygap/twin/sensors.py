@@ -27,7 +27,10 @@ from realitygap.twin.noise import (
 from realitygap.twin.rays import Scene, clearance, everything, is_clear, meet, near, scene_of
 from realitygap.twin.unit import SENSORS_MM_DEG, Unit
 
-__all__ = ["CYCLE_MS", "HISTORY_MS", "PHASE_MS", "Sensors"]
+__all__ = [
+    "CYCLE_MS", "FULL", "HISTORY_MS", "IR_OFFSET", "LAMP_PROUD", "PHASE_MS", "Sensors", "illuminate",
+    "look_back", "noisy_proximity", "reflect",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -145,7 +148,7 @@ class Sensors:
             poses: [8, 3] x, y (m) and heading of the robot when each sensor was refreshed.
         """
         out = np.empty(SENSORS)
-        _reflect(self.eyes, poses, out)
+        reflect(self.eyes, poses, out)
         return out
 
     def illumination(self, poses: Array) -> Array:
@@ -157,7 +160,7 @@ class Sensors:
             poses: [8, 3] as of `reflected`.
         """
         out = np.empty(SENSORS)
-        _illuminate(self.eyes, self._unit.lamp_power, poses, out)
+        illuminate(self.eyes, self._unit.lamp_power, poses, out)
         return out
 
     def proximity(self, time_ms: int, history: Array) -> list[int]:
@@ -199,7 +202,7 @@ def heading_at(pose: Any) -> Any:
 
 
 @jit
-def _look_back(time_ms: int, history: Any, poses: Any) -> None:
+def look_back(time_ms: int, history: Any, poses: Any) -> None:
     """Where the robot was when each sensor was refreshed last, into [8, 3]."""
     for k in range(SENSORS):
         n = refreshed_at(k, time_ms) % HISTORY_MS
@@ -218,7 +221,7 @@ def _stand(eyes: Any, poses: Any, k: int) -> Any:
 
 
 @jit
-def _reflect(eyes: Any, poses: Any, out: Any) -> None:
+def reflect(eyes: Any, poses: Any, out: Any) -> None:
     counts = near(eyes.scene, poses[0, 0], poses[0, 1], eyes.reach + BODY_RADIUS)
     for k in range(SENSORS):
         out[k] = -IR_OFFSET
@@ -236,19 +239,33 @@ def _reflect(eyes: Any, poses: Any, out: Any) -> None:
 
 @jit
 def _proximity(eyes: Any, noises: Any, noise: float, time_ms: int, history: Any, out: Any) -> None:
-    _look_back(time_ms, history, eyes.poses)
-    _reflect(eyes, eyes.poses, eyes.signal)
+    look_back(time_ms, history, eyes.poses)
+    reflect(eyes, eyes.poses, eyes.signal)
     for k in range(SENSORS):
-        signal = eyes.signal[k]
-        if noise:
-            when = refreshed_at(k, time_ms)
-            signal += noise * PROXIMITY_COUNTS * noise_at(noises[0], k, time_ms, when)
-            signal = max(signal, noise * DARK_COUNTS * abs(white_at(noises[1], k, when)) * 1.5 - 0.5)
+        signal = noisy_proximity(noises, noise, k, time_ms, eyes.signal[k])
         out[k] = min(max(np.rint(signal), 0.0), FULL)
 
 
+@step
+def noisy_proximity(noises: Any, noise: float, k: int, time_ms: int, signal: float) -> Any:
+    """What a sensor's converter takes for a signal (counts), its noise of this moment on it.
+
+    Args:
+        noises: of what is seen, and of a sensor that sees nothing.
+        noise: the scale.
+        k: which sensor.
+        time_ms: now.
+        signal: without noise.
+    """
+    if noise:
+        when = refreshed_at(k, time_ms)
+        signal += noise * PROXIMITY_COUNTS * noise_at(noises[0], k, time_ms, when)
+        signal = max(signal, noise * DARK_COUNTS * abs(white_at(noises[1], k, when)) * 1.5 - 0.5)
+    return signal
+
+
 @jit
-def _illuminate(eyes: Any, power: float, poses: Any, out: Any) -> None:
+def illuminate(eyes: Any, power: float, poses: Any, out: Any) -> None:
     lamps, rays = eyes.lamps, eyes.rays
     counts = everything(eyes.scene)
     centre_x, centre_y = 0.0, 0.0
@@ -315,8 +332,8 @@ def on_wall(eyes: Any, lamp: Any, point: Any, normal: Any, centre: Any) -> Any:
 @jit
 def _ambient(eyes: Any, noises: Any, laws: Any, scales: Any, time_ms: int, history: Any, out: Any) -> None:
     power, noise = scales
-    _look_back(time_ms, history, eyes.poses)
-    _illuminate(eyes, power, eyes.poses, eyes.signal)
+    look_back(time_ms, history, eyes.poses)
+    illuminate(eyes, power, eyes.poses, eyes.signal)
     for k in range(SENSORS):
         signal = max(laws[1, k] - laws[0, k] * eyes.signal[k], laws[2, k])
         if noise:

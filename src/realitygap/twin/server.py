@@ -32,10 +32,12 @@ from realitygap.robots.khepera.protocol import KHEPERA
 from realitygap.twin.firmware import Firmware, RobotBody
 from realitygap.twin.port import Port
 
-__all__ = ["Server", "Settings", "serving"]
+__all__ = ["BODY", "STRANGER", "Server", "Settings", "serving"]
 
 BODY = "realitygap.twin.body:TwinBody"
 """The robot's physics: any class with this one's interface may take its place."""
+STRANGER = "realitygap.twin.stranger:StrangerBody"
+"""One that does: outside the family of laws that a calibration can fit."""
 
 FILM_MS = 20
 TICK_S = 0.01
@@ -231,8 +233,9 @@ class Server:
 @contextmanager
 def serving(settings: Settings) -> Iterator[Server]:
     """A server of the twin that has these settings."""
+    who = "stranger" if settings.body == STRANGER else "twin"
     banner = (
-        f"Khepera, twin unit {settings.unit}: pseudo-reality, no robot",
+        f"Khepera, {who} unit {settings.unit}: pseudo-reality, no robot",
         "bios 5.02, serial protocol 5.01",
     )
     module, name = settings.body.split(":")

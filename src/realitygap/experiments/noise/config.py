@@ -40,8 +40,8 @@ class NoiseConfig(Value):
         seed: everything random follows from it.
         tasks: the paper's, one or both: the score's exemplars are theirs.
         seconds: length of a trial; the task's own if None.
-        robot: in the twin's place `enki:MODEL`, whose units are meant; or one of your own, `file.py:Class` or
-            `module:Class`: the only unit.
+        robot: in the twin's place `stranger` or `enki:MODEL`, whose units are meant; or one of your own,
+            `file.py:Class` or `module:Class`: the only unit.
         base: the rough profile of one's own, by name or file.
         arena: another than the task's, by name or file, where there is one task; for a larger robot.
 
@@ -91,14 +91,15 @@ class NoiseConfig(Value):
         if self.robot is None:
             require(self.base is None, "base", "none of a twin", self.base, "Leave it out, or give `robot`.")
             return
-        form = "twin, enki:MODEL, or a robot of your own that places itself, file.py:Class or module:Class"
+        own = "a robot of your own that places itself, file.py:Class or module:Class"
+        form = f"twin, stranger, enki:MODEL, or {own}"
         require(isinstance(self.robot, str), "robot", form, self.robot)
         address = Address.parse(self.robot)
-        if address.kind == "enki":
-            model = f"enki:{address.rest.partition(':')[0]}"
+        if address.unit is not None:
+            model = str(address).rpartition(":")[0]
             cure = "Its units are those from 1 to `units`."
-            require(self.robot in ("enki", model), "robot", model, self.robot, cure)
-            require(self.base is None, "base", "none of a robot of Enki's", self.base, "Leave it out.")
+            require(self.robot in (address.kind, model), "robot", model, self.robot, cure)
+            require(self.base is None, "base", f"none of {model}", self.base, "Leave it out.")
             object.__setattr__(self, "robot", model)
             return
         cure = "One that a person carries goes through record, calibrate, evolve and transfer, one by one."

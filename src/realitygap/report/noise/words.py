@@ -41,6 +41,16 @@ OF_ENKI = (
     "its makers'; how units differ was set by us. That a curve peaks at its own level says how the score "
     "behaves, not how noisy a robot is.",
 )
+OF_A_STRANGER = (
+    "The robot is a stranger: a second twin, pseudo-reality too, whose surfaces, lamp, floor, line and "
+    "battery are outside the family of laws that the calibration can fit. Its noise was set by us. That a "
+    "curve peaks at its own level says how the score behaves, not how noisy a robot is.",
+)
+STAND_INS = {
+    "enki": ("a robot of EPFL's simulator Enki", OF_ENKI),
+    "stranger": ("a twin outside the family of laws that calibration can fit", OF_A_STRANGER),
+}
+"""Of each kind of address that may stand in the twin's place: what it is, and what it cannot tell."""
 
 Scales = Mapping[str, tuple[float, str]]
 
@@ -91,7 +101,7 @@ def thoughts(
 def robot_words(settings: Mapping[str, object]) -> str:
     """The robot in the twin's place; "" where there is none."""
     robot = Path(str(settings.get("robot", ""))).name
-    whose = "a robot of EPFL's simulator Enki" if _enki(settings) else "the user's own robot"
+    whose, _ = _stand_in(settings) or ("the user's own robot", ())
     return f"{robot}, {whose}" if robot else ""
 
 
@@ -99,11 +109,12 @@ def limits(settings: Mapping[str, object]) -> tuple[str, ...]:
     """What such an experiment cannot tell."""
     if "robot" not in settings:
         return LIMITS
-    return (*(OF_ENKI if _enki(settings) else ()), *LIMITS[OF_A_TWIN:])
+    _, own = _stand_in(settings) or ("", ())
+    return (*own, *LIMITS[OF_A_TWIN:])
 
 
-def _enki(settings: Mapping[str, object]) -> bool:
-    return str(settings.get("robot")).startswith("enki:")
+def _stand_in(settings: Mapping[str, object]) -> tuple[str, tuple[str, ...]] | None:
+    return STAND_INS.get(str(settings.get("robot")).partition(":")[0])
 
 
 def warnings(calibration: Sequence[Misfit], tasks: Sequence[str], lost: int = 0) -> list[str]:
@@ -133,7 +144,7 @@ def _opening(facts: NoiseFacts, settings: Mapping[str, object]) -> str:
     own = robot_words(settings)
     robot, known = "the twin", f" (its noise scale is {settings['twin_noise']:g})"
     if own:
-        robot, known = own, known if _enki(settings) else ""
+        robot, known = own, known if _stand_in(settings) else ""
     text = (
         f"{len(data)} controllers evolved at noise {levels} drove {robot}{drove}, and each was compared "
         f"with the simulation at every level, whose 1 is the noise that was measured on "

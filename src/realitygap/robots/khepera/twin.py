@@ -1,4 +1,4 @@
-"""A unit of the twin as a body: switched on in any room, driven through its serial line in virtual time."""
+"""A unit of a twin as a body: switched on in any room, driven through its serial line in virtual time."""
 
 from collections.abc import Mapping
 from contextlib import ExitStack
@@ -8,9 +8,10 @@ from typing import Any
 from realitygap.robots.clock import VirtualClock
 from realitygap.robots.khepera.body import Khepera, KheperaBody
 from realitygap.twin.process import TwinProcess, start_twin
+from realitygap.twin.server import BODY, STRANGER
 from realitygap.values import Command, Pose
 
-__all__ = ["TwinBody", "opened"]
+__all__ = ["TwinBody", "opened", "opened_stranger"]
 
 
 class TwinBody(KheperaBody):
@@ -21,15 +22,23 @@ class TwinBody(KheperaBody):
         noise: the scale of its whole noise.
         baud: of its line.
         kinds: as of `KheperaBody`.
+        stranger: outside the family of laws that a calibration can fit.
 
     Raises:
         BaudError: the line is too slow for these sensors in a loop of 100 ms.
     """
 
     def __init__(
-        self, unit: int, *, noise: float = 1.0, baud: int = 38400, kinds: tuple[str, ...] = ("proximity",)
+        self,
+        unit: int,
+        *,
+        noise: float = 1.0,
+        baud: int = 38400,
+        kinds: tuple[str, ...] = ("proximity",),
+        stranger: bool = False,
     ) -> None:
         self.unit, self.noise, self.baud = unit, noise, baud
+        self._kind = ("stranger", STRANGER) if stranger else ("twin", BODY)
         self.twin: TwinProcess | None = None
         self._room: Mapping[str, Any] = {}
         self._line = ExitStack()
@@ -41,7 +50,7 @@ class TwinBody(KheperaBody):
         """What a recording says of it."""
         return {
             "units": self.units,
-            "robot": "twin (pseudo-reality)",
+            "robot": f"{self._kind[0]} (pseudo-reality)",
             "unit": self.unit,
             "twin_noise": self.noise,
         }
@@ -52,7 +61,8 @@ class TwinBody(KheperaBody):
         if self.twin is None or self._room != room:
             self.leave()
             self._room = room
-            self.twin = start_twin(room, unit=self.unit, noise=self.noise, seed=seed, baud=self.baud)
+            settings = {"unit": self.unit, "noise": self.noise, "seed": seed, "baud": self.baud}
+            self.twin = start_twin(room, body=self._kind[1], **settings)
         else:
             self.twin.renew(seed)
         clock = VirtualClock(self.twin.channel)
@@ -100,6 +110,7 @@ def opened(
     baud: int | None = 38400,
     noise: float = 1.0,
     kinds: tuple[str, ...] = ("proximity",),
+    stranger: bool = False,
     **_: Any,
 ) -> TwinBody:
     """A unit by its number in words; its line has the usual rate if any will do.
@@ -109,5 +120,11 @@ def opened(
         baud: of its line.
         noise: a scale.
         kinds: of sensors to read.
+        stranger: as of `TwinBody`.
     """
-    return TwinBody(int(unit), noise=noise, baud=baud or 38400, kinds=kinds)
+    return TwinBody(int(unit), noise=noise, baud=baud or 38400, kinds=kinds, stranger=stranger)
+
+
+def opened_stranger(unit: str, **settings: Any) -> TwinBody:
+    """A unit of the strangers, as `opened` has a twin's."""
+    return opened(unit, stranger=True, **settings)
