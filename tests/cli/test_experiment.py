@@ -83,7 +83,7 @@ def test_what_no_robot_of_ones_own_can_do_is_refused(refused, tmp_path):
     assert "--twin-noise is the twin's" in refused(*own, "--twin-noise", 2)
     assert "--tasks obstacle-avoidance" in refused(*own)
     assert "base: expected the rough profile" in refused(*out, ROBOT)
-    assert "robot: expected twin, enki:MODEL, or" in refused(*out, "twin:3", "--base", BASE)
+    assert "robot: expected twin, got 'twin:3'. Its units" in refused(*out, "twin:3", "--base", BASE)
     carried = tmp_path / "carried.py"
     carried.write_text(CARRIED)
     assert "it has no `enter`" in refused(*out, f"{carried}:Carried", "--base", BASE)

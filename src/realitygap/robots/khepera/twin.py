@@ -61,7 +61,12 @@ class TwinBody(KheperaBody):
         if self.twin is None or self._room != room:
             self.leave()
             self._room = room
-            settings = {"unit": self.unit, "noise": self.noise, "seed": seed, "baud": self.baud}
+            settings: dict[str, Any] = {
+                "unit": self.unit,
+                "noise": self.noise,
+                "seed": seed,
+                "baud": self.baud,
+            }
             self.twin = start_twin(room, body=self._kind[1], **settings)
         else:
             self.twin.renew(seed)
