@@ -44,6 +44,15 @@ def test_a_task_of_ones_own_evolves(tmp_path):
     assert (tmp_path / "wall" / "report" / "index.html").is_file()
 
 
+def test_a_task_that_infrared_and_light_feed_evolves(tmp_path):
+    """Its networks have an input for each of the twelve sensors that it names, of both kinds."""
+    words = ("--evaluations", "70", "--set", "task.seconds=2.0", "--workers", "1", "--out", tmp_path / "seek")
+    run("evolve", EXAMPLES / "seek_in_two_rooms.py", *words)
+    study = load_study(tmp_path / "seek")
+    assert study.facts("seek-in-two-rooms")["feeds"] == "proximity+ambient"
+    assert study.networks("seek-in-two-rooms", study.runs[0].champion).inputs[0] == 12
+
+
 OWN = {
     "a (1+1)-ES on slots": ("evolution.algorithm=one_plus_one.py:OnePlusOne", "evolution.mutations=2"),
     "an ES on real weights": (

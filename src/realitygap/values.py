@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import UsageError
 
-__all__ = ["Closing", "Command", "Pose", "Readings", "as_stream"]
+__all__ = ["Closing", "Command", "Pose", "Readings", "as_stream", "fed"]
 
 
 class Closing:
@@ -72,6 +72,12 @@ class Readings:
 
     proximity: NDArray[np.float64]
     ambient: NDArray[np.float64]
+
+
+def fed(sensed: Any, feeds: str) -> NDArray[np.float64]:
+    """The readings [..., S] that a task feeds, of Readings, a Trajectory or a Recording: "proximity" or
+    "ambient" alone, or "proximity+ambient" in this order."""
+    return np.concatenate([getattr(sensed, kind) for kind in feeds.split("+")], axis=-1)
 
 
 @dataclass(frozen=True, kw_only=True)

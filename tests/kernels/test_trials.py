@@ -15,7 +15,7 @@ from realitygap.controller.operators import Variation
 from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
-from realitygap.values import Pose
+from realitygap.values import Pose, fed
 from realitygap.world.arena import Arena, Cylinder, Lamp
 from tests.kernels.reference import trial as reference
 from tests.kernels.reference.rays import overlap
@@ -50,14 +50,14 @@ def test_agrees_with_the_reference(name, level):
         judge(task, PAPER, gene, level, stream)
 
 
-@pytest.mark.parametrize("feeds", ["proximity", "ambient"])
+@pytest.mark.parametrize("feeds", ["proximity", "ambient", "proximity+ambient"])
 def test_agrees_in_other_rooms_with_other_robots(feeds):
     """The same in a room with inner walls and lamps, for robots with sensors of their own."""
     random = np.random.default_rng(28)
     contacts = 0
     for k in range(5):
         profile = random_profile(random)
-        count = len((profile.ambient if feeds == "ambient" else profile.infrared).sensors)
+        count = len(profile.bands(feeds))
         sensors = tuple(int(s) for s in random.integers(0, count, random.integers(1, 17)))
         task = replace(
             TASKS["obstacle-avoidance"], arena=CROWDED, feeds=feeds, sensors=sensors, seconds=8.0,
@@ -73,8 +73,7 @@ def judge(task, profile, genes, level: float, stream: int, layout: Layout = LAYO
     simulation = Simulation(task, profile, level)
     expected = reference.run(task, profile, genes, level=level, stream=stream)
     got, score = simulation.trajectory(decode(genes, layout), stream=stream)
-    fed = got.ambient if task.feeds == "ambient" else got.proximity
-    assert fed.tolist() == expected.readings
+    assert fed(got, task.feeds).tolist() == expected.readings
     assert got.inputs.tolist() == expected.inputs
     assert [tuple(row) for row in got.commands.tolist()] == expected.commands
     after = np.column_stack([got.x, got.y, got.heading])[1:]

@@ -63,7 +63,7 @@ def test_unknown_task():
         ({"seconds": math.nan}, "seconds: expected a number, got nan"),
         ({"trials": 0}, "trials: expected a whole number, 1 or more, got 0"),
         ({"trials": 1.5}, "trials: expected a whole number"),
-        ({"feeds": "sound"}, "feeds: expected 'proximity' or 'ambient', got 'sound'"),
+        ({"feeds": "sound"}, "feeds: expected 'proximity' or 'ambient' or 'proximity.ambient', got 'sound'"),
         ({"sensors": range(17)}, "sensors: expected at most 16 sensors"),
         ({"sensors": (0, -1)}, "sensors: expected whole numbers"),
         ({"sensors": 8}, "sensors: expected a tuple of numbers, got 8"),

@@ -191,7 +191,10 @@ def test_directions_in_radians_are_refused(paper, part):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (([1] * 8, "infrared", (0,)), "feeds: expected 'proximity' or 'ambient', got 'infrared'. The"),
+        (
+            ([1] * 8, "infrared", (0,)),
+            "feeds: expected 'proximity' or 'ambient' or 'proximity.ambient', got 'infrared'. The",
+        ),
         (([1] * 7, "proximity", (0,)), r"readings: expected one of each proximity sensor \(8\), got 7"),
         (([1] * 8, "ambient", (8,)), "sensors: expected numbers from 0 to 7"),
         (([1] * 8, "ambient", (-1,)), "sensors: expected numbers from 0 to 7"),

@@ -93,7 +93,7 @@ class Scene:
 
 def note_dark(task: Task, arena: Arena) -> None:
     """Say so if a task that feeds ambient light is done where no lamp is."""
-    if task.feeds == "ambient" and not arena.lamps:
+    if "ambient" in task.kinds and not arena.lamps:
         note(f"arena {arena.name!r} has no lamp: the light sensors that task {task.name!r} feeds read dark")
 
 

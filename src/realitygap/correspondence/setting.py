@@ -59,7 +59,7 @@ def setting_of(trials: Sequence[Trial], task: Task | str | PathLike[str] | None 
 
 
 def _setting(task: Task, name: str) -> Setting:
-    if task.feeds == "ambient" and task.arena.lamps:
+    if "ambient" in task.kinds and task.arena.lamps:
         return Setting(name=name, arena=task.arena, exemplars="light-seeking")
     return Setting(name=name, arena=replace(task.arena, lamps=()), exemplars="obstacle-avoidance")
 

@@ -224,9 +224,11 @@ def pose_of(simulation: Simulation, options: Info | None) -> Pose | None:
 def observations_of(simulation: Simulation, readings: Floats) -> NDArray[np.float32]:
     """Readings [N, all sensors of the kind] of those that are fed, −1 … 1 over the input range."""
     task = simulation.task
-    low, high = simulation.profile.channel(task.feeds).bands
+    bands: Floats = np.array(simulation.profile.bands(task.feeds))
+    low, high = bands[list(task.sensors)].T
     shares = (readings[:, list(task.sensors)] - low) / (high - low)
-    return np.clip(2.0 * shares - 1.0, -1.0, 1.0).astype(np.float32)
+    seen: NDArray[np.float32] = np.clip(2.0 * shares - 1.0, -1.0, 1.0).astype(np.float32)
+    return seen
 
 
 def commands_of(actions: object, shape: tuple[int, ...]) -> NDArray[np.int64]:

@@ -29,7 +29,7 @@ from realitygap.track import Track
 from realitygap.transfer.paths import of_counters, of_poses, score
 from realitygap.transfer.plan import check_fit
 from realitygap.transfer.rig import turned
-from realitygap.values import Command, Pose, as_stream
+from realitygap.values import Command, Pose, as_stream, fed
 from realitygap.world.arena import Arena
 from realitygap.world.profile import Profile
 
@@ -132,11 +132,11 @@ class _Situated:
     def body(self) -> Body:
         """The robot, opened when it is first needed; one of another kind than the profile's is refused."""
         if self._body is None:
-            feeds = self.simulation.task.feeds
-            self._body = self.robot.open(kinds=(feeds,))
+            kinds = self.simulation.task.kinds
+            self._body = self.robot.open(kinds=kinds)
             try:
                 check_fit(
-                    self._body, self.simulation.profile, feeds, "profile: expected the robot's, got one of"
+                    self._body, self.simulation.profile, kinds, "profile: expected the robot's, got one of"
                 )
             except BaseException:
                 self.close()
@@ -157,7 +157,7 @@ class _Situated:
         if isinstance(body, Placing):
             body.enter(self.simulation.task.arena.plain(), int(stream) % 2**63, None)
         body.reset(self._start)
-        attend(body, self.simulation.task.feeds)
+        attend(body, *self.simulation.task.kinds)
         clock = clock_of(body)
         self._moving.enter_context(Stopping(NUMBERS if clock.waits else MOVING))
         self._driving = True
@@ -205,8 +205,7 @@ class _Situated:
         told = odometry_of(body)
         now = clock_of(body).now()
         self._odometry.append((now, *(told.counters or unknown), *(told.speeds or unknown)))
-        fed = readings.proximity if task.feeds == "proximity" else readings.ambient
-        return observations_of(self.simulation, np.asarray(fed, np.float64)[np.newaxis])
+        return observations_of(self.simulation, fed(readings, task.feeds)[np.newaxis])
 
     def _track(self) -> Track:
         """The path so far, as it is known."""

@@ -111,6 +111,11 @@ def on_board(run: Run, who: str, genes: Genes, *, name: str = "controller", step
             "name: expected a lower-case letter, then letters, digits and underscores (40 at most), got "
             f"{name!r}."
         )
+    if "+" in feeds:
+        raise StudyError(
+            f"{study.folder}: run {run.id}: expected a network fed by one kind of sensors, {run.task} feeds "
+            f"{feeds}. Drive with it from Python: study.controller(…)."
+        )
     channel = profile.channel(feeds)
     edges, rising = _edges(profile, feeds)
     commands = tuple(profile.wheels.command(value) for value in range(-LIMIT, LIMIT + 1))

@@ -9,6 +9,7 @@ from realitygap.kernels.params import Path
 from realitygap.kernels.rng import normals, substream
 from realitygap.kernels.trial import (
     AMBIENT,
+    BOTH,
     PROXIMITY,
     act,
     begin,
@@ -16,6 +17,7 @@ from realitygap.kernels.trial import (
     draw_start,
     feed_network,
     move,
+    near_fed,
     note,
     read,
     run_trial,
@@ -44,6 +46,8 @@ def run_trials(world, nets, which, streams, paths, work):
 def sense_aside(world, stream, k, work, aside):
     """Readings of the sensors that feed nobody in this trial, with noise of their own stream."""
     feed = world.task.feed
+    if feed == BOTH:
+        return
     if feed == AMBIENT:
         infrared(world.robot, world.arena, work, aside.readings)
     else:
@@ -56,12 +60,16 @@ def sense_aside(world, stream, k, work, aside):
 
 
 @step
-def keep_readings(feed, aside, work, record, k):
-    """Write both kinds of readings, and what was made of them, into row `k` of the record."""
-    fed = record.ambient if feed == AMBIENT else record.proximity
-    other = record.proximity if feed == AMBIENT else record.ambient
-    for i in range(work.readings.shape[0]):
-        fed[k, i] = work.readings[i]
+def keep_readings(near, aside, work, record, k):
+    """Write both kinds of readings, and what was made of them, into row `k` of the record.
+
+    The first `near` fed readings are the proximity sensors'.
+    """
+    for i in range(near):
+        record.proximity[k, i] = work.readings[i]
+    for i in range(near, work.readings.shape[0]):
+        record.ambient[k, i - near] = work.readings[i]
+    other = record.ambient if near > 0 else record.proximity
     for i in range(aside.shape[0]):
         other[k, i] = aside[i]
     for i in range(work.inputs.shape[0]):
@@ -80,7 +88,7 @@ def record_trial(world, nets, stream, work, aside, record):
         sense(robot, world.arena, task.feed, level, work)
         sense_aside(world, stream, k, work, aside)
         feed_network(robot, task, work)
-        keep_readings(task.feed, aside.readings, work, record, k)
+        keep_readings(near_fed(robot, task.feed), aside.readings, work, record, k)
         think(nets, 0, work)
         act(robot, nets, 0, level, work)
         move(robot, world.arena, work)

@@ -200,9 +200,9 @@ class Trial(NamedTuple):
 
     steps: int
     feed: int
-    """0: the network is fed proximity readings; 1: ambient readings."""
+    """0: the network is fed proximity readings; 1: ambient readings; 2: both, proximity first."""
     channels: I64
-    """[n_inputs] which sensor feeds each input; −1 feeds a constant 0."""
+    """[n_inputs] which of the fed readings each input is made of; −1 feeds a constant 0."""
     start: F
     """[5] centre x, centre y, radius of the disc of starts, lowest and highest heading."""
 

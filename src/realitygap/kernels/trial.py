@@ -16,7 +16,7 @@ from realitygap.kernels.rng import normals, sin_cos, uniform
 from realitygap.kernels.wheels import FASTEST, Arc, bound_wheel, drive_arc, turn_wheel
 from realitygap.kernels.work import DRAWS, MOTOR_NOISE, noise_blocks
 
-PROXIMITY, AMBIENT = 0, 1
+PROXIMITY, AMBIENT, BOTH = 0, 1, 2
 
 
 @step
@@ -99,22 +99,31 @@ def scale_input(low, high, reading):
 
 
 @step
+def near_fed(robot, feed):
+    """How many of the fed readings, the first ones, are the proximity sensors'."""
+    return 0 if feed == AMBIENT else robot.proximity_place.shape[0]
+
+
+@step
 def sense(robot, arena, feed, level, work):
     """Readings of the sensors that the task feeds to the network."""
-    if feed == AMBIENT:
-        ambient(robot, arena, work, work.readings)
-    else:
-        infrared(robot, arena, work, work.readings)
-    read(robot, feed, level, wheels_speed(work), work.noise, work.readings)
+    near = near_fed(robot, feed)
+    if feed != AMBIENT:
+        infrared(robot, arena, work, work.readings[:near])
+        read(robot, PROXIMITY, level, wheels_speed(work), work.noise, work.readings[:near])
+    if feed != PROXIMITY:
+        ambient(robot, arena, work, work.readings[near:])
+        read(robot, AMBIENT, level, wheels_speed(work), work.noise[near:], work.readings[near:])
 
 
 @step
 def feed_network(robot, task, work):
     """Readings become inputs; `change` keeps the difference to the step before."""
-    low = robot.ambient_low if task.feed == AMBIENT else robot.proximity_low
-    high = robot.ambient_high if task.feed == AMBIENT else robot.proximity_high
+    near = near_fed(robot, task.feed)
     for i in range(task.channels.shape[0]):
         channel = task.channels[i]
+        low = robot.proximity_low if channel < near else robot.ambient_low
+        high = robot.proximity_high if channel < near else robot.ambient_high
         new = scale_input(low, high, work.readings[channel]) if channel >= 0 else 0
         work.change[i] = new - work.inputs[i]
         work.inputs[i] = new

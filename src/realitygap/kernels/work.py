@@ -35,7 +35,7 @@ class Work(NamedTuple):
     noise: F
     """[16·m] normal numbers of this step."""
     readings: F
-    """[P or A] what the fed sensors read, counts."""
+    """[P, A or P + A] what the fed sensors read, counts."""
     pose: F
     """[5] x, y, heading and the heading's cosine and sine."""
     start: F
@@ -105,7 +105,8 @@ def new_noise(sensors: int) -> F:
 
 def new_aside(robot: Robot, task: Trial) -> Aside:
     """Scratch for the sensors that the task does not feed."""
-    sensors = len(robot.proximity_place if task.feed else robot.ambient_place)
+    near, light = len(robot.proximity_place), len(robot.ambient_place)
+    sensors = (light, near, 0)[task.feed]
     return Aside(readings=np.zeros(sensors), noise=new_noise(sensors))
 
 
@@ -129,8 +130,8 @@ def farthest_notice(robot: Robot, fan: F) -> float:
 
 def new_work(robot: Robot, task: Trial, nets: Networks) -> Work:
     """Scratch for trials of `task` by `robot` under any of `nets`."""
-    fed = robot.ambient_place if task.feed else robot.proximity_place
-    sensors = fed.shape[0]
+    near, light = len(robot.proximity_place), len(robot.ambient_place)
+    sensors = (near, light, near + light)[task.feed]
     inputs = task.channels.shape[0]
     neurons = nets.thresholds.shape[1]
     links = nets.links.shape[1]

@@ -150,13 +150,14 @@ def sensor_rays(arena: Arena, place: F, ray: F, pose: tuple[float, float, float]
 
 def _draw_rays(ax: Axes, robot: Robot, arena: Arena, feeds: str, pose: tuple[float, float, float]) -> None:
     """The rays that a task's robot senses with, to what they meet or as far as they matter."""
-    if feeds == "proximity":
-        reach = np.where(np.isfinite(robot.proximity_reach), robot.proximity_reach, AMBIENT_RAYS_CM)
-        rays = sensor_rays(arena, robot.proximity_place, robot.proximity_ray, pose, reach)
-    else:
-        rays = sensor_rays(arena, robot.ambient_place, light_rays(robot), pose, AMBIENT_RAYS_CM)
-    ax.add_collection(LineCollection(list(rays), colors=style.RAY, linewidths=0.45, zorder=3))
-    ax.plot(*rays[::RAYS, 0].T, "o", color=style.RAY, markersize=1.8, zorder=6)
+    for kind in feeds.split("+"):
+        if kind == "proximity":
+            reach = np.where(np.isfinite(robot.proximity_reach), robot.proximity_reach, AMBIENT_RAYS_CM)
+            rays = sensor_rays(arena, robot.proximity_place, robot.proximity_ray, pose, reach)
+        else:
+            rays = sensor_rays(arena, robot.ambient_place, light_rays(robot), pose, AMBIENT_RAYS_CM)
+        ax.add_collection(LineCollection(list(rays), colors=style.RAY, linewidths=0.45, zorder=3))
+        ax.plot(*rays[::RAYS, 0].T, "o", color=style.RAY, markersize=1.8, zorder=6)
 
 
 def _sensing_pose(arena: world.Arena, robot: Robot, start: np.ndarray) -> tuple[float, float, float]:
@@ -183,7 +184,7 @@ def arena_figure(room: world.Arena, profile: Profile, feeds: str, start: np.ndar
     Args:
         room: the task's arena.
         profile: the robot.
-        feeds: "proximity" or "ambient".
+        feeds: "proximity", "ambient" or "proximity+ambient".
         start: where trials begin, as `draw_start` has it.
     """
     arena, robot = room.to_kernel(), profile.to_kernel()

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Rectangle
 
 from realitygap.controller.layout import Genes
+from realitygap.kernels.params import Robot
 from realitygap.report import style
 from realitygap.report.robots import draw_robot
 from realitygap.report.style import new_figure
@@ -32,6 +33,8 @@ from realitygap.world.profile import Profile
 __all__ = ["draw_network", "network_drawing", "network_figure"]
 
 EXCITATORY = style.INK
+INSIDE = 0.72
+"""Where a proximity sensor's neuron stands beside an ambient sensor's, from the robot's middle."""
 
 
 def draw_network(
@@ -46,11 +49,11 @@ def draw_network(
         ax: where; its axes become cm.
         genes: [slots, 2 + 4 · links] as `realitygap.controller.genotype` has it.
         profile: the robot.
-        feeds: "proximity" or "ambient".
-        sensors: which of these sensors feeds each input.
+        feeds: "proximity", "ambient" or "proximity+ambient".
+        sensors: which of their readings feeds each input.
     """
     robot = profile.to_kernel()
-    spots = robot.proximity_place if feeds == "proximity" else robot.ambient_place
+    spots = _spots(robot, feeds)
     wiring = read_wiring(np.asarray(genes), inputs=len(sensors), outputs=OUTPUTS)
     unit = _unit(ax, robot.radius)
     laid = lay_out(wiring, robot, spots, sensors, unit)
@@ -65,6 +68,14 @@ def draw_network(
     low = min(-robot.radius, float(where[:, 1].min()) - 0.4 * unit) - 0.12
     ax.set(xlim=(-robot.radius - 0.12, robot.radius + 0.12), ylim=(low, robot.radius + 0.12), aspect="equal")
     ax.axis("off")
+
+
+def _spots(robot: Robot, feeds: str) -> np.ndarray:
+    """Places [S, 2] of the sensors that are fed; of both kinds, which may share theirs, proximity inside."""
+    both = {"proximity": robot.proximity_place, "ambient": robot.ambient_place}
+    if "+" in feeds:
+        both["proximity"] = INSIDE * robot.proximity_place
+    return np.concatenate([both[kind] for kind in feeds.split("+")])
 
 
 def _unit(ax: Axes, radius: float) -> float:
@@ -155,8 +166,8 @@ def network_figure(
     Args:
         genes: [slots, 2 + 4 · links], whose network it is.
         profile: the robot.
-        feeds: "proximity" or "ambient".
-        sensors: which of these sensors feeds each input.
+        feeds: "proximity", "ambient" or "proximity+ambient".
+        sensors: which of their readings feeds each input.
         title: a line above.
     """
     hidden = int(np.asarray(genes)[len(sensors) + OUTPUTS :, 0].sum())
@@ -191,7 +202,7 @@ def network_drawing(genes: Genes, task: Task, profile: Profile) -> tuple[dict[st
     Beside them the slots of the neurons, in the order in which a track's outputs stand.
     """
     robot = profile.to_kernel()
-    spots = robot.proximity_place if task.feeds == "proximity" else robot.ambient_place
+    spots = _spots(robot, task.feeds)
     wiring = read_wiring(genes, inputs=len(task.sensors), outputs=OUTPUTS)
     unit = UNIT_INCHES * (2 * float(robot.radius) + 0.24) / width_inches(len(wiring.hidden))
     laid = lay_out(wiring, robot, spots, task.sensors, unit)

@@ -21,6 +21,7 @@ from realitygap.report.robots import draw_robot, front
 from realitygap.report.style import new_figure, styled
 from realitygap.tasks.task import Task
 from realitygap.track import Trajectory
+from realitygap.values import fed
 from realitygap.world.profile import Profile
 
 __all__ = ["FILMS", "PICTURES", "checked_ending", "frames", "save_animation", "save_picture"]
@@ -153,12 +154,15 @@ def _stage(
     total = float(figure.get_size_inches()[0])
     room = figure.add_axes((0.6 / total, 0.13, (wide - 0.8) / total, 0.75))
     room.set_title(title, loc="left")
-    readings = trajectory.proximity if task.feeds == "proximity" else trajectory.ambient
-    top = profile.infrared.top if task.feeds == "proximity" else profile.ambient.dark
+    readings = fed(trajectory, task.feeds)
+    top = max(
+        {"proximity": profile.infrared.top, "ambient": profile.ambient.dark}[kind] for kind in task.kinds
+    )
     upper = figure.add_axes(((wide + 0.35) / total, 0.56, 1.9 / total, 0.32))
-    upper.set(title=f"{task.feeds} readings (counts)", xlabel="sensor")
+    kind = task.feeds if len(task.kinds) == 1 else "fed"
+    upper.set(title=f"{kind} readings (counts)", xlabel="sensor")
     upper.set(ylim=(0, top), xlim=(-0.7, readings.shape[1] - 0.3))
-    upper.set_xticks(range(readings.shape[1]))
+    upper.set_xticks(range(0, readings.shape[1], 1 + readings.shape[1] // 10))
     lower = figure.add_axes(((wide + 0.35) / total, 0.13, 1.9 / total, 0.22))
     limit = max(10.0, float(np.abs(trajectory.commands).max(initial=0)))
     lower.set(title="wheel commands (robot's units)", ylim=(-limit, limit), xlim=(-0.7, 1.7))
@@ -174,8 +178,7 @@ def _stage(
 
 def _draw_bars(bars: list[Rectangle], trajectory: Trajectory, feeds: str, step: int) -> None:
     """This step's readings and commands."""
-    readings = trajectory.proximity if feeds == "proximity" else trajectory.ambient
-    for bar, value in zip(bars, [*readings[step], *trajectory.commands[step]], strict=True):
+    for bar, value in zip(bars, [*fed(trajectory, feeds)[step], *trajectory.commands[step]], strict=True):
         bar.set_height(float(value))
         assert bar.axes is not None
         bar.axes.draw_artist(bar)

@@ -25,10 +25,11 @@ from realitygap.track import Track, Trajectory, read_track
 from realitygap.transfer.packed import placed
 from realitygap.transfer.replay import Replays
 from realitygap.transfer.trial import SIMULATED, SITUATED
+from realitygap.values import fed
 from realitygap.world.arena import Arena
 from realitygap.world.profile import Profile
 from realitygap.world.rays import RAY_ANGLES_DEG
-from realitygap.world.sensors import Ambient, Infrared
+from realitygap.world.sensors import AmbientSensor, ProximitySensor
 
 __all__ = ["MOST_RUNS", "MOST_TRIALS", "player_data", "player_json"]
 
@@ -90,7 +91,7 @@ class _Cast:
         """A drive on a path, with what was `kept` of it; `drove` is the genotype that did, if known."""
         if kept is None:
             return track(who, score, poses_of(path), self.unit_cm)
-        readings, outputs = getattr(kept, self.task.feeds), None
+        readings, outputs = fed(kept, self.task.feeds), None
         same = drove is not None and np.array_equal(self.genes, drove)
         if same and kept.inputs.shape[1] == len(self.task.sensors):  # the network that is drawn drove
             outputs = activity(self.genes, kept.inputs, kept.commands, self.slots)
@@ -187,20 +188,23 @@ def _sensors(task: Task, profile: Profile) -> Json:
 
     `dull` and `bright` are the counts at which a sensor's rays are drawn not at all, and strongest.
     """
-    part: Infrared | Ambient
-    if task.feeds == "proximity":
-        part = profile.infrared
-        reach = [min(s.reach_cm(), LIT_RAYS_CM) for s in part.sensors]
-        limits = {"petals": False, "top": part.top, "dull": 0, "bright": part.top}
-    else:
-        part = profile.ambient
-        reach = [LIT_RAYS_CM] * len(part.sensors)
-        limits = {"petals": True, "top": part.dark, "dull": part.dark, "bright": part.floor}
-    return {
-        "places": [[s.x_cm, s.y_cm] for s in part.sensors],
-        "directions": [s.direction_deg for s in part.sensors],
-        "reach": [round(cm, 2) for cm in reach],
-        "rays": list(RAY_ANGLES_DEG),
-        **limits,
-        "fed": list(task.sensors),
+    near, light = profile.infrared, profile.ambient
+    every = {
+        "proximity": [
+            _sensor(s, s.reach_cm(), {"petals": False, "top": near.top, "dull": 0, "bright": near.top})
+            for s in near.sensors
+        ],
+        "ambient": [
+            _sensor(
+                s, LIT_RAYS_CM, {"petals": True, "top": light.dark, "dull": light.dark, "bright": light.floor}
+            )
+            for s in light.sensors
+        ],
     }
+    sensors = [sensor for kind in task.kinds for sensor in every[kind]]
+    return {"each": sensors, "rays": list(RAY_ANGLES_DEG), "fed": list(task.sensors)}
+
+
+def _sensor(one: ProximitySensor | AmbientSensor, reach_cm: float, limits: Json) -> Json:
+    reach = round(min(reach_cm, LIT_RAYS_CM), 2)
+    return {"x": one.x_cm, "y": one.y_cm, "direction": one.direction_deg, "reach": reach, **limits}

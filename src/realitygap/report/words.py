@@ -34,11 +34,11 @@ def arena_words(part: TaskPart) -> Words:
     width, depth = arena.size
     things = {"cylinder": arena.cylinders, "inner wall": arena.segments, "lamp": arena.lamp_centre}
     named = ", ".join(counted(len(those), name) for name, those in things.items() if len(those))
-    what = (
-        "infrared rays, as far as they can add to a reading"
-        if part.task.feeds == "proximity"
-        else "ambient light sensors' rays (their first 15 cm)"
-    )
+    rays = {
+        "proximity": "infrared rays, as far as they can add to a reading",
+        "ambient": "ambient light sensors' rays (their first 15 cm)",
+    }
+    what = ", and its ".join(rays[kind] for kind in part.task.kinds)
     caption = (
         f"The arena, {width:g} × {depth:g} cm, with {named or 'no obstacles'}, where trials start, "
         f"and a robot with its {what}, drawn up to whatever they meet."

@@ -13,7 +13,7 @@ from realitygap.kernels.work import new_aside, new_work
 from realitygap.robots.body import KINDS, Channel, Odometry
 from realitygap.robots.clock import SteppedClock
 from realitygap.simulation.simulation import Simulation
-from realitygap.values import Command, Pose, Readings
+from realitygap.values import Command, Pose, Readings, fed
 
 __all__ = ["SimulatedBody", "network_inputs"]
 
@@ -51,7 +51,7 @@ class SimulatedBody:
     ) -> None:
         if not isinstance(simulation, Simulation):
             raise UsageError(f"simulation: expected a Simulation, got {simulation!r}.")
-        kinds = (simulation.task.feeds,) if kinds is None else tuple(kinds)
+        kinds = simulation.task.kinds if kinds is None else tuple(kinds)
         if not kinds or not set(kinds) <= set(KINDS):
             raise UsageError(f"kinds: expected {', '.join(KINDS)} or both, got {', '.join(kinds) or 'none'}.")
         self.simulation = simulation
@@ -100,12 +100,15 @@ class SimulatedBody:
 
     def sense(self) -> Readings:
         """What the sensors read now, counts; empty for a kind that is not read."""
-        fed = KINDS[self._world.task.feed]
-        both = self.kinds != (fed,)
-        halves.sense_now(self._world, np.uint64(self._drawn_from), self._k, both, self._work, self._aside)
+        told, readings = self.simulation.task.kinds, self._work.readings
+        aside = not set(self.kinds) <= set(told)
+        halves.sense_now(self._world, np.uint64(self._drawn_from), self._k, aside, self._work, self._aside)
         self._odometry = self._wheel_counts()
-        read = {fed: self._work.readings, KINDS[1 - self._world.task.feed]: self._aside.readings}
-        kept = {kind: (read[kind] if kind in self.kinds else read[kind][:0]).copy() for kind in KINDS}
+        near = len(self.simulation.profile.infrared.sensors) if told[0] == KINDS[0] else 0
+        kept = {}
+        for kind, now in zip(KINDS, (readings[:near], readings[near:]), strict=True):
+            read = now if kind in told else self._aside.readings
+            kept[kind] = read.copy() if kind in self.kinds else np.empty(0)
         return Readings(**kept)
 
     def act(self, command: Command) -> None:
@@ -155,12 +158,12 @@ class SimulatedBody:
 def network_inputs(simulation: Simulation) -> Callable[[Readings], list[int]]:
     """What makes a network's inputs −10 … 10 of a body's readings, as the simulation makes them."""
     task, profile = simulation.task, simulation.profile
-    sensors = len(profile.channel(task.feeds).sensors)
+    sensors = len(profile.bands(task.feeds))
 
     def make(readings: Readings) -> list[int]:
-        fed = readings.proximity if task.feeds == "proximity" else readings.ambient
-        if len(fed) != sensors:
-            raise UsageError(f"readings: expected {sensors} {task.feeds} readings, got {len(fed)}.")
-        return profile.inputs(fed.tolist(), task.feeds, task.of(profile).sensors)
+        row = fed(readings, task.feeds)
+        if len(row) != sensors:
+            raise UsageError(f"readings: expected {sensors} {task.feeds} readings, got {len(row)}.")
+        return profile.inputs(row.tolist(), task.feeds, task.of(profile).sensors)
 
     return make

@@ -189,4 +189,4 @@ class Workshop:
 
 
 def _step_cost(task: Task) -> float:
-    return task.steps * (AMBIENT_COST if task.feeds == "ambient" else 1.0)
+    return task.steps * (AMBIENT_COST if "ambient" in task.kinds else 1.0)

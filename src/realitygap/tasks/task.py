@@ -24,12 +24,10 @@ from realitygap.kernels.params import STEP_S
 from realitygap.tasks.scoring import CompiledScore, Score
 from realitygap.world.arena import Arena, arena_names, load_arena
 from realitygap.world.files import Value, require
-from realitygap.world.profile import Profile
+from realitygap.world.profile import FEEDS, Profile
 
-__all__ = ["FEEDS", "MAX_INPUTS", "Start", "Task"]
+__all__ = ["MAX_INPUTS", "Start", "Task"]
 
-FEEDS = ("proximity", "ambient")
-"""What may be fed to the network; the index is `params.Trial.feed`."""
 MAX_INPUTS = 16
 
 
@@ -58,8 +56,10 @@ class Task:
         title: for people, on figures and tables.
         arena: an Arena, the name of one that comes with the package, or the path of a TOML file
             (relative to the file that defines `score`).
-        feeds: "proximity" or "ambient": which of the robot's sensors the network reads.
-        sensors: which of them feeds each input of the network; none named: all that the robot has.
+        feeds: "proximity", "ambient", or both: which of the robot's sensors the network reads. Both are
+            written ("proximity", "ambient") and kept as "proximity+ambient".
+        sensors: which of them feeds each input of the network; none named: all that the robot has. Of
+            both kinds the numbers go on: a Khepera's 0 to 7 are proximity sensors, 8 to 15 ambient.
         start: where a trial begins.
         seconds: length of a trial, a multiple of 0.1.
         trials: trials in one evaluation; fitness is the mean of their scores.
@@ -96,6 +96,11 @@ class Task:
             raise TaskError(f"task {self.name!r}: {error}") from None
 
     @property
+    def kinds(self) -> tuple[str, ...]:
+        """The kinds of sensors that are fed: "proximity", "ambient" or both."""
+        return tuple(self.feeds.split("+"))
+
+    @property
     def steps(self) -> int:
         """Steps of 0.1 s in one trial."""
         return round(self.seconds / STEP_S)
@@ -116,7 +121,7 @@ class Task:
 
     def of(self, profile: Profile) -> Task:
         """The task for a robot: fed by all its sensors of the kind, if it names none."""
-        there = len(profile.channel(self.feeds).sensors)
+        there = len(profile.bands(self.feeds))
         return self if self.sensors or not there else replace(self, sensors=tuple(range(there)))
 
     def to_kernel(self, profile: Profile) -> params.Trial:
@@ -125,12 +130,14 @@ class Task:
         Raises:
             TaskError: the robot lacks a sensor that the task feeds, or cannot stand at its start.
         """
-        count, sensors = len(profile.channel(self.feeds).sensors), self.of(profile).sensors
-        if not sensors:
-            raise TaskError(
-                f"task {self.name!r}: feeds: profile {profile.name!r} has no {self.feeds} sensors. "
-                "Choose another task, or add sensors to the profile."
-            )
+        count, sensors = len(profile.bands(self.feeds)), self.of(profile).sensors
+        for kind in self.kinds:
+            if not profile.channel(kind).sensors:
+                raise TaskError(
+                    f"task {self.name!r}: feeds: profile {profile.name!r} has no {kind} sensors. "
+                    "Choose another task, or add sensors to the profile."
+                )
+        require(len(sensors) <= MAX_INPUTS, "sensors", f"at most {MAX_INPUTS} sensors", sensors)
         for sensor in sensors:
             if sensor >= count:
                 raise TaskError(
@@ -210,6 +217,9 @@ class Task:
             named = _beside(self.score, self.arena)
             put(self, "arena_file", None if str(named) in arena_names() else str(self.arena))
             put(self, "arena", load_arena(named))
+        feeds: Any = self.feeds
+        if isinstance(feeds, list | tuple):
+            put(self, "feeds", "+".join(sorted(set(map(str, feeds)), reverse=True)))
         put(self, "title", self.title or self.name.replace("-", " ").capitalize())
         require(isinstance(self.sensors, list | tuple | range), "sensors", "a tuple of numbers", self.sensors)
         put(self, "sensors", tuple(self.sensors))

@@ -260,32 +260,34 @@ def check_body(study: Study, task: str, body: Body) -> None:
         UsageError: as of `check_fit`.
     """
     evolved = f"task {task!r} was evolved for a robot with"
-    check_fit(body, study.profile, study.task(task).feeds, evolved)
+    check_fit(body, study.profile, study.task(task).kinds, evolved)
 
 
-def check_fit(body: Body, profile: Profile, feeds: str, wanted: str) -> None:
+def check_fit(body: Body, profile: Profile, kinds: Iterable[str], wanted: str) -> None:
     """Refuse a robot of another kind than a profile's.
 
     Args:
         body: the robot.
         profile: of those that fit.
-        feeds: the kind of sensors that matter.
+        kinds: of the sensors that matter.
         wanted: begins the message, which goes on with what the profile has.
 
     Raises:
         UsageError: other sensors, a full scale that differs by more than a hundredth, or another period.
     """
-    law, one, name = profile.channel(feeds), channel(body, feeds), f"(profile {profile.name!r})"
-    if len(law.sensors) != one.sensors:
-        raise UsageError(
-            f"{wanted} {len(law.sensors)} {feeds} sensors {name}; this robot has {one.sensors}: take its "
-            "own profile."
-        )
-    if abs(law.top - one.high) > SAME_SCALE * law.top:
-        raise UsageError(
-            f"{wanted} {feeds} counts up to {law.top:g} {name}; this robot's go up to {one.high}: calibrate "
-            "it, and take its own profile."
-        )
+    name = f"(profile {profile.name!r})"
+    for kind in kinds:
+        law, one = profile.channel(kind), channel(body, kind)
+        if len(law.sensors) != one.sensors:
+            raise UsageError(
+                f"{wanted} {len(law.sensors)} {kind} sensors {name}; this robot has {one.sensors}: take its "
+                "own profile."
+            )
+        if abs(law.top - one.high) > SAME_SCALE * law.top:
+            raise UsageError(
+                f"{wanted} {kind} counts up to {law.top:g} {name}; this robot's go up to {one.high}: "
+                "calibrate it, and take its own profile."
+            )
     if body.period_s != profile.period_s:
         raise UsageError(
             f"{wanted} a period of {profile.period_s:g} s {name}; this robot's is {body.period_s:g} s."

@@ -26,7 +26,7 @@ from realitygap.streams import TWIN_NOISE
 from realitygap.tasks.task import Task
 from realitygap.track import Track
 from realitygap.transfer.paths import of_counters, of_poses, of_track
-from realitygap.values import Closing, Command, Pose, Readings
+from realitygap.values import Closing, Command, Pose, Readings, fed
 from realitygap.world.profile import Profile
 
 if TYPE_CHECKING:
@@ -124,10 +124,9 @@ def driven(
 
     def inputs(readings: Readings) -> list[int]:
         look()
-        fed = readings.proximity if task.feeds == "proximity" else readings.ambient
-        return profile.inputs(fed.tolist(), task.feeds, sensors)
+        return profile.inputs(fed(readings, task.feeds).tolist(), task.feeds, sensors)
 
-    attend(body, task.feeds)
+    attend(body, *task.kinds)
     made = drive(body, Scaled(controller, profile), seconds=seconds, inputs=inputs, recorder=recorder)
     look()
     attend(body)
@@ -286,7 +285,7 @@ class Rig(Closing):
     def body(self) -> Body:
         """The robot, opened when it is first needed."""
         if self._body is None:
-            self._body = self.robot.open(baud=self.baud, noise=self.twin_noise, kinds=(self.task.feeds,))
+            self._body = self.robot.open(baud=self.baud, noise=self.twin_noise, kinds=self.task.kinds)
         return self._body
 
     def _fresh(self, seed: int) -> Body:

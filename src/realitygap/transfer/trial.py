@@ -115,7 +115,7 @@ class Stage:
         genes = self.study.genotype(one.run, one.evaluation)
         with made(self.place / one.folder, one.robot) as folder:
             pose = requested = self.simulation(one).start(one.stream)
-            attend(body, self.study.task(one.task).feeds)  # a line that is too slow is refused now
+            attend(body, *self.study.task(one.task).kinds)  # a line that is too slow is refused now
             body.stop()
             carry(one, requested)
             body.reset()

@@ -21,7 +21,8 @@ __all__ = [
     "Noise", "Profile", "Wheels", "largest_pole", "load_profile", "profile_names",
 ]  # fmt: skip
 
-FEEDS = ("proximity", "ambient")
+FEEDS = ("proximity", "ambient", "proximity+ambient")
+"""What may be fed to a network; the index is `params.Trial.feed`."""
 MEASURED = {
     "lobe", "overlap", "aperture_deg", "width_cm", "range_cm", "curve_cm", "dead", "curve_light",
     "curve", "noise", "noise_rise",
@@ -194,25 +195,34 @@ class Profile(Value):
         """The sensors of a kind: "infrared" (or "proximity", as a task feeds them) or "ambient"."""
         return self.ambient if kind == "ambient" else self.infrared
 
+    def bands(self, feeds: str) -> list[tuple[float, float]]:
+        """The counts that become inputs −10 and +10, of each reading that `feeds` names, in their order.
+
+        Raises:
+            ConfigError: other feeds.
+        """
+        hint = "The infrared sensors feed as 'proximity'." if feeds == "infrared" else ""
+        require(feeds in FEEDS, "feeds", " or ".join(map(repr, FEEDS)), feeds, hint)
+        return [self.channel(kind).bands for kind in feeds.split("+") for _ in self.channel(kind).sensors]
+
     def inputs(self, readings: Sequence[float], feeds: str, sensors: Sequence[int]) -> list[int]:
         """A network's inputs −10 … 10, as the kernels make them of readings ("bands", §7.2).
 
         Args:
-            readings: counts of all sensors that `feeds` names, "proximity" or "ambient".
-            feeds: whose bands.
-            sensors: which of them feeds each input.
+            readings: counts of all sensors that `feeds` names.
+            feeds: "proximity", "ambient", or "proximity+ambient": those before these.
+            sensors: which of the readings each input is made of.
 
         Raises:
             ConfigError: other feeds, readings of another number of sensors, or a sensor that there is not.
         """
-        hint = "The infrared sensors feed as 'proximity'." if feeds == "infrared" else ""
-        require(feeds in FEEDS, "feeds", " or ".join(map(repr, FEEDS)), feeds, hint)
-        there = len(self.channel(feeds).sensors)
+        bands = self.bands(feeds)
+        there = len(bands)
         require(len(readings) == there, "readings", f"one of each {feeds} sensor ({there})", len(readings))
         inside = all(0 <= sensor < there for sensor in sensors)
         require(inside, "sensors", f"numbers from 0 to {there - 1}", sensors)
-        low, high = self.channel(feeds).bands
-        shares = ((float(readings[sensor]) - low) / (high - low) for sensor in sensors)
+        pairs = [(float(readings[sensor]), *bands[sensor]) for sensor in sensors]
+        shares = ((reading - low) / (high - low) for reading, low, high in pairs)
         scaled = (math.floor(share * (2.0 * TOP_INPUT) - TOP_INPUT + 0.5) for share in shares)
         return [max(-TOP_INPUT, min(TOP_INPUT, value)) for value in scaled]
 

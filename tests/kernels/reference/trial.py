@@ -53,17 +53,18 @@ def start(task: Task, stream: int) -> tuple[float, float, float]:
 
 def sense(task: Task, profile: Profile, pose, level: float, z: list[float]) -> list[float]:
     """The fed sensors' readings: their noise is what is left of the step's after the motors' four."""
-    noise = profile.noise
-    if task.feeds == "ambient":
-        free = ambient(profile, task.arena, pose)
-        deviations, top = [noise.ambient] * len(free), profile.ambient.top
-    else:
-        free = proximity(profile, task.arena, pose)
+    noise, free, deviations, tops = profile.noise, [], [], []
+    if "proximity" in task.feeds:
+        free = list(proximity(profile, task.arena, pose))
         deviations = [noise.proximity if value > 0 else noise.proximity_dark for value in free]
-        top = profile.infrared.top
+        tops = [profile.infrared.top] * len(free)
+    if "ambient" in task.feeds:
+        light = list(ambient(profile, task.arena, pose))
+        free, deviations = free + light, deviations + [noise.ambient] * len(light)
+        tops += [profile.ambient.top] * len(light)
     return [
         counts(value, level * sd * draw, top)
-        for value, sd, draw in zip(free, deviations, z[4 : 4 + len(free)], strict=True)
+        for value, sd, draw, top in zip(free, deviations, z[4 : 4 + len(free)], tops, strict=True)
     ]
 
 
@@ -88,13 +89,14 @@ def run(task: Task, profile: Profile, genes, *, level: float, stream: int, pose=
     pose = start(task, stream) if pose is None else pose
     network = ReferenceNetwork(genes, len(task.sensors))
     wheels = Wheel(profile), Wheel(profile)
-    part = profile.ambient if task.feeds == "ambient" else profile.infrared
-    blocks = -(-(4 + len(part.sensors)) // 16)
+    parts = {"proximity": profile.infrared, "ambient": profile.ambient}
+    bands = [parts[kind].bands for kind in task.feeds.split("+") for _ in parts[kind].sensors]
+    blocks = -(-(4 + len(bands)) // 16)
     units = profile.wheels.speed_per_unit_cm_s
     for k in range(task.steps):
         z = normals(stream, 8 * blocks * (k + 1), 16 * blocks)
         readings = sense(task, profile, pose, level, z)
-        inputs = [scale(part.bands, readings[sensor]) for sensor in task.sensors]
+        inputs = [scale(bands[sensor], readings[sensor]) for sensor in task.sensors]
         command = network.decide(inputs)
         record.readings.append(readings)
         record.inputs.append(inputs)

@@ -22,27 +22,27 @@ function distanceAlong(arena, x, y, dx, dy, reach) {
 }
 
 // 0 where a sensor sees nothing, 1 where it sees all that it can.
-function strength(sensors, reading) {
-  return Math.min(1, Math.max(0, (reading - sensors.dull) / (sensors.bright - sensors.dull)));
+function strength(sensor, reading) {
+  return Math.min(1, Math.max(0, (reading - sensor.dull) / (sensor.bright - sensor.dull)));
 }
 
 function drawRays(stage, arena, sensors, pose, readings, paint) {
   const { pen } = stage;
   const [cos, sin] = [Math.cos(pose.heading), Math.sin(pose.heading)];
-  sensors.places.forEach(([forward, left], i) => {
-    const x = pose.x + cos * forward - sin * left;
-    const y = pose.y + sin * forward + cos * left;
-    const share = readings === null ? 0 : strength(sensors, readings[i]);
+  sensors.each.forEach((sensor, i) => {
+    const x = pose.x + cos * sensor.x - sin * sensor.y;
+    const y = pose.y + sin * sensor.x + cos * sensor.y;
+    const share = readings === null ? 0 : strength(sensor, readings[i]);
     const ends = sensors.rays.map((beta) => {
-      const angle = pose.heading + ((sensors.directions[i] + beta) * Math.PI) / 180;
+      const angle = pose.heading + ((sensor.direction + beta) * Math.PI) / 180;
       const [dx, dy] = [Math.cos(angle), Math.sin(angle)];
       // Light has no end but the walls: its rays are as long as there is light, and as the sensor faces them.
-      const facing = sensors.petals ? (0.12 + 0.88 * share) * Math.cos((beta * Math.PI) / 180) ** 2 : 1;
-      const far = distanceAlong(arena, x, y, dx, dy, sensors.reach[i] * facing);
+      const facing = sensor.petals ? (0.12 + 0.88 * share) * Math.cos((beta * Math.PI) / 180) ** 2 : 1;
+      const far = distanceAlong(arena, x, y, dx, dy, sensor.reach * facing);
       return [x + far * dx, y + far * dy];
     });
     pen.fillStyle = paint.ray;
-    pen.globalAlpha = (sensors.petals ? 0.3 : 0.42) * share;
+    pen.globalAlpha = (sensor.petals ? 0.3 : 0.42) * share;
     pen.beginPath();
     pen.moveTo(stage.x(x), stage.y(y));
     for (const [ex, ey] of ends) pen.lineTo(stage.x(ex), stage.y(ey));
@@ -59,11 +59,11 @@ function drawRays(stage, arena, sensors, pose, readings, paint) {
 function drawSensors(stage, sensors, pose, readings, paint) {
   const { pen, scale } = stage;
   const [cos, sin] = [Math.cos(pose.heading), Math.sin(pose.heading)];
-  sensors.places.forEach(([forward, left], i) => {
-    const x = pose.x + cos * forward - sin * left;
-    const y = pose.y + sin * forward + cos * left;
+  sensors.each.forEach((sensor, i) => {
+    const x = pose.x + cos * sensor.x - sin * sensor.y;
+    const y = pose.y + sin * sensor.x + cos * sensor.y;
     circle(stage, x, y, Math.max(0.3, 1.6 / scale));
-    pen.globalAlpha = readings === null ? 0.3 : 0.3 + 0.7 * strength(sensors, readings[i]);
+    pen.globalAlpha = readings === null ? 0.3 : 0.3 + 0.7 * strength(sensor, readings[i]);
     pen.fillStyle = paint.ray;
     pen.fill();
   });

@@ -14,19 +14,19 @@ function made(name, attributes = {}, parent = null, text = null) {
 // Upright bars for the sensors; returns a function that shows one row of readings.
 function makeReadings(box, sensors) {
   box.replaceChildren();
-  const bars = sensors.places.map((_, i) => {
+  const bars = sensors.each.map((sensor, i) => {
     const column = made("div", { class: "bar" + (sensors.fed.includes(i) ? "" : " unfed") }, box);
     const value = made("b", {}, column, "–");
     const fill = made("i", {}, made("span", {}, column));
     made("small", {}, column, `${i}`);
-    return { value, fill };
+    return { value, fill, sensor };
   });
   return (readings) =>
-    bars.forEach(({ value, fill }, i) => {
+    bars.forEach(({ value, fill, sensor }, i) => {
       const count = readings === null ? null : readings[i];
       value.textContent = count === null ? "–" : written(count);
-      fill.style.transform = `scaleY(${count === null ? 0 : Math.min(1, Math.max(0, count / sensors.top))})`;
-      fill.style.opacity = count === null ? 0 : 0.45 + 0.55 * strength(sensors, count);
+      fill.style.transform = `scaleY(${count === null ? 0 : Math.min(1, Math.max(0, count / sensor.top))})`;
+      fill.style.opacity = count === null ? 0 : 0.45 + 0.55 * strength(sensor, count);
     });
 }
 

@@ -46,9 +46,9 @@ function openPlayer() {
       byId(`player-who-${side}`).textContent = track.who;
       byId(`player-score-${side}`).textContent = `fitness ${track.score}${unit}`;
       byId(`player-inside-${side}`).textContent = `Inside: ${track.who}`;
-      const near = scene.task.feeds === "proximity";
-      const kind = near ? "Infrared: counts, high is near" : "Ambient light: counts, low is bright";
-      byId(`player-kind-${side}`).textContent = kind;
+      const kinds = { proximity: "Infrared: counts, high is near", ambient: "Ambient light: counts, low is bright" };
+      const fed = scene.task.feeds.split("+");
+      byId(`player-kind-${side}`).textContent = fed.map((kind) => kinds[kind]).join("; ");
     }
     byId("player-alone").hidden = !alone;
     byId("player-unread").hidden = sides.every(({ track }) => track.readings(0) && track.outputs(0));
