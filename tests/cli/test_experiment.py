@@ -79,8 +79,8 @@ def test_what_no_robot_of_ones_own_can_do_is_refused(refused, tmp_path):
     """Units, another noise, sensors that it lacks, carrying it, no base: one line, before any work."""
     out = ("experiment", "noise", "--out", tmp_path / "study", "--robot")
     own = (*out, ROBOT, "--base", BASE)
-    assert "--units is the twin's" in refused(*own, "--units", 1)
-    assert "--twin-noise is the twin's" in refused(*own, "--twin-noise", 2)
+    assert "--units: belongs to the twin" in refused(*own, "--units", 1)
+    assert "--twin-noise: belongs to the twin" in refused(*own, "--twin-noise", 2)
     assert "--tasks obstacle-avoidance" in refused(*own)
     assert "base: expected the rough profile" in refused(*out, ROBOT)
     assert "robot: expected twin, got 'twin:3'. Its units" in refused(*out, "twin:3", "--base", BASE)

@@ -61,9 +61,9 @@ def test_a_reality_that_is_named_must_be_there(no_enki, refused, tmp_path):
     assert "apt install libenki-dev g++" in refused(*out, "--robot", "enki:epuck")
     assert "Enki's robots are khepera, epuck, thymio2" in refused(*out, "--robot", "enki:alice")
     assert "goes through record, calibrate, evolve and transfer" in refused(*out, "--robot", "epuck:/dev/x")
-    assert "base: expected a robot of your own that it is of" in refused(*out, "--base", BASE)
+    assert "base: expected a robot of your own, whose profile it is" in refused(*out, "--base", BASE)
     assert "base: expected the rough profile" in refused(*out, "--robot", ROBOT)
-    assert "only: expected robots that are named" in refused(*out, "--only")
+    assert "only: expected robots named with --robot" in refused(*out, "--only")
     assert "--starts" in refused("realities", "--out", tmp_path / "study", "--starts", 1)
     assert not (tmp_path / "study").exists()
 

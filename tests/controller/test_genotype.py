@@ -75,8 +75,8 @@ def test_comments_and_spacing_are_free():
     ("old", "new", "message"),
     [
         ("realitygap genotype 1", "realitygap genotype 2", 'line 1: expected "realitygap genotype 1", got'),
-        ("outputs 2", "outputs 3", "line 2: layout.outputs must be 2"),
-        ("slots 30", "slots 9", "line 2: layout.slots must be 10"),
+        ("outputs 2", "outputs 3", "line 2: layout.outputs: expected 2"),
+        ("slots 30", "slots 9", "line 2: layout.slots: expected 10"),
         ("layout inputs", "inputs", 'line 2: expected "layout inputs N'),
         ("threshold -3", "threshold -11", "line 4: expected a threshold of -10 to 10, got"),
         ("slot 8 threshold", "slot 8 off threshold", "line 4: expected slot 8 .left motor. without off"),
@@ -139,12 +139,12 @@ def test_files_that_cannot_be_read_or_written(tmp_path):
 @pytest.mark.parametrize(
     ("place", "value", "message"),
     [
-        ((12, 0), 2, "slot 12: an expressed flag must be 0 to 1, not 2"),
-        ((8, 1), 11, "slot 8: a threshold must be -10 to 10, not 11"),
-        ((8, 3), 30, "slot 8: a link's source slot must be 0 to 29, not 30"),
-        ((8, 3), -1, "source slot must be 0 to 29, not -1"),
-        ((8, 4), -5, "weight must be -4 to 4, not -5"),
-        ((29, 5), 5, "slot 29: a link's delay must be 0 to 4, not 5"),
+        ((12, 0), 2, "slot 12: an expressed flag: expected 0 to 1, got 2"),
+        ((8, 1), 11, "slot 8: a threshold: expected -10 to 10, got 11"),
+        ((8, 3), 30, "slot 8: a link's source slot: expected 0 to 29, got 30"),
+        ((8, 3), -1, "source slot: expected 0 to 29, got -1"),
+        ((8, 4), -5, "weight: expected -4 to 4, got -5"),
+        ((29, 5), 5, "slot 29: a link's delay: expected 0 to 4, got 5"),
         ((9, 0), 0, "slot 9 .right motor. must always be expressed"),
     ],
 )

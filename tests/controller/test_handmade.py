@@ -43,7 +43,7 @@ def test_constant_is_constant(left, right):
 @pytest.mark.parametrize("value", [11, -11, 2.5, True, "3", None])
 def test_wrong_constants_are_refused(value):
     """A command that is no whole number of −10 to 10 is refused, with the number."""
-    with pytest.raises(UsageError, match=r"the right command of a constant controller .* -10 to 10"):
+    with pytest.raises(UsageError, match=r"the right command of a constant controller: .* -10 to 10"):
         constant(0, value, Layout())
 
 
@@ -111,10 +111,10 @@ def test_named_controllers(tmp_path):
 @pytest.mark.parametrize(
     ("spec", "message"),
     [
-        ("constant", "written constant:L,R"),
-        ("constant:1", "written constant:L,R"),
-        ("constant:1.5,2", "written constant:L,R"),
-        ("constant:99,0", "left command .* not 99"),
+        ("constant", "expected constant:L,R"),
+        ("constant:1", "expected constant:L,R"),
+        ("constant:1.5,2", "expected constant:L,R"),
+        ("constant:99,0", "left command .* got 99"),
         ("nowhere.txt", "constant:L,R, braitenberg, or a file .* no file 'nowhere.txt'"),
         ("x" * 5000, "no file"),
         ("a\0b", "no file"),

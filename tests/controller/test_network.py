@@ -140,7 +140,7 @@ def test_outputs_tell_what_every_neuron_says():
 def test_wrong_input_counts_are_refused():
     """Another number of inputs than the network has is refused, with both numbers."""
     controller = NetworkController(_blank(), Layout())
-    with pytest.raises(UsageError, match="8 inputs, not 3"):
+    with pytest.raises(UsageError, match="expected the 8 of this network, got 3"):
         controller.decide([0, 0, 0])
 
 

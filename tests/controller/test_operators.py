@@ -129,11 +129,11 @@ def test_all_slots_as_sources():
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ({"mutation": 1.5}, r"variation\.mutation must be a probability, 0 to 1, not 1\.5"),
+        ({"mutation": 1.5}, r"variation\.mutation: expected a probability, 0 to 1, got 1\.5"),
         ({"crossover": True}, "variation.crossover"),
         ({"add_link": float("nan")}, "variation.add_link"),
         ({"delete_link": "0.1"}, "variation.delete_link"),
-        ({"sources": "some"}, 'must be "expressed" or "all"'),
+        ({"sources": "some"}, 'expected "expressed" or "all"'),
     ],
 )
 def test_wrong_settings_are_refused(setting, message):

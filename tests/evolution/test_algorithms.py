@@ -50,7 +50,7 @@ class CellsContract(AlgorithmContract):
         """NaN is refused with the evaluation's number, anywhere in a batch."""
         algorithm = self.made()
         state = algorithm.init(SEED)
-        with pytest.raises(UsageError, match="evaluation 2 must be a finite number"):
+        with pytest.raises(UsageError, match="evaluation 2: expected a finite number"):
             algorithm.tell(state, algorithm.ask(state, 4), np.array([0.0, 1.0, np.nan, 2.0]))
 
     def test_answers_out_of_turn_are_refused(self):
@@ -159,10 +159,10 @@ def test_evolution_beats_random_search():
 @pytest.mark.parametrize(
     ("name", "params", "message"),
     [
-        ("annealing", {}, "one of torus, panmictic, random, or FILE.py:NAME; not 'annealing'"),
+        ("annealing", {}, "one of torus, panmictic, random, or FILE.py:NAME, got 'annealing'"),
         ("torus", {"size": 64}, "'torus' has rows, columns; no 'size'"),
         ("random", {"seed": 1}, "has size; no 'seed'"),
-        ("torus", {"rows": 2}, "rows of the torus must be a whole number from 3"),
+        ("torus", {"rows": 2}, "rows of the torus: expected a whole number from 3"),
         ("torus", {"columns": 8.0}, "columns of the torus"),
         ("panmictic", {"size": 1}, "whole number from 2"),
         ("random", {"size": True}, "whole number from 1"),

@@ -41,7 +41,7 @@ def test_damage_is_found(place, change):
     """Any one byte changed is found, and said."""
     damaged = bytearray(BYTES)
     damaged[place] ^= change
-    with pytest.raises(StudyError, match=r"a checkpoint .* damaged"):
+    with pytest.raises(StudyError, match=r"a checkpoint.* damaged"):
         Population.from_bytes(bytes(damaged))
 
 

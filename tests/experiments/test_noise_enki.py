@@ -31,7 +31,7 @@ def test_its_units_are_those_of_a_model():
     [
         ("robot", "enki:epuck:2", "expected enki:epuck, got 'enki:epuck:2'. Its units are those from 1"),
         ("robot", "khepera:/dev/null", "expected twin, enki:MODEL, or a robot of your own"),
-        ("base", "paper", "expected none of a robot of Enki's"),
+        ("base", "paper", "expected none for enki:"),
     ],
 )
 def test_what_is_none_of_its_is_refused(key, wrong, says):

@@ -226,7 +226,7 @@ def test_another_robot_is_named_by_what_it_says(serial: SerialEpuck) -> None:
     """A Khepera at an e-puck's address, and an e-puck at a Khepera's."""
     with closing(Kheperalike()) as khepera, pytest.raises(LineError, match="no e-puck: 'Command not found'"):
         Epuck.connect(khepera.device, give_up_s=0.1)
-    with pytest.raises(LineError, match="is no Khepera: 'z,Command not found'"):
+    with pytest.raises(LineError, match="is not a Khepera: 'z,Command not found'"):
         Khepera.connect(serial.device, baud=115200, give_up_s=0.1)
 
 

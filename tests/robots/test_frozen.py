@@ -132,7 +132,7 @@ def test_no_robot_is_driven_without_a_guard(bench: Bench) -> None:
     khepera = bench.khepera(bench.twin(clock="real").device)
     assert khepera._guard is not None
     controller = Once(khepera._guard._process.kill)
-    with pytest.raises(FrozenError, match="the guard's process is gone"):
+    with pytest.raises(FrozenError, match="the guard's process has ended"):
         drive(KheperaBody(khepera), controller, seconds=2, clock=khepera.clock, inputs=bands)
     assert khepera.speeds() == (0, 0)
 

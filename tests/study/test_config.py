@@ -74,7 +74,7 @@ def test_settings_change_what_they_name():
         ("runs=0", "runs: expected a whole number from 1 to 1000000, got 0"),
         ("runs=1.5", "runs: expected a whole number"),
         ("seed=-1", "seed: expected a whole number, 0 or more, got -1"),
-        ("variation.mutation=2", "variation.mutation must be a probability"),
+        ("variation.mutation=2", "variation.mutation: expected a probability"),
         ("evolution.rows=2", "evolution.algorithm 'torus': rows"),
         ("evolution.algorithm=tours", "evolution.algorithm 'tours'"),
         ("task.sensors=3", "task.sensors: expected a list"),

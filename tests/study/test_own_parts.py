@@ -117,7 +117,7 @@ def test_wrong_parts_are_refused(tmp_path, settings, message):
     ("old", "new", "message"),
     [
         ("slots[:, :, 0] = 1", "slots[:, :, 0] = 1 / 0", r"e\.py, line \d+: .*ZeroDivisionError"),
-        ("-4, 4))", "-9, 9))", r"e\.py, line \d+: .*a link's weight must be -4 to 4"),
+        ("-4, 4))", "-9, 9))", r"e\.py, line \d+: .*a link's weight: expected -4 to 4"),
         ("1.5, self.shape", "1.5, 7", r"e\.py: random: expected an array float64\[2, 11\].*got float64\[7\]"),
         ("return state.batch(state.memory", "return dict(x=state.memory", "ask: expected a Batch, got dict"),
         ("state = state.told(batch, fitness)", "state.told(batch, fitness)", "tell: expected a state after"),

@@ -76,14 +76,14 @@ def test_what_does_not_belong_together_is_not_merged(copies, finished, tmp_path)
     a, b, c = copies
     with pytest.raises(StudyError, match=r"^missing: shard 2/3\. Give the folders of all 3 shards"):
         all_shards([a, c])
-    with pytest.raises(StudyError, match=r"shard 2/3 comes twice: .*, "):
+    with pytest.raises(StudyError, match=r"shard 2/3 is given twice: .*, "):
         all_shards([a, b, b, c])
     with pytest.raises(StudyError, match=r"expected a shard's folder, .*shard.json is missing"):
         all_shards([a, finished.folder])
     mark = json.loads((b / MARK).read_text())
     for change, words in (
         ({"shard": "2/4"}, r"holds shard 2/4 of 'evolve'; .* holds shard 1/3|holds shard 2/4"),
-        ({"finished": False}, "shard 2/3 is not finished. Go on with it"),
+        ({"finished": False}, "shard 2/3 is not finished. Finish it first"),
         ({"shard": 3}, "expected a shard's mark"),
     ):
         (b / MARK).write_text(json.dumps({**mark, **change}))

@@ -197,7 +197,7 @@ def fit_light(
         fits, held_out, parts = fit_forms(rows, problems, printed, noise, tick)
     except ConfigError as error:  # on its way the fit came to a robot that cannot be
         named, why = ", ".join(r.source for r in recordings), str(error).rstrip(".")
-        expected = f"no ambient light's readings: {why}. Is its kind right?"
+        expected = f"these are no readings of ambient light: {why}. Is its kind right?"
         raise CalibrationError(f"{named}: {expected}") from None
     values = mend_dead(fits[printed].values, problems[printed].frees, rows.dead)
     fits[printed] = mended(fits[printed], values, rows.dead)

@@ -57,8 +57,8 @@ class Rows:
         self.scenes = [(f"turn_{i}_deg", scene_of(r, f"{REFLECTANCE}{i}")) for i, r in enumerate(recordings)]
         if all(scene.paint for _, scene in self.scenes):
             raise CalibrationError(
-                f"{recordings[0].source}: reflectance: expected it of one recording at least, all say that "
-                "it is unknown: only how surfaces differ can be fitted. Say 1 of one."
+                f"{recordings[0].source}: reflectance: expected a number for at least one recording; all say "
+                "that it is unknown: only how surfaces differ can be fitted. Set it to 1 for one of them."
             )
         places, first = [], 0
         for recording in recordings:

@@ -149,11 +149,12 @@ def _config(out: Path, resume: bool, options: dict[str, Any]) -> NoiseConfig:
         for key in ("units", "twin_noise"):
             if key in asked:
                 name = f"--{key.replace('_', '-')}"
-                raise click.UsageError(f"{name} is the twin's; with a robot of your own leave it out.")
+                raise click.UsageError(f"{name}: belongs to the twin; leave it out with a robot of your own.")
         asked["units"] = 1
     elif begun.base is not None and "robot" not in asked:
         raise click.UsageError(
-            f"--robot: expected {begun.robot}, the robot of this experiment: a program, run when you name it."
+            f"--robot: expected {begun.robot}, the robot of this experiment: a program, "
+            "which runs only when you name it."
         )
     for key, read in (("levels", levels_of), ("tasks", tasks_of)):
         if key in asked:

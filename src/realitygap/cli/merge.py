@@ -29,7 +29,7 @@ __all__ = ["merge"]
     "--out",
     type=click.Path(path_type=Path),
     metavar="DIR",
-    help="The folder of the whole [default: as the shards' without -shard-I-of-N].",
+    help="Folder for the merged study [default: the shards' name without -shard-I-of-N].",
 )
 @option.workers
 @option.trust

@@ -39,14 +39,14 @@ arena = click.option(
 base = click.option(
     "--base",
     metavar="P",
-    help="Robot of your own: its rough profile, a TOML file: radius, heights, top command and speed.",
+    help="Rough profile of a robot of your own, a TOML file with its radius, heights, top command and speed.",
 )
 disk = click.option("--disk", metavar="FILE", help="The disk's TOML file [default: the shipped disk].")
 marker = click.option(
     "--marker",
     metavar="M",
-    help="What the robot wears: disk, aruco:DICTIONARY:NUMBER or apriltag:FAMILY:NUMBER, maybe with "
-    ",size=MM,x=MM,y=MM,angle=DEGREES,height=MM behind it [default: disk].",
+    help="What the robot wears: disk, aruco:DICTIONARY:NUMBER or apriltag:FAMILY:NUMBER, optionally followed "
+    "by ,size=MM,x=MM,y=MM,angle=DEGREES,height=MM [default: disk].",
 )
 
 
@@ -61,7 +61,7 @@ def _usable(_: click.Context, __: click.Parameter, said: str) -> str:
 
 engine = click.option(
     "--engine", type=click.Choice(["cores", "cuda"]), default="cores", callback=_usable,
-    help="What evolution's trials run on: the processor's cores, or an NVIDIA GPU, all runs side by side "
+    help="What evolution's trials run on: the processor's cores, or an NVIDIA GPU with all runs side by side "
     "[default: cores].",
 )  # fmt: skip
 evaluations = click.option(
@@ -79,12 +79,12 @@ resume = click.option(
 )
 seconds = click.option("--seconds", type=SECONDS, help="Length of a trial [default: the task's own].")
 trust = click.option(
-    "--trust", is_flag=True, help="Run task files of a study made elsewhere: they are programs."
+    "--trust", is_flag=True, help="Trust a study made elsewhere: run its task files, which are programs."
 )
 shard = click.option(
     "--shard",
     type=ShardKind(),
-    help="Do only share I of N, in a folder of its own, DIR-shard-I-of-N (`realitygap merge`).",
+    help="Do only share I of N of the work, in a folder of its own, DIR-shard-I-of-N (`realitygap merge`).",
 )
 task = click.option(
     "--task", metavar="TASK", help="Task whose arena the tracks were made in [default: guessed]."

@@ -29,12 +29,12 @@ SMALL = {"runs": 2, "starts": 2, "evaluations": 200}
 @option.out("out/realities")
 @click.option(
     "--robot", "robots", multiple=True, metavar="R",
-    help="A reality that must be there: twin, stranger, enki:MODEL, or a body of your own that places "
+    help="A reality to include: twin, stranger, enki:MODEL, or a body of your own that places "
     "itself, file.py:Class; may be repeated.",
 )  # fmt: skip
 @click.option("--only", is_flag=True, default=None, help="Only those that --robot names.")
 @option.base
-@click.option("--small", is_flag=True, help="2 runs, 2 starts, 200 evaluations: to try, in minutes.")
+@click.option("--small", is_flag=True, help="A try in minutes: 2 runs, 2 starts, 200 evaluations.")
 @click.option("--levels", metavar="L,L,…", help="Noise levels (1 = observed) [default: 0,1,2].")
 @option.runs("Runs at each level [default: 6].")
 @click.option("--starts", type=Whole(2, 1000), help="Trials of each controller [default: 4].")
@@ -103,8 +103,8 @@ def _asked(out: Path, resume: bool, given: dict[str, Any]) -> Realities:
         del given["robots"]
         if begun.programs:
             raise click.UsageError(
-                f"--robot: expected {', '.join(begun.robots)}, the robots of this experiment: programs are "
-                "run when you name them."
+                f"--robot: expected {', '.join(begun.robots)}, the robots of this experiment: programs, "
+                "which run only when you name them."
             )
     if "levels" in given:
         given["levels"] = levels_of(given["levels"])

@@ -36,12 +36,12 @@ PLANS = ("infrared", "ambient", "wheels", "all")
 @click.option("--out", required=True, metavar="DIR", help="Folder to write; several recordings fit into it.")
 @click.option(
     "--object", metavar="O",
-    help="wall or cylinder:RADIUS_CM: the infrared's one object [default: a wall, then a cylinder of 4 cm].",
+    help="The object for infrared: wall or cylinder:RADIUS_CM [default: a wall, then a cylinder of 4 cm].",
 )  # fmt: skip
 @click.option(
     "--reflectance", type=Reflectance(0.01, 10.0), default=1.0,
-    help="Light that the object's surface throws back, in that of the surfaces which the profile's constants "
-    "shall hold for; unknown: calibrate fits it.",
+    help="Reflectance of the object's surface, relative to the surfaces that the profile is meant for; "
+    "unknown: calibrate fits it.",
 )  # fmt: skip
 @click.option(
     "--repeats", type=Whole(1, 1000), default=10, help="Readings at each place, which measure the noise."
@@ -56,7 +56,7 @@ PLANS = ("infrared", "ambient", "wheels", "all")
     default="",
     show_default=False,
     metavar="TEXT",
-    help="Kept with the recording: which robot, where, by whom.",
+    help="Notes kept with the recording: which robot, where, by whom.",
 )
 @click.option("--resume", is_flag=True, help="Continue interrupted recordings.")
 @option.as_json
@@ -85,10 +85,10 @@ def record(
     if words["object"] is not None and plan not in ("infrared", "all"):
         raise click.UsageError(f"--object belongs to the infrared's plan, not to {plan!r}; leave it out.")
     if words["reflectance"] != 1.0 and words["object"] is None:
-        raise click.UsageError("--reflectance: expected an object whose surface it is: add --object.")
+        raise click.UsageError("--reflectance: expected --object beside it, whose surface it describes.")
     if math.isnan(words["reflectance"]) and robot.unit is not None:
         raise click.UsageError(
-            f"--reflectance: expected a number: {robot} is shown the surface that you say."
+            f"--reflectance: expected a number: {robot} is simulated with the surface that you give."
         )
     if words["marker"] is not None and plan not in ("wheels", "all"):
         raise click.UsageError(f"--marker belongs to the wheels' plan, not to {plan!r}; leave it out.")

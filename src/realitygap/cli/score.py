@@ -62,9 +62,9 @@ def _print(made: Comparison) -> None:
     response = "" if made.responsiveness is None else f", responsiveness {made.responsiveness:+.2f}"
     click.echo(f"  noisiness {made.noisiness:+.2f}{response} (log2 of B to A), looping {made.looping:+.2f}")
     if made.matched:
-        when = "half of them never" if made.parting_s is None else f"half of them by {made.parting_s:.1f} s"
-        click.echo(f"starts are pairs; they part: {when}; transferability {made.transferability:.2f}")
-    click.echo(f"can a neighbour tell them apart? p = {made.p:.3f} (a yes or no, not a scale)")
+        when = "never part" if made.parting_s is None else f"part by {made.parting_s:.1f} s"
+        click.echo(f"trials are paired by start; half {when}; transferability {made.transferability:.2f}")
+    click.echo(f"can they be told apart? nearest neighbours, p = {made.p:.3f} (a test, not a scale)")
     click.echo(f"{made.trials[0]} and {made.trials[1]} trials; task: {made.setting}")
     click.echo(f"10 is: {made.scale.floor_from}; 0 is: {made.scale.ceiling_from}")
     for note in made.notes:

@@ -37,9 +37,9 @@ cd {here}
 
 
 @click.command(context_settings={"ignore_unknown_options": True, "allow_interspersed_args": False})
-@click.option("--shards", type=Whole(1, 10**5), required=True, help="Jobs of the array, a shard each.")
-@click.option("--cores", type=Whole(1, 1024), default=4, help="Cores of a job, a worker each.")
-@click.option("--hours", type=Whole(1, 10**4, "H"), default=24, help="Longest time of a job.")
+@click.option("--shards", type=Whole(1, 10**5), required=True, help="Jobs in the array, one shard each.")
+@click.option("--cores", type=Whole(1, 1024), default=4, help="Cores per job, one worker each.")
+@click.option("--hours", type=Whole(1, 10**4, "H"), default=24, help="Time limit of a job.")
 @option.as_json
 @click.argument("command", nargs=-1, required=True, type=click.UNPROCESSED)
 @click.pass_context
@@ -75,7 +75,7 @@ def _checked(ctx: click.Context, words: list[str]) -> dict[str, object]:
     """
     for word in words:
         if word.partition("=")[0] in OURS:
-            raise click.UsageError(f"{word}: the script gives it; leave it out.", ctx)
+            raise click.UsageError(f"{word}: the script sets it; leave it out.", ctx)
     assert ctx.parent is not None
     group, above = ctx.parent.command, ctx.parent
     assert isinstance(group, click.Group)

@@ -79,7 +79,7 @@ SIDES = (
 @click.option(
     "--pack/--no-pack",
     default=None,
-    help="Keep trials on a twin that are not filmed in one file, transfer/trials.sqlar, not in a folder each "
+    help="Keep unfilmed trials on a twin in one file, transfer/trials.sqlar, instead of a folder each "
     "[default: from 1000 trials on].",
 )
 @option.twin_noise()
@@ -148,7 +148,7 @@ def print_transfers(made: list[Transferred]) -> None:
     print_table(("robot", "run", "start", "simulated", "situated", "path from", "late steps"), rows)
     for one in made:
         if one.missed_steps:
-            told = f"{one.missed_steps} steps had no answer in time; the last readings stood for theirs"
+            told = f"{one.missed_steps} steps had no answer in time; the last readings were used instead"
             click.echo(f"{one.robot}, start {one.start}: {told}")
         if one.trouble:
             click.echo(f"{one.robot}, {one.name}, start {one.start}: {one.trouble}")

@@ -57,8 +57,8 @@ def constant(left: int, right: int, layout: Layout) -> Genes:
         whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
         if not whole or not -MAX_THRESHOLD <= value <= MAX_THRESHOLD:
             raise UsageError(
-                f"the {name} command of a constant controller must be a whole number of "
-                f"-{MAX_THRESHOLD} to {MAX_THRESHOLD}, not {value!r}"
+                f"the {name} command of a constant controller: expected a whole number from "
+                f"-{MAX_THRESHOLD} to {MAX_THRESHOLD}, got {value!r}."
             )
         genes[slot, THRESHOLD] = -value
     return genes
@@ -71,7 +71,9 @@ def braitenberg(feeds: str, layout: Layout) -> Genes:
         UsageError: other feeds, or a layout without eight inputs or room for the links.
     """
     if feeds not in ("proximity", "ambient"):
-        raise UsageError(f'a Braitenberg controller feeds on "proximity" or "ambient", not {feeds!r}')
+        raise UsageError(
+            f'a Braitenberg controller: feeds: expected "proximity" or "ambient", got {feeds!r}.'
+        )
     check_layout(layout)
     vehicle = _AVOIDS if feeds == "proximity" else _SEEKS
     if layout.inputs != len(vehicle.left):
@@ -115,13 +117,13 @@ def controller_genes(spec: str, feeds: str, layout: Layout) -> Genes:
     if name == "constant":
         match = re.fullmatch(r"\s*([-+]?\d+)\s*,\s*([-+]?\d+)\s*", rest)
         if not match:
-            raise UsageError(f"a constant controller is written constant:L,R, as in constant:5,5; not {spec}")
+            raise UsageError(f"a constant controller: expected constant:L,R, as in constant:5,5, got {spec}.")
         return constant(int(match[1]), int(match[2]), layout)
     if spec == "braitenberg":
         return braitenberg(feeds, layout)
     if not os.path.exists(spec):
         raise UsageError(
-            f"the controller must be constant:L,R, braitenberg, or a file with a genotype; "
-            f"there is no file {spec!r}"
+            f"the controller: expected constant:L,R, braitenberg, or a file with a genotype; "
+            f"there is no file {spec!r}."
         )
     return load_genotype(spec, layout)

@@ -46,19 +46,19 @@ class Layout:
         for field in fields(self):
             value = getattr(self, field.name)
             if isinstance(value, bool) or not isinstance(value, int):
-                raise UsageError(f"layout.{field.name} must be a whole number, not {value!r}")
+                raise UsageError(f"layout.{field.name}: expected a whole number, got {value!r}.")
         if self.inputs < 1:
-            raise UsageError(f"layout.inputs must be at least 1, not {self.inputs}")
+            raise UsageError(f"layout.inputs: expected 1 or more, got {self.inputs}.")
         if self.outputs != 2:
-            raise UsageError(f"layout.outputs must be 2 (left and right wheel), not {self.outputs}")
+            raise UsageError(f"layout.outputs: expected 2 (left and right wheel), got {self.outputs}.")
         least = self.inputs + self.outputs
         if not least <= self.slots <= 128:
             raise UsageError(
-                f"layout.slots must be {least} (inputs + outputs) to 128 (addresses are one byte), "
-                f"not {self.slots}"
+                f"layout.slots: expected {least} (inputs + outputs) to 128 (addresses are one byte), "
+                f"got {self.slots}."
             )
         if not 1 <= self.links <= 128:
-            raise UsageError(f"layout.links must be 1 to 128 link fields a slot, not {self.links}")
+            raise UsageError(f"layout.links: expected 1 to 128 link fields a slot, got {self.links}.")
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -121,8 +121,8 @@ def check_genes(genes: Genes, layout: Layout, *, source: str = "the genotype") -
         wrong = np.argwhere((values < low) | (values > high))
         if len(wrong):
             slot, value = int(wrong[0][0]), int(values[tuple(wrong[0])])
-            raise GenotypeError(f"{source}: slot {slot}: {name} must be {low} to {high}, not {value}")
+            raise GenotypeError(f"{source}: slot {slot}: {name}: expected {low} to {high}, got {value}.")
     missing = np.flatnonzero(genes[: layout.first_hidden, EXPRESSED] == 0)
     if len(missing):
         slot = int(missing[0])
-        raise GenotypeError(f"{source}: slot {slot} ({layout.role(slot)}) must always be expressed")
+        raise GenotypeError(f"{source}: slot {slot} ({layout.role(slot)}) must always be expressed.")

@@ -73,7 +73,7 @@ def decode(genes: Genes, layout: Layout, *, prune: bool = True) -> Networks:
         genes = genes[np.newaxis]
     if not isinstance(genes, np.ndarray) or genes.dtype != np.int8 or genes.shape[1:] != layout.shape:
         expected = f"int8[N, {layout.shape[0]}, {layout.shape[1]}]"
-        raise GenotypeError(f"genotypes must be an array {expected}, not {shown(genes)}")
+        raise GenotypeError(f"genotypes: expected an array {expected}, got {shown(genes)}.")
     genes = np.ascontiguousarray(genes)
     fault = first_fault(genes, layout.inputs)
     if fault >= 0:
@@ -154,9 +154,9 @@ class NetworkController:
             UsageError: another number of inputs than the network has sensor neurons, or one beyond ±10.
         """
         if len(inputs) != self.layout.inputs:
-            raise UsageError(f"this network has {self.layout.inputs} inputs, not {len(inputs)}")
+            raise UsageError(f"inputs: expected the {self.layout.inputs} of this network, got {len(inputs)}.")
         if not all(-TOP <= value <= TOP and value == int(value) for value in inputs):
-            raise UsageError(f"inputs must be whole numbers of -{TOP} to {TOP}, not {list(inputs)}")
+            raise UsageError(f"inputs: expected whole numbers from -{TOP} to {TOP}, got {list(inputs)}.")
         held = [int(value) for value in inputs]
         self._past[0] = held + self._past[0][len(held) :]
         for _ in range(UPDATES):

@@ -47,11 +47,11 @@ class Variation:
     def __post_init__(self) -> None:
         check_layout(self.layout)
         if self.sources not in ("expressed", "all"):
-            raise UsageError(f'variation.sources must be "expressed" or "all", not {self.sources!r}')
+            raise UsageError(f'variation.sources: expected "expressed" or "all", got {self.sources!r}.')
         for name in self._chances():
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value <= 1:
-                raise UsageError(f"variation.{name} must be a probability, 0 to 1, not {value!r}")
+                raise UsageError(f"variation.{name}: expected a probability, 0 to 1, got {value!r}.")
 
     def _chances(self) -> list[str]:
         return [f.name for f in fields(self) if f.name in breeding.Rates._fields]
@@ -100,6 +100,6 @@ class Variation:
             fits = isinstance(parent, np.ndarray) and parent.dtype == np.int8
             if not fits or parent.shape != self.layout.shape:
                 expected = f"an array int8{list(self.layout.shape)}"
-                raise GenotypeError(f"a parent must be {expected}, not {shown(parent)}")
+                raise GenotypeError(f"a parent: expected {expected}, got {shown(parent)}.")
         genes: Genes = breeding.offspring(first, second, self._rates, as_stream(stream))
         return genes

@@ -201,7 +201,7 @@ def behaviour_score(scores: Sequence[float] | NDArray[np.float64], ends: tuple[f
     values = np.asarray(scores, np.float64).ravel()
     low, high = ends
     if len(values) == 0 or not np.isfinite(values).all() or not low < high:
-        raise UsageError("behaviour score: expected finite trial scores, and ends that grow.")
+        raise UsageError("behaviour score: expected finite trial scores, and a second end above the first.")
     return 10 * float(np.clip((values - low) / (high - low), 0, 1).mean())
 
 

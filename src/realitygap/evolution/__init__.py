@@ -39,7 +39,7 @@ def make_algorithm(name: str, encoding: Any, **params: Any) -> Algorithm[Any]:
         return own
     if not isinstance(name, str) or name not in ALGORITHMS:
         raise UsageError(
-            f"the algorithm must be one of {', '.join(ALGORITHMS)}, or FILE.py:NAME; not {name!r}"
+            f"the algorithm: expected one of {', '.join(ALGORITHMS)}, or FILE.py:NAME, got {name!r}."
         )
     if not all(hasattr(encoding, way) for way in ("random", "crosses", "offspring")):
         raise UsageError(

@@ -160,4 +160,4 @@ def _check_size(size: object, low: int, what: str) -> None:
         UsageError: says what `what` must be.
     """
     if isinstance(size, bool) or not isinstance(size, int) or not low <= size <= LARGEST:
-        raise UsageError(f"{what} must be a whole number from {low} to {LARGEST}, not {size!r}")
+        raise UsageError(f"{what}: expected a whole number from {low} to {LARGEST}, got {size!r}.")

@@ -42,7 +42,7 @@ def unpack(data: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         StudyError: says what was expected of the checkpoint and what came.
     """
     if len(data) < _HEAD.size + _CRC.size or data[:4] != MAGIC:
-        raise StudyError(f"a checkpoint must begin with {MAGIC!r}, not {bytes(data[:4])!r}: it is damaged")
+        raise StudyError(f"a checkpoint: expected {MAGIC!r} first, got {bytes(data[:4])!r}: it is damaged.")
     version = _HEAD.unpack_from(data)[1]
     content, crc = data[: -_CRC.size], _CRC.unpack(data[-_CRC.size :])[0]
     if zlib.crc32(content) != crc:

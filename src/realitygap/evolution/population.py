@@ -116,8 +116,8 @@ class Population:
         for i, value in enumerate(values):
             if not math.isfinite(value):
                 raise UsageError(
-                    f"the fitness of evaluation {batch.number + i} must be a finite number, "
-                    f"not {value}: see to the task's score"
+                    f"the fitness of evaluation {batch.number + i}: expected a finite number, "
+                    f"got {value}. Look at the task's score."
                 )
         kind, shape, cells = batch.genes.dtype, batch.genes.shape[1:], len(self.fitness)
         right = (kind, shape) == (self.best_genes.dtype, self.best_genes.shape)
@@ -126,7 +126,7 @@ class Population:
                 f"genes {self.best_genes.dtype}{list(self.best_genes.shape)} for cells of 0 to {cells - 1}"
             )
             raise UsageError(
-                f"the batch must have {expected}, not {kind}{list(shape)} for {batch.cells.tolist()}"
+                f"the batch: expected {expected}, got {kind}{list(shape)} for {batch.cells.tolist()}"
             )
         if batch.number != self.evaluations:
             raise UsageError(f"expected the fitness of evaluation {self.evaluations}, not of {batch.number}")
@@ -150,6 +150,6 @@ class Population:
         numbers, arrays = checkpoint.unpack(data)
         memory = {n.removeprefix("memory."): arrays.pop(n) for n in list(arrays) if n.startswith("memory.")}
         if set(numbers) != set(NUMBERS) or set(arrays) != set(ARRAYS):
-            raise StudyError(f"a checkpoint must hold {', '.join(NUMBERS + ARRAYS)}: it is damaged")
+            raise StudyError(f"a checkpoint: expected {', '.join(NUMBERS + ARRAYS)}: it is damaged.")
         numbers["stream"] = np.uint64(numbers["stream"])
         return cls(**numbers, **cast("dict[str, Any]", arrays), memory=memory)

@@ -65,8 +65,13 @@ class Realities(Value):
     seed: int = 1995
 
     def _check(self) -> None:
-        require(not self.only or bool(self.robots), "only", "robots that are named", self.only)
-        require(bool(self.programs) or not self.base, "base", "a robot of your own that it is of", self.base)
+        require(not self.only or bool(self.robots), "only", "robots named with --robot", self.only)
+        require(
+            bool(self.programs) or not self.base,
+            "base",
+            "a robot of your own, whose profile it is",
+            self.base,
+        )
         named = (self.study(robot).robot or "twin" for robot in self.robots)
         object.__setattr__(self, "robots", tuple(dict.fromkeys(named)))
         self.study(AT_HAND[0])  # which checks all the rest
@@ -184,7 +189,7 @@ def _begun(folder: Path, requested: Realities | None, resume: bool) -> Realities
     if (folder / ASKED).is_file():
         there = Realities.from_folder(folder)
         if not resume:
-            cure = "Go on with it (--resume) or choose another --out."
+            cure = "Resume it (--resume) or choose another --out."
             raise StudyError(f"{folder} already holds an experiment on realities. {cure}")
         if requested is not None:
             refuse_difference(f"{folder}: the experiment was begun", there.to_dict(), requested.to_dict())

@@ -222,4 +222,4 @@ def channel(body: Body, kind: str) -> Channel:
         if one.name == kind:
             return one
     has = ", ".join(one.name for one in body.channels) or "none"
-    raise UsageError(f"robot: expected {kind} sensors, which this one has not (its channels: {has}).")
+    raise UsageError(f"robot: expected {kind} sensors, which this one does not have (its channels: {has}).")

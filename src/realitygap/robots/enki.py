@@ -77,8 +77,8 @@ class EnkiBody:
         width, depth = room["size_cm"]
         if "reflectance" in room:
             raise ConfigError(
-                "arena: reflectance: expected none for a robot of Enki's: there all surfaces throw back "
-                "alike. Take the twin, or leave it out."
+                "arena: reflectance: expected none for a robot of Enki's: in Enki all surfaces "
+                "reflect alike. Use the twin, or leave it out."
             )
         with undisturbed():
             self._enki.enter(room, model=self.model, unit=self.unit, noise=self.noise, seed=seed)

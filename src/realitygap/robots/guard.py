@@ -69,7 +69,7 @@ class Guard:
                 heard = b""
             self._last = None  # nobody watches any more
             if not heard:
-                raise FrozenError("the guard's process is gone, without which no robot is driven")
+                raise FrozenError("the guard's process has ended; no robot is driven without it")
             raise FrozenError(
                 f"the drive was frozen for {silent:.1f} s (suspended, or a controller that hung); "
                 "the robot was stopped meanwhile, and this trial is over"

@@ -51,7 +51,7 @@ class OwnBody(Blamed):
         super().__init__(own, place)
         missing = [member for member in MEMBERS if not hasattr(own, member)]
         if missing:
-            raise self._wrong(f"expected {', '.join(missing)}, which it has not")
+            raise self._wrong(f"expected {', '.join(missing)}, which it lacks")
         self.channels = self._channels()
         period = own.period_s
         if isinstance(period, bool) or not isinstance(period, int | float) or not 0.02 <= period <= 0.2:

@@ -40,9 +40,9 @@ def all_shards(folders: Sequence[Path]) -> dict[Shard, Path]:
                 f"{first.work!r}. Merge shards of one work only."
             )
         if mark.shard in found:
-            raise StudyError(f"shard {mark.shard} comes twice: {found[mark.shard]}, {folder}. Leave one out.")
+            raise StudyError(f"shard {mark.shard} is given twice: {found[mark.shard]}, {folder}. Give one.")
         if not mark.finished:
-            raise StudyError(f"{folder}: shard {mark.shard} is not finished. Go on with it first.")
+            raise StudyError(f"{folder}: shard {mark.shard} is not finished. Finish it first.")
         found[mark.shard] = folder
     if first is None:
         raise StudyError("expected the folders of all shards, got none.")

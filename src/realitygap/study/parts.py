@@ -78,7 +78,7 @@ class Encoding(Value):
     def _check(self) -> None:
         if place_of(self.kind):
             return
-        require(not self.own, "own", "nothing: it is for FILE.py:NAME", self.own)
+        require(not self.own, "own", "nothing: it belongs to FILE.py:NAME", self.own)
         require(self.kind == SLOTS, "kind", f'"{SLOTS}" or FILE.py:NAME', self.kind)
         for key, most, usual in (("slots", 128, 30), ("links", 128, 8)):
             value = usual if getattr(self, key) is None else getattr(self, key)
@@ -112,7 +112,7 @@ class Evolution(Value):
     def _check(self) -> None:
         if place_of(self.algorithm):
             return
-        require(not self.own, "own", "nothing: it is for FILE.py:NAME", self.own)
+        require(not self.own, "own", "nothing: it belongs to FILE.py:NAME", self.own)
         try:
             algorithm = self.make(Variation())
         except UsageError as error:

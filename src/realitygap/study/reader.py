@@ -143,7 +143,7 @@ class Reader:
                     f"sql: {error}. Expected a SELECT from {', '.join(NAMES)} or a table of the study."
                 ) from None
         if len(set(names)) != len(names):
-            raise StudyError(f"sql: two columns have one name: {', '.join(names)}. Name one anew (AS).")
+            raise StudyError(f"sql: two columns have one name: {', '.join(names)}. Rename one (AS).")
         columns = zip(*found, strict=True) if found else [()] * len(names)
         return {name: _column(values) for name, values in zip(names, columns, strict=True)}
 

@@ -94,5 +94,5 @@ def _refuse_overwriting(trial: Path, place: Path) -> None:
     there = place.exists() or content(place / TRIAL) is not None
     if there and any(content(place / name) != content(trial / name) for name in (SIMULATED, SITUATED)):
         raise StudyError(
-            f"{place}: another trial is there than {trial}, and is not overwritten. Move it away."
+            f"{place}: a trial other than {trial} is there, and is not overwritten. Move it away."
         )

@@ -89,7 +89,9 @@ def run_transfer(
             mark = marked(place, shard, WORK, begun=exists(place), **_facts(study, options, requested))
             requested = shard.own(requested)
         if attendant is None and not all(one.placed for one in requested):
-            raise UsageError("carry: a real robot has to be carried to its starts: expected who does it.")
+            raise UsageError(
+                "carry: expected a function that asks a person to carry the real robot to its starts."
+            )
         with told(place / FOLDER):
             (place / FOLDER).mkdir(exist_ok=True)
             if mark is not None:

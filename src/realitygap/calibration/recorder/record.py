@@ -192,7 +192,7 @@ def check_period(body: Body, base: Profile) -> None:
     if base.period_s != body.period_s:
         raise UsageError(
             f"robot: expected a period of {base.period_s:g} s, as the base {base.name!r} has; this one's is "
-            f"{body.period_s:g} s. Say it with period_s in the base."
+            f"{body.period_s:g} s. Set period_s in the base."
         )
 
 

@@ -198,5 +198,5 @@ def site_of(
             "whoever places it: `realitygap track FILM --marker …`."
         )
     if ask is None:
-        raise UsageError("ask: a robot that does not place itself has to be placed: expected who is asked.")
+        raise UsageError("ask: expected a function that asks a person to place the robot, got none.")
     return nullcontext(PersonSite(ask))

@@ -89,7 +89,7 @@ class NoiseConfig(Value):
     def _check_robot(self) -> None:
         """A robot of one's own has a base, and none of what is the twin's; files are known everywhere."""
         if self.robot is None:
-            require(self.base is None, "base", "none of a twin", self.base, "Leave it out, or give `robot`.")
+            require(self.base is None, "base", "none for a twin", self.base, "Leave it out, or give `robot`.")
             return
         own = "a robot of your own that places itself, file.py:Class or module:Class"
         form = f"twin, stranger, enki:MODEL, or {own}"
@@ -99,7 +99,7 @@ class NoiseConfig(Value):
             model = str(address).rpartition(":")[0]
             cure = "Its units are those from 1 to `units`."
             require(self.robot in (address.kind, model), "robot", model, self.robot, cure)
-            require(self.base is None, "base", f"none of {model}", self.base, "Leave it out.")
+            require(self.base is None, "base", f"none for {model}", self.base, "Leave it out.")
             object.__setattr__(self, "robot", model)
             return
         cure = "One that a person carries goes through record, calibrate, evolve and transfer, one by one."
@@ -107,7 +107,7 @@ class NoiseConfig(Value):
         rough = f"the rough profile of {self.robot}: its radius, heights, top command and speed"
         require(isinstance(self.base, str), "base", rough, self.base)
         alone = "1 with a robot of your own, which is the only unit"
-        require(self.units == 1, "units", alone, self.units, "Several are the twin's.")
+        require(self.units == 1, "units", alone, self.units, "Only the twin has several.")
         require(self.twin_noise == 1, "twin_noise", "1 with a robot of your own, which has its own noise",
                 self.twin_noise)  # fmt: skip
         file = place_of(self.robot)

@@ -51,7 +51,7 @@ def open_folder(folder: Path, requested: NoiseConfig | None, *, resume: bool) ->
     _refuse_edited(folder, there)
     if not resume:
         done = "a finished" if (folder / RESULTS / "study.toml").is_file() else "an unfinished"
-        cure = "Go on with it (--resume) or choose another --out."
+        cure = "Resume it (--resume) or choose another --out."
         raise StudyError(f"{folder} already holds {done} study of the level of noise. {cure}")
     if requested is not None:
         refuse_difference(f"{folder}: the study was made", there.to_dict(), requested.to_dict())

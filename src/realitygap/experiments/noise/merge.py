@@ -52,9 +52,7 @@ def merge_noise(shards: Mapping[Shard, Path], out: Path) -> None:
                     shutil.copyfile(made[0], file_of(half, one))
         lost = missing({one: simulated_file(half, one) for one in controllers(config)})
         if lost:
-            raise StudyError(
-                f"{first}: no shard has the controller {lost[0].name}. Go on with the shards first."
-            )
+            raise StudyError(f"{first}: no shard has the controller {lost[0].name}. Finish the shards first.")
         for folder in shards.values():
             for phase, seconds in Seconds(folder).read().items():
                 Seconds(half).add(phase, seconds)
@@ -69,6 +67,6 @@ def _refuse_other(first: Path, other: Path, config: NoiseConfig) -> None:
         ours, theirs = (calibration_folder(folder, unit) / PROFILE for folder in (first, other))
         if ours.read_bytes() != theirs.read_bytes():
             raise StudyError(
-                f"{ours} and {theirs} differ: the twin was measured on unlike machines. Begin the "
-                "shards anew on like ones."
+                f"{ours} and {theirs} differ: the twin was recorded on different kinds of machine. "
+                "Start the shards again on one kind."
             )

@@ -118,7 +118,7 @@ def noise_study(
             mark.write(folder, finished=True)
             return folder
     except KeyboardInterrupt:
-        kept = f"What was done in {folder} is kept: go on with it (--resume)."
+        kept = f"What was done in {folder} is kept: resume it (--resume)."
         raise StudyInterruptedError(f"stopped. {kept}") from None
 
 

@@ -51,7 +51,7 @@ class Epuck(Driver):
         except RobotError as error:
             line.close()
             why = f"it says {line.odd}" if line.odd else error
-            raise LineError(f"no e-puck2 answers at {place}: {why}; is it another's address?") from None
+            raise LineError(f"no e-puck2 answers at {place}: {why}; is that another device?") from None
 
 
 class EpuckBody(LineBody):

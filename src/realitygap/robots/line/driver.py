@@ -70,8 +70,8 @@ class Driver(Closing, ABC):
                 odd = odd or (line.odd if line.odd.isascii() and line.odd.isprintable() else "")
         if odd:
             raise LineError(
-                f"who answers on {port} is no {cls.dialect.robot}: {odd[:80]!r}; "
-                "let the address name the robot that is there"
+                f"what answers on {port} is not a {cls.dialect.robot}: {odd[:80]!r}; "
+                "give the address of the robot that is there"
             )
         tried = f"{rates[0]} baud" if baud else "any of its rates"
         raise LineError(f"no {cls.dialect.robot} answers on {port} at {tried}; {cls.dialect.check}")

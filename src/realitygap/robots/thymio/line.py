@@ -204,7 +204,7 @@ class AsebaLine:
             self.faults += 1
             self.forget()
         raise LineError(
-            f"the robot on {self.place} did not say all of its variables, asked {GREETINGS} times"
+            f"the robot on {self.place} did not name all of its variables, asked {GREETINGS} times"
         )
 
     def _next(self, until: float) -> Any:
