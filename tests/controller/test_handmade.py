@@ -87,7 +87,7 @@ def test_handmade_genotypes_are_genotypes(feeds):
 @pytest.mark.parametrize(
     ("feeds", "layout", "message"),
     [
-        ("sound", Layout(), '"proximity" or "ambient", not \'sound\''),
+        ("sound", Layout(), '"proximity" or "ambient", got .sound.'),
         ("proximity", Layout(inputs=6), "eight sensors; this task feeds 6"),
         ("ambient", Layout(links=2), "needs 6 link fields a slot; the layout has 2"),
     ],
