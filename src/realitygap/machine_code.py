@@ -16,7 +16,7 @@ import shutil
 import sys
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cached_property
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,8 @@ __all__ = ["Shelf"]
 SPARE = "REALITYGAP_SPARE_CACHE"
 """Tells the processes that this one starts which temporary folder they share."""
 _SIZE = hashlib.sha256().digest_size
+_NO_WAY_IN = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+"""Python's way into a function, which takes its arguments apart, and C's."""
 _log = logging.getLogger("realitygap")
 _said: set[str] = set()
 
@@ -49,18 +51,25 @@ class Shelf:
         self._why = ""  # the usual folder does not do
         self._digest = hashlib.sha256(repr(versions).encode() + text).hexdigest()[:16]
 
-    def compiled(self, function: Callable[..., Any], *, like: Any = None, **options: Any) -> Any:
+    def compiled(
+        self, function: Callable[..., Any], *, like: Any = None, part: bool = False, **options: Any
+    ) -> Any:
         """`function` compiled with Numba's options; not kept where it has no file, as in a console.
 
         Args:
             function: what to compile.
             like: the compiled function that it encloses, if it does, for that has no digest of its own.
+            part: of others, which call it: Python's way in, which costs more than the rest, is compiled apart
+                and only where Python does call it.
             options: Numba's.
         """
-        made = numba.njit(**options)(function)
+        made = numba.njit(**options, **_NO_WAY_IN if part else {})(function)
         if not numba.config.DISABLE_JIT:
             with suppress(OSError, TypeError, AttributeError):
-                made._cache = _Entries(function, self, None if like is None else like._cache.of)
+                made._cache = _Entries(function, self, None if like is None else like._cache.of, part=part)
+            if part:
+                made.add_overload = partial(_add_overload, made)
+                made._compile_for_args = partial(_called, cache(partial(self.compiled, function, **options)))
         return made
 
     def read(self, name: str) -> bytes | None:
@@ -141,12 +150,14 @@ class Shelf:
 class _Entries:
     """What Numba asks for a function's compiled code, one entry for each signature and processor."""
 
-    def __init__(self, function: Callable[..., Any], shelf: Shelf, enclosed: bytes | None) -> None:
+    def __init__(
+        self, function: Callable[..., Any], shelf: Shelf, enclosed: bytes | None, *, part: bool
+    ) -> None:
         source = Path(inspect.getfile(function))
         code = function.__code__
         cells = function.__closure__ or ()
         closure = dumps([cell.cell_contents for cell in cells]) if enclosed is None else enclosed
-        facts = (str(source), function.__qualname__, code.co_firstlineno, code.co_code)
+        facts = (str(source), function.__qualname__, code.co_firstlineno, code.co_code, part)
         self._shelf = shelf
         self._name = function.__name__.strip("<>")
         self.of = hashlib.sha256(source.read_bytes() + repr(facts).encode() + closure).digest()
@@ -187,6 +198,16 @@ class _Entries:
     def _entry(self, sig: Any, codegen: Any) -> str:
         digest = hashlib.sha256(self.of + repr((sig, codegen.magic_tuple())).encode())
         return f"{self._name}-{digest.hexdigest()[:24]}.code"
+
+
+def _add_overload(made: Any, compiled: CompileResult) -> None:
+    """Keep a part's code for those compiled functions that call it, out of Python's reach."""
+    made.overloads[tuple(compiled.signature.args)] = compiled
+
+
+def _called(entire: Callable[[], Any], *args: Any) -> Any:
+    """What Python calls instead of a part: the same function, compiled with a way in."""
+    return entire()._compile_for_args(*args)
 
 
 _held: dict[Path, int | None] = {}

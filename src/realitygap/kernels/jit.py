@@ -29,11 +29,14 @@ if numba.config.DISABLE_JIT:
     # The generator's integers wrap on purpose; NumPy scalars would warn at each draw.
     warnings.filterwarnings("ignore", "overflow encountered", RuntimeWarning)
 
-step = partial(SHELF.compiled, fastmath=_FLAGS, error_model="numpy", forceinline=True, _nrt=False)
-"""For the parts of a step: inlined into the kernel that calls them.
+helper = partial(SHELF.compiled, fastmath=_FLAGS, error_model="numpy", forceinline=True, _nrt=False)
+"""For what kernels and Python call often.
 
 Without Numba's reference counts, which cost more than the step itself: so no step allocates.
 """
+
+step = partial(helper, part=True)
+"""For the parts of a step: inlined into the kernel that calls them. Python's calls compile it again."""
 
 kernel = partial(SHELF.compiled, fastmath=_FLAGS, error_model="numpy", nogil=True, _nrt=False)
 """For what is called from Python: releases the interpreter's lock while it runs, never allocates."""

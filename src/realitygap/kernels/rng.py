@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from realitygap.kernels.jit import step
+from realitygap.kernels.jit import helper, step
 
 _GAMMA = np.uint64(0x9E3779B97F4A7C15)
 _M1 = np.uint64(0xBF58476D1CE4E5B9)
@@ -32,7 +32,7 @@ def mix(x):
     return x ^ (x >> _S31)
 
 
-@step
+@helper
 def substream(stream, name):
     """The stream called `name` (an integer) under `stream`."""
     return mix(mix(np.uint64(stream) + _GAMMA) ^ (np.uint64(name) * _M2 + _GAMMA))

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.kernels.jit import step
+from realitygap.kernels.jit import helper
 from realitygap.kernels.network import ROWS
 from realitygap.kernels.params import LANES, RAYS, F, Networks, Path, Robot, Trial
 
@@ -92,7 +92,7 @@ class Record(NamedTuple):
     wheels: F
 
 
-@step
+@helper
 def noise_blocks(sensors):
     """Blocks of 16 normal numbers that a step needs for `sensors` readings and the motors."""
     return (sensors + MOTOR_NOISE + 15) // 16
