@@ -5,7 +5,6 @@ Tables are dictionaries of NumPy columns: `pandas.DataFrame(study.evaluations())
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
@@ -25,11 +24,11 @@ from realitygap.evolution.checkpoint import MAGIC
 from realitygap.evolution.population import Population
 from realitygap.kernels.params import Networks
 from realitygap.lazy import above
-from realitygap.study.config import StudyConfig
-from realitygap.study.folder import agree, read_config, read_materials, read_profile
+from realitygap.study.folder import agree, read_materials, read_profile
 from realitygap.study.materials import Materials
 from realitygap.study.plan import Plan, run_stream
-from realitygap.study.reader import DATABASE, Reader, Table
+from realitygap.study.reader import Table
+from realitygap.study.tables import Tables
 from realitygap.tasks.task import Task
 from realitygap.text import as_path
 from realitygap.world.noise import noise_name
@@ -64,15 +63,12 @@ def as_study(study: object) -> Study:
     return study if isinstance(study, Study) else load_study(as_path(study, "study"))
 
 
-class Study:
+class Study(Tables):
     """A study: its configuration, its runs as they were when it was loaded, its tables."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.config: StudyConfig = read_config(folder)
-        self._reader = Reader(folder / DATABASE)
-        rows = self._reader.runs()
-        self.runs = [Run(**row, seed=self.config.seed, study=self) for row in rows]
+        super().__init__(folder)
+        self.runs = [Run(**row, seed=self.config.seed, study=self) for row in self._rows]
         self._encodings: dict[str, Encoding] = {}
 
     def __fspath__(self) -> str:
@@ -160,60 +156,8 @@ class Study:
         Raises:
             StudyError: no such run.
         """
-        for run in self.runs:
-            if id_or_name in (run.id, run.name, str(run.id)):
-                return run
-        raise StudyError(
-            f"{self.folder}: expected a run, 1 to {len(self.runs)} or a name such as {self.runs[0].name!r}, "
-            f"got {id_or_name!r}."
-        )
-
-    def evaluations(self, run: int | None = None) -> Table:
-        """Every evaluation of a run, or of all: run, number, fitness, score_1 …, parents, cell."""
-        with self._reader.reading() as database:
-            names = [row[1] for row in database.execute("PRAGMA table_info(evaluation)")]
-        names = [name for name in names if name != "genotype"]  # in older formats
-        kinds = {name: float if name.startswith(("fitness", "score_")) else np.int64 for name in names}
-        return self._table("evaluation", kinds, "run, number", run)
-
-    def genotypes(self, run: int) -> Genes:
-        """[n, ...]: all individuals of a run, in the order of evaluation; of slots [n, slots, fields]."""
-        kind, shape = self._form(run)
-        return np.frombuffer(self._reader.genotypes(self.run(run).id)[1], kind).reshape(-1, *shape)
-
-    def genotype(self, run: int, number: int) -> Genes:
-        """The individual of one evaluation, of the type and shape that its run keeps.
-
-        Raises:
-            StudyError: no such evaluation.
-        """
-        kind, shape = self._form(run)
-        first, found = self._reader.genotypes(self.run(run).id, number)
-        genes: Genes = np.frombuffer(found, kind).reshape(-1, *shape)
-        if not 0 <= number - first < len(genes):
-            raise StudyError(f"{self.folder}: run {run} has no evaluation {number}.")
-        one: Genes = genes[number - first].copy()
-        return one
-
-    def tests(self, run: int | None = None) -> Table:
-        """Fresh trials: run, who (fittest or champion), noise, trial, score."""
-        kinds = {"run": np.int64, "who": "U8", "noise": float, "trial": np.int64, "score": float}
-        return self._table("test", kinds, "run, who DESC, noise, trial", run)
-
-    def retests(self, run: int | None = None) -> Table:
-        """The last populations' retest: run, cell, number, trial, score."""
-        kinds = {"run": np.int64, "cell": np.int64, "number": np.int64, "trial": np.int64, "score": float}
-        return self._table("retest", kinds, "run, cell, trial", run)
-
-    def query(self, sql: str) -> Table:
-        """Columns of what SQL selects from `runs`, `evaluations` and `tests`, or from the study's tables.
-
-            study.query("SELECT task, noise, avg(champion_fresh) AS mean FROM runs GROUP BY task, noise")
-
-        Raises:
-            StudyError: the statement cannot be carried out, or writes.
-        """
-        return self._reader.query(sql, self.config.to_dict())
+        number = self._id(id_or_name)
+        return next(run for run in self.runs if run.id == number)
 
     def to_pandas(self, table: str = "runs") -> Any:
         """A table as pandas' DataFrame: runs, evaluations, tests, trials (on robots), or scores.
@@ -225,31 +169,12 @@ class Study:
 
     def state(self, run: int) -> State | None:
         """What a run's last checkpoint holds; None before the first. A user's file may be run for it."""
-        kept = self._reader.checkpoint(self.run(run).id)
+        kept = self._reader.checkpoint(self._id(run))
         if kept is None or kept.startswith(MAGIC):
             return None if kept is None else Population.from_bytes(kept)
         task, config = self.task(self.run(run).task), self._materials.config
         state: State = config.evolution.make(config.encoding_for(task)).from_bytes(kept)
         return state
-
-    def _form(self, run: int) -> tuple[str, tuple[int, ...]]:
-        """Type and shape of a run's genotypes: it takes neither its task nor its encoding to know them."""
-        facts = self._reader.encoding(self.run(run).id)
-        if facts is None:  # of the formats before, which had slots only
-            size = self.config.encoding
-            return "i1", Layout(inputs=1, slots=size.slots or 0, links=size.links or 0).shape
-        return facts["dtype"], tuple(facts["shape"])
-
-    def digest(self) -> str:
-        """Of every row of every run: studies with the same runs have the same, however they were made."""
-        return self._reader.digest()
-
-    def versions(self) -> dict[str, list[str]]:
-        """What has worked on it, by name, each version once: see `folder.versions`."""
-        return self._reader.versions()
-
-    def _table(self, name: str, kinds: Mapping[str, Any], order: str, run: int | None) -> Table:
-        return self._reader.table(name, kinds, order, None if run is None else self.run(run).id)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,101 @@
+"""The tables of a study's database as NumPy columns: evaluations, genotypes, tests."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from realitygap.controller.layout import Layout
+from realitygap.errors import StudyError
+from realitygap.evolution.algorithm import Genes
+from realitygap.study.config import StudyConfig
+from realitygap.study.folder import read_config
+from realitygap.study.reader import DATABASE, Reader, Table
+
+__all__ = ["Tables"]
+
+
+class Tables:
+    """What the database in a study's folder holds; runs go by number or name."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.config: StudyConfig = read_config(folder)
+        self._reader = Reader(folder / DATABASE)
+        self._rows = self._reader.runs()
+
+    def evaluations(self, run: int | None = None) -> Table:
+        """Every evaluation of a run, or of all: run, number, fitness, score_1 …, parents, cell."""
+        with self._reader.reading() as database:
+            names = [row[1] for row in database.execute("PRAGMA table_info(evaluation)")]
+        names = [name for name in names if name != "genotype"]  # in older formats
+        kinds = {name: float if name.startswith(("fitness", "score_")) else np.int64 for name in names}
+        return self._table("evaluation", kinds, "run, number", run)
+
+    def genotypes(self, run: int) -> Genes:
+        """[n, ...]: all individuals of a run, in the order of evaluation; of slots [n, slots, fields]."""
+        kind, shape = self._form(run)
+        return np.frombuffer(self._reader.genotypes(self._id(run))[1], kind).reshape(-1, *shape)
+
+    def genotype(self, run: int, number: int) -> Genes:
+        """The individual of one evaluation, of the type and shape that its run keeps.
+
+        Raises:
+            StudyError: no such evaluation.
+        """
+        kind, shape = self._form(run)
+        first, found = self._reader.genotypes(self._id(run), number)
+        genes: Genes = np.frombuffer(found, kind).reshape(-1, *shape)
+        if not 0 <= number - first < len(genes):
+            raise StudyError(f"{self.folder}: run {run} has no evaluation {number}.")
+        one: Genes = genes[number - first].copy()
+        return one
+
+    def tests(self, run: int | None = None) -> Table:
+        """Fresh trials: run, who (fittest or champion), noise, trial, score."""
+        kinds = {"run": np.int64, "who": "U8", "noise": float, "trial": np.int64, "score": float}
+        return self._table("test", kinds, "run, who DESC, noise, trial", run)
+
+    def retests(self, run: int | None = None) -> Table:
+        """The last populations' retest: run, cell, number, trial, score."""
+        kinds = {"run": np.int64, "cell": np.int64, "number": np.int64, "trial": np.int64, "score": float}
+        return self._table("retest", kinds, "run, cell, trial", run)
+
+    def query(self, sql: str) -> Table:
+        """Columns of what SQL selects from `runs`, `evaluations` and `tests`, or from the study's tables.
+
+            study.query("SELECT task, noise, avg(champion_fresh) AS mean FROM runs GROUP BY task, noise")
+
+        Raises:
+            StudyError: the statement cannot be carried out, or writes.
+        """
+        return self._reader.query(sql, self.config.to_dict())
+
+    def digest(self) -> str:
+        """Of every row of every run: studies with the same runs have the same, however they were made."""
+        return self._reader.digest()
+
+    def versions(self) -> dict[str, list[str]]:
+        """What has worked on it, by name, each version once: see `folder.versions`."""
+        return self._reader.versions()
+
+    def _form(self, run: int) -> tuple[str, tuple[int, ...]]:
+        """Type and shape of a run's genotypes: it takes neither its task nor its encoding to know them."""
+        facts = self._reader.encoding(self._id(run))
+        if facts is None:  # of the formats before, which had slots only
+            size = self.config.encoding
+            return "i1", Layout(inputs=1, slots=size.slots or 0, links=size.links or 0).shape
+        return facts["dtype"], tuple(facts["shape"])
+
+    def _id(self, run: int | str) -> int:
+        for row in self._rows:
+            if run in (row["id"], row["name"], str(row["id"])):
+                return int(row["id"])
+        raise StudyError(
+            f"{self.folder}: expected a run, 1 to {len(self._rows)} or a name such as "
+            f"{self._rows[0]['name']!r}, got {run!r}."
+        )
+
+    def _table(self, name: str, kinds: Mapping[str, Any], order: str, run: int | None) -> Table:
+        return self._reader.table(name, kinds, order, None if run is None else self._id(run))
