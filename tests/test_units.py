@@ -37,7 +37,7 @@ CONVERT = {
     "twin/render.py": (1, "MuJoCo's field of view"),
     # the twin shares no code with the simulation
     "twin/unit.py": (4, "constants of the population, written in degrees"),
-    "twin/sensors.py": (1, "the sensors' places, written in degrees"),
+    "twin/eyes.py": (1, "the sensors' places, written in degrees"),
     "twin/server.py": (1, "the sealed file's CSV"),
 }
 """Files that convert, how often at most, and what for: where `Pose` and `Track` do not serve."""

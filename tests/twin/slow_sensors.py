@@ -11,6 +11,20 @@ from numpy.typing import NDArray
 
 from realitygap.twin.arena import edges
 from realitygap.twin.arithmetic import arctan2, cos, cos_sin, hypot, normals, power
+from realitygap.twin.eyes import (
+    EYE_EXPONENT,
+    EYE_HEIGHT,
+    EYE_MIDDLE,
+    FAN,
+    IR_DEPTH,
+    IR_EXPONENT,
+    IR_GAIN,
+    IR_OFFSET,
+    IR_REACH,
+    LAMP_COUNTS,
+    LAMP_PROUD,
+    WALL_WHITE,
+)
 from realitygap.twin.model import BODY_RADIUS, BODY_TOP, WALL_HEIGHT
 from realitygap.twin.noise import (
     AMBIENT_COUNTS,
@@ -31,23 +45,7 @@ from realitygap.twin.noise import (
     normal_draws,
 )  # fmt: skip
 from realitygap.twin.rays import FAR
-from realitygap.twin.sensors import (
-    CYCLE_MS,
-    EYE_EXPONENT,
-    EYE_HEIGHT,
-    EYE_MIDDLE,
-    FAN,
-    FULL,
-    IR_DEPTH,
-    IR_EXPONENT,
-    IR_GAIN,
-    IR_OFFSET,
-    IR_REACH,
-    LAMP_COUNTS,
-    LAMP_PROUD,
-    PHASE_MS,
-    WALL_WHITE,
-)  # fmt: skip
+from realitygap.twin.sensors import CYCLE_MS, FULL, PHASE_MS
 from realitygap.twin.unit import SENSORS_MM_DEG, Unit
 
 __all__ = ["SlowCreep", "SlowNoise", "SlowSensors"]

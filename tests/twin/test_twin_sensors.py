@@ -11,15 +11,8 @@ from numpy.typing import NDArray
 
 from realitygap.twin.arena import check_arena, edges
 from realitygap.twin.body import TwinBody
-from realitygap.twin.sensors import (
-    HISTORY_MS,
-    IR_OFFSET,
-    LAMP_COUNTS,
-    SENSORS,
-    Sensors,
-    on_wall,
-    refreshed_at,
-)
+from realitygap.twin.eyes import IR_OFFSET, LAMP_COUNTS, SENSORS, on_wall
+from realitygap.twin.sensors import HISTORY_MS, Sensors, refreshed_at
 from realitygap.twin.states import States, heading_of
 from realitygap.twin.unit import draw_unit
 from tests.twin.rooms import CROWDED, OPEN, table

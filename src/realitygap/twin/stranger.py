@@ -22,18 +22,10 @@ from realitygap.errors import ConfigError
 from realitygap.twin.arena import check_arena
 from realitygap.twin.arithmetic import cos_sin, jit
 from realitygap.twin.body import TwinBody
+from realitygap.twin.eyes import IR_OFFSET, LAMP_PROUD, illuminate, reflect
 from realitygap.twin.model import NOMINAL_VOLT
 from realitygap.twin.noise import GROUND_CELLS, GROUND_SHARE, draws, normal_draws
-from realitygap.twin.sensors import (
-    FULL,
-    IR_OFFSET,
-    LAMP_PROUD,
-    Sensors,
-    illuminate,
-    look_back,
-    noisy_proximity,
-    reflect,
-)
+from realitygap.twin.sensors import FULL, Sensors, look_back, noisy_proximity
 from realitygap.twin.unit import Unit
 
 __all__ = ["StrangerBody"]
