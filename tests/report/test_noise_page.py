@@ -15,9 +15,11 @@ import matplotlib
 import numpy as np
 import pytest
 from PIL import Image
+from scipy import stats
 
 from realitygap.experiments.noise.contrasts import unpaired
 from realitygap.report.calibration import beside_real
+from realitygap.report.noise.results import read_results
 from realitygap.world.profile import load_profile
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -31,7 +33,7 @@ def script() -> Iterator[ModuleType]:
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(DOCS / "figures"))
         yield importlib.import_module("noise_level")
-        for name in ("noise_level", "noise_level_told", "noise_level_power"):
+        for name in ("noise_level", "noise_level_told", "noise_level_power", "noise_level_2_power"):
             sys.modules.pop(name, None)
 
 
@@ -107,6 +109,22 @@ def test_many_rank_tests_at_once_are_the_studys_own(script: ModuleType) -> None:
     for x, y, delta, p in zip(first, second, *power.rank_tests(first, second, strata), strict=True):
         made = unpaired(x, y, strata=(strata.tolist(), strata.tolist()))
         assert (delta, p) == pytest.approx((made.delta, made.p))
+
+
+def test_the_second_studys_tests_are_what_theory_says(script: ModuleType) -> None:
+    """Their tables stand in the plan; p of means and of failures are those of SciPy and of an exact count."""
+    power = importlib.import_module("noise_level_2_power")
+    data = read_results(DOCS / "noise-level" / "default").data
+    plan = (DOCS / "noise-level-2.md").read_text("utf-8")
+    for row in power.levels_compared(data):
+        assert "| " + " | ".join([row.what, str(row.runs), *map(power._percent, row[2:])]) + " |" in plan
+    draw = np.random.default_rng(5)
+    x, y, one = draw.uniform(0, 10, (4, 60)), draw.uniform(1, 10, (4, 60)), np.zeros(60, np.int64)
+    _, means, _ = power.by_means(x, y, one)
+    assert means == pytest.approx(stats.ttest_ind(x, y, axis=1).pvalue, rel=0.2)
+    tables = [[[(g < 6).sum(), (g >= 6).sum()] for g in pair] for pair in zip(x, y, strict=True)]
+    exact = [stats.chi2_contingency(np.array(t), correction=True).pvalue for t in tables]
+    assert power.by_failures(x, y, one) == pytest.approx(exact, rel=0.2)
 
 
 def test_power_is_what_theory_says(script: ModuleType, told: Any) -> None:
