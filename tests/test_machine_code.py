@@ -108,6 +108,29 @@ def test_an_edited_function_is_compiled_again(tmp_path: Path) -> None:
     assert place.run()[0] == "8 15 0 0"
 
 
+PART = """
+from realitygap.machine_code import Shelf
+
+shelf = Shelf(b"a test")
+def half(a): return a / 2
+half = shelf.compiled(half, part=True)
+def whole(a): return half(a) + half(a)
+whole = shelf.compiled(whole)
+
+def told():
+    before = sorted(name for name in ("half", "whole", "other") if shelf.holds(name))
+    return *before, whole(3.0), half(3.0), half(5), whole(5.0)
+"""
+
+
+def test_a_part_is_called_by_compiled_code_and_by_python(tmp_path: Path) -> None:
+    """Freshly compiled or from a file, a part that has no way in for Python serves both callers."""
+    place = Place(tmp_path)
+    (tmp_path / "small.py").write_text(PART)
+    assert place.run() == ("3.0 1.5 2.5 5.0", "")
+    assert place.run() == ("half whole 3.0 1.5 2.5 5.0", "")
+
+
 def test_a_folder_that_others_can_write_is_not_used(place: Place) -> None:
     """Code that somebody else may have put there is not loaded, and that is said."""
     folder = place.entries()[0].parent

@@ -72,6 +72,10 @@ class Shelf:
                 made._compile_for_args = partial(_called, cache(partial(self.compiled, function, **options)))
         return made
 
+    def holds(self, function: str) -> bool:
+        """Whether any compiled code of a function of that name is kept."""
+        return any(path for folder in self._folders() for path in folder.glob(f"{function}-*"))
+
     def read(self, name: str) -> bytes | None:
         """What is kept under a name; None where nothing is, or not what was written."""
         for path in [folder / name for folder in self._folders()]:

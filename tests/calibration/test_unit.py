@@ -59,6 +59,13 @@ def test_what_is_there_is_not_made_again(tmp_path, jobs):
     assert jobs == ["fit", "wheels", "fit", "fit"]
 
 
+def test_other_work_is_done_meanwhile(tmp_path, jobs):
+    """What else is to be done is given to the workers first, and not again for a profile that is there."""
+    for _ in range(2):
+        calibrated_unit(tmp_path / "unit", **SETTINGS, meanwhile=[lambda: jobs.append("other")])
+    assert jobs[0] == "other" and jobs.count("other") == 1 and jobs.count("fit") == 3
+
+
 @pytest.mark.parametrize("change", [{"unit": 12}, {"noise": 2.0}, {"seed": 4}])
 def test_another_units_folder_is_refused(tmp_path, jobs, change):
     """Its settings are named: what was expected, what came."""

@@ -40,6 +40,7 @@ CURE = "Choose another folder, or remove this one."
 RECIPE = 3
 """Changes whenever the same settings would make another profile."""
 
+Work = Callable[[], None]
 Progress = Callable[[str, int, int], None]
 """Is told the recording's name (or "fit"), the places done, and all."""
 
@@ -51,6 +52,7 @@ def calibrated_unit(
     noise: float,
     seed: int,
     workers: Workers = 1,
+    meanwhile: Sequence[Work] = (),
     on_progress: Progress | None = None,
 ) -> Path:
     """The profile of a twin's unit, recorded through its serial line and fitted.
@@ -65,6 +67,7 @@ def calibrated_unit(
         noise: the twin's noise scale, or Enki's.
         seed: of its noise, and of what is random in the plans.
         workers: processes that record at the same time, one a core if None; or a pool.
+        meanwhile: what they do besides, functions that can be sent to them.
         on_progress: is told how far it is; whoever raises there stops the work.
 
     Returns:
@@ -78,7 +81,7 @@ def calibrated_unit(
         must_be(value, kind, key, "See `realitygap record --help`.")
     which = {"unit": unit} if isinstance(unit, int) else {"robot": unit, "parts": _parts_of(unit)}
     settings = {"recipe": RECIPE, **which, "twin_noise": float(noise), "seed": seed}
-    return _calibrated(folder, settings, workers, on_progress)
+    return _calibrated(folder, settings, workers, on_progress, meanwhile)
 
 
 def calibrated_robot(
@@ -121,18 +124,22 @@ def _parts_of(robot: str) -> list[str]:
 
 
 def _calibrated(
-    folder: str | Path, settings: dict[str, Any], workers: Workers, on_progress: Progress | None
+    folder: str | Path,
+    settings: dict[str, Any],
+    workers: Workers,
+    on_progress: Progress | None,
+    meanwhile: Sequence[Work] = (),
 ) -> Path:
     folder = as_path(folder, "folder").resolve()
     _claim(folder, settings)
     if not (folder / PROFILE).is_file():
-        _carry_out(folder, workers, on_progress or (lambda name, done, total: None))
+        _carry_out(folder, workers, on_progress or (lambda name, done, total: None), meanwhile)
     return folder / PROFILE
 
 
-def _carry_out(folder: Path, workers: Workers, report: Progress) -> None:
+def _carry_out(folder: Path, workers: Workers, report: Progress, meanwhile: Sequence[Work]) -> None:
     """Record what is not there yet and fit it, each kind of recordings in a job: one is fitted while
-    another is recorded."""
+    another is recorded, and what else is to be done meanwhile is done."""
     parts = _parts(folder)
     kinds = list(dict.fromkeys(_kind(name) for name in parts))
     left = {name for name in parts if not _is_recorded(folder, name)}
@@ -147,8 +154,9 @@ def _carry_out(folder: Path, workers: Workers, report: Progress) -> None:
         if not left:
             report(FIT, len(fits), len(kinds))
 
-    with _recorders(workers, len(kinds)) as pool:
-        pool.work(Setup(Bench, (str(folder),)), kinds, heard)
+    jobs: list[str | Work] = [*meanwhile, *kinds]
+    with _recorders(workers, len(jobs)) as pool:
+        pool.work(Setup(Bench, (str(folder),)), jobs, heard)
     whole.write(folder / PROFILE, _profile(folder, fits))
 
 
@@ -161,13 +169,17 @@ def _recorders(workers: Workers, jobs: int) -> AbstractContextManager[Pool]:
 
 
 class Bench:
-    """Carries out the jobs of a unit's folder, which it has to see: a kind's recordings and their fit."""
+    """Carries out the jobs of a unit's folder, which it has to see: a kind's recordings and their fit, and
+    work that has nothing to do with them."""
 
     def __init__(self, folder: str) -> None:
         self._folder = Path(folder)
 
-    def carry_out(self, job: str, tell: Tell) -> None:
+    def carry_out(self, job: str | Work, tell: Tell) -> None:
         """Record what is not there yet, and say how far it is; then fit, and tell the calibration."""
+        if not isinstance(job, str):
+            job()
+            return
         names = [name for name in _parts(self._folder) if _kind(name) == job]
         for name in names:
             if not _is_recorded(self._folder, name):

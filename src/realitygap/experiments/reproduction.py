@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
+import numpy as np
+
 from realitygap.errors import ConfigError, StudyError
 from realitygap.study.config import StudyConfig
 from realitygap.study.folder import exists, open_to_begin, own_config
@@ -129,8 +131,9 @@ def configured(
         if not profile:
             place, seed = folder / CALIBRATION, requested.seed
             made = calibrated_unit(
-                place, unit=UNIT, noise=1.0, seed=seed, workers=near(workers), on_progress=on_progress
-            )
+                place, unit=UNIT, noise=1.0, seed=seed, workers=near(workers),
+                meanwhile=_meanwhile(workers), on_progress=on_progress,
+            )  # fmt: skip
             profile = str(made)
     return requested.study(profile)
 
@@ -172,6 +175,26 @@ def again(study: Study) -> str:
     elif starts != STARTS:
         words += ["--starts", starts]
     return " ".join(map(str, words))
+
+
+def _meanwhile(workers: Workers) -> list[Callable[[], None]]:
+    """What workers do while others record the robot: compile what comes after, if it is not on file."""
+    from realitygap.kernels.jit import SHELF
+
+    return [] if workers == 1 or SHELF.holds("run_trials") else [compile_ahead]
+
+
+def compile_ahead() -> None:
+    """Compile what evolution and its transfer call, which is the same for all robots, and keep it on file."""
+    from realitygap.study.materials import gather
+    from realitygap.study.run import bench_for
+
+    materials = gather(StudyConfig.reproduction())
+    for condition in range(len(materials.tasks)):
+        bench = bench_for(materials, condition, "cores")
+        bench.compile()
+        networks = bench.encoding.decode(bench.individual[np.newaxis])
+        bench.simulation(bench.noise).trajectory(networks, stream=0)
 
 
 def _begin(folder: Path, requested: Reproduction, *, resume: bool) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,6 +50,11 @@ class Stage:
         self.study, self.place = study, place or study.folder
         self._simulations: dict[tuple[str, float], Simulation] = {}
         self._rigs: dict[tuple[str, Address, float, int | None], Rig] = {}
+
+    @cached_property
+    def _versions(self) -> dict[str, str]:
+        """Asked for once: a commit's name takes three programs."""
+        return versions()
 
     def simulation(self, one: Situation) -> Simulation:
         """The run's own: its task, its robot, its noise."""
@@ -205,5 +211,5 @@ class Stage:
         facts["late_steps"] = kept.late_steps
         facts["missed_steps"] = None if np.isnan(kept.read).all() else kept.missed_steps
         facts["lost_steps"] = path.lost
-        facts["versions"] = versions()
+        facts["versions"] = self._versions
         whole.write(folder / TRIAL, to_toml(facts))

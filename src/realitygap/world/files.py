@@ -125,6 +125,8 @@ def _hints(cls: type) -> dict[str, Any]:
 def _convert(hint: Any, value: Any, key: str) -> Any:
     """`value` as the declared type `hint`, or ConfigError naming `key`."""
     if hint is float:
+        if type(value) is float and abs(value) <= 1e300:  # as nearly always
+            return value
         require(isinstance(value, Real) and not isinstance(value, bool), key, "a number", value)
         require(abs(value) <= 1e300 and math.isfinite(value), key, "a finite number", value)
         return float(value)

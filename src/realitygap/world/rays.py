@@ -6,7 +6,7 @@ and C libraries that differ in a cosine's last bit give the same robot.
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ FAN = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.0, 0.25, 0.5, 0.75, 1.0)
 """Where the rays of a measured sensor lie, in shares of its aperture: the middle is there twice."""
 
 
+@cache
 def ray_angles(number: int) -> tuple[float, ...]:
     """Middles of so many equal parts of 180°, degrees from the sensor's direction."""
     return tuple(180.0 / number * (i + 0.5) - 90.0 for i in range(number))
