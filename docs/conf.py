@@ -1,11 +1,17 @@
-"""The documentation site: `sphinx-build -W --keep-going -n docs build/site`."""
+"""The documentation site: `sphinx-build -nW --keep-going docs build/site`."""
 
 from __future__ import annotations
 
+import builtins
+import inspect
 import re
 from pathlib import Path
+from typing import Any
 
+from docutils.nodes import document
+from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
+from sphinx.ext.napoleon import Config, GoogleDocstring
 
 import realitygap
 
@@ -14,13 +20,28 @@ author = "The realitygap authors"
 project_copyright = f"{author}; MIT licence"
 release = realitygap.__version__
 
-extensions = ["myst_nb"]
-exclude_patterns = ["noise-level/*", "reference/*"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary"]
+exclude_patterns = ["noise-level/*"]
 myst_heading_anchors = 3
 nb_execution_mode = "off"
 
 html_theme = "furo"
 html_title = f"realitygap {release}"
+toc_object_entries = False
+
+default_role = "code"  # as in Markdown
+add_module_names = False
+python_use_unqualified_type_names = True
+python_maximum_signature_line_length = 90
+autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
+autodoc_type_aliases = {name: name for name in ("NDArray", "ArrayLike")}
+autosummary_generate = False
+nitpick_ignore_regex = [
+    ("py:class", ".*"),  # half the types are from elsewhere; what docstrings raise must be known
+    ("py:obj", r"typing\..*"),
+    ("py:exc", "|".join(name for name in dir(builtins) if "Error" in name)),
+]
 
 SHOWN = {
     "contributing": "CONTRIBUTING.md",
@@ -29,6 +50,9 @@ SHOWN = {
     "index": "README.md",
 }
 """Pages of the site that show a file from beside `docs`; of README.md only the head is on the front page."""
+SOURCE = Path(realitygap.__file__).parent
+LEFT_OUT = {"__init__", "cli", "kernels", "lazy"}
+"""Rooms without a page in the reference: the command line, compiled code, the package's own."""
 
 
 def show(app: Sphinx, page: str, source: list[str]) -> None:
@@ -43,6 +67,86 @@ def show(app: Sphinx, page: str, source: list[str]) -> None:
     source[0] = text
 
 
-def setup(app: Sphinx) -> None:
+def write_reference(app: Sphinx) -> None:
+    """A page for each room, whose text autodoc takes from the docstrings, and one that lists them."""
+    rooms: dict[str, list[str]] = {}
+    for file in sorted(SOURCE.rglob("*.py")):
+        words = file.relative_to(SOURCE).with_suffix("").parts
+        if words[0] not in LEFT_OUT and words[-1] != "__main__":
+            rooms.setdefault(words[0], []).append(".".join(("realitygap", *words)).removesuffix(".__init__"))
+    public = [getattr(realitygap, name) for name in sorted(realitygap.__all__) if name != "__version__"]
+    folder = Path(app.srcdir, "reference")
+    folder.mkdir(exist_ok=True)
+    pages = {room: "\n".join(map(_module, modules)) for room, modules in rooms.items()}
+    pages["index"] = f"""{_heading("Reference")}
+All of it is made from the docstrings. What a program usually needs can be taken from ``realitygap`` itself:
+
+.. autosummary::
+
+   {_lines(f"~{value.__module__}.{value.__qualname__}" for value in public)}
+
+Every public name stands on the page of its room:
+
+.. autosummary::
+
+   {_lines(f"realitygap.{room}" for room in sorted(rooms))}
+
+.. toctree::
+   :hidden:
+
+   {_lines(sorted(rooms))}
+"""
+    for name, text in pages.items():
+        file = folder / f"{name}.rst"
+        if not file.is_file() or file.read_text("utf-8") != text:
+            file.write_text(text, encoding="utf-8")
+
+
+def _lines(names: Any) -> str:
+    return "\n   ".join(names)
+
+
+def _heading(text: str, line: str = "=") -> str:
+    return f"{text}\n{line * len(text)}\n"
+
+
+def _module(name: str) -> str:
+    head = _heading(name, "=") if name.count(".") == 1 else _heading(name.removeprefix("realitygap."), "-")
+    return f"{head}\n.. automodule:: {name}\n   :members:\n"
+
+
+def at_home(app: Sphinx, what: str, name: str, value: object, skip: bool, options: Any) -> bool | None:
+    """A name that a module only passes on is described where it is at home; a tuple's fields have no text."""
+    if type(value).__name__ == "_tuplegetter":
+        return True
+    if what != "module" or not (inspect.isclass(value) or inspect.isfunction(value)):
+        return None
+    return value.__module__ != app.env.current_document.autodoc_module or None
+
+
+def google(app: Sphinx, what: str, name: str, value: object, options: Any, lines: list[str]) -> None:
+    """Docstrings in Google style; an indented block is code, and an attribute's text starts with no type."""
+    for i in range(len(lines) - 1, 1, -1):
+        if lines[i].startswith("    ") and not lines[i - 1] and re.match(r"\S", lines[i - 2]):
+            lines[i:i] = ["::", ""]
+    what = "function" if what in ("attribute", "data", "property") else what
+    sections = [("Attributes", "params_style")]
+    config = Config(napoleon_use_param=False, napoleon_custom_sections=sections)
+    lines[:] = GoogleDocstring(lines, config, app, what, name, value, options).lines()
+
+
+def exact(app: Sphinx, page: document) -> None:
+    """A type in a signature is meant by its whole name, not as whatever ends in it."""
+    for node in page.findall(pending_xref):
+        if node.get("refspecific") is False:
+            del node["refspecific"]
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
     """Sphinx calls this."""
+    app.connect("builder-inited", write_reference)
     app.connect("source-read", show)
+    app.connect("autodoc-skip-member", at_home)
+    app.connect("autodoc-process-docstring", google)
+    app.connect("doctree-read", exact)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -39,7 +39,7 @@ def filling(scores: Array, clusters: NDArray[np.int64]) -> Array:
 
 
 def blind_pairs(names: Sequence[str], curvature: Array) -> tuple[tuple[str, str, float], ...]:
-    """Pairs of constants whose estimates hang together by |ρ| ≥ 0.95: of two kinds the closest pair."""
+    """Pairs of constants whose estimates hang together by `|ρ| ≥ 0.95`: of two kinds the closest pair."""
     size = np.sqrt(np.diag(curvature))
     moves = np.flatnonzero(size > 1e-9 * size.max(initial=1e-300))
     names, size = [names[int(i)] for i in moves], size[moves]

@@ -39,7 +39,7 @@ class Encoding(Protocol):
         """A random genotype; the same for the same stream."""
 
     def decode(self, genes: NDArray[Any]) -> Networks:
-        """The networks of genotypes [N, *shape], for the number of inputs that it was made with."""
+        """The networks of genotypes `[N, *shape]`, for the number of inputs that it was made with."""
 
 
 def make_encoding(kind: str, variation: Variation, settings: dict[str, Any], *, inputs: int) -> Encoding:

@@ -1,6 +1,6 @@
 """Genotypes as people meet them: a random one, and their text form.
 
-The text has a line a neuron and a line a link, so that two genotypes can be compared by `diff`::
+The text has a line a neuron and a line a link, so that two genotypes can be compared by `diff`:
 
     realitygap genotype 1
     layout inputs 8 outputs 2 slots 30 links 8

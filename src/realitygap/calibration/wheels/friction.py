@@ -17,7 +17,7 @@ MOVING_SHARE = 0.1
 
 
 class Friction(NamedTuple):
-    """|I| that frees a resting wheel (cm/s²): between `low` and `high` by the standing starts."""
+    """`|I|` that frees a resting wheel (cm/s²): between `low` and `high` by the standing starts."""
 
     value: float
     low: float
