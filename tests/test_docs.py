@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import shlex
 import tomllib
@@ -14,6 +15,7 @@ import pytest
 from realitygap.cli import realitygap
 
 ROOT = Path(__file__).resolve().parents[1]
+SOURCE = ROOT / "src" / "realitygap"
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), ROOT / "examples" / "README.md"])
 READ = [page for page in PAGES if page.name != "CHANGELOG.md"]
 WORDS = (
@@ -57,8 +59,8 @@ def refuse(text: str, where: str) -> None:
         assert found is None, f"{where}: {found[0]!r}: say {better!r}" if found else ""
 
 
-DOOR = ("glossary.md", "gymnasium.md", "environment.md")
-"""Pages that speak others' language."""
+DOOR = ("glossary.md", "gymnasium.md", "environment")
+"""Pages, and a room, that speak others' language."""
 
 
 @pytest.mark.parametrize("page", [p for p in READ if p.name not in DOOR], ids=lambda page: page.name)
@@ -71,6 +73,19 @@ def test_pages_keep_to_the_words(page: Path) -> None:
 def test_help_keeps_to_the_words(name: str, text: str) -> None:
     """Option names apart, which keep what old scripts say."""
     refuse(re.sub(r"--[\w-]+", "", text), name)
+
+
+ROOMS = sorted({file.relative_to(SOURCE).parts[0].removesuffix(".py") for file in SOURCE.rglob("*.py")})
+
+
+@pytest.mark.parametrize("room", [room for room in ROOMS if room not in DOOR])
+def test_docstrings_keep_to_the_words(room: str) -> None:
+    """Of every name in a room, private ones and all."""
+    for file in [*SOURCE.glob(f"{room}.py"), *(SOURCE / room).rglob("*.py")]:
+        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+                text = re.sub(r"^ +[\w, ]+:", "", ast.get_docstring(node) or "", flags=re.M)  # a field's name
+                refuse(prose(text), f"{file.name}: {getattr(node, 'name', 'module')}")
 
 
 def test_the_glossary_has_every_word() -> None:

@@ -144,9 +144,9 @@ def fit_infrared(
 
 
 def agreed(form: str, fits: Mapping[str, Fit]) -> tuple[Fit, tuple[str, ...]]:
-    """A form's fit, in which reflectances that another form puts elsewhere count as not told; and in words
-    which those are. An interval holds if its form does: what two forms say that err as little is neither's
-    doing.
+    """A form's fit, in which reflectances that another form puts elsewhere count as not identifiable; and in
+    words which those are. An interval holds if its form does: what two forms say that err as little is
+    neither's doing.
     """
     fit, said = fits[form], []
     others = [(name, c) for name, one in fits.items() if name != form for c in one.constants]

@@ -48,7 +48,7 @@ class Realities(Value):
         levels: of noise: controllers evolve at each, and are compared with the simulation at each.
         runs: controllers of each level; starts: trials of each; evaluations: of each run.
         seconds: length of a trial; 0 for the task's own.
-        seed: everything random follows from it.
+        seed: random seed.
 
     Raises:
         ConfigError: names the key, what was expected and what came.

@@ -32,7 +32,7 @@ class StudyConfig(Value):
 
     Attributes:
         title: for people, on the report.
-        seed: everything random follows from it.
+        seed: random seed.
         runs: evolutionary runs of each condition; evaluations: in each run, the first population
             included.
         retest_trials: trials that choose the champion among the last population.

@@ -1,4 +1,4 @@
-"""The twin's eyes: infrared thrown back to each sensor, and the lamp's light, direct and off the walls.
+"""What the twin's sensors see: infrared thrown back to each sensor, and the lamp's light, direct and off the walls.
 
 The laws are the twin's own, taken from what the real tables show, not from the paper's equations.
 Everything stands upright, so light is followed in the plane. Lamps hang higher than the robot is tall:
@@ -51,8 +51,8 @@ class Eyes(NamedTuple):
     of a fan's rays, and their weights, [RAYS] each; and what there is to be seen.
 
     `reach` is how far away (m) something may throw infrared back; `low` is the share of the way from a wall,
-    at the eyes' height, up to a lamp that lies below the body's top; `square` the square of the lamps' height
-    above the eyes. There is room for poses [8, 3], signals [8] and rays [RAYS, 5].
+    at their height, up to a lamp that lies below the body's top; `square` the square of the lamps' height
+    above them. There is room for poses [8, 3], signals [8] and rays [RAYS, 5].
     """
 
     x: Array

@@ -63,7 +63,7 @@ class ProximitySensor(Value):
 class Infrared(Value):
     """Proximity (§3.2.3): I = Σ cos^m β (a/(d + offset)² + b), clipped to 0 … top.
 
-    Beyond the paper: with matt 1 surfaces throw a back by the cosine of the angle under which a ray
+    Beyond the paper: with `matt` 1 surfaces throw a back by the cosine of the angle under which a ray
     meets them (Lambert). Sensors with a curve read as measured: x = Σ lobe a / ((d + offset)² + width²)
     over rays at 0, ¼, ½, ¾ and 1 of `aperture_deg` to either side, none of which sees beyond `range_cm`
     (0: no end), less `overlap` times what the outermost would see of a flat surface at the middle ray's d;
@@ -183,7 +183,7 @@ class Ambient(Value):
     direct light falls in by cos^facing of its angle; the lamp hangs `lamp_height_cm` above the
     sensors, its points drawn to its centre by the share `lamp_narrow`, and at least `lamp_proud_cm`
     off the walls. Reflected light falls off as 1/d² (falloff 2) or 1/√(d² + near_cm²) (falloff 1); with
-    matt 1 surfaces are lit by the cosine of the angle under which light meets them (Lambert); it comes
+    `matt` 1 surfaces are lit by the cosine of the angle under which light meets them (Lambert); it comes
     in by 10 rays or more (RAY_NUMBERS). `sensor_height_cm` is the sensors' height above the floor, and that
     of the points of walls that they see: with body.height_cm it says where light passes over the body.
     """

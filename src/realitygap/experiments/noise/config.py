@@ -37,7 +37,7 @@ class NoiseConfig(Value):
         starts: of each controller on each unit.
         evaluations: of each run.
         twin_noise: the twin's noise scale.
-        seed: everything random follows from it.
+        seed: random seed.
         tasks: the paper's, one or both: the score's exemplars are theirs.
         seconds: length of a trial; the task's own if None.
         robot: in the twin's place `stranger` or `enki:MODEL`, whose units are meant; or one of your own,
