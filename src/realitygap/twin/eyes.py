@@ -1,4 +1,4 @@
-"""What the twin's sensors see: infrared thrown back to each sensor, and the lamp's light, direct and off the walls.
+"""What the twin's sensors see: infrared thrown back to each, and the lamp's light, direct and off the walls.
 
 The laws are the twin's own, taken from what the real tables show, not from the paper's equations.
 Everything stands upright, so light is followed in the plane. Lamps hang higher than the robot is tall:
