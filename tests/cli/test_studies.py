@@ -260,7 +260,7 @@ def test_ctrl_c_says_how_to_go_on(tmp_path):
 
 def test_a_strangers_task_file_is_asked_about(call, refused, json_of, monkeypatch, tmp_path):
     """`show` runs nothing; `replay` refuses, or asks on a terminal; --trust and a yes are remembered."""
-    from realitygap.study import trust
+    from realitygap.study import sources
 
     task = tmp_path / "mine.py"
     task.write_text(
@@ -272,15 +272,15 @@ def test_a_strangers_task_file_is_asked_about(call, refused, json_of, monkeypatc
     study = tmp_path / "study"
     call("evolve", task, *SMALL, "--out", study)
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "elsewhere"))
-    trust._known.cache_clear()
+    sources._known.cache_clear()
     assert json_of("show", study)["runs"][0]["champion"]
     for words in (("replay", study, 1), ("report", study), ("transfer", study, "--robot", "twin")):
         assert "--trust" in refused(*words) and "mine.py" in refused(*words)
-    monkeypatch.setattr("realitygap.cli.trust.at_terminal", lambda: True)
+    monkeypatch.setattr("realitygap.cli.estimate.at_terminal", lambda: True)
     replay = ["replay", str(study), "1"]
     no = CliRunner().invoke(realitygap, replay, input="n\n")
     assert no.exit_code == 130 and "this program has to run" in no.stderr
     yes = CliRunner().invoke(realitygap, replay, input="y\n")
     assert yes.exit_code == 0 and "score" in yes.stdout
-    trust._known.cache_clear()
+    sources._known.cache_clear()
     assert call(*replay).exit_code == 0

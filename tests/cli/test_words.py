@@ -8,7 +8,7 @@ import click
 import pytest
 
 from realitygap.cli import estimate, realitygap
-from realitygap.cli.words import tidy
+from realitygap.cli.failure import tidy
 
 POSE = ("probe", "avoidance", "--noise", 0, "--pose")
 

@@ -20,9 +20,9 @@ from realitygap.experiments.noise.run import COMPARING, noise_study
 from realitygap.experiments.noise.simulated import read_compared
 from realitygap.experiments.noise.situated import read_situated
 from realitygap.experiments.noise.stage import Stage
-from realitygap.study.commit import project_commit
 from realitygap.study.load import load_study
 from realitygap.study.lock import lock
+from realitygap.study.versions import project_commit
 from realitygap.work.progress import Reporter
 from tests.experiments.noise_parts import SimulatedRig, quick_units, tables, tiny
 

@@ -15,9 +15,9 @@ from realitygap.report import build_report
 from realitygap.report.gather import parts_of
 from realitygap.report.lead import departures, is_paper, lead
 from realitygap.study.config import StudyConfig
-from realitygap.study.folder import versions
 from realitygap.study.load import Study
 from realitygap.study.runner import run_study
+from realitygap.study.versions import versions
 from realitygap.tasks import load_task
 from realitygap.world.arena import load_arena
 from realitygap.world.profile import Profile, load_profile

@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 
 from realitygap.report import build_report
-from realitygap.report.paper_tables import PAPER_AVERAGES, PAPER_ROWS
 from realitygap.report.reading import read_scores
-from realitygap.report.scores import score_tables, scores_csv, study_tables
+from realitygap.report.scores import PAPER_AVERAGES, PAPER_ROWS, score_tables, scores_csv, study_tables
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import load_study
 from realitygap.study.runner import run_study

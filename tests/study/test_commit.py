@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from realitygap.study import commit
-from realitygap.study.commit import UNKNOWN, project_commit
+from realitygap.study import versions
+from realitygap.study.versions import UNKNOWN, project_commit
 
 pytestmark = pytest.mark.skipif(shutil.which("git") is None, reason="git is not there")
 
@@ -53,7 +53,7 @@ def test_what_lies_in_an_environment_of_a_checkout_is_not_that_checkout(
     installed = checkout / ".venv" / "realitygap"
     shutil.copytree(checkout / "src" / "realitygap", installed)
     record = {"url": checkout.as_uri(), "dir_info": {}}
-    monkeypatch.setattr(commit, "_pip_record", lambda: record)
+    monkeypatch.setattr(versions, "_pip_record", lambda: record)
     assert project_commit(installed) == head
     (installed / "__init__.py").write_text("one = 2\n")
     assert project_commit(installed) == UNKNOWN
@@ -68,7 +68,7 @@ def test_what_pip_recorded_of_a_repository_is_told(tmp_path: Path, monkeypatch: 
         def read_text(self, name: str) -> str | None:
             return self.record if name == "direct_url.json" else None
 
-    monkeypatch.setattr(commit, "distribution", lambda name: Installed())
+    monkeypatch.setattr(versions, "distribution", lambda name: Installed())
     assert project_commit(tmp_path) == "abc"
     monkeypatch.setattr(Installed, "record", None)
     assert project_commit(tmp_path) == UNKNOWN

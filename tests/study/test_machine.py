@@ -10,14 +10,14 @@ from pathlib import Path
 import pytest
 
 from realitygap.errors import StudyInterruptedError
-from realitygap.study import machine
+from realitygap.study import versions as machine
 from realitygap.study.config import StudyConfig
-from realitygap.study.folder import versions
 from realitygap.study.load import load_study
 from realitygap.study.runner import EVOLVING, Progress, run_study
+from realitygap.study.versions import versions
 
 NAMED = ["realitygap", "python", "numpy", "numba", "mujoco", "opencv", "sqlite", "platform", "processor"]
-ASKED = "from realitygap.study.machine import processor; print(processor())"
+ASKED = "from realitygap.study.versions import processor; print(processor())"
 
 
 def test_a_processor_is_named_as_its_maker_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

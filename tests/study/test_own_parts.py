@@ -13,7 +13,7 @@ import pytest
 
 from realitygap.errors import RealityGapError, StudyError, UsageError
 from realitygap.evolution import Population
-from realitygap.study import trust
+from realitygap.study import sources
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import load_study
 from realitygap.study.materials import gather
@@ -68,7 +68,7 @@ def test_the_database_says_what_its_genotypes_are(theirs):
 def test_their_files_are_run_only_where_trusted(theirs, tmp_path, monkeypatch):
     """Whoever looks at champions runs nothing; decoding them does, and is refused until agreed to."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    trust._known.cache_clear()
+    sources._known.cache_clear()
     folder = shutil.copytree(theirs, tmp_path / "study")
     study = load_study(folder)
     assert study.runs[0].champion.shape == (2, 11) and len(study.evaluations()["cell"]) == 18
@@ -79,7 +79,7 @@ def test_their_files_are_run_only_where_trusted(theirs, tmp_path, monkeypatch):
     (folder / "encoding" / "e.py").write_text("hidden = 3\n")
     with pytest.raises(StudyError, match=r"encoding/e\.py was edited since"):
         load_study(folder).encoding("obstacle-avoidance")
-    trust._known.cache_clear()
+    sources._known.cache_clear()
 
 
 def test_another_algorithm_does_not_resume(theirs, tmp_path):

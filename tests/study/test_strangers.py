@@ -11,7 +11,7 @@ import pytest
 
 from realitygap.errors import StudyError, TaskError
 from realitygap.report.build import build_report
-from realitygap.study import trust
+from realitygap.study import sources
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import load_study
 from realitygap.study.runner import run_study
@@ -53,9 +53,9 @@ def stranger(theirs, tmp_path, monkeypatch) -> tuple[Path, Path]:
     study, trace = theirs
     trace.unlink(missing_ok=True)
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    trust._known.cache_clear()
+    sources._known.cache_clear()
     yield Path(shutil.copytree(study, tmp_path / "study")), trace
-    trust._known.cache_clear()
+    sources._known.cache_clear()
 
 
 def test_looking_runs_no_code(stranger):
@@ -80,7 +80,7 @@ def test_running_asks_first(stranger):
     assert not trace.exists()
     assert load_study(folder, trust=True).task("touch").trials == 2
     assert trace.exists()
-    trust._known.cache_clear()  # as in another process
+    sources._known.cache_clear()  # as in another process
     assert load_study(folder).task("touch").trials == 2
 
 
@@ -180,9 +180,9 @@ def test_other_peoples_folders_keep_no_lock(tmp_path):
 def test_a_list_that_cannot_be_written_is_done_without(monkeypatch, tmp_path):
     """Without a home that can be written, trust lasts for this process."""
     monkeypatch.setenv("XDG_STATE_HOME", "/dev/null" if sys.platform != "win32" else "NUL")
-    trust._known.cache_clear()
+    sources._known.cache_clear()
     file = write(tmp_path / "a.py")
-    assert trust.strange([file]) == [file]
-    trust.agree_to([file.read_bytes()])
-    assert trust.strange([file]) == []
-    trust._known.cache_clear()
+    assert sources.strange([file]) == [file]
+    sources.agree_to([file.read_bytes()])
+    assert sources.strange([file]) == []
+    sources._known.cache_clear()

@@ -3,7 +3,6 @@
 import click
 
 from realitygap import __version__
-from realitygap.cli.arena import arena
 from realitygap.cli.bench import bench
 from realitygap.cli.calibrate import calibrate
 from realitygap.cli.camera import camera
@@ -15,7 +14,6 @@ from realitygap.cli.failure import Commands
 from realitygap.cli.judge import judge
 from realitygap.cli.merge import merge
 from realitygap.cli.probe import probe
-from realitygap.cli.profile import profile
 from realitygap.cli.realities import realities
 from realitygap.cli.record import record
 from realitygap.cli.replay import replay
@@ -23,6 +21,7 @@ from realitygap.cli.report import report
 from realitygap.cli.reproduce import reproduce
 from realitygap.cli.robot import robot
 from realitygap.cli.score import score
+from realitygap.cli.shipped import arena, profile
 from realitygap.cli.show import show
 from realitygap.cli.simulate import simulate
 from realitygap.cli.slurm import slurm

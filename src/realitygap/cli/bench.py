@@ -5,7 +5,6 @@ The measuring is here as plain functions, for scripts to use.
 
 from __future__ import annotations
 
-import os
 import time
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
     from realitygap.kernels.params import Networks
     from realitygap.simulation.simulation import Simulation
 
-__all__ = ["bench", "cores", "measure", "random_networks", "steps_per_second"]
+__all__ = ["bench", "measure", "random_networks", "steps_per_second"]
 
 NETWORKS = 64
 TRIALS = 4
@@ -44,6 +43,7 @@ def bench(profile: str, noise: float, seconds: float, json_output: bool) -> None
         realitygap bench --json
     """
     from realitygap.tasks import TASKS
+    from realitygap.work.workers import cores
 
     figures = {task: measure(task, profile=profile, noise=noise, seconds=seconds) for task in TASKS}
     if json_output:
@@ -65,6 +65,8 @@ def measure(
         noise: a scale.
         seconds: of either measurement.
     """
+    from realitygap.work.workers import cores
+
     settings: dict[str, Any] = {"profile": profile, "noise": noise, "seconds": seconds}
     return {
         "steps_per_second_one_core": steps_per_second(task, threads=1, **settings),
@@ -116,13 +118,6 @@ def random_networks(simulation: Simulation, *, stream: int, count: int = NETWORK
     variation = Variation(layout=layout)
     genes = [variation.random(np.uint64(stream * count + i)) for i in range(count)]
     return decode(np.stack(genes), layout)
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _until(end: float, simulation: Simulation, networks: Networks, key: int) -> int:

@@ -1,8 +1,9 @@
-"""What a command is about to cost, said and asked before work of days begins."""
+"""What a command is about to cost, and whose programs it would run: said, and asked before it begins."""
 
 from __future__ import annotations
 
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -12,7 +13,7 @@ from realitygap.cli.output import at_terminal
 if TYPE_CHECKING:
     from realitygap.work.workers import Workers
 
-__all__ = ["consider", "note"]
+__all__ = ["ask_trust", "consider", "note"]
 
 EVALUATIONS_A_SECOND = 650
 """Of one core: two trials of twenty seconds each, tests included (docs/noise-level.md)."""
@@ -60,3 +61,25 @@ def consider(
     note(f"{said}: about {much} on this machine")
     if at_terminal():
         click.confirm("Begin?", abort=True, err=True)
+
+
+def ask_trust(study: str, trust: bool) -> None:
+    """See to it once, before a study's task files are run, that they may be.
+
+    Where nobody can answer, nothing is agreed to: whoever would run a file refuses it.
+
+    Raises:
+        click.Abort: the answer is no.
+    """
+    from realitygap.study.folder import agree, programs
+
+    found = [] if trust else programs(Path(study))
+    if found and not at_terminal():
+        return
+    for file in found:
+        click.echo(
+            f"{study} was made elsewhere. To simulate its task, this program has to run: {file}", err=True
+        )
+    if found:
+        click.confirm("Do you trust who wrote it?", abort=True, err=True)
+    agree(Path(study))

@@ -9,12 +9,11 @@ import click
 
 from realitygap.cli import option
 from realitygap.cli.estimate import consider
-from realitygap.cli.failure import StoppedError
+from realitygap.cli.failure import resumable
 from realitygap.cli.kinds import Whole
 from realitygap.cli.output import tell
 from realitygap.cli.progress import ProgressLine
 from realitygap.cli.studies import show_shard
-from realitygap.errors import RobotStoppedError, StudyInterruptedError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -102,19 +101,15 @@ def noise(
         runs = runs if shard is None else len(shard.own(range(runs)))
         trials = runs * config.units * config.starts
         consider(runs=runs, evaluations=config.evaluations, trials=trials, workers=workers)
-    try:
-        with ProgressLine() as progress:
-            results = noise_study(
-                out, config, workers=workers, engine=engine, resume=resume, shard=shard,
-                on_progress=progress.show,
-            )  # fmt: skip
-            if read_mark(out) is not None:
-                show_shard(out, {}, json_output=json_output)
-                return
-            page = build_noise_report(out, on_progress=progress.report)
-    except (KeyboardInterrupt, StudyInterruptedError, RobotStoppedError):
-        again = resuming(config, out) + option.unusual(engine)
-        raise StoppedError(f"stopped; what is done is kept in {out}; resume with `{again}`") from None
+    with resumable(out, resuming(config, out) + option.unusual(engine)), ProgressLine() as progress:
+        results = noise_study(
+            out, config, workers=workers, engine=engine, resume=resume, shard=shard,
+            on_progress=progress.show,
+        )  # fmt: skip
+        if read_mark(out) is not None:
+            show_shard(out, {}, json_output=json_output)
+            return
+        page = build_noise_report(out, on_progress=progress.report)
     show_noise(out, results, page, {}, json_output=json_output)
 
 

@@ -9,8 +9,8 @@ import click
 from click.core import ParameterSource
 
 from realitygap.cli import option
+from realitygap.cli.estimate import ask_trust
 from realitygap.cli.output import print_json, tell
-from realitygap.cli.trust import ask_trust
 
 if TYPE_CHECKING:
     from realitygap.study.load import Study

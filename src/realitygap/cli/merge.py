@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 import click
 
 from realitygap.cli import option
-from realitygap.cli.estimate import note
+from realitygap.cli.estimate import ask_trust, note
 from realitygap.cli.experiment import show_noise
 from realitygap.cli.output import print_json
 from realitygap.cli.progress import ProgressLine
 from realitygap.cli.studies import reported, show_study
 from realitygap.cli.transfer import print_transfers
-from realitygap.cli.trust import ask_trust
 
 if TYPE_CHECKING:
     from realitygap.study.load import Study

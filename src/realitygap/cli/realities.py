@@ -10,11 +10,10 @@ import click
 
 from realitygap.cli import option
 from realitygap.cli.estimate import consider
-from realitygap.cli.failure import StoppedError
+from realitygap.cli.failure import resumable
 from realitygap.cli.kinds import Whole
 from realitygap.cli.output import print_json, print_table, warn
 from realitygap.cli.progress import ProgressLine
-from realitygap.errors import RobotStoppedError, StudyInterruptedError
 
 if TYPE_CHECKING:
     from realitygap.experiments.realities import Realities
@@ -74,14 +73,11 @@ def realities(
     if not resume:
         runs = asked.runs * len(asked.levels) * len(asked.every)
         consider(runs=runs, evaluations=asked.evaluations, trials=runs * asked.starts, workers=workers)
-    try:
-        with ProgressLine() as progress:
-            places = carry_out(out, asked, workers=workers, resume=resume, on_progress=progress.show)
-            page = build_realities_report(out, places, on_progress=progress.report)
-    except (KeyboardInterrupt, StudyInterruptedError, RobotStoppedError):
-        robots = "".join(f" --robot {shlex.quote(robot)}" for robot in asked.robots if asked.programs)
-        again = f"realitygap realities --out {shlex.quote(str(out))}{robots} --resume"
-        raise StoppedError(f"stopped; what is done is kept in {out}; resume with `{again}`") from None
+    robots = "".join(f" --robot {shlex.quote(robot)}" for robot in asked.robots if asked.programs)
+    again = f"realitygap realities --out {shlex.quote(str(out))}{robots} --resume"
+    with resumable(out, again), ProgressLine() as progress:
+        places = carry_out(out, asked, workers=workers, resume=resume, on_progress=progress.show)
+        page = build_realities_report(out, places, on_progress=progress.report)
     warn(f"{place.robot} is left out: {place.why}" for place in places if place.why)
     if json_output:
         print_json({"folder": str(out), "report": str(page), **realities_summary(places)})

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import click
 
 from realitygap.cli import option
+from realitygap.cli.estimate import ask_trust
 from realitygap.cli.kinds import FILM
 from realitygap.cli.output import print_json
 from realitygap.cli.scene import Scene, print_path
-from realitygap.cli.trust import ask_trust
 
 if TYPE_CHECKING:
     from realitygap.cli.option import Numbers

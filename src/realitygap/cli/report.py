@@ -3,9 +3,9 @@
 import click
 
 from realitygap.cli import option
+from realitygap.cli.estimate import ask_trust
 from realitygap.cli.output import tell
 from realitygap.cli.progress import ProgressLine
-from realitygap.cli.trust import ask_trust
 
 __all__ = ["report"]
 

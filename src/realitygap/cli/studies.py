@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from realitygap.cli.failure import StoppedError
+from realitygap.cli.failure import resumable
 from realitygap.cli.output import print_json, print_table, tell
 from realitygap.cli.progress import ProgressLine
 from realitygap.cli.show import describe, print_runs
-from realitygap.errors import StudyInterruptedError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -71,17 +70,17 @@ def carry_out(
     """
     from realitygap.study.runner import run_study
 
-    try:
-        with ProgressLine() as progress:
-            requested = config(progress) if callable(config) else config
-            study = run_study(
-                folder, requested, workers=workers, engine=engine, resume=resume, on_progress=progress.show
-            )
-            more = {} if then is None else then(study, progress)
-            return reported(folder, study, workers, progress, more)
-    except (KeyboardInterrupt, StudyInterruptedError):
-        again = f"realitygap {words} --out {shlex.quote(str(folder))} --resume"
-        raise StoppedError(f"stopped; what is done is kept in {folder}; resume with `{again}`") from None
+    with resumable(folder, _again(words, folder)), ProgressLine() as progress:
+        requested = config(progress) if callable(config) else config
+        study = run_study(
+            folder, requested, workers=workers, engine=engine, resume=resume, on_progress=progress.show
+        )
+        more = {} if then is None else then(study, progress)
+        return reported(folder, study, workers, progress, more)
+
+
+def _again(words: str, folder: Path) -> str:
+    return f"realitygap {words} --out {shlex.quote(str(folder))} --resume"
 
 
 def reported(
@@ -133,15 +132,11 @@ def carry_out_shard(
     """
     from realitygap.study.runner import run_study
 
-    try:
-        with ProgressLine() as progress:
-            study = run_study(
-                folder, config, workers=workers, engine=engine, resume=resume, shard=shard,
-                on_progress=progress.show,
-            )  # fmt: skip
-    except (KeyboardInterrupt, StudyInterruptedError):
-        again = f"realitygap {words} --out {shlex.quote(str(folder))} --resume"
-        raise StoppedError(f"stopped; what is done is kept in {folder}; resume with `{again}`") from None
+    with resumable(folder, _again(words, folder)), ProgressLine() as progress:
+        study = run_study(
+            folder, config, workers=workers, engine=engine, resume=resume, shard=shard,
+            on_progress=progress.show,
+        )  # fmt: skip
     done = [run for run in study.runs if run.finished]
     if not json_output:
         print_runs(done)

@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from realitygap.cli import option
-from realitygap.cli.estimate import consider
+from realitygap.cli.estimate import ask_trust, consider
 from realitygap.cli.failure import StoppedError
 from realitygap.cli.kinds import Whole
 from realitygap.cli.output import print_json, print_table, shown
 from realitygap.cli.progress import ProgressLine
 from realitygap.cli.studies import show_shard
-from realitygap.cli.trust import ask_trust
 from realitygap.errors import RobotStoppedError, StudyInterruptedError
 
 if TYPE_CHECKING:

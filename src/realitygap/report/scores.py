@@ -1,11 +1,13 @@
 """Tables 1 and 2: types, behaviour scores, differences, correspondence scores, beside the paper's."""
 
+import csv
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import zip_longest
+from pathlib import Path
+from typing import NamedTuple
 
-from realitygap.report.paper_tables import PAPER_AVERAGES, PAPER_ROWS, PaperRow
 from realitygap.report.statistics import Mean, mean_of
 from realitygap.study.load import Study
 from realitygap.tasks.task import Task
@@ -13,7 +15,40 @@ from realitygap.text import to_csv
 from realitygap.transfer.score_rows import ScoreRow, marks_of
 from realitygap.world.noise import noise_level, noise_name
 
-__all__ = ["ScoreClass", "ScoreTable", "score_tables", "scores_csv", "study_tables"]
+__all__ = [
+    "PAPER_AVERAGES", "PAPER_ROWS", "PaperRow", "ScoreClass", "ScoreTable", "score_tables", "scores_csv",
+    "study_tables",
+]  # fmt: skip
+
+
+class PaperRow(NamedTuple):
+    """A controller of the paper's, as its judges marked it: scores out of 10."""
+
+    type: str
+    behaviour: int
+    differences: str
+    correspondence: int
+
+
+def _paper_rows() -> dict[str, dict[float, tuple[PaperRow, ...]]]:
+    found: dict[str, dict[float, tuple[PaperRow, ...]]] = {}
+    lines = Path(__file__).with_name("paper_tables.csv").read_text("utf-8").splitlines()
+    for task, noise, kind, behaviour, differences, correspondence in list(csv.reader(lines))[1:]:
+        rows = found.setdefault(task, {})
+        row = PaperRow(kind, int(behaviour), differences, int(correspondence))
+        rows[float(noise)] = (*rows.get(float(noise), ()), row)
+    return found
+
+
+PAPER_ROWS: Mapping[str, Mapping[float, tuple[PaperRow, ...]]] = _paper_rows()
+"""By task and level of noise."""
+
+PAPER_AVERAGES: Mapping[str, Mapping[float, tuple[float, float]]] = {
+    "obstacle-avoidance": {0.0: (4.0, 6.2), 1.0: (6.0, 8.0), 2.0: (4.8, 6.8)},
+    "light-seeking": {0.0: (6.4, 5.6), 1.0: (6.8, 7.8), 2.0: (5.8, 5.4)},
+}
+"""Behaviour and correspondence score, as the tables print them."""
+
 
 SCORES = ("behaviour", "correspondence")
 SHOWN = 10

@@ -8,8 +8,8 @@ from realitygap.study.config import StudyConfig
 from realitygap.study.folder import CONFIG, agree, exists
 from realitygap.study.materials import gather, own
 from realitygap.study.reader import DATABASE, Reader
+from realitygap.study.sources import agree_to
 from realitygap.study.store import create
-from realitygap.study.trust import agree_to
 from realitygap.values import Closing
 from realitygap.work.pool import Pool
 from realitygap.work.workers import far

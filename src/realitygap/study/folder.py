@@ -1,7 +1,5 @@
 """A study's folder: made once, locked while worked on, opened only by the configuration it was made with."""
 
-import platform
-import sqlite3
 import tomllib
 from collections.abc import Mapping
 from contextlib import suppress
@@ -9,16 +7,14 @@ from pathlib import Path
 
 from realitygap import whole
 from realitygap.errors import StudyError
-from realitygap.study.commit import project_commit
 from realitygap.study.config import StudyConfig
 from realitygap.study.lock import LOCK
-from realitygap.study.machine import processor
 from realitygap.study.materials import Materials, gather, own, program_files
 from realitygap.study.reader import DATABASE, Reader
 from realitygap.study.schema import told
 from realitygap.study.settings import refuse_difference, refuse_edited_settings
-from realitygap.study.sources import changed, inside, refuse_edited
-from realitygap.study.trust import agree_to, refuse_strange, strange
+from realitygap.study.sources import agree_to, changed, inside, refuse_edited, refuse_strange, strange
+from realitygap.study.versions import versions
 from realitygap.toml import to_toml
 from realitygap.work.shard import MARK
 from realitygap.world.profile import Profile, load_profile
@@ -36,7 +32,6 @@ __all__ = [
     "read_profile",
     "refuse_other",
     "take_back",
-    "versions",
 ]
 
 CONFIG = "study.toml"
@@ -184,27 +179,6 @@ def programs(folder: Path) -> list[Path]:
 def agree(folder: Path) -> None:
     """Run the programs that a study brings from now on, whoever wrote them."""
     agree_to(path.read_bytes() for path in programs(folder))
-
-
-def versions() -> dict[str, str]:
-    """What the bits of a result may depend on besides the configuration."""
-    from importlib.metadata import version
-
-    import numba
-    import numpy
-
-    return {
-        "realitygap": version("realitygap"),
-        "commit": project_commit(),
-        "python": platform.python_version(),
-        "numpy": numpy.__version__,
-        "numba": numba.__version__,
-        "mujoco": version("mujoco-core"),
-        "opencv": version("opencv-python-headless"),
-        "sqlite": sqlite3.sqlite_version,
-        "platform": platform.platform(),
-        "processor": processor(),
-    }
 
 
 def _text(config: StudyConfig) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 from realitygap.errors import RealityGapError, StudyInterruptedError
 from realitygap.study.config import StudyConfig
 from realitygap.study.far import Words, home_of, words_for
-from realitygap.study.folder import exists, open_folder, read_materials, take_back, versions
+from realitygap.study.folder import exists, open_folder, read_materials, take_back
 from realitygap.study.jobs import Advanced, Job, Message, Workshop
 from realitygap.study.load import Study, load_study
 from realitygap.study.lock import lock
@@ -15,6 +15,7 @@ from realitygap.study.materials import Materials, gather
 from realitygap.study.reader import DATABASE
 from realitygap.study.schema import told
 from realitygap.study.store import Store
+from realitygap.study.versions import versions
 from realitygap.text import as_path, must_be
 from realitygap.work.pool import Pool, Setup
 from realitygap.work.progress import OnProgress, Progress, Reporter

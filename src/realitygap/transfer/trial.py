@@ -19,8 +19,8 @@ from realitygap.robots.address import Address
 from realitygap.robots.body import Body, attend
 from realitygap.robots.recording import Recorder
 from realitygap.simulation.simulation import Simulation
-from realitygap.study.folder import versions
 from realitygap.study.load import Study
+from realitygap.study.versions import versions
 from realitygap.toml import to_toml
 from realitygap.track import Track
 from realitygap.transfer.folder import made

@@ -9,10 +9,10 @@ from realitygap import whole
 from realitygap.errors import StudyError
 from realitygap.experiments.noise.config import CONFIG, NoiseConfig
 from realitygap.experiments.noise.plan import Controller
-from realitygap.study.folder import versions
 from realitygap.study.lock import LOCK
 from realitygap.study.schema import told
 from realitygap.study.settings import refuse_difference, refuse_edited_settings
+from realitygap.study.versions import versions
 from realitygap.toml import read_toml, to_toml
 from realitygap.work.shard import MARK
 

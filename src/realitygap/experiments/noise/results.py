@@ -12,7 +12,7 @@ from realitygap.experiments.noise.folder import RESULTS, Seconds, command_of
 from realitygap.experiments.noise.plan import Controller, controllers
 from realitygap.experiments.noise.simulated import read_compared
 from realitygap.experiments.noise.stage import Stage
-from realitygap.study.folder import versions
+from realitygap.study.versions import versions
 from realitygap.text import to_csv
 from realitygap.toml import read_toml, to_toml
 

@@ -14,7 +14,7 @@ from realitygap.experiments.noise import claims
 from realitygap.experiments.noise.claims import RESAMPLES, Contrast, Finding, Split
 from realitygap.experiments.noise.contrasts import crossing, interval, peak, unpaired
 from realitygap.experiments.noise.crossed import FEWEST, Crossed
-from realitygap.report.paper_tables import PAPER_ROWS
+from realitygap.report.scores import PAPER_ROWS
 
 __all__ = [
     "BOTH", "FAILED", "PAPER", "SATURATED", "Curve", "Fall", "FitnessRow", "NoiseFacts", "Scope", "Span",

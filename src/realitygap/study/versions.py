@@ -1,19 +1,42 @@
-"""Which commit of the project is at work, as far as anybody can know."""
+"""What is at work: versions, the commit as far as anybody can know, and the processor."""
 
 import filecmp
 import json
 import os
+import platform
+import re
+import sqlite3
 import subprocess
-from importlib.metadata import PackageNotFoundError, distribution
+from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
 
-__all__ = ["UNKNOWN", "project_commit"]
+__all__ = ["UNKNOWN", "processor", "project_commit", "versions"]
 
 UNKNOWN = "not known"
 PACKAGE = Path(__file__).resolve().parent.parent
+
+
+def versions() -> dict[str, str]:
+    """What the bits of a result may depend on besides the configuration."""
+    import numba
+    import numpy
+
+    return {
+        "realitygap": version("realitygap"),
+        "commit": project_commit(),
+        "python": platform.python_version(),
+        "numpy": numpy.__version__,
+        "numba": numba.__version__,
+        "mujoco": version("mujoco-core"),
+        "opencv": version("opencv-python-headless"),
+        "sqlite": sqlite3.sqlite_version,
+        "platform": platform.platform(),
+        "processor": processor(),
+    }
 
 
 def project_commit(package: Path = PACKAGE) -> str:
@@ -73,3 +96,38 @@ def _same(package: Path, source: Path) -> bool:
 def _files(folder: Path) -> list[str]:
     every = (path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
     return sorted(str(path) for path in every if "__pycache__" not in path.parts)
+
+
+CPUINFO = Path("/proc/cpuinfo")
+DECISIVE = (
+    "FMA3", "AVX2", "AVX512F", "AVX512_SKX", "AVX512_ICL", "AVX512_SPR", "ASIMD", "ASIMDFHM", "SVE",
+)  # fmt: skip
+"""Instruction sets for which NumPy and C libraries have code of their own, whose last bits may differ."""
+
+
+@cache
+def processor() -> str:
+    """Its model, and its decisive instruction sets as NumPy uses them (NPY_DISABLE_CPU_FEATURES heeded)."""
+    sets = ", ".join(name for name in DECISIVE if _features().get(name))
+    return f"{_model()} ({sets})" if sets else _model()
+
+
+def _model() -> str:
+    """As its maker calls it, else the kind of machine."""
+    try:
+        if platform.system() == "Darwin":
+            asked = ["/usr/sbin/sysctl", "-n", "machdep.cpu.brand_string"]
+            return subprocess.run(asked, capture_output=True, text=True, check=True, timeout=5).stdout.strip()
+        found = re.search(r"^model name\s*:\s*(.+)$", CPUINFO.read_text("utf-8"), re.MULTILINE)
+    except (OSError, ValueError, subprocess.SubprocessError):
+        found = None
+    return found[1].strip() if found else platform.machine()
+
+
+def _features() -> dict[str, bool]:
+    """What NumPy found; nothing where it keeps that elsewhere than today."""
+    try:
+        from numpy._core._multiarray_umath import __cpu_features__  # type: ignore[import-not-found]
+    except ImportError:
+        return {}
+    return dict(__cpu_features__)
