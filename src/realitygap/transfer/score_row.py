@@ -18,8 +18,8 @@ from realitygap.kernels.rng import substream
 from realitygap.streams import NAMED
 from realitygap.study.load import Run, Study
 from realitygap.study.plan import run_stream
+from realitygap.transfer.kept_rows import digest
 from realitygap.transfer.load import Transferred
-from realitygap.transfer.score_rows import digest
 
 if TYPE_CHECKING:
     from realitygap.correspondence.names import Namer
