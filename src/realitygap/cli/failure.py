@@ -162,9 +162,7 @@ def tidy(command: click.Command, ctx: click.Context, args: list[str]) -> list[st
         return args  # click's own words, when it reads them
     for param, times in Counter(p for p in order if isinstance(p, click.Option)).items():
         if times > 1 and not (param.multiple or param.is_flag or param.count):
-            raise click.UsageError(
-                f"{param.opts[0]}: expected once, got {times} times. Keep one.", own
-            )
+            raise click.UsageError(f"{param.opts[0]}: expected once, got {times} times. Keep one.", own)
     inner = command.get_command(own, rest[0]) if isinstance(command, click.Group) and rest else None
     if inner is None:
         return args
