@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from realitygap.errors import RealityGapError, UsageError
     from realitygap.evolution import make_algorithm
     from realitygap.report.build import build_report
+    from realitygap.simulation.body import SimulatedBody, drive_simulated
     from realitygap.simulation.simulation import Simulation
     from realitygap.study.config import StudyConfig
     from realitygap.study.load import load_study
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from realitygap.tasks import load_task
     from realitygap.tasks.task import Start, Task
     from realitygap.track import Track, Trajectory
+    from realitygap.transfer.drive import drive
     from realitygap.transfer.options import Transfer
     from realitygap.transfer.run import load_transfers, run_transfer
     from realitygap.transfer.score_rows import marks_of
@@ -48,11 +50,12 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Arena", "Command", "Layout", "NetworkController", "Pose", "Profile", "Readings", "RealityGapError",
-    "Simulation", "Start", "StudyConfig", "Task", "Track", "Trajectory", "Transfer", "UsageError",
-    "Variation", "__version__", "braitenberg", "build_report", "calibrate", "calibrated_unit", "compare",
-    "constant", "decode", "load_arena", "load_genotype", "load_profile", "load_recording", "load_study",
-    "load_task", "load_transfers", "make_algorithm", "marks_of", "namer", "noise_level", "random_genotype",
-    "read_trials", "run_study", "run_transfer", "save_genotype", "setting_of",
+    "SimulatedBody", "Simulation", "Start", "StudyConfig", "Task", "Track", "Trajectory", "Transfer",
+    "UsageError", "Variation", "__version__", "braitenberg", "build_report", "calibrate", "calibrated_unit",
+    "compare", "constant", "decode", "drive", "drive_simulated", "load_arena", "load_genotype",
+    "load_profile", "load_recording", "load_study", "load_task", "load_transfers", "make_algorithm",
+    "marks_of", "namer", "noise_level", "random_genotype", "read_trials", "run_study", "run_transfer",
+    "save_genotype", "setting_of",
 ]  # fmt: skip
 
 _, __getattr__ = names_of(__name__, {
@@ -74,9 +77,11 @@ _, __getattr__ = names_of(__name__, {
     "study.load": "load_study",
     "study.runner": "run_study",
     "tasks": "load_task",
+    "simulation.body": "SimulatedBody drive_simulated",
     "simulation.simulation": "Simulation",
     "tasks.task": "Start Task",
     "track": "Track Trajectory",
+    "transfer.drive": "drive",
     "transfer.options": "Transfer",
     "transfer.run": "load_transfers run_transfer",
     "transfer.score_rows": "marks_of",

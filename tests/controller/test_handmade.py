@@ -115,7 +115,7 @@ def test_named_controllers(tmp_path):
         ("constant:1", "expected constant:L,R"),
         ("constant:1.5,2", "expected constant:L,R"),
         ("constant:99,0", "left command .* got 99"),
-        ("nowhere.txt", "constant:L,R, braitenberg, or a file .* no file 'nowhere.txt'"),
+        ("nowhere.txt", "constant:L,R, braitenberg, FILE.py:NAME, or a file .* no file 'nowhere.txt'"),
         ("x" * 5000, "no file"),
         ("a\0b", "no file"),
         (".", "cannot read the genotype"),

@@ -7,6 +7,7 @@ from realitygap.cli.bench import bench
 from realitygap.cli.calibrate import calibrate
 from realitygap.cli.camera import camera
 from realitygap.cli.classify import classify
+from realitygap.cli.drive import drive
 from realitygap.cli.evolve import evolve
 from realitygap.cli.experiment import experiment
 from realitygap.cli.export import export
@@ -54,8 +55,9 @@ def realitygap(ctx: click.Context) -> None:
 
 
 for _command in (
-    reproduce, evolve, experiment, realities, simulate, probe, show, replay, report, export, transfer, score,
-    merge, slurm, classify, judge, robot, twin, record, calibrate, track, camera, profile, arena, bench,
+    reproduce, evolve, experiment, realities, simulate, probe, show, replay, report, export, transfer, drive,
+    score, merge, slurm, classify, judge, robot, twin, record, calibrate, track, camera, profile, arena,
+    bench,
 ):  # fmt: skip
     realitygap.add_command(_command)
 

@@ -25,6 +25,7 @@ __all__ = ["evolve"]
 @click.argument("task")
 @option.noise(None, " May be repeated: so many conditions. [default: observed]", several=True)
 @option.profile(None, " [default: paper]")
+@option.arena
 @option.seed(None, " [default: 1995]")
 @option.runs("Runs [default: 1].")
 @option.evaluations
@@ -47,6 +48,7 @@ __all__ = ["evolve"]
 def evolve(
     task: str,
     noise: tuple[float, ...],
+    arena: str | None,
     out: Path | None,
     config: Path | None,
     settings: tuple[str, ...],
@@ -79,9 +81,11 @@ def evolve(
         begun = StudyConfig.from_toml(config, task=task)
     else:
         begun = interrupted_config(folder, resume) or StudyConfig.single(task)
-    arenas = {key: arena for key, arena in begun.arenas.items() if key == name}
+    arenas = {key: other for key, other in begun.arenas.items() if key == name}
     begun = replace(begun, conditions=_conditions(begun, task, noise), arenas=arenas).with_settings(settings)
     chosen = replace(begun, **option.given(options))
+    if arena is not None:
+        chosen = replace(chosen, arenas={name: arena})
     if not resume:
         _notes(chosen, task, workers, shard)
     words = f"evolve {shlex.quote(task)}{option.unusual(engine)}"

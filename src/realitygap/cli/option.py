@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from realitygap.world.profile import Profile
 
 __all__ = [
-    "Numbers", "arena", "as_json", "base", "baud", "checked_pose", "disk", "engine", "evaluations", "given",
-    "individual", "marker", "noise", "out", "picture", "pose", "profile", "resume", "runs", "seconds",
-    "seed", "shard", "task", "trust", "twin_noise", "unusual", "workers",
+    "Numbers", "arena", "as_json", "base", "baud", "checked_pose", "controller", "disk", "engine",
+    "evaluations", "given", "individual", "marker", "noise", "out", "picture", "pose", "profile", "resume",
+    "runs", "seconds", "seed", "shard", "task", "trust", "twin_noise", "unusual", "workers",
 ]  # fmt: skip
 
 BAUDS = tuple(map(str, BAUD_RATES))
@@ -40,6 +40,13 @@ base = click.option(
     "--base",
     metavar="P",
     help="Rough profile of a robot of your own, a TOML file with its radius, heights, top command and speed.",
+)
+controller = click.option(
+    "--controller",
+    required=True,
+    metavar="C",
+    help="A network's file (a genotype's text, or TOML), constant:L,R, braitenberg, or FILE.py:NAME: a "
+    "function decide(inputs) of yours that returns (left, right), or a class with one.",
 )
 disk = click.option("--disk", metavar="FILE", help="The disk's TOML file [default: the shipped disk].")
 marker = click.option(

@@ -14,12 +14,7 @@ __all__ = ["simulate"]
 
 @click.command()
 @click.argument("task")
-@click.option(
-    "--controller",
-    required=True,
-    metavar="FILE|constant:L,R|braitenberg",
-    help="A genotype's text file, two constant wheel commands, or Braitenberg's vehicle.",
-)
+@option.controller
 @option.pose()
 @option.profile()
 @option.arena
@@ -46,14 +41,13 @@ def simulate(
     Example:
         realitygap simulate avoidance --controller constant:5,-3 --pose 25 25 90 --json
     """
-    from realitygap.controller.handmade import controller_genes
-    from realitygap.controller.layout import Layout
-    from realitygap.controller.network import decode
+    from realitygap.controller.own import named_controller
+    from realitygap.simulation.body import drive_simulated
 
     scene = Scene.load(**scene_of)
-    genes = controller_genes(controller, scene.task.feeds, scene.layout)
-    network = decode(genes, Layout.of(genes, inputs=scene.layout.inputs))
-    trajectory, score = scene.simulation().trajectory(network, stream=seed, pose=scene.pose, seconds=seconds)
+    driver = named_controller(controller, scene.task.feeds, scene.layout)
+    settings: dict[str, Any] = {"stream": seed, "pose": scene.pose, "seconds": seconds}
+    trajectory, score = drive_simulated(scene.simulation(), driver, **settings)
     if picture is not None:
         scene.save_picture(picture, trajectory)
     if json_output:

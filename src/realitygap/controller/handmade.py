@@ -22,6 +22,7 @@ from realitygap.controller.layout import (
     Layout,
     check_layout,
 )
+from realitygap.controller.written import load_network
 from realitygap.errors import UsageError
 
 __all__ = ["braitenberg", "constant", "controller_genes"]
@@ -106,7 +107,8 @@ def _wire(genes: Genes, layout: Layout, slot: int, threshold: int, weights: Sequ
 
 
 def controller_genes(spec: str, feeds: str, layout: Layout) -> Genes:
-    """The genotype that a person names: "constant:L,R", "braitenberg", or a genotype's file.
+    """The genotype that a person names: "constant:L,R", "braitenberg", or the file of a genotype or of a
+    network written by hand (.toml).
 
     A file's genotype must have the layout's inputs; slots and link fields are its own.
 
@@ -123,7 +125,9 @@ def controller_genes(spec: str, feeds: str, layout: Layout) -> Genes:
         return braitenberg(feeds, layout)
     if not os.path.exists(spec):
         raise UsageError(
-            f"the controller: expected constant:L,R, braitenberg, or a file with a genotype; "
-            f"there is no file {spec!r}."
+            f"the controller: expected constant:L,R, braitenberg, FILE.py:NAME, or a file with a genotype or "
+            f"a network (.toml); there is no file {spec!r}."
         )
+    if spec.endswith(".toml"):
+        return load_network(spec, layout.inputs)
     return load_genotype(spec, layout)

@@ -7,15 +7,18 @@ from collections.abc import Callable
 
 import numpy as np
 
+from realitygap.controller.network import NetworkController, decode
 from realitygap.errors import UsageError
 from realitygap.kernels import halves
 from realitygap.kernels.work import new_aside, new_work
 from realitygap.robots.body import KINDS, Channel, Odometry
 from realitygap.robots.clock import SteppedClock
+from realitygap.robots.loop import Controller
 from realitygap.simulation.simulation import Simulation
+from realitygap.track import Trajectory
 from realitygap.values import Command, Pose, Readings, fed
 
-__all__ = ["SimulatedBody", "network_inputs"]
+__all__ = ["SimulatedBody", "drive_simulated", "network_inputs"]
 
 PULSES_PER_STEP = 10
 """Pulses that a wheel turns by in a step at one Khepera unit (a pulse per 10 ms)."""
@@ -167,3 +170,48 @@ def network_inputs(simulation: Simulation) -> Callable[[Readings], list[int]]:
         return profile.inputs(row.tolist(), task.feeds, task.of(profile).sensors)
 
     return make
+
+
+def drive_simulated(
+    simulation: Simulation,
+    controller: Controller,
+    *,
+    stream: int = 0,
+    pose: Pose | None = None,
+    seconds: float | None = None,
+) -> tuple[Trajectory, float]:
+    """One simulated trial under any controller, and its score: under a network's the bits of
+    `Simulation.trajectory`.
+
+    Args:
+        simulation: task, robot, noise and arena.
+        controller: has reset() and decide(inputs), inputs as a network's of the task.
+        stream: the trial's.
+        pose: where it starts; by default where the stream says.
+        seconds: how long it lasts; by default the task's length.
+
+    Raises:
+        UsageError: a pose that is not free, a wrong length, a command that is none.
+    """
+    if isinstance(controller, NetworkController):
+        networks = decode(controller.genes, controller.layout)
+        return simulation.trajectory(networks, stream=stream, pose=pose, seconds=seconds)
+    body, make = SimulatedBody(simulation, stream=stream, kinds=KINDS), network_inputs(simulation)
+    if pose is not None:
+        body.reset(pose)
+    steps = simulation.task.steps_of(simulation.profile) if seconds is None else simulation._steps(seconds)
+    record = simulation._blank(steps)
+    controller.reset()
+    for k in range(steps):
+        readings = body.sense()
+        record.pose[k] = body._work.pose[:3]
+        record.proximity[k], record.ambient[k] = readings.proximity, readings.ambient
+        record.inputs[k] = make(readings)
+        command = controller.decide(record.inputs[k].tolist())
+        body.act(command)
+        body.clock.sleep_until(body.clock.now() + body.period_s)
+        record.commands[k] = command.left, command.right
+        record.wheels[k] = body.wheels
+        for row, value in zip(record.path, (*body._work.pose[:3], *body._work.ground), strict=True):
+            row[k] = value
+    return simulation._lived(record)

@@ -111,20 +111,27 @@ class Simulation:
             raise UsageError(f"networks: expected one, got {len(networks.neurons)}. Decode one genotype.")
         named = as_stream(stream)
         steps = self._cores.trial.steps if seconds is None else self._steps(seconds)
-        world, inputs = self._cores.world, self._cores.trial.channels.shape[0]
-        proximity_n, ambient_n = len(self.profile.infrared.sensors), len(self.profile.ambient.sensors)
-        path = Path(*np.zeros((len(Path._fields), steps)))
-        record = Record(
-            path=path, pose=np.zeros((steps, 3)), proximity=np.zeros((steps, proximity_n)),
-            ambient=np.zeros((steps, ambient_n)), inputs=np.zeros((steps, inputs), np.int64),
-            commands=np.zeros((steps, 2), np.int64), wheels=np.zeros((steps, 2)),
-        )  # fmt: skip
+        world, record = self._cores.world, self._blank(steps)
         work = self._cores.scratch(networks)
         self._place(work, self.start(stream) if pose is None else pose)
         world = world._replace(task=world.task._replace(steps=steps))
         batch.record_trial(world, networks, named, work, new_aside(world.robot, world.task), record)
-        self._cores.require_finite_path(*path, record.proximity, record.ambient)
-        score = np.array([self._cores.score(path, self._cores.room)])
+        return self._lived(record)
+
+    def _blank(self, steps: int) -> Record:
+        """Room for a trial of so many steps."""
+        return Record(
+            path=Path(*np.zeros((len(Path._fields), steps))), pose=np.zeros((steps, 3)),
+            proximity=np.zeros((steps, len(self.profile.infrared.sensors))),
+            ambient=np.zeros((steps, len(self.profile.ambient.sensors))),
+            inputs=np.zeros((steps, len(self.task.sensors)), np.int64),
+            commands=np.zeros((steps, 2), np.int64), wheels=np.zeros((steps, 2)),
+        )  # fmt: skip
+
+    def _lived(self, record: Record) -> tuple[Trajectory, float]:
+        """What a record tells, and its score."""
+        self._cores.require_finite_path(*record.path, record.proximity, record.ambient)
+        score = np.array([self._cores.score(record.path, self._cores.room)])
         self._cores.require_finite(score)
         return _trajectory(record, self.profile.period_s), float(score[0])
 

@@ -3,6 +3,7 @@
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {
+    "drive": "Drove drive",
     "load": "Transferred load_transfers",
     "options": "Transfer",
     "rig": "Rig",

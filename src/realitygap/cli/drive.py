@@ -1,0 +1,84 @@
+"""`realitygap drive`: let any controller drive a robot, beside its simulation."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from realitygap.cli import option
+from realitygap.cli.kinds import RobotKind, Whole
+from realitygap.cli.output import print_json, print_table, shown
+
+if TYPE_CHECKING:
+    from realitygap.robots.address import Address
+
+__all__ = ["drive"]
+
+
+@click.command()
+@click.argument("task")
+@option.controller
+@click.option(
+    "--robot", type=RobotKind(), default="twin:1", metavar="R",
+    help="One that places itself: twin:UNIT, enki:khepera (epuck, thymio2), or FILE.py:CLASS.",
+)  # fmt: skip
+@option.pose(required=False)
+@click.option(
+    "--starts", type=Whole(1, 10**6, "K"), default=1, help="Trials, from starts that the task draws."
+)
+@option.profile()
+@option.arena
+@option.noise()
+@option.twin_noise()
+@option.seed()
+@option.seconds
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Keep the tracks there, for `realitygap score DIR`.",
+)
+@option.as_json
+def drive(
+    task: str,
+    controller: str,
+    robot: "Address",
+    pose: option.Numbers | None,
+    profile: str,
+    arena: str | None,
+    noise: float,
+    out: Path | None,
+    json_output: bool,
+    **words: Any,
+) -> None:
+    """Let a controller of any origin drive a robot at TASK, and simulate it from the same starts.
+
+    No study is needed: the controller is a file of yours. TASK is obstacle-avoidance, light-seeking or a
+    Python file of your own; the robot must have the sensors that --profile has.
+
+    \b
+    Example:
+        realitygap drive avoidance --controller my.py:decide --robot twin:1 --starts 3 --out out/mine
+        realitygap score out/mine
+    """
+    from realitygap.controller.layout import Layout
+    from realitygap.controller.own import named_controller
+    from realitygap.simulation.simulation import Simulation
+    from realitygap.transfer.drive import pairs
+
+    simulation = Simulation(task, profile, noise, arena)
+    at = None if pose is None else option.checked_pose(pose, simulation.task.arena, simulation.profile)
+    layout = Layout(inputs=len(simulation.task.sensors))
+    driver = named_controller(controller, simulation.task.feeds, layout)
+    made = list(pairs(simulation, driver, robot, pose=at, folder=out, **words))
+    if json_output:
+        print_json(
+            {"task": simulation.task.name, "robot": str(robot), "trials": [one.to_dict() for one in made]}
+        )
+        return
+    rows = [
+        [one.start, shown(one.score_simulated), shown(one.score_situated), one.track.lost] for one in made
+    ]
+    print_table(("start", "simulated", "situated", "steps lost"), rows)
+    if out is not None:
+        click.echo(f"\ntracks {out}")

@@ -1,0 +1,94 @@
+"""A controller of the user's own in Python: a function, or a class with `decide`, and perhaps `reset`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from realitygap.controller.handmade import controller_genes
+from realitygap.controller.layout import Layout
+from realitygap.controller.network import NetworkController
+from realitygap.errors import UsageError
+from realitygap.user_code import blamed_on, named_object
+from realitygap.values import Command
+
+__all__ = ["OwnController", "named_controller", "own_controller"]
+
+TOP = 10
+
+
+class OwnController:
+    """What drives a body as `decide(inputs) → (left, right)` says: whole numbers −10 … 10 in and out.
+
+    Args:
+        decide: the user's.
+        reset: called before each trial.
+        place: its file or module; an error in it is told by its line there.
+    """
+
+    def __init__(
+        self, decide: Callable[..., Any], reset: Callable[[], Any] | None = None, place: str = "controller"
+    ) -> None:
+        self._decide, self._reset, self._place = decide, reset, place
+
+    def reset(self) -> None:
+        """Before a trial."""
+        if self._reset is not None:
+            with blamed_on(self._place, UsageError, "reset stops"):
+                self._reset()
+
+    def decide(self, inputs: Sequence[int]) -> Command:
+        """One step.
+
+        Raises:
+            UsageError: it stops with an error, or returns no two whole numbers −10 … 10.
+        """
+        with blamed_on(self._place, UsageError, "decide stops"):
+            given = self._decide(list(inputs))
+        pair = (given.left, given.right) if isinstance(given, Command) else given
+        try:
+            left, right = (int(value) for value in pair)
+            whole = (left, right) == tuple(pair) and max(abs(left), abs(right)) <= TOP
+        except (TypeError, ValueError, OverflowError):
+            whole = False
+        if not whole:
+            expected = f"(left, right), whole numbers from -{TOP} to {TOP}"
+            raise UsageError(f"{self._place}: decide: expected {expected}, got {given!r}.")
+        return Command(left=left, right=right)
+
+
+def own_controller(named: object) -> OwnController:
+    """A controller of `file.py:name`, of a function decide(inputs), or of an object that has `decide`.
+
+    A class is called without arguments.
+
+    Raises:
+        UsageError: no such file or name, or nothing that decides.
+    """
+    place = "controller"
+    if isinstance(named, str):
+        text, place = named, named.rpartition(":")[0]
+        place = str(Path(place).expanduser().resolve()) if place.endswith(".py") else place
+        named = named_object(text, UsageError, "controller")
+    if isinstance(named, type):
+        with blamed_on(place, UsageError, f"{named.__name__}() stops"):
+            named = named()
+    decide = getattr(named, "decide", named)
+    if not callable(decide):
+        expected = "a function decide(inputs), or a class that has one"
+        raise UsageError(f"controller: expected {expected}, got {named!r}.")
+    return OwnController(decide, getattr(named, "reset", None), place)
+
+
+def named_controller(spec: str, feeds: str, layout: Layout) -> OwnController | NetworkController:
+    """The controller that a person names: `file.py:name`, or as of `controller_genes`.
+
+    Raises:
+        UsageError: it is none of these; says how it is wrong.
+    """
+    place, _, name = spec.rpartition(":")
+    if place and name.isidentifier() and place != "constant":
+        return own_controller(spec)
+    genes = controller_genes(spec, feeds, layout)
+    return NetworkController(genes, Layout.of(genes, inputs=layout.inputs))

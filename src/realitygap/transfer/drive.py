@@ -1,0 +1,156 @@
+"""Any controller on any body at a task: the track that came of it, and the task's score."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from realitygap import temporary, whole
+from realitygap.controller.own import own_controller
+from realitygap.errors import UsageError
+from realitygap.kernels.rng import substream
+from realitygap.robots.address import Address
+from realitygap.robots.body import Body
+from realitygap.robots.loop import Controller
+from realitygap.robots.recording import Recording
+from realitygap.simulation.body import drive_simulated
+from realitygap.simulation.simulation import Simulation
+from realitygap.tasks.load import load_task
+from realitygap.tasks.task import Task
+from realitygap.toml import to_toml
+from realitygap.track import Track
+from realitygap.transfer.paths import score
+from realitygap.transfer.plan import check_fit
+from realitygap.transfer.rig import Rig, driven
+from realitygap.transfer.trial import SIMULATED, SITUATED, TRIAL
+from realitygap.values import Pose, as_stream
+from realitygap.world.profile import Profile, load_profile
+
+__all__ = ["Drove", "Pair", "drive", "pairs"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drove:
+    """What came of a drive.
+
+    Attributes:
+        track: a row a step, the first one the start: as the body knows its place, else by its wheels.
+        score: the task's.
+        recording: what was read, decided and done, a row a step.
+    """
+
+    track: Track
+    score: float
+    recording: Recording
+
+
+def drive(
+    body: Body,
+    controller: Any,
+    *,
+    task: Task | str | PathLike[str],
+    profile: Profile | str | PathLike[str] = "paper",
+    start: Pose | None = None,
+    seconds: float | None = None,
+) -> Drove:
+    """Let a controller drive a body at a task, and score its track.
+
+    Args:
+        body: the robot: a SimulatedBody, or any that keeps the contract of `robots/body.py`.
+        controller: a NetworkController, a function decide(inputs) → (left, right), a class or an object
+            that has one, or `file.py:name`; −10 … 10 in and out.
+        task: which sensors are fed, how long, and the score.
+        profile: its input ranges and wheels.
+        start: where the body is put, or where somebody has put it; by default where it says that it is.
+        seconds: length; the task's own if None.
+
+    Raises:
+        UsageError: a body that does not know where it is, without `start`; a controller that is none.
+        RobotError: the robot was lost; it was told to stand.
+    """
+    task, profile = load_task(task), load_profile(profile)
+    start = getattr(body, "pose", None) if start is None else start
+    if not isinstance(start, Pose):
+        raise UsageError(f"start: expected a Pose, as this body does not know its place, got {start!r}.")
+    if not (hasattr(controller, "reset") and hasattr(controller, "decide")) or isinstance(controller, type):
+        controller = own_controller(controller)
+    body.reset(start)
+    length = task.seconds if seconds is None else seconds
+    made = driven(body, controller, task=task, profile=profile, seconds=length)
+    track = made.known if made.poses else made.counted(start, profile.wheels.track_cm)
+    return Drove(track=track, score=score(track, task, profile), recording=made.recording)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """A trial on a robot and its simulation from the same start, with the task's scores."""
+
+    start: int
+    pose: Pose
+    simulated: Track
+    track: Track
+    score_simulated: float
+    score_situated: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Its facts; the tracks are in its folder."""
+        fitness = {"simulated": self.score_simulated, "situated": self.score_situated}
+        return {"start": self.start, "pose": self.pose.to_dict(), "fitness": fitness, "lost": self.track.lost}
+
+
+def pairs(
+    simulation: Simulation,
+    controller: Controller,
+    robot: Address,
+    *,
+    starts: int = 1,
+    pose: Pose | None = None,
+    seed: int = 0,
+    twin_noise: float | None = None,
+    seconds: float | None = None,
+    folder: Path | None = None,
+) -> Iterator[Pair]:
+    """Trials of a controller on a robot that places itself, each beside its simulation.
+
+    Args:
+        simulation: task, profile, noise and arena.
+        controller: who drives both.
+        robot: its address.
+        starts: trials.
+        pose: where all begin; by default where the task draws it.
+        seed: of starts and noise.
+        twin_noise: noise scale of a twin or of Enki, 1 if None.
+        seconds: length; the task's own if None.
+        folder: keeps each trial in start-1, start-2, …, as `realitygap score` reads them.
+
+    Raises:
+        UsageError: a robot that does not place itself, or of another kind than the profile's.
+    """
+    task, profile, scale = simulation.task, simulation.profile, 1.0 if twin_noise is None else twin_noise
+    with (
+        temporary.Folder("camera") as cameras,
+        Rig(task, profile, robot=robot, twin_noise=scale, folder_for_camera=cameras) as rig,
+    ):
+        check_fit(rig.body, profile, task.kinds, "profile: expected the robot's, got one of")
+        for number in range(1, starts + 1):
+            stream = int(substream(as_stream(seed, "seed"), as_stream(number)))
+            start = simulation.start(stream) if pose is None else pose
+            lived, simulated = drive_simulated(
+                simulation, controller, stream=stream, pose=start, seconds=seconds
+            )
+            track, _ = rig.drive(controller, stream, start, seconds)
+            made = Pair(
+                start=number, pose=start, simulated=lived.track, track=track, score_simulated=simulated,
+                score_situated=score(track, task, profile),
+            )  # fmt: skip
+            if folder is not None:
+                here = folder / f"start-{number}"
+                here.mkdir(parents=True, exist_ok=True)
+                made.simulated.write_csv(here / SIMULATED)
+                made.track.write_csv(here / SITUATED)
+                facts = {"task": task.name, "robot": str(robot), "noise": simulation.noise, **made.to_dict()}
+                whole.write(here / TRIAL, to_toml(facts))
+            yield made

@@ -1,0 +1,103 @@
+"""Controllers of one's own: Python on the command line, networks written by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from realitygap.cli import realitygap
+from realitygap.controller.handmade import braitenberg
+from realitygap.controller.layout import Layout
+from realitygap.controller.network import NetworkController
+from realitygap.controller.own import named_controller, own_controller
+from realitygap.controller.written import load_network
+from realitygap.errors import GenotypeError, UsageError
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+AVOIDER = (EXAMPLES / "avoider.toml").read_text("utf-8")
+
+
+def test_a_written_network_decides_as_it_says():
+    """In the open both wheels go at 10; each side, and what is ahead, does what the file's comments say."""
+    network = NetworkController(load_network(EXAMPLES / "avoider.toml", 8), Layout(slots=11, links=2))
+    for near, wheels in (((), (10, 10)), ((1,), (10, -10)), ((4,), (-10, 10)), ((3,), (-10, 10))):
+        network.reset()
+        for _ in range(2):
+            command = network.decide([10 if i in near else -10 for i in range(8)])
+        assert (command.left, command.right) == wheels
+
+
+@pytest.mark.parametrize(
+    ("was", "becomes", "told"),
+    [
+        ("weight = -1", "weight = 9", r"left.links\[0\].weight: expected a whole number from -4 to 4, got 9"),
+        (
+            "from = 4",
+            "from = 8",
+            r"left.links\[0\].from: expected an input, 0 to 7, or a neuron: left, right",
+        ),
+        ('from = "ahead"', 'from = "a"', r"left.links\[1\].from: .*ahead; got 'a'"),
+        ("threshold = 10", "treshold = 1", "treshold: unknown key. Did you mean 'threshold'"),
+        ("delay = 1", "delay = 5", r"hidden.ahead.links\[1\].delay|ahead.links\[1\].delay: .* 0 to 4, got 5"),
+        ("inputs = 8", "inputs = 3", "inputs: expected 8, as the task feeds, got 3"),
+        ("[right]", "[right", "not a TOML file"),
+        ("hidden.ahead", "hidden.left", "hidden.left: expected another name"),
+    ],
+)
+def test_a_wrong_network_is_refused_by_its_key(tmp_path, was, becomes, told):
+    """One line names the file, the key, what was expected and what came."""
+    file = tmp_path / "mine.toml"
+    file.write_text(AVOIDER.replace(was, becomes, 1))
+    with pytest.raises(GenotypeError, match=f"mine.toml: (.|\n)*{told}"):
+        load_network(file, 8)
+
+
+def test_functions_classes_and_objects_decide(tmp_path):
+    """Each drives; a class's reset is called, and a function needs none."""
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "def steady(inputs):\n    return 3, -4\n\n\n"
+        "class Counting:\n    def reset(self):\n        self.n = 0\n\n"
+        "    def decide(self, inputs):\n        self.n += 1\n        return self.n, len(inputs)\n\n\n"
+        "def odd(inputs):\n    return 11, 0\n\n\n"
+        "def broken(inputs):\n    return 1 / 0\n"
+    )
+    steady, counting = (named_controller(f"{file}:{name}", "", Layout()) for name in ("steady", "Counting"))
+    assert (steady.decide([0]).left, steady.decide([0]).right) == (3, -4)
+    for _ in range(2):
+        counting.reset()
+        assert [counting.decide([0] * 8).left for _ in range(3)] == [1, 2, 3]
+    assert own_controller(lambda inputs: np.array([2, 2])).decide([]).left == 2
+    with pytest.raises(UsageError, match=r"mine.py: decide: expected \(left, right\), .* got \(11, 0\)"):
+        own_controller(f"{file}:odd").decide([0])
+    with pytest.raises(UsageError, match=r"mine.py, line 19: decide stops with ZeroDivisionError"):
+        own_controller(f"{file}:broken").decide([0])
+    with pytest.raises(UsageError, match=r"controller: .*expected 'none' in it. It has steady"):
+        own_controller(f"{file}:none")
+
+
+@pytest.mark.parametrize("name", ["own_controller.py:avoid", "own_controller.py:Homing", "avoider.toml"])
+def test_the_command_line_takes_them(name):
+    """`simulate` drives the examples' controllers, and ends well."""
+    task, *pose = ("light", "15", "35", "0") if "Homing" in name else ("avoidance", "25", "25", "90")
+    words = ["simulate", task, "--controller", str(EXAMPLES / name), "--pose", *pose]
+    result = CliRunner().invoke(realitygap, [*words, "--seconds", "5"])
+    assert result.exit_code == 0, result.output
+    assert "score" in result.stdout
+
+
+def test_a_missing_controller_is_one_message():
+    """Exit code 2, and what may be named."""
+    words = ["simulate", "avoidance", "--pose", "25", "25", "90", "--controller"]
+    for name, told in (("nobody", "FILE.py:NAME"), ("no.py:one", "no such file")):
+        result = CliRunner().invoke(realitygap, [*words, name])
+        assert result.exit_code == 2 and told in result.output and "Traceback" not in result.output
+
+
+def test_genotypes_keep_their_names():
+    """What named a controller before still does."""
+    made = named_controller("braitenberg", "proximity", Layout())
+    assert (made.genes == braitenberg("proximity", Layout())).all()

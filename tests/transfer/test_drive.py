@@ -1,0 +1,96 @@
+"""Any controller on any body: the track is the body's, the score the task's."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from realitygap import NetworkController, Pose, SimulatedBody, Simulation, drive, drive_simulated
+from realitygap.cli import realitygap
+from realitygap.controller.handmade import braitenberg
+from realitygap.controller.layout import Layout
+from realitygap.errors import UsageError
+from realitygap.values import Command
+
+AVOIDER = Path(__file__).resolve().parents[2] / "examples" / "avoider.toml"
+NETWORK = NetworkController(braitenberg("proximity", Layout()))
+
+
+class Passing:
+    """A network that nobody takes for one."""
+
+    def reset(self):
+        NETWORK.reset()
+
+    def decide(self, inputs):
+        return NETWORK.decide(inputs)
+
+
+@pytest.fixture(scope="module")
+def simulation() -> Simulation:
+    return Simulation("avoidance", "paper")
+
+
+def test_any_controller_lives_the_kernels_trial(simulation):
+    """Step by step from Python or whole in the kernels: every array and the score have the same bits."""
+    pose = Pose.from_degrees(8, 40, 100)
+    for at in (None, pose):
+        kernel, score = drive_simulated(simulation, NETWORK, stream=4, pose=at)
+        steps, again = drive_simulated(simulation, Passing(), stream=4, pose=at)
+        assert score == again and kernel.end == steps.end
+        for name in (
+            "t",
+            "x",
+            "y",
+            "heading",
+            "proximity",
+            "ambient",
+            "inputs",
+            "commands",
+            "wheels",
+            "contact",
+        ):
+            assert (getattr(kernel, name) == getattr(steps, name)).all(), name
+
+
+def test_a_drive_gives_track_and_score(simulation):
+    """On the simulated body the track is the simulation's, up to its stop; the score is taken from it."""
+    lived, score = drive_simulated(simulation, NETWORK, stream=4)
+    made = drive(SimulatedBody(simulation, stream=4), NETWORK, task="avoidance")
+    assert (made.track.x[1:-1] == lived.x[1:]).all() and len(made.recording.commands) == 200
+    assert made.score == pytest.approx(score, abs=0.02)  # a film's score: ground speeds from poses
+    still = drive(
+        SimulatedBody(simulation), lambda inputs: Command(left=0, right=0), task="avoidance", seconds=1
+    )
+    assert still.score == 0 and np.ptp(still.track.x) == 0
+
+
+def test_a_drive_without_a_place_is_refused(simulation):
+    """A body that does not know its place needs a start; what decides nothing is no controller."""
+    body = SimulatedBody(simulation)
+    with pytest.raises(UsageError, match="controller: expected a function decide"):
+        drive(body, 7, task="avoidance")
+    with pytest.raises(UsageError, match="start: expected a Pose"):
+        drive(object(), NETWORK, task="avoidance")
+
+
+def test_a_hand_made_network_drives_the_twin(tmp_path):
+    """`drive` keeps both tracks of each start, and `score` compares them."""
+    words = ["drive", "avoidance", "--controller", str(AVOIDER), "--starts", "2", "--seconds", "4", "--json"]
+    result = CliRunner().invoke(realitygap, [*words, "--out", str(tmp_path / "mine")])
+    assert result.exit_code == 0, result.output
+    told = json.loads(result.stdout)["trials"]
+    assert [one["start"] for one in told] == [1, 2] and all(one["fitness"]["situated"] > 0 for one in told)
+    scored = CliRunner().invoke(realitygap, ["score", str(tmp_path / "mine"), "--task", "avoidance"])
+    assert scored.exit_code == 0 and "2 and 2 trials" in scored.stdout, scored.output
+
+
+def test_a_robot_of_another_kind_is_refused():
+    """Enki's e-puck has other counts than the paper's profile."""
+    words = ["drive", "avoidance", "--controller", str(AVOIDER), "--robot", "enki:epuck"]
+    result = CliRunner().invoke(realitygap, words)
+    assert result.exit_code == 2 and "profile: expected the robot's" in result.output
