@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from tests.correspondence.ladders import (
+    PAPER_SCORES,
     Ladder,
     Named,
     against,
@@ -32,7 +33,6 @@ from tests.correspondence.vehicles import SMALL, Driven, called_by_name, everybo
 from tests.exemplars.wide import FAMILIES
 
 from realitygap.correspondence.names import KINDS
-from realitygap.correspondence.words import PAPER_SCORES
 from realitygap.report.style import PAGE, new_figure, styled
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")

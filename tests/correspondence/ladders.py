@@ -26,7 +26,8 @@ from realitygap.correspondence.score import Comparison, compare
 from realitygap.correspondence.setting import Setting, setting_of
 from realitygap.correspondence.statistics import correlation
 from realitygap.correspondence.trials import Trial
-from realitygap.correspondence.words import ANOTHER, PAPER_SCORES
+from realitygap.correspondence.words import ANOTHER
+from realitygap.report.scores import PAPER_ROWS
 from realitygap.tasks.load import load_task
 from realitygap.world.arena import Arena
 from realitygap.world.profile import Profile, load_profile
@@ -35,6 +36,12 @@ from tests.exemplars.kinds import KINDS, Behaviour, exemplar
 KEPT = Path(realitygap.__file__).parent / "correspondence" / "exemplars" / "exemplars.npz"
 Exemplar = tuple[str, Trial, Arena]
 STARTS = 12
+_PRINTED = [row for levels in PAPER_ROWS.values() for rows in levels.values() for row in rows]
+PAPER_SCORES = {
+    phrase: float(np.mean([row.correspondence for row in _PRINTED if row.differences == phrase]))
+    for phrase in {row.differences: 0 for row in _PRINTED}
+}
+"""Mean correspondence scores that the paper's judges gave with each phrase."""
 GAINS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15)
 NOISES = (1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 8.0)
 """Factors on the observed noise."""

@@ -18,7 +18,7 @@ from realitygap.errors import UsageError
 from realitygap.kernels.params import Networks
 from realitygap.user_code import blamed_on, made
 
-__all__ = ["SLOTS", "Encoding", "as_slots", "controller_of", "facts_of", "make_encoding"]
+__all__ = ["SLOTS", "Encoding", "as_slots", "controller_of", "facts_of", "links_into", "make_encoding"]
 
 SLOTS = "slots"
 """Name of the paper's encoding."""
@@ -81,12 +81,8 @@ def as_slots(encoding: Encoding, genes: NDArray[Any]) -> tuple[Genes, Layout]:
     if isinstance(encoding, Variation):
         return genes, encoding.layout
     nets = encoding.decode(genes[np.newaxis])
-    inputs, neurons = int(nets.inputs[0]), int(nets.neurons[0])
-    into: list[list[tuple[int, int, int]]] = [[] for _ in range(neurons)]
-    for target, source, weight, delay in nets.sensor_links[0, : nets.sensor_count[0]].tolist():
-        into[target].append((source, weight, delay))
-    for target, source, weight, delay in nets.links[0, : nets.link_start[0, neurons]].tolist():
-        into[target].append((inputs + source, weight, delay))
+    inputs, into = int(nets.inputs[0]), links_into(nets)
+    neurons = len(into)
     layout = Layout(inputs=inputs, slots=inputs + neurons, links=max(1, *map(len, into)))
     made: Genes = np.zeros(layout.shape, np.int8)
     made[:, EXPRESSED] = 1
@@ -95,6 +91,17 @@ def as_slots(encoding: Encoding, genes: NDArray[Any]) -> tuple[Genes, Layout]:
         for k, link in enumerate(links):
             made[slot, FIRST_LINK + LINK_FIELDS * k :][:LINK_FIELDS] = (1, *link)
     return made, layout
+
+
+def links_into(nets: Networks) -> list[list[tuple[int, int, int]]]:
+    """Of each neuron of a batch's first network its links: the source's slot, weight, delay."""
+    inputs, neurons = int(nets.inputs[0]), int(nets.neurons[0])
+    into: list[list[tuple[int, int, int]]] = [[] for _ in range(neurons)]
+    for target, source, weight, delay in nets.sensor_links[0, : nets.sensor_count[0]].tolist():
+        into[target].append((source, weight, delay))
+    for target, source, weight, delay in nets.links[0, : nets.link_start[0, neurons]].tolist():
+        into[target].append((inputs + source, weight, delay))
+    return into
 
 
 def controller_of(encoding: Encoding, genes: NDArray[Any]) -> NetworkController:

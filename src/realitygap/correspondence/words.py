@@ -10,7 +10,7 @@ from realitygap.correspondence.descriptors import describe_all
 from realitygap.correspondence.scale import EDGE
 from realitygap.correspondence.trials import Trial
 
-__all__ = ["ANOTHER", "PAPER_SCORES", "differences", "noisiness", "signed"]
+__all__ = ["ANOTHER", "differences", "noisiness", "signed"]
 
 Told = dict[str, NDArray[np.float64]]
 """Descriptors of a set's trials, by name (`describe_all`)."""
@@ -26,22 +26,6 @@ LOOPS = 0.15
 ALIKE = ((9.7, "observably identical"), (8.8, "very similar"))
 """Scores from which no difference is worth a word."""
 ANOTHER = "another behaviour"
-
-PAPER_SCORES = {
-    "observably identical": 10.0,
-    "very similar": 9.0,
-    "slightly less noisy": 8.0,
-    "a little less responsive": 8.0,
-    "similar": 8.0,
-    "a little noisier": 7.0,
-    "qualitatively similar": 7.0,
-    "less noisy": 6.25,
-    "less responsive": 6.0,
-    "loops more": 6.0,
-    "noisier": 4.25,
-    "much noisier": 2.0,
-}
-"""Mean correspondence scores that the paper's judges gave with each phrase."""
 
 _NOISE = {
     1: ("a little noisier", "noisier", "much noisier"),

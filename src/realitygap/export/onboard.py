@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap import __version__
-from realitygap.controller.encoding import controller_of
+from realitygap.controller.encoding import controller_of, links_into
 from realitygap.controller.network import NetworkController
 from realitygap.errors import StudyError, UsageError
 from realitygap.evolution.algorithm import Genes
@@ -161,12 +161,8 @@ def _edges(profile: Profile, feeds: str) -> tuple[tuple[int, ...], bool]:
 def _network(run: Run, genes: Genes) -> dict[str, tuple[int, ...]]:
     """Thresholds and links of the neurons that count, in the order of slots."""
     nets = run.study.networks(run.task, genes)
-    inputs, neurons = int(nets.inputs[0]), int(nets.neurons[0])
-    into: list[list[tuple[int, int, int]]] = [[] for _ in range(neurons)]
-    for target, source, weight, delay in nets.sensor_links[0, : nets.sensor_count[0]].tolist():
-        into[target].append((source, weight, delay))
-    for target, source, weight, delay in nets.links[0, : nets.link_start[0, neurons]].tolist():
-        into[target].append((inputs + source, weight, delay))
+    inputs, into = int(nets.inputs[0]), links_into(nets)
+    neurons = len(into)
     thresholds = nets.thresholds[0, :neurons].tolist()
     most = max(LIMIT * sum(abs(w) for _, w, _ in links) + LIMIT for links in into)
     if most > INT16 or inputs + neurons > 255:

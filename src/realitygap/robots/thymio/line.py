@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from realitygap.errors import LineError, UsageError
+from realitygap.lazy import needed
 
 if TYPE_CHECKING:
     from realitygap.robots.clock import RealClock
@@ -84,7 +85,7 @@ class AsebaLine:
         self.clock, self.faults = clock, 0
         self.before: Callable[[], None] = lambda: None
         self._port, self._heard, self._turn = port, b"", 0
-        self._aseba = _messages()
+        self._aseba = needed("thymiodirect.message", "thymio").Message
         self.node = self._greeted(node)
         self.variables = self._described()
 
@@ -244,13 +245,3 @@ def _connected(where: tuple[str, int]) -> socket.socket:
         line.close()
         time.sleep(0.5)
     raise AssertionError("the last one is returned")
-
-
-def _messages() -> Any:
-    try:
-        from thymiodirect.message import Message
-    except ImportError:
-        raise UsageError(
-            "robot: a Thymio needs the package thymiodirect; install it with pip install 'realitygap[thymio]'"
-        ) from None
-    return Message
