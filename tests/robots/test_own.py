@@ -82,7 +82,7 @@ def test_what_a_body_has_is_found_by_its_name(file: Path) -> None:
     with closing(Address.parse(f"{file}:Three").open()) as body:
         assert isinstance(body, Timed) and isinstance(body, Placing) and isinstance(body, Seen)
         assert channel(body, "proximity").high == 4095 and odometry_of(body).counters is None
-        with pytest.raises(UsageError, match="expected ambient sensors, which this one has not"):
+        with pytest.raises(UsageError, match="expected ambient sensors, which this one does not have"):
             channel(body, "ambient")
         clock = clock_of(body)
         clock.sleep_until(clock.now() + 0.5)

@@ -44,7 +44,7 @@ def test_shards_of_a_transfer_are_the_whole(finished, tmp_path):
         for name in ("simulated.csv", "situated.csv"):
             assert (trial / name).read_bytes() == (parts / trial.relative_to(whole) / name).read_bytes()
     (made[0].folder / "situated.csv").write_text("another")
-    with pytest.raises(StudyError, match=r"start-1: another trial is there than .* not overwritten"):
+    with pytest.raises(StudyError, match=r": a trial other than .* is there, and is not overwritten"):
         merge_trials(all_shards(folders), parts)
     drive(parts, shard=shards[1], starts=1)
     with pytest.raises(StudyError, match=r"the trials were made with starts = 2, not 1\. .*one transfer"):
