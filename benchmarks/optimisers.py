@@ -1,4 +1,4 @@
-"""Three optimisers on both tasks at the same budgets, their finds retested: a table and a figure.
+"""Three optimisers on both tasks at the same budget, their finds retested: a table and a figure.
 
     python benchmarks/optimisers.py --out /tmp/optimisers --write docs/optimisers.md
 
@@ -154,8 +154,11 @@ def draw(made: dict[int, dict[str, dict[str, np.ndarray]]], file: Path) -> None:
                             label=NAMES[name] if k == 0 else None)  # fmt: skip
                 one.hlines(np.median(champions), at - 0.11, at + 0.11, "black", lw=1.5)
         one.set_xticks(range(len(made)), [f"{count}" for count in made])
-        one.set(xlabel="evaluations", ylabel=f"score of the champion{title.partition(',')[2]}",
-                title=title.partition(",")[0], ylim=(0, None))  # fmt: skip
+        name, _, unit = title.partition(", ")
+        one.set(
+            xlabel="evaluations", ylabel=", ".join(["champion's score", *filter(None, [unit])]), title=name
+        )
+        one.set_ylim(0, 1.05 * one.get_ylim()[1])
     axes[0].legend(fontsize=7, loc="lower right")
     figure.savefig(file, dpi=150)
 
@@ -164,7 +167,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("optimisers"), help="folder for what was found")
     parser.add_argument("--runs", type=int, default=20)
-    parser.add_argument("--budgets", type=int, nargs="+", default=[1000, 5000])
+    parser.add_argument("--budgets", type=int, nargs="+", default=[1000])
     parser.add_argument("--workers", type=int)
     parser.add_argument(
         "--write", type=Path, help="page that the table is written into, the figure beside it"

@@ -165,6 +165,63 @@ def test_a_study_becomes_tables(tmp_path, monkeypatch):
     assert (tmp_path / "best.png").stat().st_size > 5000
 
 
+def test_settings_of_a_calibration_are_tuned(monkeypatch, tmp_path):
+    """Optuna finds a profile that errs by less than ten times the noise on an object that no fit saw."""
+    pytest.importorskip("optuna", reason="no Optuna here: pip install optuna")
+    monkeypatch.syspath_prepend(EXAMPLES)
+    import tune
+
+    best = tune.main(tmp_path, 3).best_trials
+    assert min(readings for readings, _ in (one.values for one in best)) >= 40
+    assert min(error for _, error in (one.values for one in best)) < 15
+
+
+@pytest.fixture
+def sb3(monkeypatch):
+    """The example with Stable-Baselines3, whose packages warn of what is to come."""
+    pytest.importorskip(
+        "stable_baselines3", reason="no Stable-Baselines3 here: pip install stable-baselines3"
+    )
+    gymnasium = pytest.importorskip("gymnasium")
+    from realitygap.environment import register
+
+    if "realitygap/ObstacleAvoidance-v0" not in gymnasium.registry:
+        register()
+    monkeypatch.syspath_prepend(EXAMPLES)
+    import learn_sb3
+
+    return learn_sb3
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_stable_baselines_sees_what_its_own_vector_of_single_robots_shows(sb3):
+    """Observations, rewards, ends and what was seen last: Stable-Baselines3's DummyVecEnv is the judge."""
+    import gymnasium
+    from stable_baselines3.common.vec_env import DummyVecEnv
+
+    single = [lambda: gymnasium.make("realitygap/ObstacleAvoidance-v0")] * 2
+    random, ours, theirs = np.random.default_rng(2), sb3.make(2), DummyVecEnv(single)
+    ours.seed(5), theirs.seed(5)
+    assert (ours.reset() == theirs.reset()).all()
+    for k in range(1, 402):
+        actions = random.uniform(-1, 1, (2, 2)).astype(np.float32)
+        (seen, rewards, dones, infos), expected = ours.step(actions), theirs.step(actions)
+        assert (seen == expected[0]).all() and (rewards == expected[1]).all() and (dones == expected[2]).all()
+        assert dones.all() == (k % 200 == 0)
+        for one, other in zip(infos, expected[3], strict=True):
+            assert one["TimeLimit.truncated"] is bool(other["TimeLimit.truncated"]) is (k % 200 == 0)
+            assert ("terminal_observation" in one) is ("terminal_observation" in other)
+            if "terminal_observation" in one:
+                assert (one["terminal_observation"] == other["terminal_observation"]).all()
+                assert one["score"] == other["score"]
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_stable_baselines_learns(sb3):
+    """Two updates of PPO on the example's robots."""
+    assert -1 < sb3.main(12_800) < 1
+
+
 def stop_at(done: int) -> Callable[[Progress], None]:
     """Ctrl-C once so many evaluations are done."""
 
