@@ -131,7 +131,7 @@ def test_a_robot_that_is_lost_is_no_mistake_of_its_file(file: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("ant", "expected twin, twin:UNIT, enki:MODEL:UNIT, khepera:PORT"),
+        ("ant", "expected twin, twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, khepera:PORT"),
         ("khepera:", "expected twin"),
         ("twin:x", "whole number"),
         ("nowhere.py:Me", "no such file"),

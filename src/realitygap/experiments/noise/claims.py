@@ -6,8 +6,10 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,33 +39,8 @@ class Claim:
     measured: str = ""
 
 
-CLAIMS = (
-    Claim(
-        key="a",
-        title="Comparison level",
-        text="A robot's tracks look most like a simulation whose noise equals the robot's, whatever the "
-        "controller was evolved under.",
-        test="Paired: the same controller against the simulation at both levels; all controllers. "
-        "Wilcoxon's signed-rank test.",
-    ),
-    Claim(
-        key="b",
-        title="Evolved level",
-        text="Judged against one and the same simulation, whose noise equals the robot's, controllers "
-        "evolved at the robot's noise score best.",
-        test="Unpaired: controllers evolved at either level, of one task and calibration unit. Mann and "
-        "Whitney's test, stratified.",
-    ),
-    Claim(
-        key="c",
-        title="The paper's diagonal",
-        text="Judged each against the simulation that it was evolved in, controllers evolved at the "
-        "robot's noise score best.",
-        test="Unpaired, as (b).",
-        measured="As measured it is less than that: each is held against the simulations of all units at the "
-        "level that it was evolved at, and only one of them is the simulation that it was evolved in.",
-    ),
-)
+_STATED = tomllib.loads(Path(__file__).with_name("claims.toml").read_text("utf-8"))
+CLAIMS = tuple(Claim(**one) for one in _STATED["claim"])
 
 VERDICTS = {
     "opposite": "the robot's level is below zero or double noise, and above neither",

@@ -16,7 +16,7 @@ from realitygap.report.noise.facts import Curve, Fall, FitnessRow, NoiseFacts, S
 from realitygap.report.noise.figures import titled
 from realitygap.report.noise.results import NoiseResults, read_results, real_misfits
 from realitygap.report.noise.tables import NoiseTable, noise_tables
-from realitygap.report.noise.words import limits, robot_words, thoughts, warnings
+from realitygap.report.noise.words import TEXTS, limits, robot_words, thoughts, warnings
 from realitygap.report.page import Figures, OnProgress, Steps, Words, noise_key, report_folder, write_page
 from realitygap.tasks import load_task
 from realitygap.world.noise import noise_name
@@ -25,26 +25,7 @@ __all__ = ["NoiseReport", "build_noise_report", "noise_summary"]
 
 Facts = dict[str, object]
 
-CAPTIONS = {
-    "noise-map": (
-        "Mean correspondence score of {runs} controllers a cell, evolved at a level (rows) and compared with"
-        " the simulation at a level (columns). Framed: the paper's diagonal; bold: the robot's level; the "
-        "darker, the higher."
-    ),
-    "noise-claims": (
-        "Correspondence score by level. (a): a dot a controller at each level of comparison; (b) and (c): a "
-        "dot a run, {runs} a level and task. {dots} Stars: the paper's averages at zero, observed and double"
-        " noise, five runs each, marked by eye."
-    ),
-    "noise-fitness": (
-        "Fitness over the same starts in simulation, at the level evolved under, and on the twin (dots), and"
-        " the difference; {runs} runs a level. {dots}"
-    ),
-    "noise-noisiness": (
-        "How much noisier the twin's turning is than that of the simulation at each level, a dot a "
-        "controller: above 0 the twin is noisier. {dots}"
-    ),
-}
+CAPTIONS: dict[str, str] = TEXTS["captions"]
 """What stands under each figure, in the order of the page."""
 
 

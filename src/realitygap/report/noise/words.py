@@ -1,8 +1,10 @@
 """The result in plain words, made from the numbers, whichever way they fall."""
 
 import math
+import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from realitygap.experiments.noise.claims import Contrast, Finding
 from realitygap.report.noise import asides
@@ -13,44 +15,16 @@ from realitygap.report.noise.results import Misfit
 
 __all__ = ["Scales", "limits", "robot_words", "thoughts", "warnings"]
 
-LIMITS = (
-    "The robot is a twin: pseudo-reality. It shares no code with the simulation, but much else: sizes of "
-    "noise, the wheels' above all, gains and track have common sources, arena and starts are the same, and "
-    "its sensor laws were chosen within reach of what a calibration can fit. Both were made by people who "
-    "had read the paper.",
-    "The twin's noise was set by us, to what a Khepera is believed to have. That a curve peaks at the "
-    "twin's own level says how the score behaves, not how noisy a Khepera is.",
-    "The score has not been validated by people who judged films. It was tested on series of graded, "
-    "known differences and on the order of the paper's phrases, and on nothing else.",
-    "Of each run only the champion was studied: the one that did best when the last population was tested "
-    "again in its own simulation. Testing again weeds out, at every level, those that were lucky once, and "
-    "may make champions of different levels more alike than what evolved there: it may work against claim "
-    "(b).",
-    "All controllers meet the same few units and starts, and the simulations that they evolved in come from "
-    "as few calibrations: intervals are over runs, not over robots, starts or calibrations.",
-    "Studies of one master seed begin with the same populations and starts: they do not replicate each "
-    "other.",
-)
+TEXTS: dict[str, Any] = tomllib.loads(Path(__file__).with_name("texts.toml").read_text("utf-8"))
+"""What is said whatever came out."""
 
-OF_A_TWIN = 2
-"""So many of them, the first, are true of the twin alone."""
 SET_BY_US = "The robot here is a twin, and its noise was set by us."
 
-OF_ENKI = (
-    "The robot is simulated by Enki, EPFL's simulator: pseudo-reality. Its sensor models and its noise are "
-    "its makers'; how units differ was set by us. That a curve peaks at its own level says how the score "
-    "behaves, not how noisy a robot is.",
-)
-OF_A_STRANGER = (
-    "The robot is a stranger: a second twin, pseudo-reality too, whose surfaces, lamp, floor, line and "
-    "battery are outside the family of laws that the calibration can fit. Its noise was set by us. That a "
-    "curve peaks at its own level says how the score behaves, not how noisy a robot is.",
-)
 STAND_INS = {
-    "enki": ("a robot of EPFL's simulator Enki", OF_ENKI),
-    "stranger": ("a twin outside the family of laws that calibration can fit", OF_A_STRANGER),
+    "enki": "a robot of EPFL's simulator Enki",
+    "stranger": "a twin outside the family of laws that calibration can fit",
 }
-"""Of each kind of address that may stand in the twin's place: what it is, and what it cannot tell."""
+"""By kind of address: what may stand in the twin's place."""
 
 Scales = Mapping[str, tuple[float, str]]
 
@@ -101,20 +75,19 @@ def thoughts(
 def robot_words(settings: Mapping[str, object]) -> str:
     """The robot in the twin's place; "" where there is none."""
     robot = Path(str(settings.get("robot", ""))).name
-    whose, _ = _stand_in(settings) or ("the user's own robot", ())
+    whose = STAND_INS.get(_kind(settings), "the user's own robot")
     return f"{robot}, {whose}" if robot else ""
 
 
 def limits(settings: Mapping[str, object]) -> tuple[str, ...]:
     """What such an experiment cannot tell."""
-    if "robot" not in settings:
-        return LIMITS
-    _, own = _stand_in(settings) or ("", ())
-    return (*own, *LIMITS[OF_A_TWIN:])
+    told = TEXTS["limits"]
+    return (*told.get(_kind(settings), ()), *told["all"])
 
 
-def _stand_in(settings: Mapping[str, object]) -> tuple[str, tuple[str, ...]] | None:
-    return STAND_INS.get(str(settings.get("robot")).partition(":")[0])
+def _kind(settings: Mapping[str, object]) -> str:
+    """The kind of the robot's address."""
+    return str(settings.get("robot", "twin")).partition(":")[0]
 
 
 def warnings(calibration: Sequence[Misfit], tasks: Sequence[str], lost: int = 0) -> list[str]:
@@ -144,7 +117,7 @@ def _opening(facts: NoiseFacts, settings: Mapping[str, object]) -> str:
     own = robot_words(settings)
     robot, known = "the twin", f" (its noise scale is {settings['twin_noise']:g})"
     if own:
-        robot, known = own, known if _stand_in(settings) else ""
+        robot, known = own, known if _kind(settings) in STAND_INS else ""
     text = (
         f"{len(data)} controllers evolved at noise {levels} drove {robot}{drove}, and each was compared "
         f"with the simulation at every level, whose 1 is the noise that was measured on "
