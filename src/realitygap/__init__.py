@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 from realitygap.lazy import names_of
 
 if TYPE_CHECKING:
-    from realitygap.calibration.calibrate import calibrate
     from realitygap.calibration.recordings.files import load_recording
     from realitygap.calibration.unit import calibrated_unit
+    from realitygap.commands import calibrate, evolve, reproduce
     from realitygap.controller.genotype import Layout, load_genotype, random_genotype, save_genotype
     from realitygap.controller.handmade import braitenberg, constant
     from realitygap.controller.network import NetworkController, decode
@@ -52,16 +52,16 @@ __all__ = [
     "Arena", "Command", "Layout", "NetworkController", "Pose", "Profile", "Readings", "RealityGapError",
     "SimulatedBody", "Simulation", "Start", "StudyConfig", "Task", "Track", "Trajectory", "Transfer",
     "UsageError", "Variation", "__version__", "braitenberg", "build_report", "calibrate", "calibrated_unit",
-    "compare", "constant", "decode", "drive", "drive_simulated", "load_arena", "load_genotype",
+    "compare", "constant", "decode", "drive", "drive_simulated", "evolve", "load_arena", "load_genotype",
     "load_profile", "load_recording", "load_study", "load_task", "load_transfers", "make_algorithm",
-    "marks_of", "namer", "noise_level", "random_genotype", "read_trials", "run_study", "run_transfer",
-    "save_genotype", "setting_of",
+    "marks_of", "namer", "noise_level", "random_genotype", "read_trials", "reproduce", "run_study",
+    "run_transfer", "save_genotype", "setting_of",
 ]  # fmt: skip
 
 _, __getattr__ = names_of(__name__, {
-    "calibration.calibrate": "calibrate",
     "calibration.recordings.files": "load_recording",
     "calibration.unit": "calibrated_unit",
+    "commands": "calibrate evolve reproduce",
     "controller.genotype": "Layout load_genotype random_genotype save_genotype",
     "controller.handmade": "braitenberg constant",
     "controller.network": "NetworkController decode",

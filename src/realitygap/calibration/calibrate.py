@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from realitygap.calibration.recordings.recording import (
 from realitygap.calibration.rows import REFLECTANCE
 from realitygap.calibration.wheels.fit import WheelFit, fit_wheels
 from realitygap.errors import CalibrationError
+from realitygap.lazy import above
 from realitygap.text import must_be
 from realitygap.world.profile import Profile, load_profile
 from realitygap.world.provenance import FittedChannel, FittedConstant, Provenance, SourceFile
@@ -73,6 +75,15 @@ class Calibration:
             for c in fitted if c.key.startswith(REFLECTANCE)
             for number in [int(c.key.removeprefix(REFLECTANCE))]
         ]  # fmt: skip
+
+    def show(self, height: int = 900) -> Any:
+        """The page of the calibration in a notebook, in a frame of so many pixels; `save` writes it."""
+        return above("report.notebook").shown_calibration(self, height)
+
+    def figures(self) -> Mapping[str, Any]:
+        """The page's figures by name, each drawn, as Matplotlib's, when it is asked for."""
+        figures: Mapping[str, Any] = above("report.notebook").of_calibration(self)
+        return figures
 
     def named(self, name: str, *, date: str | None = None) -> Calibration:
         """The same with a name for its profile, and of another day than today ("": of none)."""

@@ -17,11 +17,13 @@ from realitygap.cli.output import print_json, print_table, warn
 from realitygap.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
     from realitygap.calibration.calibrate import Calibration
     from realitygap.calibration.judge import Judgement
     from realitygap.calibration.recordings.recording import Recording
 
-__all__ = ["calibrate"]
+__all__ = ["calibrate", "load_all", "write_profile"]
 
 FORMS = ("paper", "individual", "extended", "measured", "auto")
 LIGHT_FORMS = ("paper", "individual", "linear", "extended", "measured", "auto")
@@ -96,12 +98,12 @@ def calibrate(
 
     if page is None and not no_report:
         page = _beside(out)
-    read = _load(recordings, objects)
+    read = load_all(recordings, objects)
     start = load_profile(base or base_of(read))
     with ProgressLine() as line:
         report = partial(line.calibrating, "fit")
         made = fit(read, start, form=form, light=light, on_progress=report).named(out.stem)
-    whole.write(out, _header(made) + made.profile.to_toml())
+    write_profile(made, out)
     where = None
     if page is not None and not no_report:
         from realitygap.report.calibration import write_calibration_page
@@ -124,7 +126,8 @@ def _beside(out: Path) -> Path:
     return page
 
 
-def _load(paths: tuple[str, ...], objects: tuple[str, ...]) -> list[Recording]:
+def load_all(paths: Iterable[str], objects: Sequence[str] = ()) -> list[Recording]:
+    """Every recording at some places; `objects` as --object has them."""
     from realitygap.calibration.recordings.files import find_recordings, load_recording
     from realitygap.errors import CalibrationError
 
@@ -135,6 +138,11 @@ def _load(paths: tuple[str, ...], objects: tuple[str, ...]) -> list[Recording]:
         )
     said = [None] * len(found) if not objects else list(objects) * (len(found) if len(objects) == 1 else 1)
     return [load_recording(place, object=name) for place, name in zip(found, said, strict=True)]
+
+
+def write_profile(made: Calibration, target: Path) -> None:
+    """Write a calibration's profile, under lines that say where it comes from."""
+    whole.write(target, _header(made) + made.profile.to_toml())
 
 
 def _header(made: Calibration) -> str:
@@ -252,7 +260,7 @@ def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) 
             f"{words[-1]!r} last. Swap them."
         )
     profile = load_profile(words[-1])
-    found = [judge(recording, profile) for recording in _load(words[:-1], objects)]
+    found = [judge(recording, profile) for recording in load_all(words[:-1], objects)]
     warnings = list(dict.fromkeys(warning for one in found for warning in one.warnings))
     if json_output:
         print_json(

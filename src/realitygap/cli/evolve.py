@@ -14,11 +14,13 @@ from realitygap.cli.scene import note_dark
 from realitygap.cli.studies import carry_out, carry_out_shard, interrupted_config, show_study
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
     from realitygap.study.config import Condition, StudyConfig
     from realitygap.work.shard import Shard
     from realitygap.work.workers import Workers
 
-__all__ = ["evolve"]
+__all__ = ["begun_config", "changed_config", "evolve", "folder_of"]
 
 
 @click.command()
@@ -68,24 +70,12 @@ def evolve(
     Example:
         realitygap evolve light-seeking --noise double --runs 3 --set evolution.rows=10
     """
-    from dataclasses import replace
-
-    from realitygap.study.config import StudyConfig
-    from realitygap.tasks import load_task
     from realitygap.work.shard import read_mark
 
-    name = load_task(task).name
-    folder = Path("out", name) if out is None else out
+    folder = folder_of(task) if out is None else out
     folder = folder if shard is None else shard.folder(folder)
-    if config is not None:
-        begun = StudyConfig.from_toml(config, task=task)
-    else:
-        begun = interrupted_config(folder, resume) or StudyConfig.single(task)
-    arenas = {key: other for key, other in begun.arenas.items() if key == name}
-    begun = replace(begun, conditions=_conditions(begun, task, noise), arenas=arenas).with_settings(settings)
-    chosen = replace(begun, **option.given(options))
-    if arena is not None:
-        chosen = replace(chosen, arenas={name: arena})
+    begun = begun_config(folder, task, config, resume)
+    chosen = changed_config(begun, task, noise, settings, option.given({**options, "arena": arena}))
     if not resume:
         _notes(chosen, task, workers, shard)
     words = f"evolve {shlex.quote(task)}{option.unusual(engine)}"
@@ -97,6 +87,38 @@ def evolve(
         return
     carried = carry_out(folder, chosen, words=words, workers=workers, engine=engine, resume=resume)
     show_study(carried, json_output=json_output)
+
+
+def folder_of(task: str) -> Path:
+    """Where a task is evolved if nothing is said."""
+    from realitygap.tasks import load_task
+
+    return Path("out", load_task(task).name)
+
+
+def begun_config(folder: Path, task: str, config: Path | None, resume: bool) -> StudyConfig:
+    """What a study begins from: a file, the study that is there, or one condition of the task."""
+    from realitygap.study.config import StudyConfig
+
+    if config is not None:
+        return StudyConfig.from_toml(config, task=task)
+    return interrupted_config(folder, resume) or StudyConfig.single(task)
+
+
+def changed_config(
+    begun: StudyConfig, task: str, noise: tuple[float, ...], settings: Iterable[str], given: Mapping[str, Any]
+) -> StudyConfig:
+    """The task alone at these levels of noise, with settings as --set has them, and what else is given."""
+    from dataclasses import replace
+
+    from realitygap.tasks import load_task
+
+    name, fields = load_task(task).name, dict(given)
+    arenas = {key: arena for key, arena in begun.arenas.items() if key == name}
+    begun = replace(begun, conditions=_conditions(begun, task, noise), arenas=arenas).with_settings(settings)
+    if "arena" in fields:
+        fields["arenas"] = {name: fields.pop("arena")}
+    return replace(begun, **fields)
 
 
 def _notes(config: StudyConfig, task: str, workers: Workers, shard: Shard | None) -> None:

@@ -111,7 +111,7 @@ def _source(
     from realitygap.export.source import sizes, write_source
 
     one = study.run(run)
-    who, genes = the_individual(study, one, individual)
+    who, genes = the_individual(one, individual)
     board = on_board(one, who, genes, name=name)
     made = write_source(board, language, out)
     source = next((path for path in made if path.suffix == ".c"), None)

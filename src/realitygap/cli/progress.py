@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import sys
 import time
 from types import TracebackType
@@ -60,6 +61,8 @@ class ProgressLine:
             self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
             self._bar.start()
             self._job = self._bar.add_task("starting", total=1, says="")
+        elif _in_notebook():
+            self._bar = _NotebookBar(self)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -106,6 +109,7 @@ class ProgressLine:
     def took(self) -> str:
         """How long all took until now, and each phase of it."""
         self._time("")
+        self._spent.pop("", None)  # it was asked before
         total = clock(sum(self._spent.values()))
         return f"took {total}: " + ", ".join(f"{phase} {clock(s)}" for phase, s in self._spent.items())
 
@@ -129,6 +133,37 @@ class ProgressLine:
         if phase != self._phase or finished or now >= self._next:
             self._phase, self._next = phase, now + PLAIN_EVERY_S
             click.echo(f"{phase}: {done}/{total}{', ' * bool(says)}{says}", err=True)
+
+
+class _NotebookBar:
+    """A bar in a notebook's cell, in the place of rich's, which would need ipywidgets; at the end how long
+    each phase took."""
+
+    def __init__(self, line: ProgressLine) -> None:
+        self._line = line
+        self._handle = sys.modules["IPython"].display.display(
+            {"text/plain": "starting"}, raw=True, display_id=True
+        )
+
+    def update(self, _: object, *, description: str, completed: int, total: int, says: str) -> None:
+        """Show how far it is."""
+        words = html.escape(f"{description} {completed}/{total}{', ' * bool(says)}{says}")
+        bar = f'<progress max="{total}" value="{completed}" style="vertical-align: middle"></progress>'
+        self._say(words, f"<div>{bar} {words}</div>")
+
+    def stop(self) -> None:
+        """Leave what is worth keeping."""
+        took = self._line.took()
+        self._say(took, f"<small>{html.escape(took)}</small>")
+
+    def _say(self, plain: str, rich: str) -> None:
+        self._handle.update({"text/plain": plain, "text/html": rich}, raw=True)
+
+
+def _in_notebook() -> bool:
+    """Whether a Jupyter kernel (Colab's too) runs this."""
+    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    return hasattr(shell, "kernel")
 
 
 def clock(seconds: float) -> str:

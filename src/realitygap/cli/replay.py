@@ -12,6 +12,7 @@ from realitygap.cli.estimate import ask_trust
 from realitygap.cli.kinds import FILM
 from realitygap.cli.output import print_json
 from realitygap.cli.scene import Scene, print_path
+from realitygap.errors import StudyError
 
 if TYPE_CHECKING:
     from realitygap.cli.option import Numbers
@@ -64,7 +65,7 @@ def replay(
     ask_trust(study, trust)
     loaded = load_study(study)
     one = loaded.run(run)
-    who, genes = the_individual(loaded, one, individual)
+    who, genes = the_individual(one, individual)
     scene = _scene(loaded, one, profile, noise, pose)
     trajectory, score = scene.simulation().trajectory(
         loaded.networks(one.task, genes), stream=seed, pose=scene.pose, seconds=seconds
@@ -94,20 +95,9 @@ def _scene(study: Study, run: Run, profile: str | None, noise: float | None, pos
     return Scene(task=task, profile=robot, noise=level, pose=place)
 
 
-def the_individual(study: Study, run: Run, who: str) -> tuple[str, Genes]:
+def the_individual(run: Run, who: str) -> tuple[str, Genes]:
     """An individual of a run in words, and its genotype."""
-    if who in ("champion", "fittest"):
-        genes = run.champion if who == "champion" else run.fittest
-        if genes is None:
-            raise click.BadParameter(
-                f"run {run.id} has no {who} yet; name an evaluation, or finish the study "
-                "(`realitygap … --resume`).",
-                param_hint="'--individual'",
-            )
-        return who, genes
-    if not who.isdecimal() or int(who) >= run.evaluations:
-        raise click.BadParameter(
-            f"expected champion, fittest or an evaluation, 0 to {run.evaluations - 1}, got {who!r}.",
-            param_hint="'--individual'",
-        )
-    return f"evaluation {int(who)}", study.genotype(run.id, int(who))
+    try:
+        return run.individual(who)
+    except StudyError as error:
+        raise click.BadParameter(str(error), param_hint="'--individual'") from None

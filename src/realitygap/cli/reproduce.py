@@ -12,15 +12,16 @@ import click
 from realitygap.cli import option
 from realitygap.cli.estimate import consider
 from realitygap.cli.kinds import Whole
-from realitygap.cli.studies import carry_out, show_study
+from realitygap.cli.studies import Carried, carry_out, show_study
 
 if TYPE_CHECKING:
     from realitygap.cli.progress import ProgressLine
+    from realitygap.experiments.reproduction import Reproduction
     from realitygap.study.config import StudyConfig
     from realitygap.study.load import Study
     from realitygap.work.workers import Workers
 
-__all__ = ["reproduce"]
+__all__ = ["carried_out", "reproduce", "requested_by"]
 
 CONDITIONS = 6
 """Two tasks at three levels of noise."""
@@ -59,14 +60,40 @@ def reproduce(
     Example:
         realitygap reproduce --out out/reproduce
     """
-    from realitygap.experiments.reproduction import Reproduction, begun, configured, transferred
-    from realitygap.work.workers import opened
-
-    requested = replace((begun(out) if resume else None) or Reproduction(), **option.given(options))
+    requested = requested_by(out, resume, options)
     if not resume:
         all_runs = CONDITIONS * requested.runs
         trials = 0 if no_transfer else all_runs * requested.starts
         consider(runs=all_runs, evaluations=requested.evaluations, trials=trials, workers=workers)
+    carried = carried_out(
+        out, requested, transfer=not no_transfer, workers=workers, engine=engine, resume=resume
+    )
+    show_study(carried, json_output=json_output)
+    click.echo(carried.took, err=True)
+
+
+def requested_by(out: Path, resume: bool, options: dict[str, Any]) -> Reproduction:
+    """What is asked for: what was given, and for the rest what was asked for before, or as usual."""
+    from realitygap.experiments.reproduction import Reproduction, begun
+
+    return replace((begun(out) if resume else None) or Reproduction(), **option.given(options))
+
+
+def carried_out(
+    out: Path, requested: Reproduction, *, transfer: bool, workers: Workers, engine: str, resume: bool
+) -> Carried:
+    """Calibrate, evolve, transfer, report.
+
+    Args:
+        out: the study's folder.
+        requested: what is asked for.
+        transfer: let the champions drive the twin.
+        workers: processes; one a core if None.
+        engine: what evolution's trials run on.
+        resume: continue what is there.
+    """
+    from realitygap.experiments.reproduction import configured, transferred
+    from realitygap.work.workers import opened
 
     def prepare(progress: ProgressLine) -> StudyConfig:
         return configured(out, requested, resume=resume, workers=pool, on_progress=progress.calibrating)
@@ -75,10 +102,8 @@ def reproduce(
         made = transferred(study, starts=requested.starts, workers=pool, on_progress=progress.show)
         return {"transfers": [one.to_dict() for one in made]}
 
-    words, last = ("reproduce --no-transfer", None) if no_transfer else ("reproduce", then)
+    words, last = ("reproduce", then) if transfer else ("reproduce --no-transfer", None)
     words += option.unusual(engine)
     # One pool for all phases: its processes load and compile once. A single worker is this process.
     with nullcontext(1) if workers == 1 else opened(workers, one_thread=True) as pool:
-        carried = carry_out(out, prepare, words=words, workers=pool, engine=engine, resume=resume, then=last)
-    show_study(carried, json_output=json_output)
-    click.echo(carried.took, err=True)
+        return carry_out(out, prepare, words=words, workers=pool, engine=engine, resume=resume, then=last)

@@ -28,6 +28,7 @@ from realitygap.controller.layout import (
 from realitygap.errors import GenotypeError, UsageError
 from realitygap.kernels.network import first_unfit
 from realitygap.kernels.params import UPDATES, Networks
+from realitygap.lazy import above
 from realitygap.values import Command
 
 __all__ = ["Link", "NetworkController", "Neuron", "check_networks", "decode", "neurons"]
@@ -136,6 +137,9 @@ class NetworkController:
         self.genes = genes
         self.neurons = neurons(genes, self.layout)
         self.reset()
+
+    def _repr_html_(self) -> str:
+        return str(above("report.notebook").network_html(self))
 
     def reset(self) -> None:
         """Before a trial: every value ever is 0."""

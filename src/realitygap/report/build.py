@@ -5,6 +5,7 @@ from functools import partial
 from os import PathLike
 from pathlib import Path
 
+from realitygap import temporary
 from realitygap.experiments.reproduction import again
 from realitygap.report import words
 from realitygap.report.calibrated import calibrated_part
@@ -21,7 +22,7 @@ from realitygap.study.load import Study, load_study
 from realitygap.transfer.score_rows import marks_of
 from realitygap.work.workers import Workers
 
-__all__ = ["build_report"]
+__all__ = ["build_report", "figures_of", "scripts"]
 
 
 def build_report(
@@ -42,28 +43,38 @@ def build_report(
 
     study = load_study(study_path)
     folder, parts = report_folder(study.folder), parts_of(study)
-    figures, tables, pairs = Figures(workers), dict[str, str](), pairs_of(study, parts)
+    maker, shown = _gathered(study, parts, folder, Figures(workers))
+    step = Steps(on_progress, len(maker.figures) + 1)
+    step("player")
+    player = player_data(study, parts, maker.pairs, maker.paths)
+    facts = {
+        **_told(study, parts),
+        "paper": maker.paper,
+        "player": Markup("" if player is None else player_json(player)),
+        "scripts": Markup(scripts()),
+        **shown,
+    }
+    return write_page(folder / "index.html", "page.html.j2", maker.figures, facts, step, tables=maker.tables)
+
+
+def figures_of(study: Study) -> Figures:
+    """All figures of a study's page by name, not yet drawn."""
+    with temporary.Folder("report") as folder:  # for copies of films
+        return _gathered(study, parts_of(study), Path(folder), Figures())[0].figures
+
+
+def _gathered(
+    study: Study, parts: Sequence[TaskPart], folder: Path, figures: Figures
+) -> tuple[Sections, dict[str, object]]:
+    """What made the sections of a page, its figures and its tables with it; and what the page shows."""
     maker = Sections(
-        study=study, folder=folder, figures=figures, tables=tables, pairs=pairs, marks=marks_of(study),
-        paper=is_paper(study, parts),
+        study=study, folder=folder, figures=figures, tables={}, pairs=pairs_of(study, parts),
+        marks=marks_of(study), paper=is_paper(study, parts),
     )  # fmt: skip
     robot = figures.add("robot", partial(robot_figure, study.profile), words.robot_words(study.profile))
     sections = [maker.section(part) for part in parts]
     calibrated = calibrated_part(study, figures)
-    step = Steps(on_progress, len(figures) + 1)
-    step("player")
-    player = player_data(study, parts, pairs, maker.paths)
-    facts = {
-        **_told(study, parts),
-        "paper": maker.paper,
-        "robot": robot,
-        "player": Markup("" if player is None else player_json(player)),
-        "scripts": Markup(_scripts()),
-        "sections": sections,
-        "calibrated": calibrated,
-        **_stand_in(sections),
-    }
-    return write_page(folder / "index.html", "page.html.j2", figures, facts, step, tables=tables)
+    return maker, {"robot": robot, "sections": sections, "calibrated": calibrated, **_stand_in(sections)}
 
 
 def _told(study: Study, parts: Sequence[TaskPart]) -> dict[str, object]:
@@ -89,7 +100,7 @@ def _told(study: Study, parts: Sequence[TaskPart]) -> dict[str, object]:
     }
 
 
-def _scripts() -> str:
+def scripts() -> str:
     """The page's own scripts in one scope, in the order of their names."""
     files = sorted((Path(__file__).parent / "assets").glob("*.js"))
     text = "\n".join(file.read_text("utf-8") for file in files)

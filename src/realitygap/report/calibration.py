@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from realitygap.calibration.channels import ChannelFit
     from realitygap.calibration.wheels.fit import WheelFit
 
-__all__ = ["beside_real", "write_calibration_page"]
+__all__ = ["beside_real", "calibration_figures", "write_calibration_page"]
 
 TITLES = {"infrared": "Infrared proximity", "ambient": "Ambient light"}
 ROOM = "the model's against what was measured, all over a room"
@@ -63,13 +63,24 @@ def write_calibration_page(made: Calibration, target: Path, on_progress: OnProgr
         OSError: it cannot be written.
     """
     figures = Figures()
+    parts, profile = _parts(made, figures), made.profile
+    facts = {"profile": profile, "where": profile.provenance, "warnings": made.warnings, "parts": parts}
+    return write_page(target, "calibration.html.j2", figures, facts, Steps(on_progress, len(figures)))
+
+
+def calibration_figures(made: Calibration) -> Figures:
+    """All figures of a calibration's page by name, not yet drawn."""
+    figures = Figures()
+    _parts(made, figures)
+    return figures
+
+
+def _parts(made: Calibration, figures: Figures) -> list[_Part]:
     parts = [_sensors(fit, figures) for fit in made.channels]
     driven = [r for r in made.recordings if isinstance(r, WheelRecording)]
     if made.wheels is not None and driven:
         parts.append(_wheels(made.wheels, driven[0], figures))
-    profile = made.profile
-    facts = {"profile": profile, "where": profile.provenance, "warnings": made.warnings, "parts": parts}
-    return write_page(target, "calibration.html.j2", figures, facts, Steps(on_progress, len(figures)))
+    return parts
 
 
 def _sensors(fit: ChannelFit, figures: Figures) -> _Part:

@@ -15,8 +15,8 @@ from realitygap.work.pool import Setup, Tell
 from realitygap.work.workers import Workers, near, opened
 
 __all__ = [
-    "Figures", "OnProgress", "Picture", "Steps", "Words", "draw_all", "noise_key", "report_folder",
-    "write_page",
+    "Figures", "OnProgress", "Picture", "Steps", "Words", "draw_all", "noise_key", "rendered",
+    "report_folder", "write_page",
 ]  # fmt: skip
 
 OnProgress = Callable[[int, int, str], None]
@@ -159,19 +159,24 @@ def write_page(
     Raises:
         OSError: something cannot be written.
     """
-    from jinja2 import Environment, FileSystemLoader
     from markupsafe import Markup
 
     for name, text in (tables or {}).items():
         whole.write(target.parent / "tables" / f"{name}.csv", text)
     drawn = draw_all(figures, None if tables is None else target.parent / "figures", step)
     svgs = {name: Markup(inline_svg(drawn[name], name, one.words.alt)) for name, one in figures.items()}
-    loader = FileSystemLoader(Path(__file__).parent / "templates")
-    environment = Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    html = environment.get_template(template).render(**facts, svgs=svgs)
-    whole.write(target, re.sub(r"\n\s*\n+", "\n", html))
+    whole.write(target, rendered(template, {**facts, "svgs": svgs}))
     step(target.name)
     return target
+
+
+def rendered(template: str, facts: Mapping[str, object]) -> str:
+    """The HTML of a page: one of the folder `templates`, filled in."""
+    from jinja2 import Environment, FileSystemLoader
+
+    loader = FileSystemLoader(Path(__file__).parent / "templates")
+    environment = Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    return re.sub(r"\n\s*\n+", "\n", environment.get_template(template).render(facts))
 
 
 def noise_key(levels: Mapping[float, str]) -> list[tuple[str, str, str]]:

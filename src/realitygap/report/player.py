@@ -19,6 +19,7 @@ from realitygap.report.style import noise_styles
 from realitygap.report.tables import NoiseClass, Row
 from realitygap.report.transfers import Pair, robots_of
 from realitygap.robots.recording import Recording
+from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study
 from realitygap.tasks.task import Task
 from realitygap.track import Track, Trajectory, read_track
@@ -27,11 +28,12 @@ from realitygap.transfer.replay import Replays
 from realitygap.transfer.trial import SIMULATED, SITUATED
 from realitygap.values import fed
 from realitygap.world.arena import Arena
+from realitygap.world.noise import noise_name
 from realitygap.world.profile import Profile
 from realitygap.world.rays import RAY_ANGLES_DEG
 from realitygap.world.sensors import AmbientSensor, ProximitySensor
 
-__all__ = ["MOST_RUNS", "MOST_TRIALS", "player_data", "player_json"]
+__all__ = ["MOST_RUNS", "MOST_TRIALS", "player_data", "player_json", "replay_data"]
 
 Json = dict[str, object]
 
@@ -63,16 +65,50 @@ def player_data(
         pairs: transfers by task.
         paths: drives the champions.
     """
-    body = study.profile.to_kernel()
     gather = _Gather(study, paths, {c.level for part in parts for c in part.conditions})
     tasks = [
         gather.task(part, pairs[part.task.name]) for part in parts if any(c.begun for c in part.conditions)
     ]
+    return _document(study.profile, tasks) if tasks else None
+
+
+def replay_data(simulation: Simulation, genes: Genes, lived: tuple[Trajectory, float], name: str) -> Json:
+    """What the player knows of one simulated trial.
+
+    Args:
+        simulation: that it was lived in.
+        genes: of slots, whose network drove.
+        lived: the trial and its score.
+        name: whose, for people.
+    """
+    task, profile, noise = simulation.task, simulation.profile, simulation.noise
+    drawing, slots = network_drawing(genes, task, profile)
+    cast = _Cast(task=task, genes=genes, slots=slots, unit_cm=_unit_cm(task))
+    one, score = lived
+    drive = cast.drive("simulated", f"{score / task.fitness_scale:.2f}", one.track, one, genes)
+    trial = {"name": "simulated", "link": "simulated", "simulated": drive, "situated": None}
+    run = {"name": name, "link": name, "network": drawing, "trials": [trial]}
+    colour = noise_styles([noise])[noise].colour
+    level = {"name": f"{noise_name(noise)} noise", "colour": colour, "shown": 0, "runs": [run]}
+    return _document(profile, [{**_scene(task, profile), "noises": [level]}])
+
+
+def _document(profile: Profile, tasks: Sequence[Json]) -> Json:
+    """Everything, under the robot's step and shape."""
+    body = profile.to_kernel()
     robot = {
         "radius": float(body.radius), "front": front(body), "outline": body.outline[:, :2].tolist(),
         "track": float(body.track), "wheel": list(WHEEL_CM),
     }  # fmt: skip
-    return {"step_s": study.profile.period_s, "robot": robot, "tasks": tasks} if tasks else None
+    return {"step_s": profile.period_s, "robot": robot, "tasks": list(tasks)}
+
+
+def _scene(task: Task, profile: Profile) -> Json:
+    """A task: its arena, the sensors it feeds."""
+    return {
+        "name": task.name, "title": task.title, "unit": task.fitness_unit, "feeds": task.feeds,
+        "unit_cm": _unit_cm(task), "arena": _arena(task.arena), "sensors": _sensors(task, profile),
+    }  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,14 +143,9 @@ class _Gather:
         self.replays = Replays(study)
 
     def task(self, part: TaskPart, pairs: Sequence[Pair]) -> Json:
-        """A task: its arena, the sensors it feeds, its noise levels."""
-        task = part.task
-        return {
-            "name": task.name, "title": task.title, "unit": task.fitness_unit, "feeds": task.feeds,
-            "unit_cm": _unit_cm(task), "arena": _arena(task.arena),
-            "sensors": _sensors(task, self.study.profile),
-            "noises": [self.noise(part, c, pairs) for c in part.conditions if c.begun],
-        }  # fmt: skip
+        """A task with its noise levels."""
+        noises = [self.noise(part, c, pairs) for c in part.conditions if c.begun]
+        return {**_scene(part.task, self.study.profile), "noises": noises}
 
     def noise(self, part: TaskPart, condition: NoiseClass, pairs: Sequence[Pair]) -> Json:
         """A noise level's runs; `shown` is the one that the figures show."""

@@ -5,6 +5,7 @@ Tables are dictionaries of NumPy columns: `pandas.DataFrame(study.evaluations())
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
@@ -31,6 +32,7 @@ from realitygap.study.reader import Table
 from realitygap.study.tables import Tables
 from realitygap.tasks.task import Task
 from realitygap.text import as_path
+from realitygap.values import Pose
 from realitygap.world.noise import noise_name
 from realitygap.world.profile import Profile
 
@@ -167,6 +169,25 @@ class Study(Tables):
         """
         return above("export.tables").frame(self, table)
 
+    def show(self, height: int = 1150) -> Any:
+        """The page's player in a notebook: every run's champion, simulated and situated; `save` writes it.
+
+        Args:
+            height: of its frame, in pixels.
+
+        Raises:
+            StudyError: no run has been begun.
+        """
+        return above("report.notebook").shown_study(self, height)
+
+    def figures(self) -> Mapping[str, Any]:
+        """The page's figures by name, each drawn, as Matplotlib's, when it is asked for."""
+        figures: Mapping[str, Any] = above("report.notebook").of_study(self)
+        return figures
+
+    def _repr_html_(self) -> str:
+        return str(above("report.notebook").study_html(self))
+
     def state(self, run: int) -> State | None:
         """What a run's last checkpoint holds; None before the first. A user's file may be run for it."""
         kept = self._reader.checkpoint(self._id(run))
@@ -231,6 +252,55 @@ class Run:
     def champion(self) -> Genes | None:
         """Genotype of the best of the last population on fresh trials."""
         return None if self.champion_number is None else self.study.genotype(self.id, self.champion_number)
+
+    def individual(self, who: str | int) -> tuple[str, Genes]:
+        """An individual in words, and its genotype: "champion", "fittest" or the number of an evaluation.
+
+        Raises:
+            StudyError: there is none such, or not yet.
+        """
+        if who in ("champion", "fittest"):
+            genes = self.champion if who == "champion" else self.fittest
+            if genes is None:
+                raise StudyError(
+                    f"run {self.id} has no {who} yet; name an evaluation, or finish the study "
+                    "(`realitygap … --resume`)."
+                )
+            return str(who), genes
+        if not str(who).isdecimal() or int(who) >= self.evaluations:
+            raise StudyError(
+                f"expected champion, fittest or an evaluation, 0 to {self.evaluations - 1}, got {who!r}."
+            )
+        return f"evaluation {int(who)}", self.study.genotype(self.id, int(who))
+
+    def replay(
+        self,
+        who: str | int = "champion",
+        *,
+        noise: str | float | None = None,
+        pose: Pose | None = None,
+        seed: int = 0,
+        seconds: float | None = None,
+        profile: Profile | str | None = None,
+    ) -> Any:
+        """The page's player with one simulated trial, in a notebook; `save` writes it.
+
+        Args:
+            who: "champion", "fittest" or the number of an evaluation.
+            noise: level; the run's own if None.
+            pose: where it starts; None: as the task says, drawn with the seed.
+            seed: of the trial.
+            seconds: how long; the task's own if None.
+            profile: another robot.
+
+        Raises:
+            UsageError: there is no such individual, or it cannot start there.
+        """
+        options = {"noise": noise, "pose": pose, "seed": seed, "seconds": seconds, "profile": profile}
+        return above("report.notebook").replayed(self, who, **options)
+
+    def _repr_html_(self) -> str:
+        return str(above("report.notebook").run_html(self))
 
     @property
     def population(self) -> Genes | None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from realitygap.kernels import params
+from realitygap.lazy import above
 from realitygap.world.files import Value, load, require, shipped
 from realitygap.world.nearest import nearest
 from realitygap.world.rays import unit
@@ -139,6 +140,9 @@ class Arena(Value):
             if part["reflectance"] == 1.0:
                 del part["reflectance"]
         return table
+
+    def _repr_html_(self) -> str:
+        return str(above("report.notebook").arena_html(self))
 
     def to_kernel(self) -> params.Arena:
         """The arena as the kernels' arrays."""

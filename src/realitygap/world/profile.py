@@ -10,6 +10,7 @@ import numpy as np
 
 from realitygap.kernels import params
 from realitygap.kernels.params import MAX_DELAY, STEP_S, UPDATES
+from realitygap.lazy import above
 from realitygap.toml import to_toml
 from realitygap.world.body import Body
 from realitygap.world.files import Value, load, require, shipped
@@ -190,6 +191,9 @@ class Profile(Value):
             **{f"noise_{key}": value for key, value in self.noise.to_dict().items()},
             **sensors,
         )
+
+    def _repr_html_(self) -> str:
+        return str(above("report.notebook").profile_html(self))
 
     def channel(self, kind: str) -> Infrared | Ambient:
         """The sensors of a kind: "infrared" (or "proximity", as a task feeds them) or "ambient"."""

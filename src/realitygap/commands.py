@@ -1,0 +1,176 @@
+"""The long commands as functions, for scripts and notebooks: the same work, into the same folders.
+
+    study = realitygap.evolve("light-seeking", noise="double", runs=3)
+    study.show()
+
+How far it is shows on a terminal, as lines where stderr is none, and as a bar in a notebook's cell;
+nothing else is printed. Errors are those of `realitygap.errors`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
+from functools import partial
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from realitygap.calibration.calibrate import Calibration
+    from realitygap.calibration.recordings.recording import Recording
+    from realitygap.study.load import Study
+    from realitygap.tasks.task import Task
+    from realitygap.work.workers import Workers
+    from realitygap.world.profile import Profile
+
+__all__ = ["calibrate", "evolve", "reproduce"]
+
+Place = str | PathLike[str]
+
+
+def evolve(
+    task: Place | Task,
+    *,
+    noise: str | float | Sequence[str | float] = (),
+    profile: str | None = None,
+    arena: str | None = None,
+    seed: int | None = None,
+    runs: int | None = None,
+    evaluations: int | None = None,
+    out: Place | None = None,
+    config: Place | None = None,
+    settings: Mapping[str, object] | None = None,
+    workers: Workers = None,
+    engine: str = "cores",
+    resume: bool = False,
+) -> Study:
+    """Evolve controllers for a task and make the report, as `realitygap evolve` does.
+
+    Args:
+        task: "obstacle-avoidance", "light-seeking", a Python file, or a Task.
+        noise: a level, or several: so many conditions; "observed" if none.
+        profile: the robot, a shipped name or a TOML file; "paper" if None.
+        arena: a shipped arena's name or a TOML file; the task's own if None.
+        seed: random seed; 1995 if None.
+        runs: of each condition; 1 if None.
+        evaluations: in each run; 1000 if None.
+        out: the study's folder; out/TASK if None.
+        config: begin from a study's TOML.
+        settings: changes by key, such as {"evolution.rows": 10}; other arguments override them.
+        workers: processes, one a core if None; or a pool. Never changes a result.
+        engine: what trials run on: "cores" or "cuda".
+        resume: continue what is there; what is None is as it was.
+
+    Raises:
+        UsageError: what cannot be done, by name.
+        StudyError: the folder holds a study and `resume` is not set, or something else.
+        RealityGapError: Ctrl-C (a KeyboardInterrupt, too); what is done is kept.
+    """
+    from realitygap.cli.evolve import begun_config, changed_config, folder_of
+    from realitygap.cli.option import given, unusual
+    from realitygap.cli.studies import carry_out
+    from realitygap.tasks.load import reference
+    from realitygap.world.noise import noise_level
+
+    name = reference(task)
+    folder = folder_of(name) if out is None else Path(out)
+    levels = [noise] if isinstance(noise, str | float | int) else noise
+    begun = begun_config(folder, name, None if config is None else Path(config), resume)
+    texts = [f"{key}={json.dumps(value)}" for key, value in (settings or {}).items()]
+    fields = {"profile": profile, "arena": arena, "seed": seed, "runs": runs, "evaluations": evaluations}
+    chosen = changed_config(begun, name, tuple(map(noise_level, levels)), texts, given(fields))
+    words = f"evolve {name}{unusual(engine)}"
+    return carry_out(folder, chosen, words=words, workers=workers, engine=engine, resume=resume).study
+
+
+def reproduce(
+    out: Place = "out/reproduce",
+    *,
+    profile: str | None = None,
+    runs: int | None = None,
+    evaluations: int | None = None,
+    seed: int | None = None,
+    starts: int | None = None,
+    transfer: bool = True,
+    workers: Workers = None,
+    engine: str = "cores",
+    resume: bool = False,
+) -> Study:
+    """Repeat the paper's experiment and make the page about it, as `realitygap reproduce` does.
+
+    Args:
+        out: the study's folder.
+        profile: the robot; None calibrates one first, to unit 1 of the twin.
+        runs: for each task and noise level; 5 if None.
+        evaluations: in each run; 1000 if None.
+        seed: random seed; 1995 if None.
+        starts: trials of each champion on the twin; 8 if None.
+        transfer: let the champions drive the twin.
+        workers: processes, one a core if None; or a pool. Never changes a result.
+        engine: what evolution's trials run on: "cores" or "cuda".
+        resume: continue what is there; what is None is as it was.
+
+    Raises:
+        UsageError: what cannot be done, by name.
+        StudyError: the folder holds a study and `resume` is not set, or something else.
+        RobotError: a recording or a trial failed.
+        RealityGapError: Ctrl-C (a KeyboardInterrupt, too); what is done is kept.
+    """
+    from realitygap.cli.reproduce import carried_out, requested_by
+
+    options = {"profile": profile, "runs": runs, "evaluations": evaluations, "seed": seed, "starts": starts}
+    requested = requested_by(Path(out), resume, options)
+    carried = carried_out(
+        Path(out), requested, transfer=transfer, workers=workers, engine=engine, resume=resume
+    )
+    return carried.study
+
+
+def calibrate(
+    recordings: Place | Sequence[Place | Recording],
+    base: Profile | Place | None = None,
+    *,
+    objects: str | Sequence[str] = (),
+    form: str = "auto",
+    light: str | None = None,
+    beside: bool = True,
+    out: Place | None = None,
+    on_progress: Callable[[int, int], None] | None = None,
+) -> Calibration:
+    """Fit a robot's constants to recordings, as `realitygap calibrate` does.
+
+    Args:
+        recordings: folders made by `realitygap record` (or a folder of several), .sam tables, or what
+            `load_recording` reads; those of one kind are fitted together.
+        base: profile that supplies what they do not cover; None: what the recorded robot names, or "paper".
+        objects: what .sam tables show: "wall", "cylinder:RADIUS_CM" or "lamp"; one for all or one for each.
+        form: "paper", "individual", "extended", "measured", or "auto": whichever of the last two errs less
+            on places held out.
+        light: another form for ambient light.
+        beside: fit ambient light in all other forms too, for comparison.
+        out: the profile's TOML file to write.
+        on_progress: is told how many of all fits are done; None shows it.
+
+    Raises:
+        RecordingError: a recording that cannot be read.
+        CalibrationError: recordings that no sensible profile can be made from.
+    """
+    from realitygap.calibration.calibrate import base_of
+    from realitygap.calibration.calibrate import calibrate as fit
+    from realitygap.cli.calibrate import load_all, write_profile
+    from realitygap.cli.progress import ProgressLine
+    from realitygap.world.profile import load_profile
+
+    read: Any = [recordings] if isinstance(recordings, str | PathLike) else recordings
+    if isinstance(read, Sequence) and read and all(isinstance(one, str | PathLike) for one in read):
+        read = load_all([fspath(one) for one in read], [objects] if isinstance(objects, str) else objects)
+    start = load_profile(base_of(read) if base is None else base)
+    with ProgressLine() if on_progress is None else nullcontext() as line:
+        told = on_progress if line is None else partial(line.calibrating, "fit")
+        made = fit(read, start, form=form, light=light, beside=beside, on_progress=told)
+    if out is not None:
+        made = made.named(Path(out).stem)
+        write_profile(made, Path(out))
+    return made

@@ -1,0 +1,230 @@
+"""What studies, runs, calibrations, robots, arenas and networks look like in a notebook."""
+
+from __future__ import annotations
+
+import base64
+import html
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from realitygap import temporary, whole
+from realitygap.controller.network import NetworkController
+from realitygap.errors import StudyError
+from realitygap.report.arenas import draw_arena
+from realitygap.report.build import figures_of, scripts
+from realitygap.report.calibration import calibration_figures, write_calibration_page
+from realitygap.report.gather import Paths, parts_of
+from realitygap.report.network import network_figure
+from realitygap.report.page import Figures, rendered
+from realitygap.report.player import player_data, player_json, replay_data
+from realitygap.report.robots import robot_figure
+from realitygap.report.style import new_figure, save_figure, styled
+from realitygap.report.transfers import pairs_of
+from realitygap.simulation.simulation import Simulation
+from realitygap.study.load import Run, Study
+from realitygap.values import Pose
+from realitygap.world.arena import Arena
+from realitygap.world.profile import Profile, load_profile
+
+if TYPE_CHECKING:
+    from realitygap.calibration.calibrate import Calibration
+
+__all__ = [
+    "Gallery", "Shown", "arena_html", "network_html", "of_calibration", "of_study", "profile_html",
+    "replayed", "run_html", "shown_calibration", "shown_study", "study_html",
+]  # fmt: skip
+
+MOST_ROWS = 30
+"""Runs that a study's table shows."""
+
+
+class Shown:
+    """A page in a notebook's cell, in a frame of its own that reaches nothing outside it.
+
+    Attributes:
+        html: the whole page, which fetches nothing.
+        height: of the frame, in pixels; a corner can be drawn.
+    """
+
+    def __init__(self, page: str, height: int) -> None:
+        self.html, self.height = page, height
+
+    def save(self, path: str | Path) -> None:
+        """Write the page to a file.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        whole.write(path, self.html)
+
+    def _repr_html_(self) -> str:
+        style = f"width: 100%; height: {self.height}px; border: 0; resize: vertical; overflow: auto"
+        return f'<iframe sandbox="allow-scripts" style="{style}" srcdoc="{html.escape(self.html)}"></iframe>'
+
+
+class Gallery(Mapping[str, Figure]):
+    """The figures of a page by name, each drawn, as Matplotlib's, when it is asked for."""
+
+    def __init__(self, figures: Figures) -> None:
+        self._figures = figures
+
+    def __getitem__(self, name: str) -> Figure:
+        if "inline" in os.environ.get("MPLBACKEND", ""):  # a notebook's shows figures once it is loaded
+            import matplotlib.pyplot
+
+            matplotlib.pyplot.switch_backend(os.environ["MPLBACKEND"])
+        with styled():
+            return self._figures[name].draw()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._figures)
+
+    def __len__(self) -> int:
+        return len(self._figures)
+
+    def __repr__(self) -> str:
+        return f"<{len(self)} figures: {', '.join(self)}>"
+
+
+def of_study(study: Study) -> Gallery:
+    """The figures of a study's page."""
+    return Gallery(figures_of(study))
+
+
+def of_calibration(made: Calibration) -> Gallery:
+    """The figures of a calibration's page."""
+    return Gallery(calibration_figures(made))
+
+
+def shown_study(study: Study, height: int) -> Shown:
+    """The page's player: each run's simulated robot and, where it drove one, the situated one beside it.
+
+    Raises:
+        StudyError: no run has been begun.
+    """
+    parts = parts_of(study)
+    pairs = pairs_of(study, parts)
+    data = player_data(study, parts, pairs, Paths(study))
+    if data is None:
+        raise StudyError(f"{study.folder}: no run has been begun: there is nothing to show yet.")
+    return _player(data, study.config.title or study.folder.name, height)
+
+
+def replayed(
+    run: Run,
+    who: str | int,
+    *,
+    noise: str | float | None,
+    pose: Pose | None,
+    seed: int,
+    seconds: float | None,
+    profile: Profile | str | None,
+) -> Shown:
+    """The player with one simulated trial, as `Run.replay` has it."""
+    name, genes = run.individual(who)
+    robot, level = profile or run.study.profile, run.noise if noise is None else noise
+    simulation = Simulation(run.study.task(run.task), robot, level)
+    networks = run.study.networks(run.task, genes)
+    lived = simulation.trajectory(networks, stream=seed, pose=pose, seconds=seconds)
+    title = f"{run.name}, {name}"
+    return _player(replay_data(simulation, run.study.slots(run.task, genes)[0], lived, title), title, 1150)
+
+
+def shown_calibration(made: Calibration, height: int) -> Shown:
+    """The page of a calibration."""
+    with temporary.Folder("page") as folder:
+        page = write_calibration_page(made, Path(folder) / "page.html")
+        return Shown(page.read_text("utf-8"), height)
+
+
+def study_html(study: Study) -> str:
+    """A study's runs, a row each."""
+    rows = [
+        (run.name, run.evaluations, _short(run.best_fitness), _short(run.champion_fitness),
+         "finished" if run.finished else "unfinished")
+        for run in study.runs[:MOST_ROWS]
+    ]  # fmt: skip
+    more = len(study.runs) - len(rows)
+    title = study.config.title or study.folder.name
+    said = f"{title}: {len(study.runs)} runs, seed {study.config.seed}, profile {study.profile.name}"
+    head = ("run", "evaluations", "best fitness", "champion, retested", "")
+    return _table(said, head, rows) + (f"<p>… and {more} more</p>" if more else "")
+
+
+def run_html(run: Run) -> str:
+    """What came of a run, and the network of its champion, or of its fittest so far."""
+    genes = run.fittest if run.champion is None else run.champion
+    facts = [
+        ("task", run.task), ("noise", run.noise_name), ("evaluations", run.evaluations),
+        ("best fitness", _short(run.best_fitness)), ("champion, retested", _short(run.champion_fitness)),
+        *((f"{who}, fresh trials at noise {noise:g}", _short(float(scores.mean())))
+          for (who, noise), scores in run.tests.items()),
+    ]  # fmt: skip
+    table = _table(run.name, (), facts)
+    if genes is None:
+        return table
+    task = run.study.facts(run.task)
+    figure = network_figure(
+        run.study.slots(run.task, genes)[0], run.study.profile, feeds=task["feeds"], sensors=task["sensors"]
+    )
+    return table + _picture(figure, f"The network of {run.name}")
+
+
+def profile_html(profile: Profile) -> str:
+    """A robot, from above."""
+    near, light = (len(profile.channel(kind).sensors) for kind in ("infrared", "ambient"))
+    facts = [
+        ("infrared sensors", near), ("light sensors", light), ("step", f"{profile.period_s:g} s"),
+        ("radius", f"{profile.body.radius_cm:g} cm"), ("track", f"{profile.wheels.track_cm:g} cm"),
+    ]  # fmt: skip
+    with styled():
+        return _table(profile.name, (), facts) + _picture(robot_figure(profile), f"The robot {profile.name}")
+
+
+def arena_html(arena: Arena) -> str:
+    """An arena, to scale."""
+    with styled():
+        width, depth = arena.size_cm
+        figure = new_figure(4.0, 4.0 * depth / width, layout="constrained")
+        draw_arena(figure.add_subplot(), arena.to_kernel(), names=True)
+        return _picture(figure, f"The arena {arena.name}, {width:g} × {depth:g} cm")
+
+
+def network_html(controller: NetworkController) -> str:
+    """A network, its inputs where the first sensors of a Khepera are; where it has too few, in words."""
+    inputs, profile = controller.layout.inputs, load_profile("paper")
+    said = f"{inputs} inputs, {len(controller.neurons)} neurons"
+    if inputs > len(profile.infrared.sensors):
+        return f"<p>{said}</p>"
+    figure = network_figure(controller.genes, profile, feeds="proximity", sensors=range(inputs))
+    return _picture(figure, f"A network: {said}")
+
+
+def _player(data: Mapping[str, object], title: str, height: int) -> Shown:
+    facts = {"title": title, "player": Markup(player_json(dict(data))), "scripts": Markup(scripts())}
+    return Shown(rendered("notebook.html.j2", facts), height)
+
+
+def _picture(figure: Figure, alt: str) -> str:
+    """A figure as an image that has no names in common with others of a notebook."""
+    with styled():
+        svg = base64.b64encode(save_figure(figure, None, "figure").encode()).decode()
+    return f'<img alt="{html.escape(alt)}" style="background: white" src="data:image/svg+xml;base64,{svg}">'
+
+
+def _table(caption: str, head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    def cells(kind: str, values: Sequence[object]) -> str:
+        return "<tr>" + "".join(f"<{kind}>{html.escape(str(value))}</{kind}>" for value in values) + "</tr>"
+
+    top = f"<thead>{cells('th', head)}</thead>" if head else ""
+    body = "".join(cells("td", row) for row in rows)
+    return f"<table><caption>{html.escape(caption)}</caption>{top}<tbody>{body}</tbody></table>"
+
+
+def _short(value: float | None) -> str:
+    return "–" if value is None else f"{value:.4g}"

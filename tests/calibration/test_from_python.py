@@ -1,0 +1,33 @@
+"""`realitygap.calibrate`: what the command does, from Python, and its page in a notebook."""
+
+import pytest
+from click.testing import CliRunner
+from matplotlib.figure import Figure
+
+import realitygap
+from realitygap.cli import realitygap as command
+from realitygap.errors import CalibrationError, RecordingError
+
+
+def test_the_same_profile_as_the_commands(made_tables, tmp_path, capsys):
+    """From paths, with the options' names; progress goes to stderr, nothing to stdout."""
+    wall = made_tables / "wall.sam"
+    out = tmp_path / "robot.toml"
+    made = realitygap.calibrate(wall, objects="wall", form="paper", out=out)
+    ours, said = out.read_text("utf-8"), capsys.readouterr()
+    assert said.out == "" and "fitting the simulation" in said.err
+    words = ["calibrate", str(wall), "--object", "wall", "--form", "paper", "--out", str(out), "--no-report"]
+    assert CliRunner().invoke(command, words).exit_code == 0
+    assert out.read_text("utf-8") == ours and realitygap.load_profile(out) == made.profile
+    page = made.show()
+    assert "Infrared proximity" in page.html and page._repr_html_().startswith("<iframe")
+    figures = made.figures()
+    assert "infrared-curves" in figures and isinstance(figures["infrared-maps"], Figure)
+
+
+def test_errors_are_typed(tmp_path):
+    """No place, no recordings, another number of objects."""
+    with pytest.raises(RecordingError, match="there is no such recording"):
+        realitygap.calibrate(tmp_path / "nowhere")
+    with pytest.raises(CalibrationError, match="no recordings"):
+        realitygap.calibrate([])

@@ -1,0 +1,108 @@
+"""Studies, runs and the rest in a notebook: in a real kernel, and in a real browser."""
+
+import html
+import re
+import warnings
+from pathlib import Path
+
+import pytest
+from matplotlib.figure import Figure
+
+import realitygap
+from realitygap.errors import StudyError
+from realitygap.world.files import shipped
+
+CELLS = (
+    "import realitygap, pathlib",
+    "study = realitygap.evolve('avoidance', evaluations=64, workers=1, out='study', settings="
+    "{'task.seconds': 2, 'fresh_trials': 2, 'retest_trials': 2})",
+    "study",
+    "study.show()",
+    "study.figures()['obstacle-avoidance-curves']",
+    "realitygap.evolve('avoidance', out='study')",
+)
+
+
+@pytest.fixture(scope="module")
+def executed(tmp_path_factory):
+    """The cells' outputs, in a Jupyter kernel of this Python."""
+    nbclient = pytest.importorskip("nbclient", reason="no nbclient here: pip install nbclient ipykernel")
+    pytest.importorskip("ipykernel", reason="no ipykernel here: pip install ipykernel")
+    from nbformat import v4
+
+    folder = tmp_path_factory.mktemp("notebook")
+    made = v4.new_notebook(cells=[v4.new_code_cell(cell) for cell in CELLS])
+    client = nbclient.NotebookClient(
+        made, timeout=300, allow_errors=True, resources={"metadata": {"path": str(folder)}}
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of the kernel's own connection
+        client.execute()
+    return [cell.outputs for cell in made.cells]
+
+
+def test_a_kernel_shows_each_thing_once(executed):
+    """One bar, which ends in what it took, no line beside it; tables, frames, pictures; one clear error."""
+    _, evolved, study, shown, figure, refused = executed
+    assert [out["output_type"] for out in evolved] == ["display_data"]
+    assert evolved[0]["data"]["text/plain"].startswith("took 0:")
+    assert "evolving" in evolved[0]["data"]["text/html"]
+    assert "obstacle-avoidance/observed/1" in study[0]["data"]["text/html"]
+    assert shown[0]["data"]["text/html"].startswith("<iframe")
+    assert "image/png" in figure[0]["data"]
+    assert refused[-1]["ename"] == "StudyError" and "already holds a study" in refused[-1]["evalue"]
+
+
+def framed(shown, place: Path) -> Path:
+    """A page that holds what a notebook would."""
+    place.write_text(f"<!doctype html><meta charset=utf-8><title>cell</title>{shown._repr_html_()}", "utf-8")
+    return place
+
+
+def test_the_player_lives_in_its_frame(browser, played, tmp_path):
+    """The whole study's and one replay's: it draws, plays, and complains of nothing, framed or by itself."""
+    for shown in (played.show(), played.runs[0].replay(seed=3, seconds=1.0)):
+        shown.save(tmp_path / "page.html")
+        for page in (framed(shown, tmp_path / "cell.html"), tmp_path / "page.html"):
+            browser.problems.clear()
+            browser.show(page, tall=1200)
+            assert not browser.problems
+        assert browser.run("document.getElementById('player').hidden") is False
+        drawn = "document.getElementById('player-arena-0').toDataURL().length"
+        before = browser.run(drawn)
+        assert before > 3000
+        browser.run("document.getElementById('player-back').click()")
+        assert "s" in browser.run("document.getElementById('player-time').textContent")
+    assert "sandbox" in played.show()._repr_html_()
+
+
+def test_a_replay_is_the_commands(played):
+    """The same trial as `Simulation` makes, of whichever individual."""
+    run = played.runs[0]
+    page = run.replay("fittest", noise="zero", seed=5, seconds=1.0).html
+    simulation = realitygap.Simulation(played.task(run.task), played.profile, "zero")
+    networks = played.networks(run.task, run.fittest)
+    _, score = simulation.trajectory(networks, stream=5, seconds=1.0)
+    assert f'"score":"{score:.2f}"' in html.unescape(page) and "zero noise" in page
+    with pytest.raises(StudyError, match="expected champion, fittest or an evaluation, 0 to 63, got 64"):
+        run.replay(64)
+
+
+def test_everything_has_a_face(played):
+    """Studies and runs say what they came to; robots, arenas and networks are pictures."""
+    run = played.runs[0]
+    text = played._repr_html_()
+    assert all(one.name in text for one in played.runs) and f"{run.champion_fitness:.4g}" in text
+    faces = [run._repr_html_(), played.controller(run.task, run.champion)._repr_html_()]
+    faces += [realitygap.load_profile(name)._repr_html_() for name in shipped("profiles")]
+    faces += [realitygap.load_arena(name)._repr_html_() for name in shipped("arenas")]
+    for face in faces:
+        assert len(re.findall('<img alt="[^"]+" ', face)) == 1 and "data:image/svg+xml;base64," in face
+
+
+def test_figures_are_matplotlibs(played):
+    """All that the page shows, by name, drawn when asked for."""
+    figures = played.figures()
+    page = (played.folder / "report" / "index.html").read_text("utf-8")
+    assert all(f'id="{name}"' in page for name in figures) and len(figures) > 10
+    assert isinstance(figures["robot"], Figure) and "robot" in repr(figures)
