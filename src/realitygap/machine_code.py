@@ -101,7 +101,10 @@ class Shelf:
         data = _digest(name, content) + content
         if self.folder is not None:
             try:
-                whole.write(self.folder / name, data)
+                with whole.together(
+                    self.folder
+                ):  # not to the disk at once: the digest tells what is cut short
+                    whole.write(self.folder / name, data)
                 return
             except OSError as error:
                 self._why = error.strerror or str(error)

@@ -19,7 +19,7 @@ __all__ = ["Aim", "Optics", "Pattern", "correlation", "lay_out", "sightings", "s
 
 _SHELF = Shelf(Path(__file__).read_bytes())
 _jit = partial(_SHELF.compiled, error_model="numpy", nogil=True, _nrt=False)
-_step = partial(_SHELF.compiled, error_model="numpy", nogil=True, _nrt=False, forceinline=True)
+_step = partial(_jit, forceinline=True, part=True)
 
 Array = NDArray[np.float64]
 
