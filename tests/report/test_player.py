@@ -15,7 +15,7 @@ import pytest
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import NetworkController
 from realitygap.report import player
-from realitygap.report.build import _scripts
+from realitygap.report.build import scripts
 from realitygap.report.gather import Paths, parts_of
 from realitygap.report.player_tracks import LOST, Inside, activity, pack, track
 from realitygap.report.transfers import pairs_of
@@ -172,16 +172,16 @@ def test_the_page_may_fetch_nothing(played: Study) -> None:
     """Its own policy forbids it; its scripts name no address but the name of SVG, and build no code."""
     text = (played.folder / "report" / "index.html").read_text("utf-8")
     assert "default-src 'none'" in text and "unsafe-eval" not in text
-    scripts = _scripts()
-    assert set(re.findall(r"https?://[^\"'\s]*", scripts)) == {"http://www.w3.org/2000/svg"}
-    assert not re.search(r"\b(eval|fetch|XMLHttpRequest|import|Function)\s*\(", scripts)
+    text_of_scripts = scripts()
+    assert set(re.findall(r"https?://[^\"'\s]*", text_of_scripts)) == {"http://www.w3.org/2000/svg"}
+    assert not re.search(r"\b(eval|fetch|XMLHttpRequest|import|Function)\s*\(", text_of_scripts)
 
 
 def test_every_id_that_the_scripts_ask_for_is_there(played: Study) -> None:
     """A script that looks for what the template has lost would stop the whole page."""
     text = (played.folder / "report" / "index.html").read_text("utf-8")
-    asked = set(re.findall(r'byId\("([\w-]+)"\)', _scripts()))
-    for stem in re.findall(r"byId\(`([\w-]+-)\$\{(?:side|i)\}`\)", _scripts()):
+    asked = set(re.findall(r'byId\("([\w-]+)"\)', scripts()))
+    for stem in re.findall(r"byId\(`([\w-]+-)\$\{(?:side|i)\}`\)", scripts()):
         asked |= {f"{stem}0", f"{stem}1"}
     assert len(asked) > 20
     assert asked <= set(re.findall(r'\bid="([\w-]+)"', text))
