@@ -28,7 +28,7 @@ def units():
 @pytest.fixture
 def no_enki(monkeypatch):
     """A machine without Enki's library."""
-    monkeypatch.setattr("realitygap.enki.build.LIBRARY", "libenki-missing.so")
+    monkeypatch.setattr("realitygap.enki.process.LIBRARY", "libenki-missing.so")
 
 
 def test_what_is_at_hand_comes_to_a_matrix(units, no_enki, json_of, call, refused, tmp_path):

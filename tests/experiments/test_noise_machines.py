@@ -8,7 +8,7 @@ import pytest
 
 from realitygap.calibration.unit import PROFILE
 from realitygap.errors import StudyError
-from realitygap.experiments.noise.merge import merge_noise
+from realitygap.experiments.noise.folder import merge_noise
 from realitygap.experiments.noise.plan import calibration_folder, controllers, share
 from realitygap.experiments.noise.run import noise_study
 from realitygap.study.merge import all_shards

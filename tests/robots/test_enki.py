@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.enki.build import program
-from realitygap.enki.process import EnkiProcess
+from realitygap.enki.process import EnkiProcess, program
 from realitygap.enki.unit import MODELS, draw_unit
 from realitygap.errors import RobotError, UsageError
 from realitygap.robots.address import Address, StandIn
@@ -252,7 +251,7 @@ def test_what_is_missing_is_said_with_its_cure(tmp_path, monkeypatch):
     """No library, no compiler, no place to keep the program: one message each."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     with monkeypatch.context() as without, pytest.raises(UsageError, match="apt install libenki-dev g\\+\\+"):
-        without.setattr("realitygap.enki.build.LIBRARY", "libnothing.so")
+        without.setattr("realitygap.enki.process.LIBRARY", "libnothing.so")
         program()
     with (
         monkeypatch.context() as without,
@@ -268,7 +267,7 @@ def test_what_is_missing_is_said_with_its_cure(tmp_path, monkeypatch):
 def test_a_library_that_does_not_fit_is_said(tmp_path, monkeypatch):
     """What the compiler says is told in one line, and nothing half-made stays."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr("realitygap.enki.build.COMPILER", ("g++", "-std=c++14", "-include", "nothing.h"))
+    monkeypatch.setattr("realitygap.enki.process.COMPILER", ("g++", "-std=c++14", "-include", "nothing.h"))
     with pytest.raises(UsageError, match=r"g\+\+ cannot compile it: .*nothing.h"):
         program()
     assert not list(Path(tmp_path, "realitygap").iterdir())

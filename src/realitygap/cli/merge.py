@@ -47,7 +47,7 @@ def merge(
         realitygap evolve avoidance --runs 9 --out out/nine --shard 1/3   # and 2/3, 3/3, anywhere
         realitygap merge out/nine-shard-*-of-3
     """
-    from realitygap.experiments.noise.merge import merge_noise
+    from realitygap.experiments.noise.folder import merge_noise
     from realitygap.experiments.noise.run import noise_study
     from realitygap.report.noise.report import build_noise_report
     from realitygap.study.merge import all_shards, merge_runs

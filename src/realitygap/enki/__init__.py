@@ -2,7 +2,7 @@
 
 Nothing of it is ours but the units: gains, directions and wheels, drawn from a unit's number on top of its
 published models (`unit.py`). Its noise is its own, with a scale; its step is 20 ms. The library is under the
-GNU General Public License, version 2 or later. So it stays behind a pipe: `build.py` compiles a small
+GNU General Public License, version 2 or later. So it stays behind a pipe: `process.py` compiles a small
 program at first use, with the system's compiler, and `process.py` talks to it.
 """
 
