@@ -54,6 +54,7 @@ def readings() -> list[Any]:
     from realitygap.twin.sensors import HISTORY_MS, Sensors
     from realitygap.twin.states import States
     from realitygap.twin.unit import draw_unit
+    from tests.twin.slow_sensors import illumination, reflected
 
     unit = draw_unit(3)
     sensors = Sensors(check_arena(ROOM), unit, noise=1.0, seed=5)
@@ -61,7 +62,7 @@ def readings() -> list[Any]:
     for k in range(60):
         angle = 0.7 * k
         poses = np.tile([0.1 + 0.013 * k, 0.6 - 0.005 * k, angle], (8, 1))
-        found += [sensors.illumination(poses), sensors.reflected(poses)]
+        found += [illumination(sensors, poses), reflected(sensors, poses)]
         pose = States.standing([0], [10 + 1.3 * k], [60 - 0.5 * k], [angle]).pose
         history = np.tile(pose, (HISTORY_MS, 1))
         found += [np.array([sensors.proximity(20 * k, history), sensors.ambient(20 * k, history)])]

@@ -24,6 +24,8 @@ from realitygap.twin.eyes import (
     LAMP_COUNTS,
     LAMP_PROUD,
     WALL_WHITE,
+    illuminate,
+    reflect,
 )
 from realitygap.twin.model import BODY_RADIUS, BODY_TOP, WALL_HEIGHT
 from realitygap.twin.noise import (
@@ -45,7 +47,7 @@ from realitygap.twin.noise import (
     normal_draws,
 )  # fmt: skip
 from realitygap.twin.rays import FAR
-from realitygap.twin.sensors import CYCLE_MS, FULL, PHASE_MS
+from realitygap.twin.sensors import CYCLE_MS, FULL, PHASE_MS, Sensors
 from realitygap.twin.unit import SENSORS_MM_DEG, Unit
 
 __all__ = ["SlowCreep", "SlowNoise", "SlowSensors"]
@@ -393,3 +395,17 @@ class SlowSensors:
         if self._noise:
             signal = signal + self._noise * AMBIENT_COUNTS * self._light.at(time_ms, refreshed)
         return [int(v) for v in np.clip(np.rint(signal), 0, FULL)]
+
+
+def reflected(fast: Sensors, poses: Array) -> Array:
+    """[8] infrared thrown back, as `reflect` has it."""
+    out = np.empty(len(poses))
+    reflect(fast.eyes, poses, out)
+    return out
+
+
+def illumination(fast: Sensors, poses: Array) -> Array:
+    """[8] light on each sensor, as `illuminate` has it."""
+    out = np.empty(len(poses))
+    illuminate(fast.eyes, fast._unit.lamp_power, poses, out)
+    return out

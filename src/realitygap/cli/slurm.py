@@ -17,24 +17,6 @@ SHARED = ("evolve", "transfer", "experiment")
 OURS = ("--shard", "--workers", "--resume")
 """Options that the script gives."""
 
-SCRIPT = """\
-#!/bin/bash
-# {command}
-# as {shards} jobs of a Slurm array:
-#     jobs=$(sbatch --parsable THIS_FILE)
-# and, when all of them are done, put together:
-#     sbatch --dependency=afterok:$jobs --wrap {wrapped}
-#SBATCH --job-name=realitygap
-#SBATCH --array=1-{shards}
-#SBATCH --ntasks=1
-#SBATCH --cpus-per-task={cores}
-#SBATCH --time={hours}:00:00
-#SBATCH --requeue
-set -euo pipefail
-cd {here}
-{python} -m realitygap {words} --shard "$SLURM_ARRAY_TASK_ID/{shards}" --workers {cores}{resume}
-"""
-
 
 @click.command(context_settings={"ignore_unknown_options": True, "allow_interspersed_args": False})
 @click.option("--shards", type=Whole(1, 10**5), required=True, help="Jobs in the array, one shard each.")
@@ -59,7 +41,7 @@ def slurm(
     out = f"{given['study']}-transfer" if "study" in given else given.get("out") or f"out/{_task(command)}"
     merging = f"realitygap merge {shlex.quote(str(out))}-shard-*-of-{shards}"
     here, python = shlex.quote(str(Path.cwd())), shlex.quote(sys.executable)
-    script = SCRIPT.format(
+    script = Path(__file__).with_name("slurm.sh").read_text("utf-8").format(
         command=shlex.join(["realitygap", *command]), words=shlex.join(command), shards=shards, cores=cores,
         hours=hours, here=here, python=python, resume=" --resume" if "resume" in given else "",
         wrapped=shlex.quote(f"cd {here} && {python} -m {merging}"),

@@ -114,6 +114,12 @@ def _stand(eyes: Any, poses: Any, k: int) -> Any:
 
 @jit
 def reflect(eyes: Any, poses: Any, out: Any) -> None:
+    """Infrared thrown back to each sensor, counts less the offset, without noise, into [8].
+
+    Each ray: emitted and taken in by cos^2.6 of its angle, thrown back by Lambert's law (cosine of
+    the incidence) and the surface's reflectance, weakened by the square of the distance. `poses` [8, 3]: x, y
+    (m) and heading of the robot when each sensor was refreshed.
+    """
     counts = near(eyes.scene, poses[0, 0], poses[0, 1], eyes.reach + BODY_RADIUS)
     for k in range(SENSORS):
         out[k] = -IR_OFFSET
@@ -131,6 +137,10 @@ def reflect(eyes: Any, poses: Any, out: Any) -> None:
 
 @jit
 def illuminate(eyes: Any, power: float, poses: Any, out: Any) -> None:
+    """Light on each sensor, into [8]; 1 is a lamp 1 m away, straight ahead. `poses` as of `reflect`.
+
+    Direct light, and what walls and cylinders throw back evenly after one bounce.
+    """
     lamps, rays = eyes.lamps, eyes.rays
     counts = everything(eyes.scene)
     centre_x, centre_y = 0.0, 0.0

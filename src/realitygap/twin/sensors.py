@@ -55,31 +55,6 @@ class Sensors:
         """How far it is from a point to the nearest thing (m)."""
         return float(clearance(self.eyes.scene, x, y))
 
-    def reflected(self, poses: Array) -> Array:
-        """[8] infrared thrown back, in counts, less the offset: without noise and before the converter.
-
-        Each ray: emitted and taken in by cos^2.6 of its angle, thrown back by Lambert's law (cosine of
-        the incidence) and the surface's reflectance, weakened by the square of the distance.
-
-        Args:
-            poses: [8, 3] x, y (m) and heading of the robot when each sensor was refreshed.
-        """
-        out = np.empty(SENSORS)
-        reflect(self.eyes, poses, out)
-        return out
-
-    def illumination(self, poses: Array) -> Array:
-        """[8] light on each sensor; 1 is a lamp 1 m away, straight ahead.
-
-        Direct light, and what walls and cylinders throw back evenly after one bounce.
-
-        Args:
-            poses: [8, 3] as of `reflected`.
-        """
-        out = np.empty(SENSORS)
-        illuminate(self.eyes, self._unit.lamp_power, poses, out)
-        return out
-
     def proximity(self, time_ms: int, history: Array) -> list[int]:
         """[8] counts; `history` [HISTORY_MS, 7] has the poses of the last milliseconds, each at its own."""
         out = np.empty(SENSORS, np.int64)
