@@ -153,6 +153,7 @@ def test_a_controller_of_ones_own(tmp_path):
     assert one.dim == 2 and one.evaluate([[0.5, 0.5]]).fitness[0] > one.evaluate([[0.5, -0.5]]).fitness[0]
     for left, said in (
         ("memory[7]", "index|bounds"),
+        ("inputs[int(100 * weights[0])]", "own.py, line 10: the controller stops with IndexError"),
         ("unknown", "unknown"),
         ("math.nan * weights[0]", "finite"),
     ):

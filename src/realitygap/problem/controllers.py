@@ -13,10 +13,10 @@ from realitygap.errors import UsageError
 from realitygap.kernels import policy
 from realitygap.kernels.network import LIMIT
 from realitygap.tasks.scoring import reason
-from realitygap.user_code import named_object, place_of
+from realitygap.user_code import blamed_on, named_object, place_of
 from realitygap.values import Command
 
-__all__ = ["Form", "WeightedController", "form_of"]
+__all__ = ["Form", "WeightedController", "form_of", "stopped"]
 
 Floats = NDArray[np.float64]
 Decide = Callable[[Floats, Floats, Floats, Floats], None]
@@ -55,13 +55,30 @@ class WeightedController:
         """One step.
 
         Raises:
-            UsageError: an output is no finite number.
+            UsageError: an output is no finite number, or a user's function stops with an error.
         """
-        self.form.decide(self.weights, self._memory, np.array(inputs, np.float64) / LIMIT, self._outputs)
+        fed = np.array(inputs, np.float64) / LIMIT
+        try:
+            self.form.decide(self.weights, self._memory, fed, self._outputs)
+        except Exception as error:
+            raise stopped(self.form, error, self.weights, self._memory, fed, self._outputs) from None
         if not np.isfinite(self._outputs).all():
             raise UsageError(f"controller: expected finite outputs, got {self._outputs.tolist()}.")
         left, right = (int(policy.command(value)) for value in self._outputs)
         return Command(left=left, right=right)
+
+
+def stopped(form: Form, error: Exception, *given: Floats) -> UsageError:
+    """What to say of a user's function that stopped with an error where it was given these: its line."""
+    plain: Any = getattr(form.decide, "py_func", form.decide)
+    try:
+        with blamed_on(plain.__code__.co_filename, UsageError, "the controller stops"):
+            plain(*given)
+    except UsageError as told:
+        return told
+    return UsageError(
+        f"{plain.__code__.co_filename}: the controller stops with {type(error).__name__}: {error}."
+    )
 
 
 def form_of(name: str, inputs: int) -> Form:
@@ -98,8 +115,13 @@ def _own(name: str, inputs: int) -> Form:
     from realitygap.kernels.jit import SHELF
 
     plain: Any = named_object(name, UsageError, "controller")
+    if not hasattr(plain, "__code__"):
+        raise UsageError(
+            f"{name}: expected a function decide(weights, memory, inputs, outputs), got {plain!r}."
+        )
     sizes = [plain.__globals__.get(key, default) for key, default in (("WEIGHTS", None), ("MEMORY", 0))]
-    weights, memory = (size(inputs) if callable(size) else size for size in sizes)
+    with blamed_on(plain.__code__.co_filename, UsageError, "the size of its controller stops"):
+        weights, memory = (size(inputs) if callable(size) else size for size in sizes)
     for key, size, least in (("WEIGHTS", weights, 1), ("MEMORY", memory, 0)):
         if isinstance(size, bool) or not isinstance(size, int) or size < least:
             raise UsageError(f"{name}: {key}: expected a whole number, {least} or more, got {size!r}.")
@@ -110,7 +132,7 @@ def _own(name: str, inputs: int) -> Form:
         file, why = Path(name.rpartition(":")[0]).name, reason(error).rstrip(".")
         raise UsageError(
             f"{file}: the controller cannot be carried out: {why}. It is given weights[{weights}], "
-            f"memory[{memory}], inputs[{inputs}] and outputs[2], and may use numbers, math and NumPy."
+            f"memory[{memory}], inputs[{inputs}] and outputs[2]."
         ) from None
     return Form(weights=weights, memory=memory, decide=decide, run=_compiled(decide, True))
 

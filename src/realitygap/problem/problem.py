@@ -31,7 +31,7 @@ from realitygap.errors import UsageError
 from realitygap.kernels import halves
 from realitygap.kernels.params import Networks, Path
 from realitygap.kernels.work import new_work
-from realitygap.problem.controllers import WeightedController, form_of
+from realitygap.problem.controllers import WeightedController, form_of, stopped
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.tasks.task import Task
 from realitygap.world.arena import Arena
@@ -181,15 +181,22 @@ class Problem:
         work = new_work(cores.robot, cores.trial, nobody)
         paths = np.zeros((trials, len(Path._fields), cores.trial.steps))
         scores, measures = np.empty((len(part), trials)), np.empty((len(part), 2))
-        own = None if networks else (np.zeros(self.form.memory), np.zeros(len(work.inputs)), np.zeros(2))
+        own: tuple[Floats, ...] = ()
+        if not networks:
+            own = np.zeros(self.form.memory), np.zeros(len(work.inputs)), np.zeros(2)
         for i, one in enumerate(part):
             which = np.full(trials, one)
             if networks:
                 from realitygap.kernels import batch
 
                 batch.run_trials(cores.world, made, which, streams, paths, work)
-            elif self.form.run(cores.world, nobody, made, which, streams, paths, work, own):
-                raise UsageError(f"controller: expected finite outputs, not so of solution {one}.")
+            else:
+                try:
+                    wrong = self.form.run(cores.world, nobody, made, which, streams, paths, work, own)
+                except Exception as error:  # a user's controller
+                    raise stopped(self.form, error, made[one], *own) from None
+                if wrong:
+                    raise UsageError(f"controller: expected finite outputs, not so of solution {one}.")
             scores[i] = cores.score.over(paths, cores.room)
             speed, apart = paths[:, 3:5].mean(0).mean(1)
             measures[i] = (speed + apart) / 2, (apart - speed) / 2
