@@ -31,6 +31,8 @@ from tests.study.helpers import small
 HERE = Path(__file__).parent
 STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Werror")
 ARDUINO = Path("/usr/share/arduino/hardware/arduino/avr")
+CHIP = ("-mmcu=atmega328p", "-DF_CPU=16000000L", "-DARDUINO=10819", "-DARDUINO_ARCH_AVR", "-Os",
+        "-ffunction-sections", "-fdata-sections")  # fmt: skip
 RICH = random_genotype(Layout(), np.uint64(8), start_neurons=1.0, start_links=1.0)
 """As full as a genotype may be."""
 STEPS = int(os.environ.get("REALITYGAP_STEPS", "1000"))
@@ -157,7 +159,7 @@ def test_micropython(study, tmp_path):
 
 
 def test_arduino(study, tmp_path):
-    """The sketch's folder compiles as it is, for an ATmega328P, and its size is told."""
+    """The sketch's folder becomes an Uno's program as it is, with Arduino's core; its size is told."""
     cxx = compiler("avr-g++")
     _, source, sketch = write_source(on_board(study.runs[0], "random", RICH), "arduino", tmp_path)
     assert sketch == tmp_path / "controller" / "controller.ino"
@@ -165,9 +167,20 @@ def test_arduino(study, tmp_path):
     assert 500 < size < 4000
     if not ARDUINO.is_dir():
         pytest.skip(f"no Arduino core in {ARDUINO}")
-    run(cxx, "-mmcu=atmega328p", "-DF_CPU=16000000L", "-DARDUINO=10819", "-Os", "-Wall", "-Wextra", "-Werror",
-        "-I", ARDUINO / "cores" / "arduino", "-I", ARDUINO / "variants" / "standard", "-include", "Arduino.h",
-        "-x", "c++", "-c", sketch, "-o", tmp_path / "sketch.o")  # fmt: skip
+    core, objects = ARDUINO / "cores" / "arduino", []
+    of_core = [
+        core / name for name in ("wiring.c", "wiring_digital.c", "wiring_analog.c", "hooks.c", "main.cpp")
+    ]
+    for file in (sketch, source, *of_core):
+        objects.append(tmp_path / f"{file.name}.o")
+        tongue = ("-x", "c", "-std=gnu11") if file.suffix == ".c" else ("-x", "c++")
+        strict = () if file in of_core else ("-Wall", "-Wextra", "-Werror")
+        ours = ("-include", "Arduino.h") if file == sketch else ()
+        where = ("-I", core, "-I", ARDUINO / "variants" / "standard")
+        run(cxx, *CHIP, *where, *strict, *ours, *tongue, "-c", file, "-o", objects[-1])
+    run(cxx, *CHIP, "-Wl,--gc-sections", *objects, "-o", tmp_path / "sketch.elf")
+    text, data, bss = map(int, run("avr-size", tmp_path / "sketch.elf").splitlines()[1].split()[:3])
+    assert text + data < 32_256 and data + bss < 2048 - 256  # an Uno's, with room for the stack
 
 
 def test_a_compiler_that_never_ends_counts_as_none(study, tmp_path, monkeypatch):
