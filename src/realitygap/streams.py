@@ -14,8 +14,9 @@ population, the fresh trials of the fittest and the champion."""
 TRANSFER, NAMED = 6, 7
 """Under a run's stream too: its transfers' trials, and those by which its behaviour is named."""
 
-ASIDE, TWIN_NOISE = 1, 2
-"""Under a trial's stream: noise of the sensors that feed nobody, the noise of a twin's unit."""
+ASIDE, TWIN_NOISE, CONSTANTS = 1, 2, 3
+"""Under a trial's stream: noise of the sensors that feed nobody, the noise of a twin's unit, constants that
+are drawn anew."""
 
 CELL, MATE, REPLACED, OFFSPRING = 0, 1, 2, 3
 """Under an evaluation's of the algorithm: the draws of selection, and all that makes the individual."""
@@ -26,7 +27,7 @@ CROSSOVER, MUTATION, ADD_NEURON, DELETE_NEURON, ADD_LINK, DELETE_LINK, START = r
 TABLE = {
     "a study's seed": ("PICTURES",),
     "a run": ("BREEDING", "TRIALS", "RETEST", "FRESH", "TRANSFER", "NAMED"),
-    "a trial": ("ASIDE", "TWIN_NOISE"),
+    "a trial": ("ASIDE", "TWIN_NOISE", "CONSTANTS"),
     "an evaluation": ("CELL", "MATE", "REPLACED", "OFFSPRING"),
     "an individual": (
         "CROSSOVER", "MUTATION", "ADD_NEURON", "DELETE_NEURON", "ADD_LINK", "DELETE_LINK", "START",

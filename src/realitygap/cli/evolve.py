@@ -26,6 +26,7 @@ __all__ = ["begun_config", "changed_config", "evolve", "folder_of"]
 @click.command()
 @click.argument("task")
 @option.noise(None, " May be repeated: so many conditions. [default: observed]", several=True)
+@option.spread
 @option.profile(None, " [default: paper]")
 @option.arena
 @option.seed(None, " [default: 1995]")
@@ -50,6 +51,7 @@ __all__ = ["begun_config", "changed_config", "evolve", "folder_of"]
 def evolve(
     task: str,
     noise: tuple[float, ...],
+    spreads: tuple[float, ...],
     arena: str | None,
     out: Path | None,
     config: Path | None,
@@ -75,7 +77,8 @@ def evolve(
     folder = folder_of(task) if out is None else out
     folder = folder if shard is None else shard.folder(folder)
     begun = begun_config(folder, task, config, resume)
-    chosen = changed_config(begun, task, noise, settings, option.given({**options, "arena": arena}))
+    fields = {**options, "arena": arena, "spreads": spreads}
+    chosen = changed_config(begun, task, noise, settings, option.given(fields))
     if not resume:
         _notes(chosen, task, workers, shard)
     words = f"evolve {shlex.quote(task)}{option.unusual(engine)}"
@@ -108,14 +111,16 @@ def begun_config(folder: Path, task: str, config: Path | None, resume: bool) -> 
 def changed_config(
     begun: StudyConfig, task: str, noise: tuple[float, ...], settings: Iterable[str], given: Mapping[str, Any]
 ) -> StudyConfig:
-    """The task alone at these levels of noise, with settings as --set has them, and what else is given."""
+    """The task alone at these levels of noise, with settings as --set has them, and what else is given:
+    `spreads`, `arena`, and fields of a configuration."""
     from dataclasses import replace
 
     from realitygap.tasks import load_task
 
     name, fields = load_task(task).name, dict(given)
     arenas = {key: arena for key, arena in begun.arenas.items() if key == name}
-    begun = replace(begun, conditions=_conditions(begun, task, noise), arenas=arenas).with_settings(settings)
+    conditions = _conditions(begun, task, noise, fields.pop("spreads", ()))
+    begun = replace(begun, conditions=conditions, arenas=arenas).with_settings(settings)
     if "arena" in fields:
         fields["arenas"] = {name: fields.pop("arena")}
     return replace(begun, **fields)
@@ -136,13 +141,13 @@ def _notes(config: StudyConfig, task: str, workers: Workers, shard: Shard | None
     consider(runs=runs, evaluations=config.evaluations, workers=workers, population=population)
 
 
-def _conditions(config: StudyConfig, task: str, noise: tuple[float, ...]) -> tuple[Condition, ...]:
-    """The task at `noise`; without that at the levels that a configuration has for it, or observed."""
+def _conditions(
+    config: StudyConfig, task: str, noise: tuple[float, ...], spreads: tuple[float, ...]
+) -> tuple[Condition, ...]:
+    """The task at each of `noise` within each of `spreads`; without one of them at those that a configuration
+    has for it, or at observed noise with constants as they are."""
     from realitygap.study.config import Condition
     from realitygap.tasks import load_task
-
-    if noise:
-        return tuple(Condition(task=task, noise=level) for level in noise)
 
     def same(other: str) -> bool:
         """By what it is called: a configuration's task files are not run to find that out."""
@@ -150,5 +155,11 @@ def _conditions(config: StudyConfig, task: str, noise: tuple[float, ...]) -> tup
             return Path(other).name == Path(task).name
         return load_task(other) is load_task(task)
 
-    levels = [c.noise for c in config.conditions if same(c.task)]
-    return tuple(Condition(task=task, noise=level) for level in levels or [Condition(task=task).noise])
+    if noise and spreads:
+        pairs = [(level, spread) for spread in spreads for level in noise]
+    else:
+        there = [(c.noise, c.spread) for c in config.conditions if same(c.task)] or [(1.0, 0.0)]
+        levels, shares = (dict.fromkeys(one) for one in zip(*there, strict=True))
+        pairs = [(level, spread) for spread in spreads or shares for level in noise or levels]
+        pairs = pairs if noise or spreads else there
+    return tuple(Condition(task=task, noise=level, spread=spread) for level, spread in pairs)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Numbers", "arena", "as_json", "base", "baud", "checked_pose", "controller", "disk", "engine",
     "evaluations", "given", "individual", "marker", "noise", "out", "picture", "pose", "profile", "resume",
-    "runs", "seconds", "seed", "shard", "task", "trust", "twin_noise", "unusual", "workers",
+    "runs", "seconds", "seed", "shard", "spread", "task", "trust", "twin_noise", "unusual", "workers",
 ]  # fmt: skip
 
 BAUDS = tuple(map(str, BAUD_RATES))
@@ -92,6 +92,15 @@ shard = click.option(
     "--shard",
     type=ShardKind(),
     help="Do only share I of N of the work, in a folder of its own, DIR-shard-I-of-N (`realitygap merge`).",
+)
+spread = click.option(
+    "--spread",
+    "spreads",
+    type=Finite(0.0, 0.9),
+    multiple=True,
+    metavar="X",
+    help="Draw the robot's constants anew for each trial, within this share (0.1: ±10 %). May be repeated: "
+    "so many conditions.",
 )
 task = click.option(
     "--task", metavar="TASK", help="Task whose arena the tracks were made in [default: guessed]."

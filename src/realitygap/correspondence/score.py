@@ -215,9 +215,9 @@ def ends_of(task: Task, profile: Profile) -> tuple[float, float]:
         UsageError: another task; give its ends yourself.
     """
     room, n = task.room(profile), task.steps
-    if task.name == "obstacle-avoidance":
+    if task.plain_name == "obstacle-avoidance":
         return 0.0, 1.0
-    if task.name != "light-seeking":
+    if task.plain_name != "light-seeking":
         raise UsageError(
             f"behaviour score: the ideal of task {task.name!r} is not known; expected its ends, the score "
             "of a robot that stands and of an ideal one."

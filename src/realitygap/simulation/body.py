@@ -10,7 +10,7 @@ import numpy as np
 from realitygap.controller.network import NetworkController, decode
 from realitygap.errors import UsageError
 from realitygap.kernels import halves
-from realitygap.kernels.work import new_aside, new_work
+from realitygap.kernels.work import farthest_notice, new_aside, new_work
 from realitygap.robots.body import KINDS, Channel, Odometry
 from realitygap.robots.clock import SteppedClock
 from realitygap.robots.loop import Controller
@@ -60,7 +60,7 @@ class SimulatedBody:
         self.simulation = simulation
         self.stream = stream
         self.kinds = tuple(kind for kind in KINDS if kind in kinds)
-        self._world = simulation._cores.world
+        self._world = simulation._cores.world_of(stream)
         robot, trial = self._world.robot, self._world.task
         near, light = simulation.profile.infrared, simulation.profile.ambient
         there = {"proximity": (len(near.sensors), near.top), "ambient": (len(light.sensors), light.top)}
@@ -141,6 +141,8 @@ class SimulatedBody:
         self.simulation._place(self._work, pose)
         halves.set_down(self._nobody, self._work)
         self._drawn_from = self.stream
+        self._world = self.simulation._cores.world_of(self.stream)
+        self._work.span[0] = farthest_notice(self._world.robot, self._work.fan)
         self._k = 0
         self._pulses = [0.0, 0.0]
         self._odometry = self._wheel_counts()

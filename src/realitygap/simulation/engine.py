@@ -16,7 +16,8 @@ from realitygap.controller.network import check_networks
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import batch, halves
 from realitygap.kernels.params import Networks, Path, Room, Trial, World
-from realitygap.kernels.work import Work, new_work
+from realitygap.kernels.work import Work, farthest_notice, new_work
+from realitygap.simulation.spread import drawn
 from realitygap.tasks.scoring import CompiledScore
 from realitygap.tasks.task import Task
 from realitygap.world.profile import Profile
@@ -61,9 +62,28 @@ class Cores:
         return self.task.to_kernel(self.profile)
 
     @cached_property
-    def world(self) -> World:
-        """All that a trial happens in."""
+    def _world(self) -> World:
         return World(robot=self.robot, arena=self.arena, task=self.trial, level=self.noise)
+
+    @property
+    def world(self) -> World:
+        """All that trials happen in.
+
+        Raises:
+            TaskError: the task draws constants anew for each trial, so that there is no world for all.
+        """
+        if self.task.spread:
+            raise TaskError(
+                f"task {self.task.name!r}: spread: expected 0 where many trials share one robot (the engine "
+                f"cuda, Gymnasium's environments, Problem), got {self.task.spread:g}. Leave it out there."
+            )
+        return self._world
+
+    def world_of(self, stream: int) -> World:
+        """All that the trial on a stream happens in."""
+        if not self.task.spread:
+            return self._world
+        return self._world._replace(robot=drawn(self.robot, stream, self.task.spread))
 
     @cached_property
     def room(self) -> Room:
@@ -146,5 +166,11 @@ class Cores:
         return np.repeat(np.arange(count), streams.shape[1]), streams.reshape(-1)
 
     def _run(self, networks: Networks, which: NDArray[np.int64], streams: Streams, paths: Floats) -> None:
-        batch.run_trials(self.world, networks, which, streams, paths, self.scratch(networks))
+        work = self.scratch(networks)
+        if not self.task.spread or not len(streams):
+            batch.run_trials(self._world, networks, which, streams, paths, work)
+        for t in range(len(streams) if self.task.spread else 0):
+            world, one = self.world_of(streams[t]), slice(t, t + 1)
+            work.span[0] = farthest_notice(world.robot, work.fan)
+            batch.run_trials(world, networks, which[one], streams[one], paths[one], work)
         self.require_finite_path(paths[: len(streams)])

@@ -13,7 +13,7 @@ from realitygap.controller.network import check_networks
 from realitygap.errors import UsageError
 from realitygap.kernels import batch, halves
 from realitygap.kernels.params import Networks, Path, Trial, World
-from realitygap.kernels.work import Record, Work, new_aside, new_noise, new_work
+from realitygap.kernels.work import Record, Work, farthest_notice, new_aside, new_noise, new_work
 from realitygap.simulation.engine import Cores, Engine, Streams
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
@@ -111,8 +111,9 @@ class Simulation:
             raise UsageError(f"networks: expected one, got {len(networks.neurons)}. Decode one genotype.")
         named = as_stream(stream)
         steps = self._cores.trial.steps if seconds is None else self._steps(seconds)
-        world, record = self._cores.world, self._blank(steps)
+        world, record = self._cores.world_of(stream), self._blank(steps)
         work = self._cores.scratch(networks)
+        work.span[0] = farthest_notice(world.robot, work.fan)
         self._place(work, self.start(stream) if pose is None else pose)
         world = world._replace(task=world.task._replace(steps=steps))
         batch.record_trial(world, networks, named, work, new_aside(world.robot, world.task), record)

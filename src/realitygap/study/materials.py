@@ -55,11 +55,11 @@ class Materials:
         arenas: dict[str, str] = {}
         conditions = []
         for condition, task in zip(self.config.conditions, self.tasks, strict=True):
-            arenas[task.name] = f"arenas/{task.name}.toml"
-            files[arenas[task.name]] = task.arena.to_toml().encode()
-            name = task.name
+            name = task.plain_name
+            arenas[name] = f"arenas/{name}.toml"
+            files[arenas[name]] = task.arena.to_toml().encode()
             if task.source is not None:
-                home = f"tasks/{task.name}"
+                home = f"tasks/{name}"
                 name = f"{home}/{Path(task.source).name}"
                 files.update({f"{home}/{path}": content for path, content in _task_files(task).items()})
             conditions.append(replace(condition, task=name))
@@ -109,7 +109,7 @@ def gather(config: StudyConfig) -> Materials:
         task.to_kernel(profile)  # the robot fits its start and has the sensors
         config.evolution.make(config.encoding_for(task))  # the genotype has room for the inputs
         loaded[key] = task
-    tasks = tuple(loaded[c.task] for c in config.conditions)
+    tasks = tuple(loaded[c.task].under(c.spread) for c in config.conditions)
     _refuse_repetition([(task.name, c.noise) for task, c in zip(tasks, config.conditions, strict=True)])
     return Materials(config=config, profile=profile, tasks=tasks)
 

@@ -21,10 +21,14 @@ __all__ = ["NAMED", "Condition", "Encoding", "Evolution", "TaskSettings", "with_
 
 @dataclass(frozen=True, kw_only=True)
 class Condition(Value):
-    """A task (its name or file, or itself) at a noise level (zero, observed, double or a number)."""
+    """A task (its name or file, or itself) at a noise level (zero, observed, double or a number).
+
+    With a `spread` constants are drawn anew for each trial, and its runs belong to a task named after it.
+    """
 
     task: str
     noise: float = 1.0
+    spread: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "task", reference(self.task))
@@ -34,7 +38,11 @@ class Condition(Value):
     def to_dict(self) -> dict[str, Any]:
         """The condition as in its file."""
         named = self.noise in NOISE_LEVELS.values()
-        return {"task": self.task, "noise": noise_name(self.noise) if named else self.noise}
+        noise = noise_name(self.noise) if named else self.noise
+        return {"task": self.task, "noise": noise, **({"spread": self.spread} if self.spread else {})}
+
+    def _check(self) -> None:
+        require(0 <= self.spread <= 0.9, "spread", "a share from 0 to 0.9", self.spread)
 
 
 @dataclass(frozen=True, kw_only=True)

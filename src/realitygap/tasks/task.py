@@ -63,6 +63,8 @@ class Task:
         start: where a trial begins.
         seconds: length of a trial, a multiple of 0.1.
         trials: trials in one evaluation; fitness is the mean of their scores.
+        spread: share, 0 to 0.9, within which the robot's constants are drawn anew for each simulated trial:
+            each sensor's sensitivity, each wheel's speed, the track (domain randomisation).
         score: a function of (path, room) that returns a float.
         fitness_unit: what figures write at the axis; fitness_scale: what they divide by.
         source: the user's file, None for the paper's tasks; arena_file: its arena's path, where it
@@ -80,6 +82,7 @@ class Task:
     start: Start
     seconds: float = 20.0
     trials: int = 2
+    spread: float = 0.0
     score: Score
     fitness_unit: str = ""
     fitness_scale: float = 1.0
@@ -99,6 +102,16 @@ class Task:
     def kinds(self) -> tuple[str, ...]:
         """The kinds of sensors that are fed: "proximity", "ambient" or both."""
         return tuple(self.feeds.split("+"))
+
+    @property
+    def plain_name(self) -> str:
+        """Its name without what `under` adds."""
+        return self.name.removesuffix(_ending(self.spread))
+
+    def under(self, spread: float) -> Task:
+        """The same task with constants drawn anew, under a name and a title that say so."""
+        title = f"{self.title}, constants drawn within ±{100 * spread:g} %"
+        return replace(self, name=self.name + _ending(spread), title=title, spread=spread) if spread else self
 
     @property
     def steps(self) -> int:
@@ -202,6 +215,7 @@ class Task:
             "start": self.start.to_dict(),
             "seconds": self.seconds,
             "trials": self.trials,
+            **({"spread": self.spread} if self.spread else {}),
             "fitness_unit": self.fitness_unit,
             "fitness_scale": self.fitness_scale,
         }
@@ -223,7 +237,7 @@ class Task:
         put(self, "title", self.title or self.name.replace("-", " ").capitalize())
         require(isinstance(self.sensors, list | tuple | range), "sensors", "a tuple of numbers", self.sensors)
         put(self, "sensors", tuple(self.sensors))
-        for key in ("seconds", "fitness_scale"):
+        for key in ("seconds", "fitness_scale", "spread"):
             value = getattr(self, key)
             number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
             require(number, key, "a number", value)
@@ -243,6 +257,7 @@ class Task:
         require(fits, "seconds", "a multiple of 0.1 from 0.1 to 100000", self.seconds)
         count = isinstance(self.trials, int) and not isinstance(self.trials, bool) and self.trials >= 1
         require(count, "trials", "a whole number, 1 or more", self.trials)
+        require(0 <= self.spread <= 0.9, "spread", "a share from 0 to 0.9", self.spread)
         require(self.fitness_scale > 0, "fitness_scale", "more than 0", self.fitness_scale)
         start = self.start
         obstacle = self.arena.obstacle_at(start.x_cm, start.y_cm, start.radius_cm)
@@ -252,6 +267,11 @@ class Task:
                 f"disc of {start.radius_cm:g} cm about ({start.x_cm:g}, {start.y_cm:g}), which overlaps "
                 f"{obstacle}."
             )
+
+
+def _ending(spread: float) -> str:
+    """What a name says of a spread: -spread-10, of 10 %."""
+    return f"-spread-{100 * spread:g}".replace(".", "-") if spread else ""
 
 
 def _check_score(score: object) -> None:

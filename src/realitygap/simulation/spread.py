@@ -1,0 +1,43 @@
+"""A robot's constants drawn anew for each trial, within a spread (domain randomisation)."""
+
+import numpy as np
+
+from realitygap.kernels.params import F, Robot
+from realitygap.kernels.rng import substream, uniform
+from realitygap.streams import CONSTANTS
+
+__all__ = ["drawn"]
+
+
+def drawn(robot: Robot, stream: int, spread: float) -> Robot:
+    """The robot of one trial: a function of the trial's stream.
+
+    Factors uniform in 1 ± spread, each drawn by itself: on what every proximity sensor gets back (its `a`),
+    on every ambient sensor's gain, on each wheel's speed a unit, and on the track.
+
+    Args:
+        robot: the profile's.
+        stream: the trial's.
+        spread: 0 to below 1.
+    """
+    near, light = len(robot.proximity_a), len(robot.ambient_gain)
+    under = np.uint64(substream(np.uint64(stream), np.uint64(CONSTANTS)))
+    draws = np.array([uniform(under, i) for i in range(near + light + 3)])
+    factors = 1.0 + spread * (2.0 * draws - 1.0)
+    a, gain, wheels, track = np.split(factors, [near, near + light, near + light + 2])
+    return robot._replace(
+        proximity_a=robot.proximity_a * a,
+        proximity_reach=_reach(robot, a),
+        ambient_gain=robot.ambient_gain * gain,
+        speed_per_unit=robot.speed_per_unit * wheels,
+        track=robot.track * float(track[0]),
+    )
+
+
+def _reach(robot: Robot, factors: F) -> F:
+    """How far sensors notice anything once more or less comes back: the d of the same a / ((d + o)² + w²)."""
+    square = (robot.proximity_reach + robot.proximity_offset) ** 2 + robot.proximity_width2
+    far = np.sqrt(np.maximum(square * factors - robot.proximity_width2, 0.0)) - robot.proximity_offset
+    end = 1.0 / robot.proximity_least if robot.proximity_least else np.inf
+    reach: F = np.clip(far, 0.0, end)
+    return reach
