@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.film.finder import _maxima
-from realitygap.film.window import HIDDEN, Aim, Pattern
+from realitygap.film.pattern import HIDDEN, Pattern
+from realitygap.film.window import Aim
 
 Picture = NDArray[np.float32]
 

@@ -24,7 +24,7 @@ from realitygap.study.load import Study, load_study
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
 from realitygap.track import Track
-from realitygap.transfer.plan import shown_runs
+from realitygap.transfer.chosen import shown_runs
 from realitygap.world.profile import load_profile
 from tests.report.situations import STEPS, write_transfer
 

@@ -19,6 +19,7 @@ from realitygap.report.gather import chosen, parts_of
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.track import Track, read_track
+from realitygap.transfer.chosen import shown_runs
 from realitygap.transfer.film import known_poses
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.paths import (
@@ -26,7 +27,6 @@ from realitygap.transfer.paths import (
     of_track,
     score,
 )
-from realitygap.transfer.plan import shown_runs
 from realitygap.transfer.work import _in_order
 from realitygap.values import Pose
 from realitygap.world.arena import load_arena

@@ -19,9 +19,9 @@ from realitygap.study.schema import told
 from realitygap.study.settings import LARGEST, refuse_difference, whole
 from realitygap.tasks import load_task
 from realitygap.toml import read_toml, to_toml
+from realitygap.transfer.chosen import shown_runs
 from realitygap.transfer.load import Transferred, load_transfers
 from realitygap.transfer.options import Transfer
-from realitygap.transfer.plan import shown_runs
 from realitygap.transfer.run import run_transfer
 from realitygap.whole import write
 from realitygap.work.progress import OnProgress

@@ -20,7 +20,8 @@ from realitygap.errors import FilmError
 from realitygap.film.camera import OUTSIDE, CameraModel, turning_point
 from realitygap.film.disk import Disk
 from realitygap.film.masks import OUTER, Grey, Picture, pattern_of, responses
-from realitygap.film.window import Aim, Optics, correlation, lay_out, sightings, spots
+from realitygap.film.pattern import correlation, spots
+from realitygap.film.window import Aim, Optics, lay_out, sightings
 from realitygap.values import Pose
 
 __all__ = ["FOUND_ANEW", "KNOWN_AGAIN", "Finder", "Look", "Sighting", "first_look"]

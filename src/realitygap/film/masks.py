@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.film.disk import Disk
-from realitygap.film.window import Pattern
+from realitygap.film.pattern import Pattern
 
 __all__ = ["INNER", "OUTER", "blurred", "pattern_of", "responses"]
 

@@ -1,4 +1,4 @@
-"""The window that the tracker looks at closely, compiled: where it lies, the masks' tops, the correlation.
+"""The window that the tracker looks at closely, compiled: where it lies, and the masks' tops.
 
 The filters between these steps are OpenCV's (film/masks.py).
 """
@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 
 from realitygap.machine_code import Shelf
 
-__all__ = ["Aim", "Optics", "Pattern", "correlation", "lay_out", "sightings", "spots"]
+__all__ = ["Aim", "Optics", "jit", "lay_out", "sightings", "step"]
 
-_SHELF = Shelf(Path(__file__).read_bytes())
-_jit = partial(_SHELF.compiled, error_model="numpy", nogil=True, _nrt=False)
-_step = partial(_jit, forceinline=True, part=True)
+_SHELF = Shelf(
+    b"".join(Path(__file__).with_name(f"{name}.py").read_bytes() for name in ("window", "pattern"))
+)
+jit = partial(_SHELF.compiled, error_model="numpy", nogil=True, _nrt=False)
+step = partial(jit, forceinline=True, part=True)
 
 Array = NDArray[np.float64]
 
-HIDDEN = 0.25
-"""Part of the disk's black face that may be hidden by something bright."""
 LEAST, UPHILL = 0.5, 6
 """A mask's response that is a top, and how many steps it is from a place on the ring to one, at most."""
 
@@ -57,18 +57,7 @@ class Aim(NamedTuple):
     round: Array
 
 
-class Pattern(NamedTuple):
-    """The disk as a correlation judges it: places on it [n, 2] (disk's axes, cm) and how white they are;
-    which of them are nearer to the centre patch than to the front one, and which are black; room [2, n]."""
-
-    places: Array
-    white: Array
-    inner: NDArray[np.bool_]
-    black: NDArray[np.bool_]
-    room: Array
-
-
-@_step
+@step
 def _pixel(optics: Any, x: float, y: float) -> Any:
     """As `CameraModel.columns_rows` has it."""
     h, (up, down) = optics.homography, optics.move
@@ -92,7 +81,7 @@ def _pixel(optics: Any, x: float, y: float) -> Any:
     return column, row
 
 
-@_jit
+@jit
 def lay_out(optics: Any, place: Any, axis: Any, columns: Any, rows: Any, ends: Any) -> None:
     """Where the places of a square about a place are in the picture.
 
@@ -112,7 +101,7 @@ def lay_out(optics: Any, place: Any, axis: Any, columns: Any, rows: Any, ends: A
             ends[2], ends[3] = min(ends[2], rows[i, j]), max(ends[3], rows[i, j])
 
 
-@_step
+@step
 def _is_top(response: Any, row: int, column: int, first: int, last: int) -> Any:
     """Whether no neighbour within first … last surpasses a response."""
     value = response[row, column]
@@ -123,14 +112,14 @@ def _is_top(response: Any, row: int, column: int, first: int, last: int) -> Any:
     return value > LEAST
 
 
-@_step
+@step
 def _three(response: Any, row: int, column: int, down: int, right: int) -> Any:
     """A value and its neighbours before and behind it."""
     before, here = response[row - down, column - right], response[row, column]
     return np.float64(before), np.float64(here), np.float64(response[row + down, column + right])
 
 
-@_jit
+@jit
 def peak(response: Any, column: int, row: int, top: Any) -> Any:
     """The top of the quadratic through the 3 × 3 values about (column, row), px, into `top` [2].
 
@@ -165,7 +154,7 @@ def peak(response: Any, column: int, row: int, top: Any) -> Any:
     return abs(x) <= 1 and abs(y) <= 1
 
 
-@_step
+@step
 def _front(response: Any, aim: Any, centre: Any, front: Any) -> Any:
     """The front patch on its ring about the centre, in steps, into `front`; whether it is there."""
     last = response.shape[0] - 1
@@ -190,7 +179,23 @@ def _front(response: Any, aim: Any, centre: Any, front: Any) -> Any:
     return abs(math.sqrt(dx * dx + dy * dy) - aim.ring) <= aim.slack
 
 
-@_jit
+@step
+def _enter(tops: Any, count: int, value: float, row: int, column: int) -> Any:
+    """Put a top among the highest so far, the highest first; how many there are then."""
+    if count == tops.shape[0]:
+        if value <= tops[count - 1, 0]:
+            return count
+    else:
+        count += 1
+    k = count - 1
+    while k > 0 and tops[k - 1, 0] < value:
+        tops[k, 0], tops[k, 1], tops[k, 2] = tops[k - 1, 0], tops[k - 1, 1], tops[k - 1, 2]
+        k -= 1
+    tops[k, 0], tops[k, 1], tops[k, 2] = value, row, column
+    return count
+
+
+@jit
 def sightings(for_centre: Any, for_front: Any, aim: Any, tops: Any, found: Any) -> Any:
     """Centre and front patches of likely disks in a window, the likeliest first.
 
@@ -209,19 +214,8 @@ def sightings(for_centre: Any, for_front: Any, aim: Any, tops: Any, found: Any) 
     count = 0
     for row in range(first, last + 1):
         for column in range(first, last + 1):
-            value = for_centre[row, column]
-            if not _is_top(for_centre, row, column, first, last):
-                continue
-            if count == tops.shape[0]:
-                if value <= tops[count - 1, 0]:
-                    continue
-            else:
-                count += 1
-            k = count - 1
-            while k > 0 and tops[k - 1, 0] < value:
-                tops[k, 0], tops[k, 1], tops[k, 2] = tops[k - 1, 0], tops[k - 1, 1], tops[k - 1, 2]
-                k -= 1
-            tops[k, 0], tops[k, 1], tops[k, 2] = value, row, column
+            if _is_top(for_centre, row, column, first, last):
+                count = _enter(tops, count, for_centre[row, column], row, column)
     near, many = 0, 0
     for k in range(count):
         row, column = int(tops[k, 1]), int(tops[k, 2])
@@ -234,129 +228,3 @@ def sightings(for_centre: Any, for_front: Any, aim: Any, tops: Any, found: Any) 
         ):
             many += 1
     return many
-
-
-@_jit
-def spots(pattern: Any, points: Any, step: float, columns: Any, rows: Any) -> None:
-    """Where a disk's pattern is in a window.
-
-    Args:
-        pattern: its.
-        points: [4] columns and rows of its two patches.
-        step: of the window, cm.
-        columns, rows: [n, 1] into which they go.
-    """
-    dx, dy = points[2] - points[0], points[3] - points[1]
-    length = math.sqrt(dx * dx + dy * dy) * step
-    ahead_x, ahead_y = dx / length, dy / length
-    for k in range(pattern.white.shape[0]):
-        x, y = pattern.places[k, 0], pattern.places[k, 1]
-        columns[k, 0], rows[k, 0] = (
-            x * ahead_x - y * ahead_y + points[0],
-            x * ahead_y + y * ahead_x + points[1],
-        )
-
-
-@_step
-def _ranked(values: Any, count: int, rank: int) -> Any:
-    """Puts the value of a rank where it belongs, none larger before it (Hoare 1961)."""
-    low, high = 0, count - 1
-    while low < high:
-        middle, i, j = values[rank], low, high
-        while i <= j:
-            while values[i] < middle:
-                i += 1
-            while middle < values[j]:
-                j -= 1
-            if i <= j:
-                values[i], values[j] = values[j], values[i]
-                i += 1
-                j -= 1
-        if j < rank:
-            low = i
-        if rank < i:
-            high = j
-    return values[rank]
-
-
-@_jit
-def _limit(seen: Any, pattern: Any, room: Any) -> Any:
-    """Up to here black places are compared: their quantile, as `numpy.quantile` takes it."""
-    count = 0
-    for k in range(seen.shape[0]):
-        if pattern.black[k]:
-            room[count] = seen[k]
-            count += 1
-    place = (count - 1) * (1 - HIDDEN)
-    below = math.floor(place)
-    low = _ranked(room, count, below)
-    high = low if below + 1 >= count else np.inf
-    for k in range(below + 1, count):
-        high = min(high, room[k])
-    part = place - below
-    return low + (high - low) * part if part < 0.5 else high - (high - low) * (1 - part)
-
-
-@_step
-def _light(seen: Any, pattern: Any, limit: float, sums: Any) -> None:
-    """How light grows across what is compared: the slopes in the places' x and y, by least squares beside
-    the pattern and a constant, into `sums[2:, 4]` of [4, 5] (Gauss, with pivots)."""
-    sums[:, :] = 0.0
-    for k in range(seen.shape[0]):
-        if pattern.black[k] and seen[k] > limit:
-            continue
-        row = (1.0, pattern.white[k], pattern.places[k, 0], pattern.places[k, 1], seen[k])
-        for i in range(4):
-            for j in range(5):
-                sums[i, j] += row[i] * row[j]
-    for i in range(4):
-        best = i
-        for k in range(i + 1, 4):
-            if abs(sums[k, i]) > abs(sums[best, i]):
-                best = k
-        for j in range(5):
-            sums[i, j], sums[best, j] = sums[best, j], sums[i, j]
-        for k in range(4):
-            if k != i:
-                share = sums[k, i] / sums[i, i]
-                for j in range(i, 5):
-                    sums[k, j] -= share * sums[i, j]
-    for i in range(4):
-        sums[i, 4] /= sums[i, i]
-
-
-@_jit
-def correlation(seen: Any, pattern: Any, sums: Any) -> Any:
-    """How much what is seen at the pattern's places looks like the disk, 0 to 1.
-
-    The correlation is taken for the centre patch and for the front patch with their surroundings
-    apart, and the worse one counts: a lone white spot is no robot. Of the black face the brightest
-    quarter is left out, whatever it is, so that a hand or a cable may lie there. Light that grows
-    evenly across the disk, as a lamp's reflection does, is taken away first.
-
-    Args:
-        seen: [n] what is there.
-        pattern: what should be.
-        sums: [4, 5] room.
-    """
-    even = pattern.room[1]
-    _light(seen, pattern, _limit(seen, pattern, pattern.room[0]), sums)
-    for k in range(seen.shape[0]):
-        even[k] = seen[k] - (pattern.places[k, 0] * sums[2, 4] + pattern.places[k, 1] * sums[3, 4])
-    limit, worst = _limit(even, pattern, pattern.room[0]), 1.0
-    for part in range(2):
-        count, mean_a, mean_b, aa, bb, ab = 0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for turn in range(2):
-            for k in range(seen.shape[0]):
-                if pattern.inner[k] != (part == 0) or (pattern.black[k] and even[k] > limit):
-                    continue
-                if turn == 0:
-                    count, mean_a, mean_b = count + 1, mean_a + even[k], mean_b + pattern.white[k]
-                else:
-                    a, b = even[k] - mean_a, pattern.white[k] - mean_b
-                    aa, bb, ab = aa + a * a, bb + b * b, ab + a * b
-            if turn == 0:
-                mean_a, mean_b = mean_a / count, mean_b / count
-        strength = math.sqrt(aa * bb)
-        worst = min(worst, ab / strength if strength > 0 else 0.0)
-    return max(worst, 0.0)

@@ -17,7 +17,7 @@ from realitygap.report.tables import NoiseClass, Row, Table
 from realitygap.streams import PICTURES
 from realitygap.study.load import Run, Study
 from realitygap.tasks.task import Task
-from realitygap.transfer.plan import median_run
+from realitygap.transfer.chosen import median_run
 from realitygap.world.noise import NOISE_LEVELS, noise_level, noise_name
 
 if TYPE_CHECKING:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from realitygap.errors import StudyError, UsageError
+from realitygap.errors import UsageError
 from realitygap.film.disk import Disk
 from realitygap.film.tag import Tag
 from realitygap.kernels.rng import substream
@@ -20,6 +19,7 @@ from realitygap.streams import TRANSFER
 from realitygap.study.load import Run, Study
 from realitygap.study.plan import run_stream
 from realitygap.study.run import WHO
+from realitygap.transfer.chosen import chosen_runs, number_of
 from realitygap.transfer.options import Transfer
 from realitygap.world.profile import Profile
 
@@ -34,9 +34,6 @@ __all__ = [
     "Situation",
     "check_body",
     "check_fit",
-    "chosen_runs",
-    "median_run",
-    "shown_runs",
     "situations",
     "transfer_stream",
 ]
@@ -147,27 +144,6 @@ class Situation:
 
 SAME_SCALE = 0.01
 """Full scales that differ by no larger share are one: of a Thymio's 4500 counts some sources make 4505."""
-FINISH = "Finish the study (`realitygap … --resume`)."
-
-
-def chosen_runs(study: Study, options: Transfer) -> list[Run]:
-    """The named runs, all that are finished if none is named.
-
-    Raises:
-        UsageError: no such run or individual, or one that there is not yet.
-    """
-    if options.individual not in WHO:
-        raise UsageError(f"individual: expected {' or '.join(WHO)}, got {options.individual!r}.")
-    if not options.runs:
-        finished = [run for run in study.runs if run.finished]
-        if not finished:
-            raise StudyError(f"{study.folder}: no run is finished yet. {FINISH}")
-        return finished
-    chosen = list({run.id: run for run in map(study.run, options.runs)}.values())
-    for run in chosen:
-        if _number(run, options.individual) is None:
-            raise StudyError(f"{study.folder}: run {run.id} has no {options.individual} yet. {FINISH}")
-    return chosen
 
 
 def situations(study: Study, options: Transfer) -> Iterator[Situation]:
@@ -187,7 +163,7 @@ def situations(study: Study, options: Transfer) -> Iterator[Situation]:
 def _situation(
     study: Study, options: Transfer, robot: Address, known: Known, run: Run, start: int
 ) -> Situation:
-    number, twin = _number(run, options.individual), robot.unit is not None
+    number, twin = number_of(run, options.individual), robot.unit is not None
     assert number is not None
     seed = study.config.seed if options.seed is None else options.seed
     name = run.name.replace("/", "-")
@@ -249,10 +225,6 @@ def transfer_stream(seed: int, run: Run, start: int) -> int:
     return int(substream(np.uint64(stream), np.uint64(start)))
 
 
-def _number(run: Run, individual: str) -> int | None:
-    return run.champion_number if individual == "champion" else run.fittest_number
-
-
 def check_body(study: Study, task: str, body: Body) -> None:
     """Refuse controllers that were evolved for another kind of robot.
 
@@ -292,27 +264,3 @@ def check_fit(body: Body, profile: Profile, kinds: Iterable[str], wanted: str) -
         raise UsageError(
             f"{wanted} a period of {profile.period_s:g} s {name}; this robot's is {body.period_s:g} s."
         )
-
-
-def median_run(runs: Iterable[Run]) -> Run | None:
-    """The median run of a condition, by its champion's fresh trials at its own noise.
-
-    Where those are missing, by stored fitness; of an even number the lower of the middle two.
-    """
-    ranked = sorted((run for run in runs if run.evaluations), key=lambda run: (_worth(run), -run.id))
-    return ranked[(len(ranked) - 1) // 2] if ranked else None
-
-
-def shown_runs(study: Study) -> list[Run]:
-    """One finished run of each condition, in the study's order: whom figures 3 and 5 show."""
-    conditions = dict.fromkeys((run.task, run.noise) for run in study.runs)
-    chosen = (median_run(r for r in study.runs if (r.task, r.noise) == pair) for pair in conditions)
-    return [run for run in chosen if run is not None and run.finished]
-
-
-def _worth(run: Run) -> float:
-    """How good a run's champion is, as far as is known."""
-    fresh = run.tests.get(("champion", run.noise))
-    if fresh is not None and fresh.size:
-        return float(fresh.mean())
-    return -math.inf if run.best_fitness is None else run.best_fitness
