@@ -24,20 +24,21 @@ def trial(env, weights, seed):
     return total
 
 
-def main(iterations):
-    """Print the best and the mean score of each iteration; return the last mean."""
+def main(iterations, seed=0):
+    """Print the best and the mean score of each iteration; return the means."""
     env = gymnasium.make_vec(
         "realitygap/ObstacleAvoidance-v0", num_envs=ROBOTS, vectorization_mode="vector_entry_point"
     )
-    random = np.random.default_rng(0)
-    mean, spread = np.zeros((2, 9)), np.ones((2, 9))
+    random = np.random.default_rng(seed)
+    mean, spread, means = np.zeros((2, 9)), np.ones((2, 9)), []
     for k in range(iterations):
         weights = mean + spread * random.normal(size=(ROBOTS, 2, 9))
         scores = sum(trial(env, weights, seed=1000 * k + 100 * one) for one in range(2)) / 2
         best = weights[np.argsort(scores)[-ELITE:]]
         mean, spread = best.mean(0), best.std(0) + 0.02
         print(f"iteration {k}: best {scores.max():.3f}, mean {scores.mean():.3f}")
-    return scores.mean()
+        means.append(scores.mean())
+    return means
 
 
 if __name__ == "__main__":
