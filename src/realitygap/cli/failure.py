@@ -105,6 +105,8 @@ def _shortened(word: str) -> str:
 
 def _describe(failure: Exception) -> tuple[str, int]:
     """The line that says what went wrong, and the exit code."""
+    if isinstance(failure, click.Abort) and isinstance(failure.__cause__, StoppedError):
+        failure = failure.__cause__  # click makes its own of every KeyboardInterrupt
     if isinstance(failure, StoppedError):
         return str(failure), failure.exit_code
     if isinstance(failure, RealityGapError):

@@ -15,7 +15,7 @@ from realitygap.experiments.noise.config import CONFIG, NoiseConfig
 from realitygap.experiments.noise.run import noise_study
 from realitygap.experiments.noise.situated import check_robot
 from realitygap.robots.address import Address
-from realitygap.study.lock import LOCK, lock
+from realitygap.study.lock import lock, refuse_strangers
 from realitygap.study.schema import told
 from realitygap.study.settings import refuse_difference
 from realitygap.toml import read_toml, to_toml
@@ -196,9 +196,7 @@ def _begun(folder: Path, requested: Realities | None, resume: bool) -> Realities
         return there
     if requested is None:
         raise StudyError(f"{folder}: no experiment on realities there. Start it without --resume.")
-    strange = [path.name for path in folder.iterdir() if path.name != LOCK and path.name[0] != "."]
-    if strange:
-        raise StudyError(f"{folder} holds other files ({min(strange)}). Choose another --out.")
+    refuse_strangers(folder, "experiment on realities")
     with told(folder):
         write(folder / ASKED, HEADER + to_toml(requested.to_dict()))
     return requested

@@ -8,7 +8,7 @@ from pathlib import Path
 from realitygap import whole
 from realitygap.errors import StudyError
 from realitygap.study.config import StudyConfig
-from realitygap.study.lock import LOCK
+from realitygap.study.lock import LOCK, refuse_strangers
 from realitygap.study.materials import Materials, gather, own, program_files
 from realitygap.study.reader import DATABASE, Reader
 from realitygap.study.schema import told
@@ -36,6 +36,7 @@ __all__ = [
 
 CONFIG = "study.toml"
 OURS = {CONFIG, LOCK, MARK, "profile.toml", "arenas", "tasks", "evolution", "encoding", "report"}
+OURS |= {f"{DATABASE}{end}" for end in ("", "-wal", "-shm", "-journal")}
 OURS |= {"reproduce.toml", "calibration", "reproduce.tmp"}  # the last one of earlier versions
 """What a study that was killed while it was being made may have left."""
 
@@ -68,7 +69,7 @@ def open_folder(folder: Path, requested: Materials | None, *, resume: bool) -> M
         return read_materials(folder)
     if requested is None:
         raise StudyError(f"{folder} holds no study ({DATABASE} is missing). Give the folder of a study.")
-    _refuse_strangers(folder)
+    refuse_strangers(folder, "study", OURS)
     for task in requested.tasks:
         if task.source is not None:
             task.compiled_score()  # before anything is written, and the user's own file is blamed
@@ -108,7 +109,7 @@ def open_to_begin(folder: Path) -> None:
     """
     if exists(folder):
         raise StudyError(f"{folder} already holds a study. Resume it (--resume) or choose another --out.")
-    _refuse_strangers(folder)
+    refuse_strangers(folder, "study", OURS)
 
 
 def read_config(folder: Path) -> StudyConfig:
@@ -223,10 +224,3 @@ def refuse_other(folder: Path, other: Path) -> None:
         where = changed(name, ours.get(name, b""), theirs.get(name, b""))
         if where is not None:
             raise StudyError(f"{folder} and {other} keep different files {name}: {where}. {cure}")
-
-
-def _refuse_strangers(folder: Path) -> None:
-    """Refuse to make a study among other files."""
-    for path in sorted(folder.iterdir()):
-        if path.name not in OURS and not path.name.startswith((".", DATABASE)):
-            raise StudyError(f"{folder} holds no study, but other files ({path.name}). Choose another --out.")

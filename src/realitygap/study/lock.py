@@ -1,17 +1,17 @@
-"""A study's folder is worked on by one process at a time."""
+"""A study's folder is worked on by one process at a time, and holds nothing else."""
 
 import os
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 
-from realitygap.errors import StudyBusyError
+from realitygap.errors import StudyBusyError, StudyError
 from realitygap.study.reader import DATABASE
 from realitygap.study.schema import told
 from realitygap.study.sources import refuse_links
 
-__all__ = ["LOCK", "lock", "locked"]
+__all__ = ["LOCK", "lock", "locked", "refuse_strangers"]
 
 LOCK = "study.lock"
 
@@ -82,3 +82,16 @@ def _holder(folder: Path) -> str:
     except (sqlite3.Error, OSError, TypeError):
         return "another process"
     return f"another process (pid {pid})" if pid != os.getpid() else "this very process"
+
+
+def refuse_strangers(folder: Path, what: str, ours: Collection[str] = ()) -> None:
+    """Refuse to make something among other files than `ours` and hidden ones; the lock is held.
+
+    Raises:
+        StudyError: names the first of them.
+    """
+    for path in sorted(folder.iterdir()):
+        if path.name not in (LOCK, *ours) and not path.name.startswith("."):
+            raise StudyError(
+                f"{folder} holds no {what}, but other files ({path.name}). Choose another --out."
+            )

@@ -20,7 +20,7 @@ from realitygap.experiments.noise.plan import (
     simulated_file,
     situated_file,
 )
-from realitygap.study.lock import LOCK
+from realitygap.study.lock import refuse_strangers
 from realitygap.study.merge import merge_runs, new_folder
 from realitygap.study.schema import told
 from realitygap.study.settings import refuse_difference, refuse_edited_settings
@@ -52,7 +52,7 @@ def open_folder(folder: Path, requested: NoiseConfig | None, *, resume: bool) ->
     if not (folder / CONFIG).is_file():
         if requested is None:
             raise StudyError(f"{folder}: no study of the level of noise there. Start it without --resume.")
-        _refuse_strangers(folder)
+        refuse_strangers(folder, "study of the level of noise", (MARK,))
         text = to_toml({**requested.to_dict(), "versions": versions()})
         with told(folder):
             whole.write(folder / MADE, text)
@@ -124,14 +124,6 @@ def _refuse_edited(folder: Path, there: NoiseConfig) -> None:
         return
     made = NoiseConfig.from_dict(read_toml(folder / MADE, StudyError, "", broken="Restore it from a copy."))
     refuse_edited_settings(folder / CONFIG, made.to_dict(), there.to_dict())
-
-
-def _refuse_strangers(folder: Path) -> None:
-    """Refuse to make a study among other files."""
-    for path in sorted(folder.iterdir()):
-        if path.name not in (LOCK, MARK) and not path.name.startswith("."):
-            what = f"holds no study of the level of noise, but other files ({path.name})"
-            raise StudyError(f"{folder} {what}. Choose another --out.")
 
 
 def merge_noise(shards: Mapping[Shard, Path], out: Path) -> None:
