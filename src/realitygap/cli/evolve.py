@@ -46,6 +46,7 @@ __all__ = ["begun_config", "changed_config", "evolve", "folder_of"]
 @option.workers
 @option.engine
 @option.shard
+@option.watch
 @option.resume
 @option.as_json
 def evolve(
@@ -59,6 +60,7 @@ def evolve(
     workers: Workers,
     engine: str,
     shard: Shard | None,
+    watch: bool,
     resume: bool,
     json_output: bool,
     **options: Any,
@@ -83,12 +85,16 @@ def evolve(
         _notes(chosen, task, workers, shard)
     words = f"evolve {shlex.quote(task)}{option.unusual(engine)}"
     if shard is not None or read_mark(folder) is not None:
+        if watch:
+            raise click.BadParameter("a shard has no page: leave --watch out.", param_hint="'--watch'")
         carry_out_shard(
             folder, chosen, shard, words=words, workers=workers, engine=engine, resume=resume,
             json_output=json_output,
         )  # fmt: skip
         return
-    carried = carry_out(folder, chosen, words=words, workers=workers, engine=engine, resume=resume)
+    carried = carry_out(
+        folder, chosen, words=words, workers=workers, engine=engine, resume=resume, watch=watch
+    )
     show_study(carried, json_output=json_output)
 
 

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 __all__ = [
     "Numbers", "arena", "as_json", "base", "baud", "checked_pose", "controller", "disk", "engine",
     "evaluations", "given", "individual", "marker", "noise", "out", "picture", "pose", "profile", "resume",
-    "runs", "seconds", "seed", "shard", "spread", "task", "trust", "twin_noise", "unusual", "workers",
+    "runs", "seconds", "seed", "shard", "spread", "task", "trust", "twin_noise", "unusual", "watch",
+    "workers",
 ]  # fmt: skip
 
 BAUDS = tuple(map(str, BAUD_RATES))
@@ -104,6 +105,12 @@ spread = click.option(
 )
 task = click.option(
     "--task", metavar="TASK", help="Task whose arena the tracks were made in [default: guessed]."
+)
+watch = click.option(
+    "--watch",
+    is_flag=True,
+    help="Keep watch.html in the study's folder up to date: curves as they grow, the best robot as it "
+    "drives. Open it in a browser; nothing listens. Never changes a result.",
 )
 workers = click.option(
     "--workers",

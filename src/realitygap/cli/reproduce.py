@@ -37,6 +37,7 @@ CONDITIONS = 6
 @option.workers
 @option.engine
 @click.option("--no-transfer", is_flag=True, help="Stop before the transfer: no trials on the twin.")
+@option.watch
 @option.resume
 @option.as_json
 def reproduce(
@@ -44,6 +45,7 @@ def reproduce(
     workers: Workers,
     engine: str,
     no_transfer: bool,
+    watch: bool,
     resume: bool,
     json_output: bool,
     **options: Any,
@@ -66,7 +68,7 @@ def reproduce(
         trials = 0 if no_transfer else all_runs * requested.starts
         consider(runs=all_runs, evaluations=requested.evaluations, trials=trials, workers=workers)
     carried = carried_out(
-        out, requested, transfer=not no_transfer, workers=workers, engine=engine, resume=resume
+        out, requested, transfer=not no_transfer, workers=workers, engine=engine, resume=resume, watch=watch
     )
     show_study(carried, json_output=json_output)
     click.echo(carried.took, err=True)
@@ -80,7 +82,14 @@ def requested_by(out: Path, resume: bool, options: dict[str, Any]) -> Reproducti
 
 
 def carried_out(
-    out: Path, requested: Reproduction, *, transfer: bool, workers: Workers, engine: str, resume: bool
+    out: Path,
+    requested: Reproduction,
+    *,
+    transfer: bool,
+    workers: Workers,
+    engine: str,
+    resume: bool,
+    watch: bool = False,
 ) -> Carried:
     """Calibrate, evolve, transfer, report.
 
@@ -91,6 +100,7 @@ def carried_out(
         workers: processes; one a core if None.
         engine: what evolution's trials run on.
         resume: continue what is there.
+        watch: keep a page up to date that shows how evolution goes.
     """
     from realitygap.experiments.reproduction import configured, transferred
     from realitygap.work.workers import opened
@@ -106,4 +116,5 @@ def carried_out(
     words += option.unusual(engine)
     # One pool for all phases: its processes load and compile once. A single worker is this process.
     with nullcontext(1) if workers == 1 else opened(workers, one_thread=True) as pool:
-        return carry_out(out, prepare, words=words, workers=pool, engine=engine, resume=resume, then=last)
+        return carry_out(out, prepare, words=words, workers=pool, engine=engine, resume=resume, then=last,
+                         watch=watch)  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -53,6 +54,7 @@ def carry_out(
     engine: str,
     resume: bool,
     then: Then | None = None,
+    watch: bool = False,
 ) -> Carried:
     """Run or continue the study in `folder`, then report on it; what came of it, for `show_study`.
 
@@ -64,17 +66,22 @@ def carry_out(
         engine: what evolution's trials run on.
         resume: continue what is there.
         then: what is done between the study and its report; it gives further parts of the JSON.
+        watch: keep a page up to date that shows how evolution goes.
 
     Raises:
         StoppedError: on Ctrl-C, saying how to go on.
     """
     from realitygap.study.runner import run_study
 
-    with resumable(folder, _again(words, folder)), ProgressLine() as progress:
-        requested = config(progress) if callable(config) else config
-        study = run_study(
-            folder, requested, workers=workers, engine=engine, resume=resume, on_progress=progress.show
-        )
+    with resumable(folder, _again(words, folder)), ProgressLine() as progress, ExitStack() as stack:
+        requested, show = config(progress) if callable(config) else config, progress.show
+        if watch:
+            from realitygap.report.watch import Watch
+
+            seen = stack.enter_context(Watch(folder, show))
+            click.echo(f"watch {seen.page.resolve().as_uri()}", err=True)
+            show = seen.show
+        study = run_study(folder, requested, workers=workers, engine=engine, resume=resume, on_progress=show)
         more = {} if then is None else then(study, progress)
         return reported(folder, study, workers, progress, more)
 

@@ -1,0 +1,115 @@
+"""The page of a study that is being evolved: curves as they grow, and the best robot so far as it drives.
+
+It is a file that reads itself anew every few seconds. Nothing listens anywhere, and nothing is fetched.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from realitygap import whole
+from realitygap.errors import RealityGapError
+from realitygap.report.gather import TaskPart, parts_of
+from realitygap.report.page import noise_key, rendered
+from realitygap.report.statistics import running_best
+from realitygap.report.style import noise_styles
+from realitygap.report.tables import Row
+from realitygap.simulation.simulation import Simulation
+from realitygap.study.load import Study, load_study
+from realitygap.work.progress import Progress
+
+__all__ = ["PAGE", "Watch"]
+
+PAGE = "watch.html"
+EVERY_S = 5.0
+"""Time between two pages."""
+SHARE = 0.05
+"""Of the time, at most, that goes into making them."""
+POINTS = 400
+"""Of a curve."""
+
+
+class Watch:
+    """Keeps FOLDER/watch.html up to date while its context lasts; results do not depend on it.
+
+    Args:
+        folder: the study's.
+        tell: hears each progress event, too.
+    """
+
+    def __init__(self, folder: Path, tell: Callable[[Progress], None]) -> None:
+        self.page, self._folder, self._tell = folder / PAGE, folder, tell
+        self._next, self._simulations = 0.0, dict[str, Simulation]()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self.page.exists():
+            self._write("stopped" if kind else "finished", ended=True)
+
+    def show(self, event: Progress) -> None:
+        """Pass an event on; make the page where its time has come."""
+        self._tell(event)
+        begun = time.monotonic()
+        if begun >= self._next:
+            left = "" if event.seconds_left is None else f", about {event.seconds_left:.0f} s left"
+            self._write(f"{event.phase}: {event.done} of {event.total} {event.what}{left}", ended=False)
+            self._next = time.monotonic() + max(EVERY_S, (time.monotonic() - begun) / SHARE)
+
+    def _write(self, words: str, *, ended: bool) -> None:
+        """A page that cannot be made now is made later: nobody's evolution ends for it."""
+        with suppress(RealityGapError, OSError):
+            study = load_study(self._folder)
+            parts = [self._part(study, part) for part in parts_of(study)]
+            facts = {"words": words, "ended": ended, "every_s": round(EVERY_S), "parts": parts}
+            report = self._folder / "report" / "index.html"
+            facts |= {"title": self._folder.resolve().name, "report": ended and report.exists()}
+            whole.write(self.page, rendered("watch.html.j2", facts))
+
+    def _part(self, study: Study, part: TaskPart) -> dict[str, Any]:
+        """A task's curves and its best robot."""
+        styles, scale = noise_styles(part.names), part.task.fitness_scale
+        curves = [
+            (styles[one.level].colour, running_best(study.evaluations(row.run)["fitness"]) / scale)
+            for one in part.conditions for row in one.begun
+        ]  # fmt: skip
+        most = max((float(best[-1]) for _, best in curves), default=0.0) or 1.0
+        total = study.config.evaluations
+        every = [row for one in part.conditions for row in one.begun if row.source is not None]
+        best = max(every, key=lambda row: row.source.best_fitness or 0.0, default=None)  # type: ignore[union-attr]
+        return {
+            "title": part.task.title, "unit": part.task.fitness_unit, "most": f"{most:.3g}", "total": total,
+            "curves": [(colour, _line(best, total, most)) for colour, best in curves],
+            "key": noise_key(part.names), "drive": None if best is None else self._drive(study, part, best),
+        }  # fmt: skip
+
+    def _drive(self, study: Study, part: TaskPart, row: Row) -> dict[str, Any]:
+        """The fittest robot on one trial, always the same one, at its own noise."""
+        run, task = study.run(row.run), part.task
+        kept = self._simulations.setdefault(run.name, Simulation(task, study.profile, run.noise))
+        assert run.fittest is not None
+        lived, score = kept.trajectory(study.networks(run.task, run.fittest), stream=1)
+        track, depth = lived.track, task.arena.size_cm[1]
+        places = [f"{x:.2f} {depth - y:.2f}" for x, y in zip(track.x, track.y, strict=True)]
+        return {
+            "name": run.name, "score": f"{score / task.fitness_scale:.3g}", "arena": task.arena,
+            "radius": study.profile.body.radius_cm, "path": " ".join(places), "places": ";".join(places),
+            "turns": ";".join(f"{-angle:.1f}" for angle in np.degrees(np.unwrap(track.heading))),
+            "seconds": track.t[-1],
+        }  # fmt: skip
+
+
+def _line(best: np.ndarray, total: int, most: float) -> str:
+    """A curve in a box of 100 × 50, as SVG's points."""
+    rows = np.unique(np.linspace(0, len(best) - 1, min(POINTS, len(best))).astype(int))
+    return " ".join(f"{100 * (k + 1) / total:.2f},{50 - 48 * max(best[k], 0.0) / most:.2f}" for k in rows)
