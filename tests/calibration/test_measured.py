@@ -77,7 +77,7 @@ def test_rays_that_end_and_beams_that_overlap_are_found(monkeypatch):
     A sensor turned by 6 degrees is found so: where a ray ends no derivative tells.
     """
     monkeypatch.setattr(measured, "WIDTHS_CM", (3.0,))  # the quicker
-    monkeypatch.setattr(measured, "APERTURES_DEG", (15.0,))
+    monkeypatch.setattr(measured, "LOBES", (measured.LOBES[0], measured.LOBES[2]))
     law = odd().infrared
     turned = (law.sensors[0], replace(law.sensors[1], direction_deg=51.0), *law.sensors[2:])
     law = replace(
@@ -144,14 +144,14 @@ def test_a_curve_passes_the_ends_of_the_converter():
     noisy = np.clip(true + 20 * np.random.default_rng(5).normal(size=u.shape), 0, 1023)
     use = np.ones(u.shape, bool)
     use[:, 2] = False
-    fit = Curves(Seen(counts=noisy, use=use, top=1023.0, noise=20.0), u)
+    fit = Curves(Seen(counts=noisy, use=use, top=1023.0, most=1023.0, noise=20.0), u)
     curves = fit.fitted()
     inside = (true > 60) & (true < 960)
     off = on_curves(curves, u) - true
     assert np.abs(off[inside]).max() < 25
     assert np.diff(curves, axis=1).min() >= 0 and curves.min() >= 0 and curves.max() <= 1023
-    size, middle = fit.deviations(curves), slice(10, 30)
-    far = np.abs(curves - (1600 * np.linspace(0, 1, 41) - 300))[:2, middle] / size[:2, middle]
+    size, middle = fit.deviations(curves), slice(20, 60)
+    far = np.abs(curves - (1600 * np.linspace(0, 1, 81) - 300))[:2, middle] / size[:2, middle]
     assert size[:2, middle].max() < 8 and (far < 2).mean() > 0.85 and np.isinf(size[2]).all()
 
 

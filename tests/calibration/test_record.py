@@ -27,7 +27,8 @@ from realitygap.calibration.recorder.plans import ambient_plan, infrared_plan, s
 from realitygap.calibration.recorder.record import Wanted, record
 from realitygap.calibration.recorder.site import EnoughError, OwnSite, PersonSite
 from realitygap.calibration.recorder.wheel_plans import FLOOR_CM, Trial, wheel_plan
-from realitygap.calibration.recordings.files import load_recording, read_facts
+from realitygap.calibration.recordings.facts import read_facts
+from realitygap.calibration.recordings.files import load_recording
 from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, SensorRecording
 from realitygap.cli import realitygap
 from realitygap.errors import BaudError, RecordingError

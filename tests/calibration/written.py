@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from realitygap.calibration.recordings.checks import FACTS
+from realitygap.calibration.recordings.facts import UNKNOWN
 from realitygap.calibration.recordings.files import (
     POLAR,
     POSE,
@@ -16,7 +17,6 @@ from realitygap.calibration.recordings.files import (
     STEP_COLUMNS,
     STEPS,
     UNITS,
-    UNKNOWN,
     WHEEL_COUNTS,
 )
 from realitygap.calibration.recordings.recording import Recording, SensorRecording, WheelRecording

@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.calibration.channels import UNLIT, ChannelFit, fit_infrared, fit_light, ticks, unmeasured
+from realitygap.calibration.channel_fit import UNLIT, ChannelFit, unmeasured
+from realitygap.calibration.channels import fit_infrared, fit_light, ticks
 from realitygap.calibration.checks import refuse_mixed
 from realitygap.calibration.constants import Constant
 from realitygap.calibration.forms import Tick
+from realitygap.calibration.recordings.body import as_recorded, tells_heights
 from realitygap.calibration.recordings.recording import (
-    HEIGHTS_CM,
     Recording,
     SensorRecording,
     WheelRecording,
@@ -122,7 +123,7 @@ def calibrate(
     base = load_profile(base)
     _refuse(recordings, form)
     recordings = [r.of_robot(base) if isinstance(r, SensorRecording) else r for r in recordings]
-    base = _as_recorded(recordings, base)
+    base = as_recorded(recordings, base)
     near, lit = (_of_kind(recordings, kind) for kind in ("infrared", "ambient"))
     driven = [r for r in recordings if isinstance(r, WheelRecording) and (r.counted or r.followed)]
     infrared_form, light_form, wheel_form = FORMS[form]
@@ -146,12 +147,7 @@ def joined(parts: Sequence[Calibration], base: Profile) -> Calibration:
     infrared = next((part.infrared for part in parts if part.infrared is not None), None)
     ambient = next((part.ambient for part in parts if part.ambient is not None), None)
     wheels = next((part.wheels for part in parts if part.wheels is not None), None)
-    return _told(_as_recorded(recordings, base), recordings, infrared, ambient, wheels)
-
-
-def _as_recorded(recordings: Sequence[Recording], base: Profile) -> Profile:
-    """The base with the body that its recordings state."""
-    return _of_its_height(recordings, _of_its_size(recordings, base))
+    return _told(as_recorded(recordings, base), recordings, infrared, ambient, wheels)
 
 
 def _told(
@@ -203,51 +199,6 @@ def _counter(report: Callable[[int, int], None] | None, total: int) -> Tick:
     return tick
 
 
-def _of_its_size(recordings: Sequence[Recording], base: Profile) -> Profile:
-    """The base with the body from whose edge its recordings' distances count.
-
-    A .sam table states none: there it is what the maker states. The sensors read by it.
-    """
-    seen = [r for r in recordings if isinstance(r, SensorRecording) and r.from_sensor is None]
-    said = [r for r in seen if "body_radius_cm" in r.facts or not r.body_said] or seen
-    radii = {r.body_radius_cm: r.source for r in said}
-    outlines = {r.body_outline_cm: r.source for r in said if r.body_outline_cm}
-    if len(outlines) > 1:
-        here, there = list(outlines.values())[:2]
-        raise CalibrationError(
-            f"body_outline_cm: expected one robot; {here} and {there} have different ones. Correct them."
-        )
-    if len(radii) > 1:
-        (one, here), (two, there) = list(radii.items())[:2]
-        raise CalibrationError(
-            f"body_radius_cm: expected one robot, got {one:g} cm in {here} and {two:g} cm in {there}. "
-            "Correct them; a recording that does not say it has that of --base."
-        )
-    if not radii:
-        return base
-    outline = next(iter(outlines), base.body.outline_cm)
-    return replace(base, body=replace(base.body, radius_cm=next(iter(radii)), outline_cm=outline))
-
-
-def _of_its_height(recordings: Sequence[Recording], base: Profile) -> Profile:
-    """The base with the heights that its recordings state, which say where light passes over the body."""
-    said = {tuple(r.facts[key] for key in HEIGHTS_CM): r.source for r in recordings if _tells_heights(r)}
-    if len(said) > 1:
-        (one, here), (two, there) = list(said.items())[:2]
-        raise CalibrationError(
-            f"{' and '.join(HEIGHTS_CM)}: expected one robot, got {one} in {here} and {two} in {there}. "
-            "Correct them."
-        )
-    for top, eyes in said:
-        lower = replace(base.ambient, sensor_height_cm=eyes)
-        base = replace(base, body=replace(base.body, height_cm=top), ambient=lower)
-    return base
-
-
-def _tells_heights(recording: Recording) -> bool:
-    return HEIGHTS_CM.keys() <= recording.facts.keys()
-
-
 def _joined(
     base: Profile, infrared: ChannelFit | None, ambient: ChannelFit | None, wheels: WheelFit | None
 ) -> Profile:
@@ -284,7 +235,7 @@ def _provenance(base: Profile, made: Calibration) -> Provenance:
     notes += [f"{fit.kind}: {UNLIT}" for fit in made.channels if not np.isfinite(fit.ratio)]
     if made.ambient is not None and not any(r.arena is not None for r in _of_kind(recordings, "ambient")):
         notes.append(UNKNOWN_LAMP)
-    if any(map(_tells_heights, recordings)):
+    if any(map(tells_heights, recordings)):
         notes.append("body.height_cm, ambient.sensor_height_cm: as the recordings state them, not fitted")
     pulses: tuple[float, ...] = ()
     if wheels is not None:

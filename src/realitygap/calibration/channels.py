@@ -1,102 +1,35 @@
 """Fits of a sensor channel in all its forms, side by side, each judged on places held out."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.calibration.channel_fit import MEASURED, ChannelFit, doubts
 from realitygap.calibration.checks import refuse_nonsense
 from realitygap.calibration.forms import Tick, fit_forms, mend_dead, mended, with_columns
 from realitygap.calibration.infrared import INFRARED_FORMS, infrared_problems, with_infrared
 from realitygap.calibration.light import LIGHT_FORMS, as_bright_as_the_paper, with_light
 from realitygap.calibration.light_forms import AMBIENT_COUNTS, light_problems
 from realitygap.calibration.light_measured import LightCurves
-from realitygap.calibration.measured import MEASURED, PLAIN, fit_measured
-from realitygap.calibration.misfit import LIMITS, Misfit, measure_noise, misfits, misplaced, pooled_noise
-from realitygap.calibration.noise import NoiseEstimate, noise_tables
+from realitygap.calibration.measured import PLAIN, fit_measured
+from realitygap.calibration.misfit import contradiction, measure_noise, misfits, misplaced, pooled_noise
+from realitygap.calibration.noise import noise_tables
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import FOLDS, PROXIMITY_COUNTS, REFLECTANCE, Rows
 from realitygap.calibration.solve import Fit
 from realitygap.errors import CalibrationError, ConfigError
 from realitygap.world.profile import Profile
 
-__all__ = ["AUTO", "UNLIT", "ChannelFit", "agreed", "fit_infrared", "fit_light", "ticks", "unmeasured"]
+__all__ = ["AUTO", "agreed", "fit_infrared", "fit_light", "ticks"]
 
 Array = NDArray[np.float64]
 
 AUTO = "auto"
 """The form that errs least on places held out, where readings are neither dark nor saturated."""
-UNLIT = "no reading held out is neither dark nor saturated: model error over noise is that of all readings"
-OVERFITTED = 1.3
-"""Held-out RMSE over the fitted one, from which on a form is said to fit more than the robot."""
-FAR_OFF, NARROW = 10.0, 4.0
-"""Model error over noise, and an angular exponent, from which on a light's distances are doubted."""
 AS_GOOD = 1.1
 """A form that errs so many times as much on places held out is still heard."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ChannelFit:
-    """One kind of sensor, fitted.
-
-    Attributes:
-        kind: "infrared" or "ambient".
-        form: the form that was asked for.
-        profile: the base with this form's constants in place.
-        fit: constants, intervals, what cannot be told apart.
-        by_form: RMSE of every form, counts; held_out: of those that were tried on places held out.
-        judged: each sensor's misfit on places held out: limits go by its lit_ratio.
-        misplaced: by how many deviations the model's lit readings change where places set by hand are a
-            millimetre off; NaN where a program set them.
-        noise: what could be measured of it.
-        deviation, measured: the noise's where sensors see something, counts, and whether it was measured
-            or is the base profile's.
-        sensors: each sensor's misfit.
-        dead: sensors that told nothing, and why.
-        warnings: in words.
-        distance_cm, bearing_deg: [n] of all rows; NaN where poses are all that is known.
-        counts, model: [n, S].
-        span: [S, 2] what each sensor's readings really span.
-    """
-
-    kind: str
-    form: str
-    profile: Profile
-    fit: Fit
-    by_form: dict[str, float]
-    held_out: dict[str, float]
-    noise: tuple[NoiseEstimate, ...]
-    deviation: float
-    measured: bool
-    sensors: tuple[Misfit, ...]
-    judged: tuple[Misfit, ...]
-    misplaced: float
-    dead: dict[int, str]
-    warnings: tuple[str, ...]
-    source: str
-    distance_cm: Array = field(repr=False)
-    bearing_deg: Array = field(repr=False)
-    counts: Array = field(repr=False)
-    model: Array = field(repr=False)
-    span: Array = field(repr=False)
-
-    @property
-    def rmse(self) -> float:
-        """Of the form that was asked for, all sensors that live, counts."""
-        return self.by_form[self.form]
-
-    @property
-    def ratio(self) -> float:
-        """Model error over noise of all sensors on places held out, where readings are neither dark nor
-        saturated: the figure that reports and limits go by; NaN where there are none."""
-        told = [m.lit_ratio for m in self.judged if np.isfinite(m.lit_ratio)]
-        return float(np.sqrt(np.mean(np.square(told)))) if told else np.nan
-
-    @property
-    def ratio_placed(self) -> float:
-        """The ratio without what places that are a millimetre off explain of it; NaN as `misplaced`."""
-        return float(np.sqrt(max(0.0, self.ratio**2 - self.misplaced**2)))
 
 
 def ticks(recordings: Sequence[SensorRecording], form: str, *, beside: bool = True) -> int:
@@ -137,10 +70,21 @@ def fit_infrared(
     found = _channel("infrared", best, rows, fits, off, made[best])
     errs = {name: rows.rmse_lit(model) for name, model in off.items()}
     fit, unsure = agreed(best, {name: fits[name] for name in errs if errs[name] <= AS_GOOD * errs[best]})
-    found = replace(found, fit=fit, warnings=(*found.warnings, *unsure))
+    found = replace(found, fit=fit, warnings=(*found.warnings, *unsure, *_contradicted(rows, found)))
     if best == MEASURED:
         found = replace(found, profile=_with_noise(found, rows))
     return replace(found, warnings=(*found.warnings, doubt)) if doubt and best == "extended" else found
+
+
+def _contradicted(rows: Rows, made: ChannelFit) -> list[str]:
+    """In words, by how much recordings of the same places differ, if by more than noise."""
+    apart = contradiction(rows, made.deviation)
+    if not apart > made.deviation:
+        return []
+    return [
+        f"infrared: recordings of the same places lie {apart:.3g} counts ({apart / rows.top:.1%} of full "
+        "scale) off their mean: no form can follow both, unless they were set down apart"
+    ]
 
 
 def agreed(form: str, fits: Mapping[str, Fit]) -> tuple[Fit, tuple[str, ...]]:
@@ -199,20 +143,20 @@ def fit_light(
         named, why = ", ".join(r.source for r in recordings), str(error).rstrip(".")
         expected = f"these are no readings of ambient light: {why}. Is its kind right?"
         raise CalibrationError(f"{named}: {expected}") from None
+    start = problems[printed].base
     values = mend_dead(fits[printed].values, problems[printed].frees, rows.dead)
     fits[printed] = mended(fits[printed], values, rows.dead)
-    profile, off = with_light(problems[printed].base, values, printed), {printed: held_out}
+    profile, off = with_light(start, values, printed), {printed: held_out}
     if not room:
         profile = as_bright_as_the_paper(profile)
-    if form == printed:
-        return _channel("ambient", form, rows, fits, off, profile)
-    curves = LightCurves(rows, problems[printed].base, values, noise)
-    fits[MEASURED] = replace(fits[printed], model=curves.model())
-    off[MEASURED] = curves.held_out(parts)
-    better = rows.rmse(off[MEASURED]) * PLAIN < rows.rmse(held_out)
-    if form == MEASURED or better:
-        return _channel("ambient", MEASURED, rows, fits, off, curves.profile(profile))
-    return _channel("ambient", printed, rows, fits, off, profile)
+    if form != printed:
+        curves = LightCurves(rows, start, values, noise)
+        fits[MEASURED] = replace(fits[printed], model=curves.model())
+        off[MEASURED] = curves.held_out(parts)
+        better = rows.rmse(off[MEASURED]) * PLAIN < rows.rmse(held_out)
+        form = MEASURED if form == MEASURED or better else printed
+        profile = curves.profile(profile) if form == MEASURED else profile
+    return _channel("ambient", form, rows, fits, off, profile)
 
 
 def _channel(
@@ -245,7 +189,7 @@ def _channel(
         source=source, warnings=rows.warnings,
         distance_cm=rows.distance, bearing_deg=rows.bearing, counts=rows.counts, model=fit.model, span=span,
     )  # fmt: skip
-    return replace(made, warnings=(*made.warnings, *_warnings(made)))
+    return replace(made, warnings=(*made.warnings, *doubts(made)))
 
 
 def _with_noise(made: ChannelFit, rows: Rows) -> Profile:
@@ -259,65 +203,3 @@ def _with_noise(made: ChannelFit, rows: Rows) -> Profile:
     law = made.profile.infrared
     columns = {"noise": [tuple(row) for row in table.round(3).tolist()], "noise_rise": rise.round(5).tolist()}
     return replace(made.profile, infrared=replace(law, sensors=with_columns(law.sensors, columns)))
-
-
-def _warnings(made: ChannelFit) -> list[str]:
-    kind, limit, out = made.kind, LIMITS[made.kind], []
-    over = [m for m in made.judged if m.lit_ratio > limit]
-    if over:
-        which = ", ".join(f"{m.sensor} ({m.lit_ratio:.1f})" for m in over)
-        out.append(
-            f"{kind}: model error is more than {limit:g} noise deviations ({made.deviation:.3g} "
-            f"counts) for sensors "
-            f"{which}: model error exceeds noise there"
-        )
-    if not np.isfinite(made.ratio):
-        out.append(f"{kind}: {UNLIT}")
-    held_out = made.held_out[made.form]
-    if held_out > OVERFITTED * made.rmse:
-        out.append(
-            f"{kind}: RMSE {held_out:.3g} on places held out, {made.rmse:.3g} on those fitted: the form "
-            "overfits"
-        )
-    if made.form == MEASURED and not any(c.key == "aperture_deg" for c in made.fit.constants):
-        out.append(
-            f"{kind}: directions and lobes are not identifiable with every sensor straight before a wall: "
-            "directions are the base profile's, the lobe is an assumption, as are matt surfaces"
-        )
-    dead = tuple(f"[{k}]" for k in made.dead)
-    vague = [c.key for c in made.fit.constants if not c.told and not c.key.endswith(dead)]
-    if vague:
-        names = ", ".join(vague)
-        out.append(f"{kind}: not identifiable from these recordings: {names} (bounds or a mild prior decide)")
-    out += _doubtful_light(made)
-    if not made.measured:
-        out.append(
-            f"{kind}: {unmeasured(made)}. Several readings at each place, or bearings close together, "
-            "measure it"
-        )
-    return out
-
-
-def _doubtful_light(made: ChannelFit) -> list[str]:
-    """A warning where a linear law of light is far off, or its lobe odd: as with distances in another unit.
-
-    The paper's law is far off on any sensor that reads light linearly: that says nothing of distances.
-    """
-    if made.kind != "ambient" or made.profile.ambient.response != "linear" or not made.sensors:
-        return []
-    error = float(np.sqrt(np.mean([m.ratio**2 for m in made.sensors])))
-    facing = made.profile.ambient.facing
-    if error < FAR_OFF and facing < NARROW:
-        return []
-    return [
-        f"ambient: model error of {error:.1f} noise deviations, sensors with an angular exponent of "
-        f"{facing:.1f} (a Khepera's is about 1.3): are distances in cm, from the body's edge to the lamp?"
-    ]
-
-
-def unmeasured(made: ChannelFit) -> str:
-    """What a noise that was not measured means, in words."""
-    return (
-        f"too little to measure noise by where sensors see something: {made.deviation:.3g} counts are "
-        "assumed, and model error over noise rests on them"
-    )

@@ -1,11 +1,11 @@
 """A monotone curve for each sensor through what it read: a table of counts at equal steps.
 
-Penalised least squares: second differences are small (Whittaker 1923), falling steps are penalised until
-there are none (Eilers 2005), and a sensor with few readings follows the curve that all sensors share.
+Penalised least squares: curves bend little over the share, or over the light itself (Whittaker 1923);
+falling steps are penalised until there are none (Eilers 2005), and a sensor with few readings follows the
+curve that all sensors share. Their matrices are kept as bands [3, S, STEPS + 1], diagonal last.
 Readings at an end of the converter only say that a curve passes it there (Tobin 1958).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,7 @@ __all__ = ["STEPS", "Curves", "Seen", "on_curves", "smoothness"]
 Array = NDArray[np.float64]
 Use = NDArray[np.bool_]
 
-STEPS = 40
+STEPS = 80
 """Of a curve."""
 ROUNDS, STEEP = 12, 1e6
 """Rounds of one fit, and the weight that keeps a curve from falling."""
@@ -24,25 +24,44 @@ SETTLED = 1e-3
 """Share of the full scale by which a round moves a curve that has come to rest."""
 ALIKE = 0.3
 """Share of the full scale by which a sensor's curve may easily differ from that of all."""
-SMOOTH = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
-"""Weights of second differences that are tried on places held out."""
-BEND = np.diff(np.eye(STEPS + 1), 2, axis=0)
-BENDS = BEND.T @ BEND
+SMOOTH = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
+"""Weights of bends that are tried on places held out."""
+
+
+def _bends(at: Array) -> Array:
+    """[3, STEPS + 1] bands of the sum of squared second differences of a curve over `at`; at equal steps
+    these are the plain ones."""
+    gap = np.diff(at)
+    wide = (gap[1:] + gap[:-1]) / 2.0
+    row = np.stack([wide / gap[:-1], -wide / gap[:-1] - wide / gap[1:], wide / gap[1:]])
+    bands = np.zeros((3, STEPS + 1))
+    for k in range(3):
+        for j in range(k, 3):
+            bands[2 - j + k, j : STEPS - 1 + j] += row[k] * row[j]
+    return bands
+
+
+SHARE = np.arange(STEPS) / STEPS
+OVER_SHARE = _bends(np.arange(STEPS + 1.0))
+OVER_LIGHT = _bends(np.append((SHARE / (1.0 - SHARE)) ** 2, (STEPS + 1.0) ** 2))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Seen:
-    """What curves are fitted to: counts [n, S] up to `top`, of which `use` [n, S] count, and their noise.
+    """What curves are fitted to: counts [n, S] up to `top`, of which `use` [n, S] count, and their noise;
+    a sensor saturates at `most`, [S] or one for all.
 
-    Readings below `dead` are 0; `smooth` weighs second differences.
+    Readings below `dead` are 0; `smooth` weighs bends over the share, or over the light if `linear`.
     """
 
     counts: Array
     use: Use
     top: float
+    most: Array | float
     noise: float
     dead: float = 0.0
     smooth: float = SMOOTH[1]
+    linear: bool = False
 
     def dark(self) -> float:
         """Noise of the dark: the size of readings that are nearly 0."""
@@ -68,17 +87,15 @@ class Curves:
         j = np.minimum(at.astype(np.int64), STEPS - 1)
         self._share, sensors = at - j, u.shape[1]
         self._cell = j + np.arange(sensors) * (STEPS + 1)
-        weight = np.where(seen.use, 1.0, 0.0) / seen.noise**2
-        self._weight, self._size = weight, sensors * (STEPS + 1)
-        here, there = (1 - self._share) * weight, self._share * weight
-        diagonal = self._sum(here * (1 - self._share), there * self._share)
-        beside = self._sum(here * self._share, None)
-        self._ends = seen.counts <= 0, seen.counts >= seen.top
+        weight, self._size = np.where(seen.use, 1.0, 0.0) / seen.noise**2, sensors * (STEPS + 1)
+        self._here, self._there = (1 - self._share) * weight, self._share * weight
+        diagonal = self._sum(self._here * (1 - self._share), self._there * self._share)
+        beside = self._sum(self._here * self._share, None)
+        self._most = np.broadcast_to(np.asarray(seen.most), (sensors,))
+        self._ends = seen.use & (seen.counts <= 0), seen.use & (seen.counts >= seen.most)
         self._dark = 0.0 if seen.dead else seen.dark()
-        self._bread = np.zeros((sensors, STEPS + 1, STEPS + 1))
-        k = np.arange(STEPS + 1)
-        self._bread[:, k, k] = diagonal
-        self._bread[:, k[:-1], k[1:]] = self._bread[:, k[1:], k[:-1]] = beside[:, :-1]
+        self._bread = np.zeros((3, sensors, STEPS + 1))
+        self._bread[2], self._bread[1, :, 1:] = diagonal, beside[:, :-1]
 
     def _sum(self, here: Array, there: Array | None) -> Array:
         """[S, STEPS + 1] sums over the readings of each cell."""
@@ -88,36 +105,39 @@ class Curves:
         return np.asarray(total[: self._size].reshape(-1, STEPS + 1))
 
     def fitted(self) -> Array:
-        """The curves [S, STEPS + 1], from 0 to the full scale, never falling."""
-        common = self._solved(self._bread.sum(axis=0, keepdims=True), np.zeros((1, STEPS + 1)), pooled=True)
-        curves = self._solved(self._bread, np.repeat(common, self._bread.shape[0], 0), pooled=False)
-        curves = np.clip(np.maximum.accumulate(curves, axis=1), 0.0, self._seen.top)
+        """The curves [S, STEPS + 1], from 0 to where each saturates, never falling."""
+        common = self._solved(self._bread.sum(axis=1, keepdims=True), np.zeros((1, STEPS + 1)), pooled=True)
+        curves = self._solved(self._bread, np.repeat(common, self._bread.shape[1], 0), pooled=False)
+        curves = np.clip(np.maximum.accumulate(curves, axis=1), 0.0, self._most[:, None])
         # Below half a count there is nothing: so that a sensor's reach ends.
         return np.where(curves < curves[:, :1] + 0.5, curves[:, :1], curves)
 
     def _solved(self, bread: Array, towards: Array, *, pooled: bool) -> Array:
-        seen = self._seen
-        bends, alike = self._held(bread, pooled=pooled)
-        curves, falls = towards.copy(), np.zeros((len(bread), STEPS))
+        seen, held = self._seen, self._held(bread, None if pooled else towards)
+        size, matrix, pulled = bread[2].mean(), bread + held, _times(held, towards)
+        curves, falls = towards.copy(), np.zeros((len(towards), STEPS))
         for _ in range(ROUNDS):
-            full = self._full(np.repeat(curves, self._bread.shape[0], 0) if pooled else curves)
-            right = self._sum(full * self._weight * (1 - self._share), full * self._weight * self._share)
+            full = self._full(np.repeat(curves, self._bread.shape[1], 0) if pooled else curves)
+            right = self._sum(full * self._here, full * self._there)
             right = right.sum(axis=0, keepdims=True) if pooled else right
-            steep = self._no_fall(falls, bread)
-            new = np.linalg.solve(
-                bread + bends + alike + steep, (right + towards @ (bends + alike))[..., None]
-            )
-            moved, curves = np.abs(new[..., 0] - curves).max(), new[..., 0]
+            steep = matrix.copy()
+            steep[2, :, :-1] += STEEP * size * falls
+            steep[2, :, 1:] += STEEP * size * falls
+            steep[1, :, 1:] -= STEEP * size * falls
+            new = _solve(steep, right + pulled)
+            moved, curves = np.abs(new - curves).max(), new
             fell = np.diff(curves, axis=1) < 0
             if moved < SETTLED * seen.top and not (fell & (falls == 0)).any():
                 break
             falls = np.maximum(falls, fell)
-        return np.asarray(curves)
+        return curves
 
-    def _held(self, bread: Array, *, pooled: bool) -> tuple[Array, Array]:
-        """What holds curves where readings do not: small second differences, and the curve of all."""
-        bends = BENDS * (self._seen.smooth * STEPS**3 * bread.trace(axis1=1, axis2=2).mean() / (STEPS + 1))
-        return bends, np.eye(STEPS + 1) * (1.0 / (ALIKE * self._seen.top) ** 2 if not pooled else 1e-12)
+    def _held(self, bread: Array, common: Array | None) -> Array:
+        """What holds curves where readings do not: little bends, and the curve of all, if there is one."""
+        bends = OVER_LIGHT if self._seen.linear else OVER_SHARE
+        held = np.repeat(bends[:, None] * (self._seen.smooth * STEPS**3 * bread[2].mean()), bread.shape[1], 1)
+        held[2] += 1e-12 if common is None else (ALIKE * np.maximum(common, self._seen.top)) ** -2.0
+        return held
 
     def deviations(self, curves: Array) -> Array:
         """[S, STEPS + 1] standard errors of fitted curves' values, counts; infinite where no reading is near.
@@ -127,48 +147,68 @@ class Curves:
         inside = self._seen.use & ~self._ends[0] & ~self._ends[1]
         off = np.where(inside, on_curves(curves, self._u) - self._seen.counts, 0.0) / self._seen.noise
         left = np.sqrt(np.maximum(1.0, (off**2).sum(axis=0) / np.maximum(inside.sum(axis=0), 1)))
-        held = sum(self._held(self._bread, pooled=False))
-        near = np.diagonal(self._bread, axis1=1, axis2=2)
-        size = np.sqrt(np.diagonal(np.linalg.inv(self._bread + held), axis1=1, axis2=2))
-        return np.where(near > 0, size * left[:, None], np.inf)
-
-    def _no_fall(self, falls: Array, bread: Array) -> Array:
-        """The penalty on steps that fell."""
-        step = np.diff(np.eye(STEPS + 1), axis=0)
-        weight = STEEP * bread.trace(axis1=1, axis2=2).mean() / (STEPS + 1)
-        return np.asarray(np.einsum("ki,sk,kj->sij", step, falls * weight, step, optimize=True))
+        bands = self._bread + self._held(self._bread, curves)
+        sides = [np.stack([np.diag(row[k:], k) for row in bands[2 - k]]) for k in (1, 2)]
+        dense = np.stack([np.diag(row) for row in bands[2]]) + sum(
+            side + side.swapaxes(1, 2) for side in sides
+        )
+        size = np.sqrt(np.diagonal(np.linalg.inv(dense), axis1=1, axis2=2))
+        return np.where(self._bread[2] > 0, size * left[:, None], np.inf)
 
     def _full(self, curves: Array) -> Array:
         """Readings, with what is expected beyond where one ends at 0, in the dead zone or at the top."""
         from scipy.special import ndtr
 
-        out, ends = self._seen.counts.copy(), self._ends
-        model = on_curves(curves, self._u)
-        out[ends[1]] = np.maximum(model, out)[ends[1]]
-        low = model[ends[0]]
+        out, (low, high) = self._seen.counts.copy(), self._ends
+        out[high] = np.maximum(self._at(curves, high), out[high])
+        model = self._at(curves, low)
         if self._dark > 0:
-            a = np.clip(-low / self._dark, -6.0, 6.0)
-            low = low - self._dark * np.exp(-a * a / 2) / np.sqrt(2 * np.pi) / ndtr(a)
-        out[ends[0]] = np.minimum(low, self._seen.dead)
+            a = np.clip(-model / self._dark, -6.0, 6.0)
+            model = model - self._dark * np.exp(-a * a / 2) / np.sqrt(2 * np.pi) / ndtr(a)
+        out[low] = np.minimum(model, self._seen.dead)
         return out
 
+    def _at(self, curves: Array, where: Use) -> Array:
+        """What curves read there."""
+        values, cell, share = curves.ravel(), self._cell[where], self._share[where]
+        return np.asarray(values[cell] + share * (values[cell + 1] - values[cell]))
 
-def smoothness(seen: Seen, u: Array, folds: NDArray[np.int64], *, weights: Sequence[float] = SMOOTH) -> float:
-    """The weight of second differences with which curves err least on places held out.
+
+def _solve(bands: Array, right: Array) -> Array:
+    """[S, n] what symmetric matrices of these bands take to the right sides: all as one long matrix."""
+    from scipy.linalg import solve_banded
+
+    upper = bands.reshape(3, -1)
+    lower = np.zeros((2, upper.shape[1]))
+    lower[0, :-1], lower[1, :-2] = upper[1, 1:], upper[0, 2:]
+    found = solve_banded((2, 2), np.concatenate([upper, lower]), right.ravel(), check_finite=False)
+    return np.asarray(found.reshape(right.shape))
+
+
+def _times(bands: Array, vectors: Array) -> Array:
+    """[S, n] symmetric matrices of these bands times vectors."""
+    out = bands[2] * vectors
+    for k in (1, 2):
+        out[:, k:] += bands[2 - k, :, k:] * vectors[:, :-k]
+        out[:, :-k] += bands[2 - k, :, k:] * vectors[:, k:]
+    return np.asarray(out)
+
+
+def smoothness(seen: Seen, u: Array, folds: NDArray[np.int64]) -> Seen:
+    """The same, with the bends with which curves err least on places held out.
 
     Args:
         seen: what the curves are fitted to.
         u: [n, S] where on its curve a sensor reads.
         folds: [n] with which others a row is held out.
-        weights: those to choose from.
     """
+    tried = [replace(seen, smooth=weight, linear=linear) for linear in (False, True) for weight in SMOOTH]
     errors = []
-    for weight in weights:
+    for one in tried:
         off = np.zeros(u.shape)
         for fold in np.unique(folds):
             out = (folds == fold)[:, None]
-            some = replace(seen, use=seen.use & ~out, smooth=weight)
-            model = np.minimum(on_curves(Curves(some, u).fitted(), u), seen.top)
-            off = np.where(out & seen.use, model - seen.counts, off)
+            model = on_curves(Curves(replace(one, use=seen.use & ~out), u).fitted(), u)
+            off = np.where(out & seen.use, np.minimum(model, seen.most) - seen.counts, off)
         errors.append(float((off**2).sum()))
-    return weights[int(np.argmin(errors))]
+    return tried[int(np.argmin(errors))]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.forward import Scene
-from realitygap.calibration.rows import FOLDS, Rows
+from realitygap.calibration.rows import Rows
 from realitygap.calibration.search import DRAWS, search
 from realitygap.calibration.solve import Fit, Free, Measured, Model, Values, solve
 from realitygap.world.arena import WHITEST
@@ -16,8 +16,8 @@ from realitygap.world.profile import Profile
 from realitygap.world.sensors import AmbientSensor, ProximitySensor
 
 __all__ = [
-    "Problem", "Tick", "columns_of", "fit_forms", "free_directions", "free_reflectances", "free_turns",
-    "mend_dead", "mended", "nominal", "scan", "solve_form", "with_columns",
+    "FINE_DEG", "Problem", "Tick", "columns_of", "fit_forms", "free_directions", "free_reflectances",
+    "free_turns", "mend_dead", "mended", "nominal", "scan", "solve_form", "with_columns",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -63,8 +63,10 @@ def nominal(sensors: Sequence[S], paper: Sequence[S]) -> Sequence[S]:
 
 def free_turns(rigs: Sequence[str]) -> list[Free]:
     """How far each rig stood further round than it was thought to."""
-    still, most = np.zeros(1), TURN_DEG
-    return [Free(key=rig, start=still, low=-most, high=most, prior=TURN_PRIOR_DEG, step=0.05) for rig in rigs]
+    bounds = {"low": -TURN_DEG, "high": TURN_DEG}
+    return [
+        Free(key=rig, start=np.zeros(1), prior=TURN_PRIOR_DEG, step=0.05, jump=0.2, **bounds) for rig in rigs
+    ]
 
 
 def free_reflectances(scenes: Sequence[tuple[str, Scene]]) -> list[Free]:
@@ -126,17 +128,13 @@ def fit_forms(
     problem, begin = problems[form], fits[form].values
     if problem.steep:
         fits[form] = _searched(problem, rows.measured(noise), begin, draws=DRAWS, last=True)
-    folds, held_out = rows.folds(), fits[form].model.copy()
+    held_out = fits[form].model.copy()
     parts: list[tuple[NDArray[np.bool_], Values]] = []
-    for fold in range(FOLDS):
-        tick()
-        out = folds == fold
-        if not out.any() or out.all():
-            continue
+    for out in rows.held_out(tick):
         some = solve_form(rows, problem, noise, start=begin, without=out, intervals=False)
         if problem.steep:  # not from where the search ended that saw these places
-            measured = rows.measured(noise, without=out)
-            some = _searched(problem, measured, some.values, draws=DRAWS_HELD_OUT, last=False)
+            seen = rows.measured(noise, without=out)
+            some = _searched(problem, seen, some.values, draws=DRAWS_HELD_OUT, last=False)
         held_out[out] = some.model[out]
         parts.append((out, some.values))
     return fits, held_out, parts

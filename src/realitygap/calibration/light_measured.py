@@ -32,8 +32,9 @@ class LightCurves:
         light = self._light(values)
         bright = light[rows.use & (light > 0)]
         self._knee = float(np.median(bright)) if len(bright) else 1.0
-        seen = Seen(counts=rows.top - rows.counts, use=rows.use, top=rows.top, noise=noise)
-        self._seen = replace(seen, smooth=smoothness(seen, self._share(light), rows.folds()))
+        top = rows.top
+        seen = Seen(counts=top - rows.counts, use=rows.use, top=top, most=top, noise=noise)
+        self._seen = smoothness(seen, self._share(light), rows.folds())
         self._values = values
 
     def model(self) -> Array:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from realitygap.calibration.constants import SIGMAS, Constant
 from realitygap.calibration.curves import STEPS, Curves, Seen, smoothness
 from realitygap.calibration.forms import (
+    FINE_DEG,
     Tick,
     free_directions,
     free_reflectances,
@@ -22,31 +23,36 @@ from realitygap.calibration.forms import (
     with_columns,
 )
 from realitygap.calibration.optics import SHARES, Optics, shift_of
-from realitygap.calibration.rows import FOLDS, Rows, dead_zone, means, repeated_noise
+from realitygap.calibration.rows import Rows, dead_zone, means, repeated_noise, saturation
+from realitygap.calibration.search import search
 from realitygap.calibration.solve import Fit, Free, Values, solve
 from realitygap.calibration.solve import Measured as Readings
 from realitygap.world.profile import Profile
 
-__all__ = ["MEASURED", "PLAIN", "Measured", "fit_measured"]
+__all__ = ["PLAIN", "Measured", "fit_measured"]
 
 Array = NDArray[np.float64]
 Use = NDArray[np.bool_]
+Begun = tuple[float, int, Optics, dict[str, Array]]
+"""A start: what it leaves over, its number, and where it got to."""
 
-MEASURED = "measured"
 ONE_BEAM = {"aperture_deg": 60.0, "share_1": 0.28, "share_2": 0.22, "share_3": 0.14, "share_4": 0.06}
 TWO_BEAMS = {"share_4": 0.67}
 """What a search begins at, and what of the lobe is free: one beam; or two beside the middle ray, less what
 they see of a flat surface before it, as in simulators that subtract."""
 APERTURES_DEG = (10.0, 15.0, 22.0)
 """Of two beams."""
+LOBES = (ONE_BEAM, *({**TWO_BEAMS, "aperture_deg": wide} for wide in APERTURES_DEG))
 WIDTHS_CM = (0.5, 3.0, 9.0)
-PROMISING = 3
+PROMISING = 2
 PLAIN = 1.02
 """Another start than the first has to be so much better: where readings do not tell, there is one beam."""
 COARSE = {0.05: 10.0, 0.03: 4.0, 0.02: 2.0, 0.01: 1.0, 0.003: 0.4}
 """Shares of the full scale that readings are first taken to be good to: far from the truth details mislead.
 And how far a sensor's direction is looked for then, degrees."""
 FIRST = max(COARSE)
+DRAWS, DRAWS_HELD_OUT = 600, 300
+"""Looks at all places in one search; and where some are held out, four times over."""
 FINEST = 0.004
 """Share of the full scale that no model is expected to be better than."""
 ENDS_CM = tuple(np.geomspace(5.0, 40.0, 18))
@@ -73,7 +79,9 @@ class Measured:
             law, sensors=sensors, lobe=(1.0, 0.0, 0.0, 0.0, 0.0), aperture_deg=45.0, curve_cm=3.0,
             dead=dead_zone(rows), exponent=1.0,
         )  # fmt: skip
-        self._all = Seen(counts=rows.counts, use=rows.use, top=rows.top, noise=noise, dead=law.dead)
+        self._all = Seen(
+            counts=rows.counts, use=rows.use, top=rows.top, most=saturation(rows), noise=noise, dead=law.dead
+        )
         self._first_of = np.unique(rows.place, return_index=True)[1]
         seen = replace(self._all, counts=means(rows), use=self._at_places(rows.use), noise=FIRST * rows.top)
         self._first = Optics(
@@ -83,18 +91,17 @@ class Measured:
     def fit(self) -> tuple[Profile, Fit]:
         """The profile and its constants, from the start that promises most."""
         use = self._first.seen.use
-        optics, values = self._begun()
-        folds = self._rows.folds()[self._first_of]
-        for _ in range(2):  # how smooth curves are shows only where the optics is right
-            smooth = smoothness(optics.seen, optics.share(optics.profile(values), values), folds)
-            optics = replace(optics, seen=replace(optics.seen, noise=self._noise, smooth=smooth))
-            values = self._solved(optics, values, use, self._noise, intervals=False).values
-            values = self._ended(optics, values, use)
-        self._places = optics
-        self.optics = replace(optics, seen=replace(self._all, smooth=smooth), place=self._rows.place)
+        begun = self._begun()
+        found = [self._start_at(i, *self._nearer(*one[2:])) for i, one in enumerate(begun)]
+        _, number, optics, values = min(found, key=_rank)
+        self._begin = begun[number][3]
+        self._places, values = self._nearer(optics, values)
+        seen = replace(self._all, smooth=self._places.seen.smooth, linear=self._places.seen.linear)
+        self.optics = replace(self._places, seen=seen, place=self._rows.place)
         fit = self._solved(self._places, values, use, self._noise, intervals=True)
-        values, use = self._ended(self._places, fit.values, use), self._rows.use
-        fit = replace(fit, values=values, constants=(*fit.constants, *self._points(values, use)))
+        values, use = self._mended(self._places, values, fit.values, use), self._rows.use
+        constants = [_at(c, values) for c in fit.constants]
+        fit = replace(fit, values=values, constants=(*constants, *self._points(values, use)))
         return self.profile(values, use), replace(fit, model=self.optics.shown(values, use))
 
     def _points(self, values: Values, use: Use) -> list[Constant]:
@@ -109,12 +116,19 @@ class Measured:
             for j in POINTS for k, value in enumerate(curves[:, j].tolist()) if k not in self._rows.dead
         ]  # fmt: skip
 
-    def _begun(self) -> tuple[Optics, dict[str, Array]]:
-        """Nearly there: of all starts the most promising are followed a stage, and the best to the end."""
+    def _nearer(self, optics: Optics, values: Values) -> tuple[Optics, dict[str, Array]]:
+        """The curves as smooth as suits the optics, which shows only where that is right; then that."""
+        folds, seen = self._rows.folds()[self._first_of], replace(optics.seen, noise=self._noise)
+        seen = smoothness(seen, optics.share(optics.profile(values), values), folds)
+        optics = replace(optics, seen=seen)
+        return optics, self._searched(optics, values, seen.use, draws=DRAWS)
+
+    def _begun(self) -> list[Begun]:
+        """Nearly there: of all starts the most promising are followed a stage, and then the best with one
+        beam and with two."""
         use = self._first.seen.use
-        begun: list[tuple[float, int, Optics, dict[str, Array]]] = []
-        lobes = [ONE_BEAM, *({**TWO_BEAMS, "aperture_deg": wide} for wide in APERTURES_DEG)]
-        lobes = lobes[: 1 if self._straight else None]
+        begun: list[Begun] = []
+        lobes = LOBES[: 1 if self._straight else None]
         for lobe, width, matt in product(lobes, WIDTHS_CM, (1.0,) if self._straight else (1.0, 0.0)):
             values = self._start(lobe, width)
             law = replace(self._first.base.infrared, matt=matt)
@@ -122,15 +136,20 @@ class Measured:
             optics = optics.centred(values)
             values = self._turned(optics, values, use, FIRST * self._rows.top, COARSE[FIRST])
             values = self._ended(optics, values, use, ENDS_CM)
-            plain = 1.0 if lobe is ONE_BEAM else PLAIN
-            begun.append((self._left(optics, values, use) * plain, len(begun), optics, values))
+            begun.append(self._start_at(len(begun), optics, values))
+        many = PROMISING
         for share, reach in COARSE.items():
             staged = []
-            for _, number, optics, values in sorted(begun, key=lambda one: one[:2])[:PROMISING]:
+            for _, number, optics, values in _best_of_each(begun, many):
                 nearer = self._stage(optics, values, share * self._rows.top, reach)
-                staged.append((self._left(*nearer, use), number, *nearer))
-            begun = [min(staged, key=lambda one: one[:2])]
-        return begun[0][2:]
+                staged.append(self._start_at(number, *nearer))
+            begun, many = staged, 1
+        return _best_of_each(begun, many)
+
+    def _start_at(self, number: int, optics: Optics, values: dict[str, Array]) -> Begun:
+        """A start that got there."""
+        plain = 1.0 if optics.lobe == tuple(ONE_BEAM) else PLAIN
+        return self._left(optics, values, optics.seen.use) * plain, number, optics, values
 
     def _stage(
         self, optics: Optics, values: Values, noise: float, reach: float
@@ -142,12 +161,33 @@ class Measured:
         values = self._ended(optics, values, use, ENDS_CM)
         return optics, self._solved(optics, values, use, noise, intervals=False).values
 
-    def held_out(self, fit: Fit, use: Use) -> Array:
-        """[n, S] readings by a fit to those in `use` alone."""
-        there = self._at_places(use)
-        values = self._ended(self._places, fit.values, there)
-        values = self._solved(self._places, values, there, self._noise, intervals=False).values
-        return self.optics.shown(self._ended(self._places, values, there), use)
+    def held_out(self, use: Use) -> Array:
+        """[n, S] readings by a fit to those in `use` alone: from where the search of all readings began."""
+        values = self._searched(self._places, self._begin, self._at_places(use), draws=DRAWS_HELD_OUT)
+        return self.optics.shown(values, use)
+
+    def _searched(self, optics: Optics, values: Values, use: Use, *, draws: int) -> dict[str, Array]:
+        """Better values: at random, where readings jump (a ray that just meets a thing, or just not), and by
+        least squares where they do not."""
+        if not self._straight:
+            end = Free(key="range_cm", start=values["range_cm"], low=1.0, high=100.0, jump=0.1)
+            frees = [*self._frees(optics.lobe), *([end] if values["range_cm"] > 0 else [])]
+            seen = self._seen(optics, use, self._noise)
+            begin = _about_rig(values, 1.0)
+            found = search(
+                frees, lambda v: optics.readings(_about_rig(v, -1.0), use), seen, begin, draws=draws
+            )
+            values = _about_rig(found, -1.0)
+            for reach in FINE_DEG:
+                values = self._turned(optics, values, use, self._noise, reach)
+        solved = self._solved(optics, values, use, self._noise, intervals=False).values
+        return self._mended(optics, values, solved, use)
+
+    def _mended(self, optics: Optics, values: Values, solved: Values, use: Use) -> dict[str, Array]:
+        """The values that least squares led to, with rays that end where they should; or those before."""
+        found = self._turned(optics, solved, use, self._noise, FINE_DEG[-1])
+        tried: tuple[Values, ...] = (values, self._ended(optics, found, use))
+        return dict(min(tried, key=lambda v: self._left(optics, v, use)))
 
     def _at_places(self, use: Use) -> Use:
         """[m, S] the places of which any reading is in `use` [n, S]."""
@@ -173,7 +213,7 @@ class Measured:
         """The values with each sensor looking where that leaves least over."""
         if self._straight:
             return dict(values)
-        seen = Readings(counts=optics.seen.counts, noise=noise, use=use, clusters=self._first_of)
+        seen = self._seen(optics, use, noise)
         return scan(lambda tried: optics.readings(tried, use), values, seen, reach)
 
     def _ended(
@@ -197,21 +237,21 @@ class Measured:
         one, scenes, recordings = np.ones(1), self._rows.scenes, self._rows.recordings
         lowest = -4.0 if "share_1" in lobe else 0.0
         shares = [
-            Free(key=key, start=0.2 * one, low=lowest, high=4.0, prior=1.0, step=5e-3)
+            Free(key=key, start=0.2 * one, low=lowest, high=4.0, prior=1.0, step=5e-3, jump=0.02)
             for key in lobe if key in SHARES
         ]  # fmt: skip
         size = [
-            Free(key="offset_cm", start=0.3 * one, low=-1.0, high=6.0, prior=2.0, step=5e-3),
-            Free(key="width_cm", start=3.0 * one, low=0.0, high=20.0, prior=10.0, step=1e-2),
+            Free(key="offset_cm", start=0.3 * one, low=-1.0, high=6.0, prior=2.0, step=5e-3, jump=0.1),
+            Free(key="width_cm", start=3.0 * one, low=0.0, high=20.0, prior=10.0, step=1e-2, jump=0.1),
         ]
         if self._straight:
             shifts = [Free(key=shift_of(name), start=0 * one, low=-1.0, high=1.0, prior=SHIFT_CM, step=1e-3)
                       for name, _ in scenes]  # fmt: skip
             return [*size, *shifts]
         return [
-            free_directions(self._first.base.infrared.sensors, tie=None),
+            free_directions(self._first.base.infrared.sensors, tie=None, jump=0.5),
             *size,
-            Free(key="aperture_deg", start=45.0 * one, low=5.0, high=85.0, prior=30.0, step=0.1),
+            Free(key="aperture_deg", start=45.0 * one, low=5.0, high=85.0, prior=30.0, step=0.1, jump=0.5),
             *shares,
             *free_reflectances(scenes),
             *free_turns([name for (name, _), r in zip(scenes, recordings, strict=True) if r.pose is None]),
@@ -221,15 +261,16 @@ class Measured:
         return float(np.abs((optics.readings(values, use) - optics.seen.counts)[use]).mean())
 
     def _solved(self, optics: Optics, start: Values, use: Use, noise: float, *, intervals: bool) -> Fit:
-        measured = Readings(
-            counts=optics.seen.counts, noise=noise, use=use & ~self._at_end(optics, start, use, noise),
-            clusters=self._rows.block[self._first_of],
-        )  # fmt: skip
+        measured = self._seen(optics, use & ~self._at_end(optics, start, use, noise), noise)
         fit = solve(
             self._frees(optics.lobe), lambda values: optics.readings({**start, **values}, use), measured,
             start=start, intervals=intervals,
         )  # fmt: skip
         return replace(fit, values={**start, **fit.values})
+
+    def _seen(self, optics: Optics, use: Use, noise: float) -> Readings:
+        blocks = self._rows.block[self._first_of]
+        return Readings(counts=optics.seen.counts, noise=noise, use=use, clusters=blocks)
 
     def _at_end(self, optics: Optics, values: Values, use: Use, noise: float) -> Use:
         """[n, S] the readings in which a ray comes to its end or not by a hair."""
@@ -240,15 +281,44 @@ class Measured:
         return np.asarray(np.abs(near - far) > noise)
 
 
+def _best_of_each(begun: Sequence[Begun], many: int) -> list[Begun]:
+    """The best starts with one beam and with two, so `many` of each, the best of all first."""
+    ranked = sorted(begun, key=_rank)
+    kinds = [[one for one in ranked if one[2].lobe == tuple(lobe)] for lobe in (ONE_BEAM, LOBES[-1])]
+    return sorted((one for kind in kinds for one in kind[:many]), key=_rank)
+
+
+def _rank(one: Begun) -> tuple[float, int]:
+    return one[:2]
+
+
+def _at(constant: Constant, values: Values) -> Constant:
+    """The same with the value that was kept in the end, its interval about that."""
+    key, _, number = constant.key.rstrip("]").partition("[")
+    value = float(values[key][int(number or 0)])
+    by = value - constant.value
+    return replace(constant, value=value, low=constant.low + by, high=constant.high + by)
+
+
+def _about_rig(values: Values, sign: float) -> dict[str, Array]:
+    """The values with directions, and other rigs' turns, counted from how the first rig stands; by -1 back.
+
+    Robot and rig turned by as much against each other is what readings tell least about.
+    """
+    turns = [key for key in values if key.startswith("turn_")]
+    if not turns:
+        return dict(values)
+    by = sign * values[turns[0]]
+    moved = {"direction_deg": values["direction_deg"] + by, **{key: values[key] - by for key in turns[1:]}}
+    return {**values, **moved}
+
+
 def fit_measured(rows: Rows, base: Profile, tick: Tick) -> tuple[Profile, Fit, Array]:
     """The profile, its constants, and what it reads [n, S] on places held out."""
     tick()
     form = Measured(rows, base, max(repeated_noise(rows), FINEST * rows.top))
     profile, fit = form.fit()
-    folds, held_out = rows.folds(), fit.model.copy()
-    for fold in range(FOLDS):
-        tick()
-        out = folds == fold
-        if out.any() and not out.all():
-            held_out[out] = form.held_out(fit, rows.use & ~out[:, None])[out]
+    held_out = fit.model.copy()
+    for out in rows.held_out(tick):
+        held_out[out] = form.held_out(rows.use & ~out[:, None])[out]
     return profile, fit, held_out

@@ -13,7 +13,7 @@ from realitygap.calibration.rows import Rows
 from realitygap.calibration.solve import Values
 from realitygap.world.profile import Profile
 
-__all__ = ["LIMITS", "Misfit", "measure_noise", "misfits", "misplaced", "pooled_noise"]
+__all__ = ["LIMITS", "Misfit", "contradiction", "measure_noise", "misfits", "misplaced", "pooled_noise"]
 
 Array = NDArray[np.float64]
 
@@ -142,3 +142,25 @@ def misplaced(rows: Rows, profile: Profile, values: Values, deviation: float) ->
     edge = 3 * deviation
     lit = rows.use & (rows.counts > edge) & (rows.counts < rows.top - edge) & np.isfinite(change)
     return float(np.sqrt(np.mean(change[lit] ** 2))) / max(deviation, 1e-9) if lit.any() else np.nan
+
+
+def contradiction(rows: Rows, deviation: float) -> float:
+    """RMS by which recordings of the same places differ from their mean, counts, where any is lit: no model
+    errs less on all of them. NaN where no place was recorded twice.
+    """
+    read: dict[tuple[object, ...], list[float]] = {}
+    edge = 3 * deviation
+    for recording, counts in zip(rows.recordings, rows.split(rows.live()), strict=True):
+        if recording.pose is not None and recording.from_sensor is None:
+            continue
+        where = (recording.object, recording.reflectance, recording.from_sensor)
+        polar = np.column_stack([recording.distance_cm, recording.bearing_deg])
+        for at in np.unique(polar, axis=0):
+            mean = counts[(polar == at).all(axis=1)].mean(axis=0)
+            for k in np.flatnonzero(np.isfinite(mean)).tolist():
+                read.setdefault((*where, *at.tolist(), k), []).append(float(mean[k]))
+    off = [
+        one - float(np.mean(twice)) for twice in read.values() if len(twice) > 1
+        for one in twice if edge < max(twice) and min(twice) < rows.top - edge
+    ]  # fmt: skip
+    return float(np.sqrt(np.mean(np.square(off)))) if off else np.nan

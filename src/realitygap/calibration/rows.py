@@ -1,6 +1,6 @@
 """All that was read of one kind of sensor: several recordings' rows, one after another."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +13,16 @@ from realitygap.calibration.solve import Measured
 from realitygap.errors import CalibrationError
 from realitygap.world.profile import Profile
 
-__all__ = ["FOLDS", "PROXIMITY_COUNTS", "REFLECTANCE", "Rows", "dead_zone", "means", "repeated_noise"]
+__all__ = [
+    "FOLDS",
+    "PROXIMITY_COUNTS",
+    "REFLECTANCE",
+    "Rows",
+    "dead_zone",
+    "means",
+    "repeated_noise",
+    "saturation",
+]
 
 Array = NDArray[np.float64]
 
@@ -27,6 +36,8 @@ MEDIAN = 0.455
 LIT_SHARE, GAP = 0.05, 0.05
 """Shares of the full scale: off either end a reading is neither dark nor saturated; and from here on a gap
 above 0 is a dead zone."""
+PILED = 8
+"""Equal readings, and most of those near them, from which on the highest is a sensor's end."""
 LIT = 63.0
 """Counts of the paper's robot from either end of the converter: three deviations of its noise."""
 
@@ -107,6 +118,15 @@ class Rows:
         order = np.random.default_rng(0).permutation(int(numbers.max()) + 1)
         return np.asarray(order[numbers] % FOLDS)
 
+    def held_out(self, tick: Callable[[], None]) -> Iterator[NDArray[np.bool_]]:
+        """The rows [n] of each fold that leaves others to fit; `tick` is called before each."""
+        folds = self.folds()
+        for fold in range(FOLDS):
+            tick()
+            out = folds == fold
+            if out.any() and not out.all():
+                yield out
+
     def rmse_lit(self, model: Array) -> float:
         """The same where readings are neither dark nor saturated; of all, where none are."""
         edge = LIT * self.unit
@@ -119,14 +139,15 @@ class Rows:
 
 
 def means(rows: Rows) -> Array:
-    """[m, S] what was read at each place: the mean, or the converter's end where half of its readings lie."""
+    """[m, S] what was read at each place: the mean, or the sensor's end where half of its readings lie."""
 
     def of_places(values: Array) -> Array:
         return np.stack([np.bincount(rows.place, column) for column in values.T], 1)
 
     many = np.maximum(of_places(np.where(rows.use, 1.0, 0.0)), 1.0)
     mean = of_places(np.where(rows.use, rows.counts, 0.0)) / many
-    for end, there in ((0.0, rows.counts <= 0), (rows.top, rows.counts >= rows.top)):
+    most = saturation(rows)
+    for end, there in ((0.0, rows.counts <= 0), (most, rows.counts >= most)):
         mean = np.where(of_places(np.where(rows.use & there, 1.0, 0.0)) >= many / 2, end, mean)
     return mean
 
@@ -139,6 +160,17 @@ def repeated_noise(rows: Rows) -> float:
     off = ((rows.counts - mean[rows.place]) ** 2)[lit & (many > 1)[rows.place][:, None]]
     spread = 1.0 - 1.0 / np.median(many) if np.median(many) > 1 else 1.0
     return float(np.sqrt(np.median(off) / MEDIAN / spread)) if len(off) else PROXIMITY_COUNTS * rows.unit
+
+
+def saturation(rows: Rows) -> Array:
+    """[S] counts that each sensor does not exceed: where its readings pile up, else the full scale."""
+    most, noise = np.full(rows.counts.shape[1], rows.top), repeated_noise(rows)
+    for k in np.flatnonzero(rows.use.any(axis=0)).tolist():
+        read = rows.counts[rows.use[:, k], k]
+        there, near = read == read.max(), read >= read.max() - 2.0 * noise
+        if there.sum() >= PILED and 2 * there.sum() > near.sum():
+            most[k] = read.max()
+    return most
 
 
 def dead_zone(rows: Rows) -> float:

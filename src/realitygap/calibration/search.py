@@ -39,7 +39,7 @@ class _Best:
 def search(
     frees: Sequence[Free], model: Model, measured: Measured, values: Values, *, draws: int = DRAWS
 ) -> dict[str, Array]:
-    """Better values of the constants that have a `jump`, and of the gains; never worse ones.
+    """Better values of the constants that have a `jump`, and of gains, if any; never worse ones.
 
     Args:
         frees: all constants.
@@ -66,7 +66,7 @@ def search(
         moved = {f.key: _near(f, best, np.ones(sensors) if afar else step, draw) for f in own}
         tried = cost.of(best.values | moved)
         won = tried.cost < best.cost
-        keys = [*moved, GAIN]
+        keys = [*moved, *({GAIN} & values.keys())]
         best = _Best(
             values=best.values | {key: np.where(won, tried.values[key], best.values[key]) for key in keys},
             cost=np.where(won, tried.cost, best.cost),
@@ -84,21 +84,26 @@ class _Cost:
 
     def of(self, values: dict[str, Array]) -> _Best:
         """Cost [S] as least squares count it (soft L1, priors), after one step towards the best gains."""
-        gain = np.broadcast_to(values[GAIN], self._counts.shape[1:])
-        off = self._off(values, gain)
-        slope = (self._off(values, gain + LITTLE) - off) / LITTLE
-        weight = 1.0 / np.sqrt(1.0 + (off / ROBUST_AT) ** 2)
-        curvature = (weight * slope * slope).sum(axis=0)
-        gain = gain - (weight * slope * off).sum(axis=0) / np.maximum(curvature, 1e-12)
-        off = self._off(values, gain)
+        if GAIN in values:
+            values = values | {GAIN: self._gains(values)}
+        off = self._off(values)
         cost = 2.0 * ROBUST_AT**2 * (np.sqrt(1.0 + (off / ROBUST_AT) ** 2) - 1.0).sum(axis=0)
         for free in self._own:
             if free.prior:
                 cost = cost + ((values[free.key] - free.start) / free.prior) ** 2
-        return _Best(values=values | {GAIN: gain}, cost=cost)
+        return _Best(values=values, cost=cost)
 
-    def _off(self, values: dict[str, Array], gain: Array) -> Array:
-        return np.where(self._use, (self._model(values | {GAIN: gain}) - self._counts) / self._noise, 0.0)
+    def _gains(self, values: dict[str, Array]) -> Array:
+        """One step towards the best gains [S]."""
+        gain = np.broadcast_to(values[GAIN], self._counts.shape[1:])
+        off = self._off(values | {GAIN: gain})
+        slope = (self._off(values | {GAIN: gain + LITTLE}) - off) / LITTLE
+        weight = 1.0 / np.sqrt(1.0 + (off / ROBUST_AT) ** 2)
+        curvature = (weight * slope * slope).sum(axis=0)
+        return np.asarray(gain - (weight * slope * off).sum(axis=0) / np.maximum(curvature, 1e-12))
+
+    def _off(self, values: dict[str, Array]) -> Array:
+        return np.where(self._use, (self._model(values) - self._counts) / self._noise, 0.0)
 
 
 def _near(free: Free, best: _Best, step: Array, draw: np.random.Generator) -> Array:

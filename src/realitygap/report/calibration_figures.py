@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.collections import Collection
     from matplotlib.figure import Figure
 
-    from realitygap.calibration.channels import ChannelFit
+    from realitygap.calibration.channel_fit import ChannelFit
     from realitygap.calibration.noise import NoiseEstimate
     from realitygap.calibration.recordings.recording import WheelRecording
     from realitygap.calibration.wheels.fit import WheelFit

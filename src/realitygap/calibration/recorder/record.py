@@ -20,7 +20,8 @@ from realitygap.calibration.recorder.journal import ARENA, Journal, refuse_anoth
 from realitygap.calibration.recorder.plans import KHEPERA, Place, SensorPlan, sensor_plans
 from realitygap.calibration.recorder.site import Ask, EnoughError, Site, site_of
 from realitygap.calibration.recorder.wheel_plans import ROOM, Trial, wheel_plan
-from realitygap.calibration.recordings.files import POSE, STEP_COLUMNS, UNITS, UNKNOWN
+from realitygap.calibration.recordings.facts import UNKNOWN
+from realitygap.calibration.recordings.files import POSE, STEP_COLUMNS, UNITS
 from realitygap.calibration.recordings.recording import HEIGHTS_CM
 from realitygap.errors import UsageError
 from realitygap.robots.body import Body, Channel, Filmed, Seen, attend, channel, facts_of

@@ -10,8 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.recordings.checks import FACTS, check_readings, check_steps, read_rows
+from realitygap.calibration.recordings.facts import (
+    body_of,
+    check_heights,
+    number_of,
+    read_facts,
+    reflectance_of,
+)
 from realitygap.calibration.recordings.recording import (
-    BODY_RADIUS_CM,
     HEIGHTS_CM,
     KINDS,
     PULSES_PER_MM,
@@ -23,17 +29,14 @@ from realitygap.calibration.recordings.recording import (
 )
 from realitygap.calibration.recordings.sam import read_sam
 from realitygap.calibration.recordings.thymio import NAME, read_thymio
-from realitygap.errors import ConfigError, RecordingError
-from realitygap.table import LARGEST, Table
+from realitygap.errors import RecordingError
+from realitygap.table import Table
 from realitygap.text import as_path, refuse_unknown
-from realitygap.toml import read_toml
-from realitygap.world.arena import WHITEST, Arena, load_arena
-from realitygap.world.body import Body
-from realitygap.world.files import build
+from realitygap.world.arena import Arena, load_arena
 
 __all__ = [
-    "READINGS", "STEPS", "STEP_COLUMNS", "UNITS", "UNKNOWN", "WHEEL_COUNTS",
-    "find_recordings", "load_recording", "read_facts", "read_folder",
+    "READINGS", "STEPS", "STEP_COLUMNS", "UNITS", "WHEEL_COUNTS",
+    "find_recordings", "load_recording", "read_folder",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -55,8 +58,6 @@ KNOWN = (
     "firmware", "plan", "seed", "repeats", "places", "date", "base", "pulses_per_mm",
 )  # fmt: skip
 """Keys of recording.toml: the first eleven a calibration reads, the others are its history."""
-UNKNOWN = "unknown"
-"""A reflectance that is to be fitted."""
 DRIVE = "end"
 """A key of a drive's recording.toml, which is another file of the same name."""
 
@@ -138,25 +139,11 @@ def read_folder(folder: Path, *, object: str | None = None) -> Recording:
     return _readings(folder, facts, kind, str(name))
 
 
-def read_facts(folder: Path) -> dict[str, Any]:
-    """What recording.toml says.
-
-    Raises:
-        RecordingError: no such file, or no TOML.
-    """
-    path = folder / FACTS
-    make = "Make one with `realitygap record`."
-    if not path.exists():
-        what = f"there is no {FACTS} in it" if folder.is_dir() else "there is no such folder"
-        raise RecordingError(f"{folder}: no recording: {what}. {make}")
-    return read_toml(path, RecordingError, make)
-
-
 def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> SensorRecording:
     table = read_rows(folder / READINGS, ends="places" in facts)
     sensors = _sensor_columns(table, facts)
-    _check_heights(folder, facts)
-    pose, arena, body = None, None, _body(folder, facts)
+    check_heights(folder, facts)
+    pose, arena, body = None, None, body_of(folder, facts)
     if "arena" in facts and "x_cm" in table.columns:
         table.need((*POSE, "repeat"))
         arena = load_arena(folder / str(facts["arena"]))
@@ -165,7 +152,7 @@ def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> S
     else:
         distance, bearing = _from_object(table)
     counts = np.stack([table.numbers(sensor) for sensor in sensors], 1)
-    full_scale = _number(folder, facts, "full_scale", "the highest count")
+    full_scale = number_of(folder, facts, "full_scale", "the highest count")
     warned = check_readings(
         table, kind=kind, distance_cm=distance, bearing_deg=bearing, counts=counts, full_scale=full_scale
     )
@@ -180,7 +167,7 @@ def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> S
         arena=arena,
         body_radius_cm=body.radius_cm,
         body_outline_cm=body.outline_cm,
-        reflectance=_reflectance(folder, facts, pose is None and kind == "infrared"),
+        reflectance=reflectance_of(folder, facts, pose is None and kind == "infrared"),
         body_said="body_radius_cm" in facts or "body_outline_cm" in facts,
         full_scale=full_scale,
         speed_cm_s=table.numbers("speed_cm_s") if "speed_cm_s" in table.columns else None,
@@ -203,7 +190,7 @@ def _wheels(folder: Path, facts: Mapping[str, Any]) -> WheelRecording:
         return np.stack([table.numbers(f"{name}_{side}") for side in ("left", "right")], 1)
 
     unknown = np.full((len(t), 2), math.nan)
-    pulses = _number(folder, facts, "pulses_per_mm", "pulses of a counter in a millimetre of way")
+    pulses = number_of(folder, facts, "pulses_per_mm", "pulses of a counter in a millimetre of way")
     return WheelRecording(
         t_s=t,
         commands=pair("command"),
@@ -244,15 +231,6 @@ def _sensor_columns(table: Table, facts: Mapping[str, Any]) -> list[str]:
     return [f"s{i}" for i in range(expected)]
 
 
-def _number(folder: Path, facts: Mapping[str, Any], key: str, what: str) -> float | None:
-    """A fact above 0; None where it is not said."""
-    if (value := facts.get(key)) is None:
-        return None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < LARGEST:
-        raise RecordingError(f"{folder / FACTS}: {key}: expected {what}, got {value!r}.")
-    return float(value)
-
-
 def _pose(table: Table, *, empty: bool) -> Array:
     """[n, 3] x, y (cm), heading (rad)."""
     pose = np.stack([table.numbers(name, empty=empty) for name in POSE], 1)
@@ -278,45 +256,6 @@ def _from_lamp(pose: Array, arena: Arena, body_radius_cm: float) -> tuple[Array,
         return np.full(len(pose), math.nan), np.full(len(pose), math.nan)
     dx, dy = arena.lamps[0].x_cm - pose[:, 0], arena.lamps[0].y_cm - pose[:, 1]
     return np.hypot(dx, dy) - body_radius_cm, np.degrees(np.arctan2(dy, dx) - pose[:, 2])
-
-
-def _body(folder: Path, facts: Mapping[str, Any]) -> Body:
-    """Whose edge distances count from: a disc, or a polygon."""
-    outline = facts.get("body_outline_cm", ())
-    value = facts.get("body_radius_cm", 0.0 if outline else BODY_RADIUS_CM)
-    number = isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < 1e3
-    if not number or not (value or outline):
-        raise RecordingError(f"{folder / FACTS}: body_radius_cm: expected cm above 0, got {value!r}.")
-    try:
-        return build(Body, {"radius_cm": value, "outline_cm": outline})
-    except ConfigError as error:
-        raise RecordingError(f"{folder / FACTS}: body_{error}") from None
-
-
-def _reflectance(folder: Path, facts: Mapping[str, Any], told: bool) -> float:
-    """Of the object's surface, NaN if it is to be fitted; `told`: this recording may say so."""
-    value = facts.get("reflectance", 1.0)
-    if "reflectance" in facts and not told:
-        raise RecordingError(
-            f"{folder / FACTS}: reflectance: expected in an infrared recording of a wall or a cylinder; of "
-            "an arena's surfaces it stands in the arena's file."
-        )
-    if value == UNKNOWN:
-        return math.nan
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= WHITEST:
-        what = f'a number above 0, at most {WHITEST:g}, or "{UNKNOWN}"'
-        raise RecordingError(f"{folder / FACTS}: reflectance: expected {what}, got {value!r}.")
-    return float(value)
-
-
-def _check_heights(folder: Path, facts: Mapping[str, Any]) -> None:
-    said = [facts[key] for key in HEIGHTS_CM if key in facts]
-    numbers = [v for v in said if isinstance(v, int | float) and not isinstance(v, bool) and v > 0]
-    if said and (len(numbers) < len(HEIGHTS_CM) or not numbers[1] < numbers[0] < 1e3):
-        raise RecordingError(
-            f"{folder / FACTS}: {' and '.join(HEIGHTS_CM)}: expected both, in cm above the floor, the "
-            f"sensors below the body's top, got {' and '.join(map(repr, said))}."
-        )
 
 
 def _unfinished(table: Table, facts: Mapping[str, Any]) -> tuple[str, ...]:

@@ -1,0 +1,67 @@
+"""The body of a recorded robot: what recordings state of it, held against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from realitygap.calibration.recordings.recording import HEIGHTS_CM, Recording, SensorRecording
+from realitygap.errors import CalibrationError
+from realitygap.world.profile import Profile
+
+__all__ = ["as_recorded", "tells_heights"]
+
+
+def as_recorded(recordings: Sequence[Recording], base: Profile) -> Profile:
+    """The base with the body that its recordings state.
+
+    Raises:
+        CalibrationError: they state different ones.
+    """
+    return _of_its_height(recordings, _of_its_size(recordings, base))
+
+
+def _of_its_size(recordings: Sequence[Recording], base: Profile) -> Profile:
+    """The base with the body from whose edge its recordings' distances count.
+
+    A .sam table states none: there it is what the maker states. The sensors read by it.
+    """
+    seen = [r for r in recordings if isinstance(r, SensorRecording) and r.from_sensor is None]
+    said = [r for r in seen if "body_radius_cm" in r.facts or not r.body_said] or seen
+    radii = {r.body_radius_cm: r.source for r in said}
+    outlines = {r.body_outline_cm: r.source for r in said if r.body_outline_cm}
+    if len(outlines) > 1:
+        here, there = list(outlines.values())[:2]
+        raise CalibrationError(
+            f"body_outline_cm: expected one robot; {here} and {there} have different ones. Correct them."
+        )
+    if len(radii) > 1:
+        (one, here), (two, there) = list(radii.items())[:2]
+        raise CalibrationError(
+            f"body_radius_cm: expected one robot, got {one:g} cm in {here} and {two:g} cm in {there}. "
+            "Correct them; a recording that does not say it has that of --base."
+        )
+    if not radii:
+        return base
+    outline = next(iter(outlines), base.body.outline_cm)
+    return replace(base, body=replace(base.body, radius_cm=next(iter(radii)), outline_cm=outline))
+
+
+def _of_its_height(recordings: Sequence[Recording], base: Profile) -> Profile:
+    """The base with the heights that its recordings state, which say where light passes over the body."""
+    said = {tuple(r.facts[key] for key in HEIGHTS_CM): r.source for r in recordings if tells_heights(r)}
+    if len(said) > 1:
+        (one, here), (two, there) = list(said.items())[:2]
+        raise CalibrationError(
+            f"{' and '.join(HEIGHTS_CM)}: expected one robot, got {one} in {here} and {two} in {there}. "
+            "Correct them."
+        )
+    for top, eyes in said:
+        lower = replace(base.ambient, sensor_height_cm=eyes)
+        base = replace(base, body=replace(base.body, height_cm=top), ambient=lower)
+    return base
+
+
+def tells_heights(recording: Recording) -> bool:
+    """Whether it states how high body and sensors are."""
+    return HEIGHTS_CM.keys() <= recording.facts.keys()
