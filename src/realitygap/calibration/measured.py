@@ -187,7 +187,8 @@ class Measured:
         """The values that least squares led to, with rays that end where they should; or those before."""
         found = self._turned(optics, solved, use, self._noise, FINE_DEG[-1])
         tried: tuple[Values, ...] = (values, self._ended(optics, found, use))
-        return dict(min(tried, key=lambda v: self._left(optics, v, use)))
+        best = min(tried, key=lambda v: self._left(optics, v, use))
+        return dict(best)
 
     def _at_places(self, use: Use) -> Use:
         """[m, S] the places of which any reading is in `use` [n, S]."""
