@@ -21,9 +21,12 @@ project_copyright = f"{author}; MIT licence"
 release = realitygap.__version__
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary"]
-exclude_patterns = ["noise-level/*"]
+exclude_patterns = ["conf.py", "figures/*", "noise-level/*"]
 myst_heading_anchors = 3
-nb_execution_mode = "off"
+nb_custom_formats = {".py": ["jupytext.reads", {"fmt": "py:percent"}]}
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 300  # s, a cell: a loaded machine, and kernels that are not compiled yet
 
 html_theme = "furo"
 html_title = f"realitygap {release}"
@@ -64,7 +67,8 @@ def show(app: Sphinx, page: str, source: list[str]) -> None:
     text = text.replace("](../docs/", "](")
     for name, file in SHOWN.items():
         text = text.replace(f"](../{file}", f"]({name}.md")
-    source[0] = text
+    # Python beside `docs` is a file to take away; within it, a notebook.
+    source[0] = re.sub(r"\]\(((?:\.\./)+[^)]+\.py\))", r"](path:\1", text)
 
 
 def write_reference(app: Sphinx) -> None:

@@ -10,8 +10,8 @@ DOCS = Path(__file__).resolve().parents[1] / "docs"
 
 
 def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
-    """Every page is in its contents, and every link within it leads to a page, a heading or a file."""
-    words = ["-W", "--keep-going", "-n", "-q", "-d", tmp_path / "read", DOCS, tmp_path / "site"]
+    """Every notebook runs, every page is in its contents, and every link within it leads to a page, a heading or a file."""
+    words = ["-j", "2", "-W", "--keep-going", "-n", "-q", "-d", tmp_path / "read", DOCS, tmp_path / "site"]
     built = subprocess.run([sys.executable, "-m", "sphinx", *words], stderr=subprocess.PIPE, check=False)
     assert built.returncode == 0, built.stderr.decode()
     assert (tmp_path / "site" / "index.html").is_file()
