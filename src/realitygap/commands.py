@@ -10,12 +10,14 @@ nothing else is printed. Errors are those of `realitygap.errors`.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from functools import partial
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from realitygap.errors import StudyInterruptedError
 
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
@@ -66,7 +68,7 @@ def evolve(
     Raises:
         UsageError: what cannot be done, by name.
         StudyError: the folder holds a study and `resume` is not set, or something else.
-        RealityGapError: Ctrl-C (a KeyboardInterrupt, too); what is done is kept.
+        StudyInterruptedError: Ctrl-C; what is done is kept.
     """
     from realitygap.cli.evolve import begun_config, changed_config, folder_of
     from realitygap.cli.option import given, unusual
@@ -82,7 +84,8 @@ def evolve(
     fields = {"profile": profile, "arena": arena, "seed": seed, "runs": runs, "evaluations": evaluations}
     chosen = changed_config(begun, name, tuple(map(noise_level, levels)), texts, given(fields))
     words = f"evolve {name}{unusual(engine)}"
-    return carry_out(folder, chosen, words=words, workers=workers, engine=engine, resume=resume).study
+    with _stopping():
+        return carry_out(folder, chosen, words=words, workers=workers, engine=engine, resume=resume).study
 
 
 def reproduce(
@@ -116,16 +119,16 @@ def reproduce(
         UsageError: what cannot be done, by name.
         StudyError: the folder holds a study and `resume` is not set, or something else.
         RobotError: a recording or a trial failed.
-        RealityGapError: Ctrl-C (a KeyboardInterrupt, too); what is done is kept.
+        StudyInterruptedError: Ctrl-C; what is done is kept.
     """
     from realitygap.cli.reproduce import carried_out, requested_by
 
     options = {"profile": profile, "runs": runs, "evaluations": evaluations, "seed": seed, "starts": starts}
     requested = requested_by(Path(out), resume, options)
-    carried = carried_out(
-        Path(out), requested, transfer=transfer, workers=workers, engine=engine, resume=resume
-    )
-    return carried.study
+    with _stopping():
+        return carried_out(
+            Path(out), requested, transfer=transfer, workers=workers, engine=engine, resume=resume
+        ).study
 
 
 def calibrate(
@@ -174,3 +177,14 @@ def calibrate(
         made = made.named(Path(out).stem)
         write_profile(made, Path(out))
     return made
+
+
+@contextmanager
+def _stopping() -> Iterator[None]:
+    """Ctrl-C as whoever waits for it in Python knows it; in the same words."""
+    from realitygap.cli.failure import StoppedError
+
+    try:
+        yield
+    except StoppedError as stopped:
+        raise StudyInterruptedError(str(stopped)) from None

@@ -16,7 +16,7 @@ def calibrations(monkeypatch):
     """Calls for a calibration, which here takes no time and gives a robot of its own."""
     calls = []
 
-    def made(folder, *, unit, noise, seed, workers, on_progress):
+    def made(folder, *, unit, noise, seed, workers, on_progress, **_):
         calls.append((folder, unit, noise, seed))
         on_progress("wheels", 1, 2)
         if len(calls) == 1:

@@ -81,10 +81,13 @@ def test_a_missing_package_is_named(played, tmp_path, monkeypatch, missing):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        ([], "expected --format (the study's tables) or --language"),
-        (["--format", "csv", "--language", "c99"], "one."),
-        (["1", "--format", "csv"], "RUN: goes with --language"),
-        (["--format", "csv", "--name", "x"], "--name: goes with --language"),
+        ([], "expected one of --format"),
+        (["--format", "csv", "--language", "c99"], "expected one of"),
+        (["1", "--format", "csv"], "RUN: --format csv is of the whole study"),
+        (["--format", "mcap"], "--format mcap: expected the RUN"),
+        (["1", "--format", "mcap", "--name", "x"], "--name: does not go with --format mcap"),
+        (["1", "--language", "c99", "--start", "1"], "--start: does not go with --language"),
+        (["--format", "csv", "--name", "x"], "--name: does not go with --format csv"),
         (["--language", "c99"], "--language: expected the RUN"),
     ],
 )

@@ -1,4 +1,4 @@
-"""`realitygap export`: a study's tables, or an evolved individual as source for a robot's own processor."""
+"""`realitygap export`: a study's tables, a trial's log, a controller as source for a robot's processor."""
 
 from __future__ import annotations
 
@@ -10,23 +10,26 @@ from click.core import ParameterSource
 
 from realitygap.cli import option
 from realitygap.cli.estimate import ask_trust
+from realitygap.cli.kinds import Whole
 from realitygap.cli.output import print_json, tell
 
 if TYPE_CHECKING:
-    from realitygap.study.load import Study
+    from realitygap.study.load import Run, Study
 
 __all__ = ["export"]
 
-OF_SOURCE = ("run", "individual", "name")
-"""What only goes with --language."""
+GOES_WITH = {"tables": (), "log": ("individual", "robot", "start"), "source": ("individual", "name")}
+"""Options that belong to each use; a log and a source are of one RUN."""
+USES = {"parquet": "tables", "csv": "tables", "rerun": "log", "mcap": "log"}
 
 
 @click.command()
 @click.argument("study", type=click.Path())
 @click.argument("run", required=False)
 @click.option(
-    "--format", "kind", type=click.Choice(["parquet", "csv"]),
-    help="Tables of all runs, a file each: runs, evaluations, tests, trials, scores.",
+    "--format", "kind", type=click.Choice(list(USES)),
+    help="parquet, csv: tables of all runs, a file each (runs, evaluations, tests, trials, scores); rerun, "
+    "mcap: the log of one of RUN's trials on a robot.",
 )  # fmt: skip
 @click.option(
     "--language", type=click.Choice(["c99", "micropython", "arduino"]),
@@ -37,6 +40,8 @@ OF_SOURCE = ("run", "individual", "name")
     "--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Folder to write into."
 )
 @option.individual
+@click.option("--robot", metavar="ROBOT", help="Whose trial: its folder's name in transfer/, as twin-1.")
+@click.option("--start", type=Whole(1, 10**6), help="Which trial, from 1 [default: the first there is].")
 @click.option("--name", default="controller", metavar="NAME", help="Prefix of files and functions.")
 @option.trust
 @option.as_json
@@ -47,14 +52,20 @@ def export(
     language: str | None,
     out: Path,
     individual: str,
+    robot: str | None,
+    start: int | None,
     name: str,
     trust: bool,
     json_output: bool,
 ) -> None:
-    """Write STUDY as tables, or the controller of one RUN as source.
+    """Write STUDY as tables, a trial of one RUN as a log, or its controller as source.
 
-    With --format: the whole study for pandas, R, DuckDB or a spreadsheet; what each column is stands in
-    docs/tables-and-logs.md.
+    With --format parquet or csv: the whole study for pandas, R, DuckDB or a spreadsheet; what each column
+    is stands in docs/tables-and-logs.md.
+
+    With --format rerun or mcap: one trial of RUN on a robot, the simulated robot beside the situated one
+    under one time line, for Rerun's viewer or Foxglove: arena, rays, readings, network, film. --individual,
+    --robot and --start say which.
 
     With --language: an evolved individual of RUN for a robot's own processor. Whole numbers alone, the
     same to the bit as in the simulation: readings in counts go in, wheel commands in the robot's units
@@ -62,36 +73,61 @@ def export(
     lists them; --individual and --name go with it.
 
     \b
-    Examples: all tables; a controller for any chip with a C compiler; a sketch for Arduino's IDE
+    Examples: all tables; a log; a controller for any chip with a C compiler; a sketch for Arduino's IDE
         realitygap export out/reproduce --format parquet --out tables
+        realitygap export out/reproduce 1 --format rerun --out logs
         realitygap export out/reproduce 1 --language c99 --out avoider
         realitygap export out/reproduce 1 --language arduino --name avoider --out .
     """
     from realitygap.study.load import load_study
 
-    _refuse_mixed(run, kind, language)
+    use = _use(run, kind, language)
     ask_trust(study, trust)
     loaded = load_study(study)
-    if kind is not None:
-        _tables(loaded, kind, out, json_output)
+    if use == "tables":
+        _tables(loaded, str(kind), out, json_output)
+    elif use == "log":
+        _log(loaded.run(str(run)), str(kind), out, (individual, robot, start), json_output)
     else:
-        assert run is not None and language is not None
-        _source(loaded, run, language, out, individual, name, json_output)
+        _source(loaded, str(run), str(language), out, individual, name, json_output)
 
 
-def _refuse_mixed(run: str | None, kind: str | None, language: str | None) -> None:
-    """See that one thing is asked for, with what goes with it."""
+def _use(run: str | None, kind: str | None, language: str | None) -> str:
+    """What is asked for: one thing, with what goes with it."""
     if (kind is None) == (language is None):
         raise click.UsageError(
-            "expected --format (the study's tables) or --language (RUN's controller): one."
+            "expected one of --format (the study's tables, or the log of a trial of RUN) and --language "
+            "(the controller of RUN)."
         )
-    if language is not None and run is None:
-        raise click.UsageError("--language: expected the RUN whose controller it is, as in STUDY 1.")
+    use, said = USES.get(str(kind), "source"), f"--format {kind}" if language is None else "--language"
+    if use == "tables" and run is not None:
+        raise click.UsageError(f"RUN: {said} is of the whole study. Leave {run!r} out.")
+    if use != "tables" and run is None:
+        raise click.UsageError(f"{said}: expected the RUN that it is of, as in STUDY 1.")
     context = click.get_current_context()
-    for key in OF_SOURCE:
-        if kind is not None and context.get_parameter_source(key) is ParameterSource.COMMANDLINE:
-            said = "RUN" if key == "run" else f"--{key}"
-            raise click.UsageError(f"{said}: goes with --language; --format {kind} is of the whole study.")
+    for key in dict.fromkeys(key for keys in GOES_WITH.values() for key in keys):
+        given = context.get_parameter_source(key) is ParameterSource.COMMANDLINE
+        if given and key not in GOES_WITH[use]:
+            raise click.UsageError(f"--{key}: does not go with {said}. Leave it out.")
+    return use
+
+
+def _log(
+    run: Run, kind: str, out: Path, which: tuple[str, str | None, int | None], json_output: bool
+) -> None:
+    from realitygap.export.logs import write_log
+    from realitygap.export.trial import lived
+
+    one = lived(run, *which)
+    path = write_log(one, kind, out)
+    facts = {
+        "study": str(run.study.folder),
+        "run": run.id,
+        "format": kind,
+        "file": str(path),
+        "trial": one.name,
+    }
+    tell(json_output, facts, f"wrote {path}: {path.stat().st_size:,} bytes")
 
 
 def _tables(study: Study, kind: str, out: Path, json_output: bool) -> None:

@@ -29,7 +29,7 @@ LONGEST = 400
 _NOT_MENDABLE = {errno.EIO, errno.ENOMEM, errno.EBADF, errno.EINVAL}
 
 
-class StoppedError(RealityGapError, KeyboardInterrupt):
+class StoppedError(RealityGapError):
     """Ctrl-C where there is more to say than "stopped"."""
 
     exit_code = 130

@@ -16,7 +16,7 @@ from realitygap.report.style import PAGE, new_figure
 from realitygap.world import arena as world
 from realitygap.world.profile import Profile
 
-__all__ = ["arena_figure", "cast", "draw_arena", "draw_start", "sensor_rays"]
+__all__ = ["arena_figure", "cast", "draw_arena", "draw_start", "rays_of", "sensor_rays"]
 
 AMBIENT_RAYS_CM = 15.0
 """Rays of the ambient sensors have no end but the walls: a picture shows so much of them."""
@@ -149,15 +149,29 @@ def sensor_rays(arena: Arena, place: F, ray: F, pose: tuple[float, float, float]
 
 
 def _draw_rays(ax: Axes, robot: Robot, arena: Arena, feeds: str, pose: tuple[float, float, float]) -> None:
-    """The rays that a task's robot senses with, to what they meet or as far as they matter."""
+    """The rays that a task's robot senses with."""
+    rays = rays_of(robot, arena, feeds, pose)
+    ax.add_collection(LineCollection(list(rays), colors=style.RAY, linewidths=0.45, zorder=3))
+    ax.plot(*rays[::RAYS, 0].T, "o", color=style.RAY, markersize=1.8, zorder=6)
+
+
+def rays_of(robot: Robot, arena: Arena, feeds: str, pose: tuple[float, float, float]) -> F:
+    """The rays of what is fed to a network, to what they meet or as far as they matter: [rays, 2 ends, 2] cm.
+
+    Args:
+        robot: the robot.
+        arena: the room.
+        feeds: as a task has it.
+        pose: x, y (cm), heading (rad).
+    """
+    found = []
     for kind in feeds.split("+"):
         if kind == "proximity":
             reach = np.where(np.isfinite(robot.proximity_reach), robot.proximity_reach, AMBIENT_RAYS_CM)
-            rays = sensor_rays(arena, robot.proximity_place, robot.proximity_ray, pose, reach)
+            found.append(sensor_rays(arena, robot.proximity_place, robot.proximity_ray, pose, reach))
         else:
-            rays = sensor_rays(arena, robot.ambient_place, light_rays(robot), pose, AMBIENT_RAYS_CM)
-        ax.add_collection(LineCollection(list(rays), colors=style.RAY, linewidths=0.45, zorder=3))
-        ax.plot(*rays[::RAYS, 0].T, "o", color=style.RAY, markersize=1.8, zorder=6)
+            found.append(sensor_rays(arena, robot.ambient_place, light_rays(robot), pose, AMBIENT_RAYS_CM))
+    return np.concatenate(found)
 
 
 def _sensing_pose(arena: world.Arena, robot: Robot, start: np.ndarray) -> tuple[float, float, float]:

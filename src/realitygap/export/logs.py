@@ -1,0 +1,287 @@
+"""A transferred trial as a log: Rerun's (.rrd) or MCAP (for Foxglove), both robots under one time line.
+
+docs/tables-and-logs.md names what is in them.
+"""
+
+import io
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap import whole
+from realitygap.errors import UsageError
+from realitygap.export.trial import Lived, Side
+from realitygap.film.video import FilmReader
+from realitygap.lazy import needed
+from realitygap.world.arena import Arena
+
+__all__ = ["FORMATS", "write_log"]
+
+FORMATS = {"rerun": ".rrd", "mcap": ".mcap"}
+"""What a log may be, and the ending of its file."""
+COLOURS = {"simulated": (0, 114, 178, 255), "situated": (90, 90, 90, 255)}
+RAY, WALL, LAMP = (183, 121, 31, 90), (90, 80, 70, 255), (230, 159, 0, 255)
+TIMELINE = "trial"
+WIDE = 60
+"""A network's cm on Rerun's canvas."""
+JPEG_QUALITY = 80
+
+Floats = NDArray[np.float64]
+
+
+def write_log(one: Lived, kind: str, folder: Path) -> Path:
+    """Write a trial's log into a folder, which is made if it is not there; the file.
+
+    Args:
+        one: the trial.
+        kind: one of FORMATS.
+        folder: where to; a file of the same name is replaced.
+
+    Raises:
+        UsageError: another format, or its library is not installed.
+        OSError: it cannot be written.
+    """
+    if kind not in FORMATS:
+        raise UsageError(f"format: expected {', '.join(FORMATS)}, got {kind!r}.")
+    library = needed("rerun" if kind == "rerun" else "mcap.writer", "logs")
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{one.name}{FORMATS[kind]}"
+    with whole.new(path) as new:
+        (_rerun if kind == "rerun" else _mcap)(library, one, new)
+    return path
+
+
+def _rerun(rr: Any, one: Lived, path: Path) -> None:
+    """Places in cm, z up; a row a step, in columns."""
+    stream = rr.RecordingStream("realitygap", recording_id=one.name)
+    stream.save(path, default_blueprint=_blueprint(one))
+    stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    for name, lines, colour in _room(one.task.arena):
+        stream.log(
+            f"arena/{name}", rr.LineStrips3D([_up(line) for line in lines], colors=colour), static=True
+        )
+    facts = json.dumps({**one.trial.to_dict(), "folder": one.trial.folder.name}, indent=1)
+    stream.log("about", rr.TextDocument(f"```\n{facts}\n```", media_type="text/markdown"), static=True)
+    for side in one.sides:
+        _rerun_side(rr, stream, one, side)
+    if one.film is not None:
+        film = rr.AssetVideo(path=one.film)
+        stream.log("situated/film", film, static=True)
+        frames = film.read_frame_timestamps_nanos()
+        when = rr.TimeColumn(TIMELINE, duration=frames * 1e-9 - one.lead_s)
+        columns = rr.VideoFrameReference.columns_nanos(frames)
+        stream.send_columns("situated/film", indexes=[when], columns=columns)
+    stream.flush()
+    stream.disconnect()
+
+
+def _rerun_side(rr: Any, stream: Any, one: Lived, side: Side) -> None:
+    found, colour = side.track.found, COLOURS[side.name]
+    when = rr.TimeColumn(TIMELINE, duration=side.track.t)
+    seen = rr.TimeColumn(TIMELINE, duration=side.track.t[found])
+
+    def columns(name: str, columns: Any, each: int, indexes: Any) -> None:
+        stream.send_columns(f"{side.name}/{name}", indexes=[indexes], columns=columns.partition([each] * n))
+
+    n = int(found.sum())
+    bodies = [_up(line) for lines in _bodies(one, side) for line in lines]
+    columns("body", rr.LineStrips3D.columns(strips=bodies), 2, seen)
+    rays = side.rays[found]
+    columns(
+        "rays",
+        rr.LineStrips3D.columns(strips=[_up(ray) for step in rays for ray in step]),
+        rays.shape[1],
+        seen,
+    )
+    for name, look in (("body", colour), ("rays", RAY)):
+        stream.log(f"{side.name}/{name}", rr.LineStrips3D.from_fields(colors=look), static=True)
+    path = _up(np.stack([side.track.x[found], side.track.y[found]], 1))
+    stream.log(f"{side.name}/path", rr.LineStrips3D([path], colors=colour), static=True)
+    n = len(side.track)
+    pose = np.stack([side.track.x, side.track.y, side.track.heading_deg], 1)
+    scalars: dict[str, tuple[NDArray[Any], Sequence[str]]] = {"pose": (pose, ("x_cm", "y_cm", "heading_deg"))}
+    scalars |= {key: (rows, _names(one, key, rows.shape[1])) for key, rows in side.inside.items()}
+    for name, (rows, names) in scalars.items():
+        stream.log(f"{side.name}/{name}", rr.SeriesLines(names=names), static=True)
+        n = len(rows)
+        times = when if n == len(side.track) else rr.TimeColumn(TIMELINE, duration=side.track.t[:-1])
+        columns(name, rr.Scalars.columns(scalars=rows.astype(float).ravel()), rows.shape[1], times)
+    if one.network is not None:
+        _rerun_network(rr, stream, one.network, side)
+
+
+def _rerun_network(rr: Any, stream: Any, network: Mapping[str, Any], side: Side) -> None:
+    """Neurons in their places on the robot, which looks up: orange above zero, purple below."""
+    neurons, links = network["neurons"], network["links"]
+    ids = [str(k) for k in range(len(neurons))]
+    nodes = rr.GraphNodes(
+        ids,
+        positions=[(WIDE * one["x"], WIDE * one["y"]) for one in neurons],
+        labels=[one["name"] for one in neurons],
+        radii=[WIDE * one["r"] for one in neurons],
+    )
+    edges = rr.GraphEdges([(ids[one["from"]], ids[one["to"]]) for one in links], graph_type="directed")
+    stream.log(f"{side.name}/network", nodes, edges, static=True)
+    outputs = side.inside.get("outputs")
+    if outputs is not None:
+        share = np.abs(outputs.ravel()[:, None]) / 10.0
+        full = np.where(outputs.ravel()[:, None] >= 0, (230, 159, 0), (204, 121, 167))
+        colours = (share * full + (1 - share) * 200).astype(np.uint8)
+        columns = rr.GraphNodes.columns(colors=colours).partition([len(neurons)] * len(outputs))
+        when = rr.TimeColumn(TIMELINE, duration=side.track.t[:-1])
+        stream.send_columns(f"{side.name}/network", indexes=[when], columns=columns)
+
+
+def _blueprint(one: Lived) -> Any:
+    """Both robots side by side, the film; below what they read, decided, and their networks."""
+    import rerun.blueprint as rrb
+
+    names = [side.name for side in one.sides]
+    parts = ("body", "rays", "path")
+    views = [
+        rrb.Spatial3DView(name=name, contents=["/arena/**", *(f"/{name}/{part}" for part in parts)])
+        for name in names
+    ]
+    views += [rrb.Spatial2DView(name="film", origin="/situated/film")] if one.film is not None else []
+    series = [
+        rrb.TimeSeriesView(name=f"{name}: {part}", origin=f"/{name}/{part}")
+        for name in names for part in ("inputs", "commands")
+    ]  # fmt: skip
+    graphs = [rrb.GraphView(name=f"{name}: network", origin=f"/{name}/network") for name in names]
+    return rrb.Blueprint(rrb.Vertical(rrb.Horizontal(*views), rrb.Horizontal(*series, *graphs)))
+
+
+def _mcap(writer: Any, one: Lived, path: Path) -> None:
+    """JSON messages from the trial's start on; scenes (in metres) and pictures by Foxglove's schemas."""
+    with path.open("wb") as file:
+        log = writer.Writer(file)
+        log.start()
+        facts = {key: str(value) for key, value in one.trial.to_dict().items() if key != "folder"}
+        log.add_metadata("trial", facts)
+        if one.network is not None:
+            log.add_metadata("network", {"json": json.dumps(one.network)})
+        channels: dict[str, int] = {}
+
+        def send(topic: str, schema: str, t_s: float, message: Mapping[str, Any]) -> None:
+            if topic not in channels:
+                kind = log.register_schema(schema, "jsonschema", b'{"type": "object"}')
+                channels[topic] = log.register_channel(topic, "json", kind)
+            text = json.dumps(message, allow_nan=False).encode()
+            log.add_message(channels[topic], round(t_s * 1e9), text, round(t_s * 1e9))
+
+        send("/arena", "foxglove.SceneUpdate", 0.0, _scene("arena", 0.0, [
+            (line, colour, 0.004) for _, lines, colour in _room(one.task.arena) for line in lines
+        ]))  # fmt: skip
+        for side in one.sides:
+            for t_s, step, scene in _steps(one, side):
+                send(f"/{side.name}/step", "realitygap.Step", t_s, step)
+                if scene is not None:
+                    send(f"/{side.name}/scene", "foxglove.SceneUpdate", t_s, scene)
+        for t_s, picture in _pictures(one):
+            send("/situated/film", "foxglove.CompressedImage", t_s, picture)
+        log.finish()
+
+
+def _steps(one: Lived, side: Side) -> Iterator[tuple[float, dict[str, Any], dict[str, Any] | None]]:
+    """Each step's time, its numbers (null where the robot was lost), and its scene (None there)."""
+    track = side.track
+    bodies = iter(_bodies(one, side))
+    for k, t_s in enumerate(track.t.tolist()):
+        pose = {"x_cm": track.x[k], "y_cm": track.y[k], "heading_deg": track.heading_deg[k]}
+        step = {"t_s": t_s, **{key: float(v) if np.isfinite(v) else None for key, v in pose.items()}}
+        for name, rows in side.inside.items():
+            if k < len(rows):
+                step[name] = [float(v) if np.isfinite(v) else None for v in rows[k]]
+        if not track.found[k]:
+            yield t_s, step, None
+            continue
+        lines = [(line, COLOURS[side.name], 0.002) for line in next(bodies)]
+        lines += [(ray, RAY, 0.0005) for ray in side.rays[k]]
+        yield t_s, step, _scene(side.name, t_s, lines)
+
+
+def _scene(name: str, t_s: float, lines: Sequence[tuple[Floats, Sequence[int], float]]) -> dict[str, Any]:
+    """Lines in cm as one entity of Foxglove's, which stays until the next of its name."""
+    pose = {"position": {"x": 0, "y": 0, "z": 0}, "orientation": {"x": 0, "y": 0, "z": 0, "w": 1}}
+    drawn = [
+        {
+            "type": 0, "pose": pose, "thickness": thick, "scale_invariant": False,
+            "colors": [], "indices": [],
+            "points": [{"x": x, "y": y, "z": 0} for x, y in (line / 100.0).round(5).tolist()],
+            "color": dict(zip("rgba", (part / 255 for part in colour), strict=True)),
+        }
+        for line, colour, thick in lines
+    ]  # fmt: skip
+    entity = {
+        "timestamp": _stamp(t_s),
+        "frame_id": "arena",
+        "id": name,
+        "lines": drawn,
+        "frame_locked": False,
+    }
+    return {"deletions": [], "entities": [{**entity, "lifetime": {"sec": 0, "nsec": 0}, "metadata": []}]}
+
+
+def _pictures(one: Lived) -> Iterator[tuple[float, dict[str, Any]]]:
+    """The film's frames from the trial's start on, as JPEG."""
+    import base64
+
+    from PIL import Image
+
+    if one.film is None:
+        return
+    with FilmReader(one.film) as film:
+        for frame in film:
+            t_s = frame.t_s - one.lead_s
+            if t_s < 0:
+                continue
+            made = io.BytesIO()
+            Image.fromarray(frame.colour()).save(made, "JPEG", quality=JPEG_QUALITY)
+            data = base64.b64encode(made.getvalue()).decode()
+            yield t_s, {"timestamp": _stamp(t_s), "frame_id": "film", "format": "jpeg", "data": data}
+
+
+def _bodies(one: Lived, side: Side) -> list[tuple[Floats, Floats]]:
+    """The robot's outlines in the arena at each step at which it was seen."""
+    found, track = side.track.found, side.track
+    out = []
+    for x, y, heading in zip(track.x[found], track.y[found], track.heading[found], strict=True):
+        cos, sin = np.cos(heading), np.sin(heading)
+        turn = np.array([[cos, sin], [-sin, cos]])
+        out.append((one.outlines[0] @ turn + (x, y), one.outlines[1] @ turn + (x, y)))
+    return out
+
+
+def _room(arena: Arena) -> list[tuple[str, list[Floats], tuple[int, int, int, int]]]:
+    """Name, lines [points, 2] in cm and colour of what stands in an arena."""
+    room = arena.to_kernel()
+    width, depth = (float(v) for v in room.size)
+    edge = np.array([[0, 0], [width, 0], [width, depth], [0, depth], [0, 0]], dtype=float)
+    turn = np.linspace(0, 2 * np.pi, 33)
+    round_ = np.stack([np.cos(turn), np.sin(turn)], 1)
+    cylinders = [radius * round_ + (x, y) for x, y, radius in room.cylinders.reshape(-1, 3)]
+    lamps = [0.5 * round_ + np.mean(lamp.points(), axis=0)[:2] for lamp in arena.lamps]
+    parts = [("walls", [edge, *room.segments.reshape(-1, 2, 2)], WALL), ("cylinders", cylinders, WALL)]
+    return [part for part in (*parts, ("lamps", lamps, LAMP)) if part[1]]
+
+
+def _names(one: Lived, kind: str, count: int) -> list[str]:
+    """What the columns of a kind are called."""
+    if kind == "commands":
+        return ["left", "right"]
+    if kind == "outputs" and one.network is not None:
+        return [neuron["name"] for neuron in one.network["neurons"]]
+    return [f"{kind} {k}" for k in range(count)]
+
+
+def _up(line: Floats) -> Floats:
+    """On the floor of a room with three dimensions."""
+    return np.pad(line, ((0, 0), (0, 1)))
+
+
+def _stamp(t_s: float) -> dict[str, int]:
+    return {"sec": int(t_s), "nsec": round((t_s - int(t_s)) * 1e9)}
