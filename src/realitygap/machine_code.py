@@ -73,8 +73,9 @@ class Shelf:
         return made
 
     def holds(self, function: str) -> bool:
-        """Whether any compiled code of a function of that name is kept."""
-        return any(path for folder in self._folders() for path in folder.glob(f"{function}-*"))
+        """Whether compiled code of a function of that name is kept, or the compiler is off."""
+        kept = (path for folder in self._folders() for path in folder.glob(f"{function}-*"))
+        return bool(numba.config.DISABLE_JIT) or any(kept)
 
     def read(self, name: str) -> bytes | None:
         """What is kept under a name; None where nothing is, or not what was written."""

@@ -29,7 +29,10 @@ from realitygap.work.workers import Workers, near
 from realitygap.world.files import Value, build, shipped
 from realitygap.world.profile import load_profile
 
-__all__ = ["STARTS", "UNIT", "Reproduction", "again", "begun", "configured", "transferred"]
+__all__ = [
+    "STARTS", "UNIT", "Reproduction", "again", "begun", "compile_ahead", "configured", "meanwhile",
+    "transferred",
+]  # fmt: skip
 
 UNIT = 1
 """The twin's unit that is measured, and that the evolved controllers then drive."""
@@ -132,7 +135,7 @@ def configured(
             place, seed = folder / CALIBRATION, requested.seed
             made = calibrated_unit(
                 place, unit=UNIT, noise=1.0, seed=seed, workers=near(workers),
-                meanwhile=_meanwhile(workers), on_progress=on_progress,
+                meanwhile=meanwhile(workers), on_progress=on_progress,
             )  # fmt: skip
             profile = str(made)
     return requested.study(profile)
@@ -177,7 +180,7 @@ def again(study: Study) -> str:
     return " ".join(map(str, words))
 
 
-def _meanwhile(workers: Workers) -> list[Callable[[], None]]:
+def meanwhile(workers: Workers) -> list[Callable[[], None]]:
     """What workers do while others record the robot: compile what comes after, if it is not on file."""
     from realitygap.kernels.jit import SHELF
 
