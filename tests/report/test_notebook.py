@@ -12,26 +12,32 @@ import realitygap
 from realitygap.errors import StudyError
 from realitygap.world.files import shipped
 
-CELLS = (
-    "import realitygap, pathlib",
-    "study = realitygap.evolve('avoidance', evaluations=64, workers=1, out='study', settings="
-    "{'task.seconds': 2, 'fresh_trials': 2, 'retest_trials': 2})",
-    "study",
-    "study.show()",
-    "study.figures()['obstacle-avoidance-curves']",
-    "realitygap.evolve('avoidance', out='study')",
-)
+EXAMPLE = Path(__file__).parents[2] / "examples" / "notebook.py"
+SMALL = "evaluations=64, workers=1, settings={'task.seconds': 2, 'fresh_trials': 2, 'retest_trials': 2}"
+AGAIN = "realitygap.evolve('avoidance', out=folder / 'study')"
+
+
+def cells() -> list[str]:
+    """The example's code, made short, and a cell that is refused."""
+    text = (
+        EXAMPLE.read_text("utf-8")
+        .replace("evaluations=150", SMALL)
+        .replace("starts=1)", "starts=1, watch=False)")
+    )
+    assert SMALL in text and "watch=False" in text
+    parts = text.split("\n# %%")[1:]
+    return [part.partition("\n")[2] for part in parts if not part.startswith(" [markdown]")] + [AGAIN]
 
 
 @pytest.fixture(scope="module")
 def executed(tmp_path_factory):
-    """The cells' outputs, in a Jupyter kernel of this Python."""
+    """The outputs of the example's cells, in a Jupyter kernel of this Python."""
     nbclient = pytest.importorskip("nbclient", reason="no nbclient here: pip install nbclient ipykernel")
     pytest.importorskip("ipykernel", reason="no ipykernel here: pip install ipykernel")
     from nbformat import v4
 
     folder = tmp_path_factory.mktemp("notebook")
-    made = v4.new_notebook(cells=[v4.new_code_cell(cell) for cell in CELLS])
+    made = v4.new_notebook(cells=[v4.new_code_cell(cell) for cell in cells()])
     client = nbclient.NotebookClient(
         made, timeout=300, allow_errors=True, resources={"metadata": {"path": str(folder)}}
     )
@@ -43,13 +49,14 @@ def executed(tmp_path_factory):
 
 def test_a_kernel_shows_each_thing_once(executed):
     """One bar, which ends in what it took, no line beside it; tables, frames, pictures; one clear error."""
-    _, evolved, study, shown, figure, refused = executed
-    assert [out["output_type"] for out in evolved] == ["display_data"]
-    assert evolved[0]["data"]["text/plain"].startswith("took 0:")
-    assert "evolving" in evolved[0]["data"]["text/html"]
-    assert "obstacle-avoidance/observed/1" in study[0]["data"]["text/html"]
-    assert shown[0]["data"]["text/html"].startswith("<iframe")
-    assert "image/png" in figure[0]["data"]
+    robot, evolved, run, replay, shown, figure, runs, refused = executed
+    assert "data:image/svg+xml" in robot[0]["data"]["text/html"]
+    bar, study = evolved
+    assert bar["data"]["text/plain"].startswith("took 0:") and "evolving" in bar["data"]["text/html"]
+    assert "obstacle-avoidance/observed/1" in study["data"]["text/html"]
+    assert "data:image/svg+xml" in run[0]["data"]["text/html"]
+    assert [out[0]["data"]["text/html"][:7] for out in (replay, shown)] == ["<iframe"] * 2
+    assert "image/png" in figure[0]["data"] and "champion_fresh" in runs[0]["data"]["text/html"]
     assert refused[-1]["ename"] == "StudyError" and "already holds a study" in refused[-1]["evalue"]
 
 
