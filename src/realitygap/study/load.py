@@ -96,7 +96,7 @@ class Study(Tables):
         Raises:
             StudyError: a file that this user has not agreed to run, or that was edited since.
         """
-        return self._materials.task(_name(name))
+        return self._materials.task(str(getattr(name, "name", name)))
 
     def facts(self, task: str | Task) -> dict[str, Any]:
         """A task without its score, as `Task.to_dict` has it: nobody's file is run.
@@ -104,7 +104,7 @@ class Study(Tables):
         Raises:
             StudyError: the study has no such task.
         """
-        task = _name(task)
+        task = str(getattr(task, "name", task))
         found = self._reader.tasks()
         if found is None:  # the format that kept none
             return self.task(task).to_dict()
@@ -119,7 +119,7 @@ class Study(Tables):
         Raises:
             StudyError: a file that this user has not agreed to run, or that was edited since.
         """
-        name = _name(task)
+        name = str(getattr(task, "name", task))
         if name not in self._encodings:
             own = "encoding" in self.config.own_files()
             config = self._materials.config if own else self.config
@@ -147,9 +147,8 @@ class Study(Tables):
         """
         encoding = self.encoding(task)
         if not isinstance(encoding, Variation):
-            raise StudyError(
-                f"{self.folder}: genotypes of slots have a layout, not {self.config.encoding.kind}."
-            )
+            kind = self.config.encoding.kind
+            raise StudyError(f"{self.folder}: genotypes of slots have a layout, not {kind}.")
         return encoding.layout
 
     def run(self, id_or_name: int | str) -> Run:
@@ -160,14 +159,6 @@ class Study(Tables):
         """
         number = self._id(id_or_name)
         return next(run for run in self.runs if run.id == number)
-
-    def to_pandas(self, table: str = "runs") -> Any:
-        """A table as pandas' DataFrame: runs, evaluations, tests, trials (on robots), or scores.
-
-        Raises:
-            UsageError: no such table, or no pandas.
-        """
-        return above("export.tables").frame(self, table)
 
     def show(self, height: int = 1150) -> Any:
         """The page's player in a notebook: every run's champion, simulated and situated; `save` writes it.
@@ -234,14 +225,9 @@ class Run:
     def plan(self) -> Plan:
         """How the run was planned; its `stream` is where its randomness comes from."""
         return Plan(
-            id=self.id,
-            name=self.name,
-            condition=(self.id - 1) // self.study.config.runs,
-            task=self.task,
-            noise=self.noise,
-            index=self.index,
-            stream=run_stream(self.seed, self.task, self.noise, self.index),
-        )
+            id=self.id, name=self.name, condition=(self.id - 1) // self.study.config.runs, task=self.task,
+            noise=self.noise, index=self.index, stream=run_stream(self.seed, self.task, self.noise, self.index),
+        )  # fmt: skip
 
     @property
     def fittest(self) -> Genes | None:
@@ -262,10 +248,8 @@ class Run:
         if who in ("champion", "fittest"):
             genes = self.champion if who == "champion" else self.fittest
             if genes is None:
-                raise StudyError(
-                    f"run {self.id} has no {who} yet; name an evaluation, or finish the study "
-                    "(`realitygap … --resume`)."
-                )
+                cure = "name an evaluation, or finish the study (`realitygap … --resume`)"
+                raise StudyError(f"run {self.id} has no {who} yet; {cure}.")
             return str(who), genes
         if not str(who).isdecimal() or int(who) >= self.evaluations:
             raise StudyError(
@@ -314,8 +298,3 @@ class Run:
         table = self.study.tests(self.id)
         pairs = dict.fromkeys(zip(table["who"].tolist(), table["noise"].tolist(), strict=True))
         return {(w, n): table["score"][(table["who"] == w) & (table["noise"] == n)] for w, n in pairs}
-
-
-def _name(task: str | Task) -> str:
-    """A task's name; a Task object has it."""
-    return task.name if isinstance(task, Task) else task

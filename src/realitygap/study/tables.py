@@ -9,6 +9,7 @@ import numpy as np
 from realitygap.controller.layout import Layout
 from realitygap.errors import StudyError
 from realitygap.evolution.algorithm import Genes
+from realitygap.lazy import above
 from realitygap.study.config import StudyConfig
 from realitygap.study.folder import read_config
 from realitygap.study.reader import DATABASE, Reader, Table
@@ -71,6 +72,14 @@ class Tables:
             StudyError: the statement cannot be carried out, or writes.
         """
         return self._reader.query(sql, self.config.to_dict())
+
+    def to_pandas(self, table: str = "runs") -> Any:
+        """A table as pandas' DataFrame: runs, evaluations, tests, trials (on robots), or scores.
+
+        Raises:
+            UsageError: no such table, or no pandas.
+        """
+        return above("export.tables").frame(self, table)
 
     def digest(self) -> str:
         """Of every row of every run: studies with the same runs have the same, however they were made."""
