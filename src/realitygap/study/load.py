@@ -224,9 +224,10 @@ class Run:
     @property
     def plan(self) -> Plan:
         """How the run was planned; its `stream` is where its randomness comes from."""
+        stream = run_stream(self.seed, self.task, self.noise, self.index)
         return Plan(
             id=self.id, name=self.name, condition=(self.id - 1) // self.study.config.runs, task=self.task,
-            noise=self.noise, index=self.index, stream=run_stream(self.seed, self.task, self.noise, self.index),
+            noise=self.noise, index=self.index, stream=stream,
         )  # fmt: skip
 
     @property
