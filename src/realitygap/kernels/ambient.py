@@ -4,14 +4,14 @@ import math
 
 from realitygap.kernels.jit import step
 from realitygap.kernels.light import (
+    first_sensor,
     follow_rays,
-    light_on_sensor,
-    light_on_surfaces,
-    look,
+    light_on_places,
+    rays_of_fan,
     reflected_light,
+    stand_by_sensors,
 )
 from realitygap.kernels.light_beyond import goes_beyond, illuminate_beyond
-from realitygap.kernels.params import RAYS
 from realitygap.kernels.response import respond
 
 
@@ -27,11 +27,12 @@ def illuminate(robot, arena, enough, work, out):
         illuminate_beyond(robot, arena, enough, work, out)
         return
     follow_rays(robot, arena, work)
+    stand_by_sensors(robot, work)
+    sensors, used = first_sensor(robot, work), rays_of_fan(robot, work)
     for lamp in range(arena.lamp_points.shape[0]):
-        light_on_surfaces(robot, arena, lamp, work)
+        light_on_places(robot, arena, lamp, 0, work)
         for k in range(out.shape[0]):
-            view = look(robot, k, work)
-            out[k] += light_on_sensor(arena, lamp, view) + reflected_light(k * RAYS, work)
+            out[k] += work.light[sensors + k] + reflected_light(k * used, (k + 1) * used, work)
 
 
 @step

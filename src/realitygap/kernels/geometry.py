@@ -43,15 +43,15 @@ class Rays(NamedTuple):
 
 
 @step
-def see_room(arena, fans, k, spot, rays, incident):
-    """Turn the rays of sensor `k` into the room's frame; 1/d to the outer walls."""
+def see_room(arena, fan_x, fan_y, spot, rays, incident):
+    """Turn a sensor's rays into the room's frame; 1/d to the outer walls."""
     west = 1.0 / max(spot.x, TOUCHING)
     south = 1.0 / max(spot.y, TOUCHING)
     east = 1.0 / max(arena.size[0] - spot.x, TOUCHING)
     north = 1.0 / max(arena.size[1] - spot.y, TOUCHING)
     for i in range(rays.inverse.shape[0]):
-        x = spot.cos * fans[k, 0, i] - spot.sin * fans[k, 1, i]
-        y = spot.sin * fans[k, 0, i] + spot.cos * fans[k, 1, i]
+        x = spot.cos * fan_x[i] - spot.sin * fan_y[i]
+        y = spot.sin * fan_x[i] + spot.cos * fan_y[i]
         rays.x[i] = x
         rays.y[i] = y
         across = max(x * east, -x * west)
@@ -173,10 +173,22 @@ def see(arena, fans, k, spot, rays, incident):
     a Lambertian surface throws back what falls on it by that. With None, which is compiled apart, the paper's
     law pays nothing for it (a robot with such surfaces is a fifth slower).
     """
-    see_room(arena, fans, k, spot, rays, incident)
+    see_room(arena, fans[k, 0], fans[k, 1], spot, rays, incident)
     cell = cell_at(arena, spot.x, spot.y)
     see_cylinders(arena, cell, spot, rays, incident)
     see_segments(arena, cell, spot, rays, incident)
+
+
+@step
+def added(t):
+    """The sum of a fan's terms, outermost pairs first."""
+    return (t[0] + t[9]) + (t[1] + t[8]) + ((t[2] + t[7]) + (t[3] + t[6])) + (t[4] + t[5])
+
+
+@step
+def is_bare(arena):
+    """Whether there is nothing in the room but its walls, as usual ones."""
+    return arena.cylinders.shape[0] + arena.segments.shape[0] + arena.reflectance.shape[0] == 0
 
 
 @step

@@ -5,7 +5,7 @@ exactly. Most sensors are in that state most of the time, so it is asked first, 
 side by side, by conditions that are never wrong in saying no.
 """
 
-from realitygap.kernels.geometry import TOUCHING, Rays, Spot, is_brighter, is_tinted, see, tint
+from realitygap.kernels.geometry import TOUCHING, Rays, Spot, added, is_brighter, is_tinted, see, tint
 from realitygap.kernels.jit import step
 from realitygap.kernels.near import SPARE, cell_at, is_beyond
 from realitygap.kernels.params import LANES, RAYS
@@ -136,12 +136,6 @@ def reflected(robot, arena, k, rays, t):
         for i in range(inverse.shape[0]):
             t[i] = robot.proximity_weight[k, i] * (a * (inverse[i] * inverse[i]) + b)
     return added(t)
-
-
-@step
-def added(t):
-    """The sum of a fan's terms, outermost pairs first."""
-    return (t[0] + t[9]) + (t[1] + t[8]) + ((t[2] + t[7]) + (t[3] + t[6])) + (t[4] + t[5])
 
 
 @step

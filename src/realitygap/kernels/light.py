@@ -7,10 +7,13 @@ from realitygap.kernels.geometry import (
     GRAZE,
     Rays,
     Spot,
+    added,
     circle_blocks,
     covers,
+    is_bare,
     is_tinted,
     see,
+    see_room,
     segment_blocks,
     tint,
 )
@@ -39,35 +42,65 @@ def look(robot, k, work):
 
 
 @step
-def light_on_surfaces(robot, arena, lamp, work):
-    """Direct illumination D_ij of the points where the rays end, by one lamp, into work.light.
+def first_sensor(robot, work):
+    """The lane of the first ambient sensor: they stand in the row's last lanes, behind all rays."""
+    return work.light.shape[0] - robot.ambient_place.shape[0]
 
-    D = (offset + Σ L_i k_i) / d², d the mean distance to the lamp's points; never below 0.
+
+@step
+def stand_by_sensors(robot, work):
+    """The ambient sensors' places and directions, as ends and rays of their lanes."""
+    a = first_sensor(robot, work)
+    for k in range(robot.ambient_place.shape[0]):
+        view = look(robot, k, work)
+        work.end_x[a + k] = view.x
+        work.end_y[a + k] = view.y
+        work.ray_x[a + k] = view.ahead_x
+        work.ray_y[a + k] = view.ahead_y
+
+
+@step
+def light_on_places(robot, arena, lamp, first, work):
+    """Direct illumination by one lamp, into work.light from lane `first`: D_ij of the points where the rays
+    end, D_i of the sensors.
+
+    D = (offset + Σ L_i k_i) / d², d the mean distance to the lamp's points; never below 0. The robot's own
+    body hides from a surface what is behind it, from a sensor what is more than 90° off its direction.
     """
-    x, y = work.pose[0], work.pose[1]
-    for i in range(work.light.shape[0]):
-        work.light[i] = arena.lamp_offset[lamp]
-        work.far[i] = 0.0
+    x, y, n, sensors = work.pose[0], work.pose[1], work.light.shape[0], first_sensor(robot, work)
+    light, far, hidden = work.light[first:], work.far[first:n], work.hidden[first:n]
+    end_x, end_y = work.end_x[first:n], work.end_y[first:n]
+    for i in range(light.shape[0]):
+        light[i] = arena.lamp_offset[lamp]
+        far[i] = 0.0
     for p in range(LAMP_POINTS):
         lx = arena.lamp_points[lamp, p, 0]
         ly = arena.lamp_points[lamp, p, 1]
-        weight = arena.lamp_weights[lamp, p]
-        for i in range(work.light.shape[0]):
-            ex = lx - work.end_x[i]
-            ey = ly - work.end_y[i]
-            work.far[i] += math.sqrt(ex * ex + ey * ey)
-            hidden = circle_blocks(x - work.end_x[i], y - work.end_y[i], ex, ey, robot.radius)
-            work.hidden[i] = hidden
+        for i in range(light.shape[0]):
+            ex = lx - end_x[i]
+            ey = ly - end_y[i]
+            far[i] += math.sqrt(ex * ex + ey * ey)
+            hidden[i] = circle_blocks(x - end_x[i], y - end_y[i], ex, ey, robot.radius)
         if covers(x - lx, y - ly, robot.radius):
-            work.hidden[:] = 1.0
+            hidden[:] = 1.0
         if robot.outline.shape[0] > 0:
-            hide_behind_outline(robot, (lx, ly, 1.0), 0, work.light.shape[0], work)
-        hide_behind_obstacles(arena, lx, ly, 0, work.light.shape[0], work)
-        for i in range(work.light.shape[0]):
-            work.light[i] += weight * (1.0 - work.hidden[i])
-    for i in range(work.light.shape[0]):
-        d = work.far[i] * (1.0 / LAMP_POINTS)
-        work.light[i] = max(work.light[i], 0.0) / (d * d)
+            hide_behind_outline(robot, (lx, ly, 1.0), first, sensors, work)
+        for i in range(sensors, n):
+            ahead = (lx - work.end_x[i]) * work.ray_x[i] + (ly - work.end_y[i]) * work.ray_y[i]
+            work.hidden[i] = 0.0 if ahead >= 0.0 else 1.0
+        hide_behind_obstacles(arena, lx, ly, first, n, work)
+        for i in range(light.shape[0]):
+            light[i] += arena.lamp_weights[lamp, p] * (1.0 - hidden[i])
+    spread(work.light[first:sensors], work.far[first:sensors], 0.0)
+    spread(work.light[sensors:], work.far[sensors:n], 1e-3)
+
+
+@step
+def spread(light, far, least):
+    """Light that has come all the way from a lamp, whose points are `far` in sum, `least` in the mean."""
+    for i in range(light.shape[0]):
+        d = max(far[i] * (1.0 / LAMP_POINTS), least)
+        light[i] = max(light[i], 0.0) / (d * d)
 
 
 @step
@@ -117,63 +150,44 @@ def hide_behind_obstacles(arena, lx, ly, a, b, work):
 
 
 @step
-def obstacles_hide(arena, px, py, lx, ly):
-    """1.0 if an obstacle keeps a sensor at (px, py) from a lamp's point (lx, ly)."""
-    ex = lx - px
-    ey = ly - py
-    hidden = 0.0
-    for j in range(arena.cylinders.shape[0]):
-        cx = arena.cylinders[j, 0]
-        cy = arena.cylinders[j, 1]
-        radius = arena.cylinders[j, 2]
-        blocked = circle_blocks(cx - px, cy - py, ex, ey, radius)
-        hidden = max(hidden, 1.0 if covers(cx - lx, cy - ly, radius) else blocked)
-    for j in range(arena.segments.shape[0]):
-        hidden = max(hidden, segment_blocks(arena, j, px, py, ex, ey))
-    return hidden
-
-
-@step
-def light_on_sensor(arena, lamp, view):
-    """Direct illumination D_i of a sensor, by one lamp.
-
-    A point of the lamp more than 90° off the sensor's direction is behind the robot's own body.
-    """
-    total = arena.lamp_offset[lamp]
-    far = 0.0
-    for p in range(LAMP_POINTS):
-        lx = arena.lamp_points[lamp, p, 0]
-        ly = arena.lamp_points[lamp, p, 1]
-        ex = lx - view.x
-        ey = ly - view.y
-        far += math.sqrt(ex * ex + ey * ey)
-        hidden = 0.0 if ex * view.ahead_x + ey * view.ahead_y >= 0.0 else 1.0
-        hidden = max(hidden, obstacles_hide(arena, view.x, view.y, lx, ly))
-        total += arena.lamp_weights[lamp, p] * (1.0 - hidden)
-    d = max(far * (1.0 / LAMP_POINTS), 1e-3)
-    return max(total, 0.0) / (d * d)
-
-
-@step
-def follow_fan(robot, arena, k, fan, work):
-    """Where the rays of one fan of ambient sensor `k` end, as 1/d, and their weights, from lane fan·RAYS.
+def follow_fan(robot, arena, spot, fan, a, work):
+    """Where the rays of one fan of an ambient sensor at `spot` end, as 1/d, from lane `a`, among obstacles.
 
     A fan's pad lanes are overwritten by the next one's rays.
     """
-    x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
-    px = x + c * robot.ambient_place[k, 0] - s * robot.ambient_place[k, 1]
-    py = y + s * robot.ambient_place[k, 0] + c * robot.ambient_place[k, 1]
-    a, b = fan * RAYS, fan * RAYS + LANES
+    b = a + LANES
     rays = Rays(work.ray_x[a:b], work.ray_y[a:b], work.inverse[a:b], work.incidence[a:b], NARROW)
-    see(arena, robot.ambient_ray, fan, Spot(px, py, c, s), rays, None)
-    for i in range(RAYS):
-        work.end_x[a + i] = px
-        work.end_y[a + i] = py
-        work.terms[a + i] = robot.ambient_weight[fan, i]
+    see(arena, robot.ambient_ray, fan, spot, rays, None)
     if is_tinted(arena):
-        tint(arena, Spot(px, py, c, s), rays, 0.0)
-        for i in range(RAYS):
+        tint(arena, spot, rays, 0.0)
+        for i in range(rays_of_fan(robot, work)):
             work.terms[a + i] *= rays.incidence[i]
+
+
+@step
+def rays_of_fan(robot, work):
+    """How many rays each fan of an ambient sensor has: RAYS, or as many as have any weight."""
+    return work.all_fans.shape[1] // max(robot.ambient_ray.shape[0], 1)
+
+
+@step
+def follow_sensor(robot, arena, k, a, b, work):
+    """Where the rays of ambient sensor `k` end, as 1/d, and their weights, from lane `a` to `b`."""
+    view = look(robot, k, work)
+    spot = Spot(view.x, view.y, work.pose[3], work.pose[4])
+    first, fans = k * (b - a), work.all_fans
+    end_x, end_y, terms, weight = work.end_x[a:b], work.end_y[a:b], work.terms[a:b], fans[2, first:]
+    for i in range(b - a):
+        end_x[i] = spot.x
+        end_y[i] = spot.y
+        terms[i] = weight[i]
+    if is_bare(arena):
+        rays = Rays(work.ray_x[a:b], work.ray_y[a:b], work.inverse[a:b], work.incidence[a:b], NARROW)
+        see_room(arena, fans[0, first:], fans[1, first:], spot, rays, None)
+        return
+    used = rays_of_fan(robot, work)
+    for f in range((b - a) // used):
+        follow_fan(robot, arena, spot, k * ((b - a) // used) + f, a + f * used, work)
 
 
 @step
@@ -191,19 +205,22 @@ def go_to_ends(a, b, work):
 def follow_rays(robot, arena, work):
     """Where the rays of all ambient sensors end, and the weight of the light reflected there.
 
-    All rays lie in one row, RAYS a sensor. Weights: 1.5 cos² β / d², times the surface's reflectance.
+    All rays lie in one row, sensor after sensor. Weights: 1.5 cos² β / d², times the surface's reflectance.
     """
+    n, used = work.all_fans.shape[1], rays_of_fan(robot, work)
     for k in range(robot.ambient_place.shape[0]):
-        follow_fan(robot, arena, k, k, work)
-    go_to_ends(0, work.light.shape[0], work)
-    for i in range(work.light.shape[0]):
+        follow_sensor(robot, arena, k, k * used, (k + 1) * used, work)
+    go_to_ends(0, n, work)
+    for i in range(n):
         work.terms[i] *= work.inverse[i] * work.inverse[i]
 
 
 @step
-def reflected_light(a, work):
-    """Σ_j D_ij cos² β_ij · 1.5 / d_ij² over a fan's rays from lane `a`, outermost pairs first."""
+def reflected_light(a, b, work):
+    """Σ_j D_ij cos² β_ij · 1.5 / d_ij² over a fan's rays, lanes `a` to `b`, outermost pairs first."""
     t = work.far[a : a + RAYS]
-    for i in range(RAYS):
+    for i in range(b - a):
         t[i] = work.light[a + i] * work.terms[a + i]
-    return (t[0] + t[9]) + (t[1] + t[8]) + ((t[2] + t[7]) + (t[3] + t[6])) + (t[4] + t[5])
+    for i in range(b - a, RAYS):
+        t[i] = 0.0
+    return added(t)

@@ -10,17 +10,18 @@ import numpy as np
 from realitygap.kernels.geometry import circle_blocks, covers
 from realitygap.kernels.jit import step
 from realitygap.kernels.light import (
-    follow_fan,
+    first_sensor,
+    follow_sensor,
     go_to_ends,
     hide_behind_obstacles,
     hide_behind_outline,
-    light_on_sensor,
-    look,
-    obstacles_hide,
+    light_on_places,
+    rays_of_fan,
     reflected_light,
+    stand_by_sensors,
 )
 from realitygap.kernels.near import from_segment
-from realitygap.kernels.params import LAMP_POINTS, RAYS
+from realitygap.kernels.params import LAMP_POINTS
 from realitygap.kernels.rng import log
 
 SERIES = tuple(1.0 / math.factorial(i) for i in range(13, -1, -1))
@@ -67,30 +68,34 @@ def lamp_point(robot, arena, lamp, p):
 
 
 @step
-def light_under_an_angle(robot, arena, lamp, view):
-    """As light_on_sensor, from a lamp at a height, times the mean cosine of its visible points^p."""
-    height2 = robot.light_height2
-    total = arena.lamp_offset[lamp]
-    ahead = 0.0
-    seen = 0.0
-    far = 0.0
-    points = lamp_points(robot)
+def light_under_an_angle(robot, arena, lamp, work):
+    """As light_on_places for the sensors, from a lamp at a height, times its visible points' cosine^p."""
+    a, b, points = first_sensor(robot, work), work.light.shape[0], lamp_points(robot)
+    end_x, end_y, ray_x, ray_y = work.end_x[a:b], work.end_y[a:b], work.ray_x[a:b], work.ray_y[a:b]
+    light, far, hidden, cosine = work.light[a:], work.far[a:b], work.hidden[a:b], work.incidence[a:b]
+    ahead, seen = work.normal_x[a:b], work.normal_y[a:b]
+    for i in range(b - a):
+        light[i] = arena.lamp_offset[lamp]
+        far[i] = ahead[i] = seen[i] = 0.0
     for p in range(points):
         lx, ly, weight = lamp_point(robot, arena, lamp, p)
-        ex = lx - view.x
-        ey = ly - view.y
-        d = max(math.sqrt(ex * ex + ey * ey + height2), 1e-3)
-        far += d
-        cosine = (ex * view.ahead_x + ey * view.ahead_y) / d
-        hidden = 0.0 if cosine >= 0.0 else 1.0
-        hidden = max(hidden, obstacles_hide(arena, view.x, view.y, lx, ly))
-        total += weight * (1.0 - hidden)
-        ahead += (1.0 - hidden) * cosine
-        seen += 1.0 - hidden
-    if seen == 0.0 and robot.light_facing > 0.0:
-        return 0.0
-    d = far / points
-    return max(total, 0.0) / (d * d) * power(ahead / max(seen, 1.0), robot.light_facing)
+        for i in range(b - a):
+            ex = lx - end_x[i]
+            ey = ly - end_y[i]
+            d = max(math.sqrt(ex * ex + ey * ey + robot.light_height2), 1e-3)
+            far[i] += d
+            cosine[i] = (ex * ray_x[i] + ey * ray_y[i]) / d
+            hidden[i] = 0.0 if cosine[i] >= 0.0 else 1.0
+        hide_behind_obstacles(arena, lx, ly, a, b, work)
+        for i in range(b - a):
+            light[i] += weight * (1.0 - hidden[i])
+            ahead[i] += (1.0 - hidden[i]) * cosine[i]
+            seen[i] += 1.0 - hidden[i]
+    for i in range(b - a):
+        d = far[i] / points
+        faced = power(ahead[i] / max(seen[i], 1.0), robot.light_facing)
+        unseen = (seen[i] == 0.0) & (robot.light_facing > 0.0)
+        light[i] = 0.0 if unseen else max(light[i], 0.0) / (d * d) * faced
 
 
 @step
@@ -143,23 +148,26 @@ def face_segments(arena, a, b, work):
 
 
 @step
-def look_round(robot, arena, k, fans, work):
-    """Follow all rays of ambient sensor `k`; the weight of the light reflected there, by the robot's law."""
-    for fan in range(k * fans, (k + 1) * fans):
-        follow_fan(robot, arena, k, fan, work)
-    a, b = k * fans * RAYS, (k + 1) * fans * RAYS
-    go_to_ends(a, b, work)
-    terms, inverse = work.terms[a:b], work.inverse[a:b]
+def look_round(robot, arena, count, work):
+    """Follow all rays of the first `count` sensors of work.listed, side by side in one row, and the weight of
+    the light reflected there, by the robot's law; returns how long the row is."""
+    each = work.all_fans.shape[1] // max(robot.ambient_place.shape[0], 1)
+    n = count * each
+    for m in range(count):
+        follow_sensor(robot, arena, work.listed[m], m * each, (m + 1) * each, work)
+    go_to_ends(0, n, work)
+    terms, inverse = work.terms[:n], work.inverse[:n]
     if robot.light_flat > 0.0:
         near = robot.light_near
-        for i in range(b - a):
+        for i in range(n):
             close = near * inverse[i]
             terms[i] *= inverse[i] / math.sqrt(1.0 + close * close)
     else:
-        for i in range(b - a):
+        for i in range(n):
             terms[i] *= inverse[i] * inverse[i]
     if robot.light_lambertian > 0.0:
-        find_normals(arena, a, b, work)
+        find_normals(arena, 0, n, work)
+    return n
 
 
 @step
@@ -193,20 +201,31 @@ def light_walls(robot, arena, lamp, a, b, work):
         hide_behind_obstacles(arena, lx, ly, a, b, work)
         for i in range(b - a):
             light[i] += weight * (1.0 - hidden[i])
+    if points > 1:
+        for i in range(b - a):
+            far[i] /= points
+            incidence[i] /= points
     lambertian = robot.light_lambertian > 0.0
     for i in range(b - a):
-        d = far[i] / points
-        cosine = incidence[i] / points if lambertian else 1.0
-        light[i] = max(light[i], 0.0) / (d * d) * cosine
+        cosine = incidence[i] if lambertian else 1.0
+        light[i] = max(light[i], 0.0) / (far[i] * far[i]) * cosine
 
 
 @step
-def direct_light(robot, arena, lamp, k, work):
-    """Direct illumination D_k of ambient sensor `k` by one lamp, whatever the law."""
-    view = look(robot, k, work)
-    if robot.light_facing + robot.light_height2 + robot.light_narrow + robot.light_wall_offset > 0.0:
-        return light_under_an_angle(robot, arena, lamp, view)
-    return light_on_sensor(arena, lamp, view)
+def direct_light(robot, arena, work, out):
+    """Direct illumination of all ambient sensors by all lamps into `out`, whatever the law."""
+    stand_by_sensors(robot, work)
+    sensors = first_sensor(robot, work)
+    beyond = robot.light_facing + robot.light_height2 + robot.light_narrow + robot.light_wall_offset > 0.0
+    for k in range(out.shape[0]):
+        out[k] = 0.0
+    for lamp in range(arena.lamp_points.shape[0]):
+        if beyond:
+            light_under_an_angle(robot, arena, lamp, work)
+        else:
+            light_on_places(robot, arena, lamp, sensors, work)
+        for k in range(out.shape[0]):
+            out[k] += work.light[sensors + k]
 
 
 @step
@@ -223,15 +242,14 @@ def illuminate_beyond(robot, arena, enough, work, out):
 
     With `enough`, a sensor that the lamps alone bring to its floor is told no more than that light.
     """
-    fans = robot.ambient_ray.shape[0] // max(robot.ambient_place.shape[0], 1)
+    direct_light(robot, arena, work, out)
+    count, used = 0, rays_of_fan(robot, work)
     for k in range(out.shape[0]):
-        total = 0.0
-        for lamp in range(arena.lamp_points.shape[0]):
-            total += direct_light(robot, arena, lamp, k, work)
-        if not (enough and total * robot.ambient_gain[k] >= robot.ambient_full[k]):
-            look_round(robot, arena, k, fans, work)
-            for lamp in range(arena.lamp_points.shape[0]):
-                light_walls(robot, arena, lamp, k * fans * RAYS, (k + 1) * fans * RAYS, work)
-                for fan in range(k * fans, (k + 1) * fans):
-                    total += reflected_light(fan * RAYS, work)
-        out[k] = total
+        work.listed[count] = k
+        count += 0 if enough and out[k] * robot.ambient_gain[k] >= robot.ambient_full[k] else 1
+    n = look_round(robot, arena, count, work)
+    for lamp in range(arena.lamp_points.shape[0]):
+        light_walls(robot, arena, lamp, 0, n, work)
+        for m in range(count):
+            for a in range(m * (n // count), (m + 1) * (n // count), used):
+                out[work.listed[m]] += reflected_light(a, a + used, work)

@@ -40,10 +40,7 @@ def sweep_direct(robot, arena, poses, work, out):
     """As sweep_light, direct light only: where nothing is near that could throw any back."""
     for i in range(poses.shape[0]):
         stand(poses[i], work)
-        for k in range(out.shape[1]):
-            out[i, k] = 0.0
-            for lamp in range(arena.lamp_points.shape[0]):
-                out[i, k] += direct_light(robot, arena, lamp, k, work)
+        direct_light(robot, arena, work, out[i])
 
 
 @kernel

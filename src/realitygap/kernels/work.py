@@ -30,8 +30,8 @@ class Work(NamedTuple):
     normal_x: F
     normal_y: F
     incidence: F
-    """Rays, RAYS a fan in one row: [A · f · RAYS], and LANES − RAYS more where whole vectors are
-    written (ray_x, ray_y, inverse, incidence). The infrared sensors use the first LANES, one at a time."""
+    """Rays in one row, r a fan, and the A ambient sensors behind them: [A · f · r + A] of `light`, LANES more
+    of the others, for whole vectors. The infrared sensors use the first LANES, one at a time."""
     noise: F
     """[16·m] normal numbers of this step."""
     readings: F
@@ -64,12 +64,15 @@ class Work(NamedTuple):
     """[I] how far they changed since the step before."""
     fan: F
     """[8, P] of each proximity sensor: place, direction, first ray and last ray, x and y each."""
+    all_fans: F
+    """[3, A · f · r] of each ray of each ambient sensor: x and y of its direction, its weight. r is RAYS, or
+    fewer where the last ones of all fans weigh nothing."""
     span: F
     """[1] distance from the robot's centre beyond which no proximity sensor notices anything."""
     noticed: NDArray[np.int64]
     """[P] 1 unless a proximity sensor certainly reads 0."""
     listed: NDArray[np.uint64]
-    """[P] the numbers of those sensors."""
+    """[P or A] the numbers of those sensors, or of the ambient sensors that look round."""
 
 
 class Aside(NamedTuple):
@@ -123,6 +126,14 @@ def spread_fan(robot: Robot) -> F:
     return fan
 
 
+def all_fans(robot: Robot) -> F:
+    """The ambient sensors' rays, less what weighs nothing at the end of a fan; a row a component."""
+    weighs = np.flatnonzero(robot.ambient_weight.any(axis=0))
+    used = weighs[-1] + 1 if len(weighs) else RAYS
+    parts = (robot.ambient_ray[:, 0], robot.ambient_ray[:, 1], robot.ambient_weight)
+    return np.array([part[:, :used].reshape(-1) for part in parts])
+
+
 def farthest_notice(robot: Robot, fan: F) -> float:
     """Distance from the robot's centre beyond which no proximity sensor can notice anything, cm."""
     return float(np.max(np.hypot(fan[0], fan[1]) + robot.proximity_reach, initial=0.0))
@@ -135,13 +146,14 @@ def new_work(robot: Robot, task: Trial, nets: Networks) -> Work:
     inputs = task.channels.shape[0]
     neurons = nets.thresholds.shape[1]
     links = nets.links.shape[1]
-    rays = max(robot.ambient_ray.shape[0] * RAYS, LANES)
-    wide = rays + LANES - RAYS
+    lit = all_fans(robot)
+    rays = max(lit.shape[1], LANES) + robot.ambient_place.shape[0]
+    wide = rays + LANES
     seen, fan = robot.proximity_place.shape[0], spread_fan(robot)
     return Work(
         ray_x=np.zeros(wide), ray_y=np.zeros(wide), inverse=np.ones(wide),
-        terms=np.zeros(rays), light=np.zeros(rays), far=np.zeros(rays), hidden=np.zeros(rays),
-        end_x=np.zeros(rays), end_y=np.zeros(rays), normal_x=np.zeros(rays), normal_y=np.zeros(rays),
+        terms=np.zeros(wide), light=np.zeros(rays), far=np.zeros(wide), hidden=np.zeros(wide),
+        end_x=np.zeros(wide), end_y=np.zeros(wide), normal_x=np.zeros(wide), normal_y=np.zeros(wide),
         incidence=np.zeros(wide),
         noise=new_noise(sensors), readings=np.zeros(sensors),
         pose=np.zeros(5), start=np.zeros(3), wheel=np.zeros((2, 9)), ground=np.zeros(3),
@@ -150,6 +162,6 @@ def new_work(robot: Robot, task: Trial, nets: Networks) -> Work:
         link_weight=np.zeros(links, np.int32),
         sensor_link=np.zeros((4, links + 1), np.int64), settled=np.zeros(1, np.int64),
         inputs=np.zeros(inputs, np.int32), change=np.zeros(inputs, np.int32),
-        fan=fan, span=np.array([farthest_notice(robot, fan)]), noticed=np.zeros(seen, np.int64),
-        listed=np.zeros(seen, np.uint64),
+        fan=fan, all_fans=lit, span=np.array([farthest_notice(robot, fan)]), noticed=np.zeros(seen, np.int64),
+        listed=np.zeros(max(seen, robot.ambient_place.shape[0]), np.uint64),
     )  # fmt: skip

@@ -34,7 +34,7 @@ BLOCK = 32
 """Threads of a block: one warp, so that few trials spread over all of the GPU."""
 MOST_BYTES = 1 << 31
 """Of paths and scratch at a time."""
-SHARED = ("fan", "span")
+SHARED = ("fan", "all_fans", "span")
 """What of a trial's scratch nobody writes."""
 INSTALL = 'Install it: pip install "realitygap[cuda]".'
 CURE = "Leave out --engine, which takes the processor's cores, or see docs/machines.md."
