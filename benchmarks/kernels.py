@@ -124,6 +124,29 @@ def compare_laws() -> None:
         print(f"sensors by curves, over the law of {name}: {ratios[0]:.3f}; of its reach: {ratios[1]:.3f}")
 
 
+def as_calibrated(printed: Profile) -> Profile:
+    """A robot whose sensors take in light as those of a calibrated unit of the twin do."""
+    law = printed.ambient
+    sensors = tuple(replace(sensor, gain=3.3e6) for sensor in law.sensors)
+    beyond = replace(
+        law, sensors=sensors, floor=60.0, dark=480.8, bands=(480.8, 60.0), response="linear", rays=45.0,
+        reflectance=0.14, exponent=1.41, facing=1.41, matt=1.0, falloff=1.0, near_cm=1.8,
+        lamp_height_cm=3.6, lamp_narrow=1.0, lamp_proud_cm=0.6, sensor_height_cm=1.2,
+    )  # fmt: skip
+    return replace(printed, ambient=beyond)
+
+
+def compare_light() -> None:
+    """How long steps of light seeking by a calibrated unit take, over those by the printed law, in turn."""
+    printed, timed = load_profile("paper"), []
+    for profile in (printed, as_calibrated(printed)):
+        simulation = Simulation(load_task("light"), profile, 1.0)
+        timed.append(seconds_for(simulation, random_networks(simulation, stream=1995)))
+        timed[-1](NOTHING)
+    rounds = np.array([[seconds(NOTHING) for seconds in timed] for _ in range(ROUNDS)])
+    print(f"light of a calibrated unit, over the printed law: {np.median(rounds[:, 1] / rounds[:, 0]):.2f}")
+
+
 def walled(count: int, side: float) -> Arena:
     """A room with so many walls of 10 cm, anywhere but in its middle, where trials start."""
     random, walls = np.random.default_rng(3), []
@@ -154,6 +177,7 @@ def compare_rooms() -> None:
 def main() -> None:
     compare_rooms()
     compare_laws()
+    compare_light()
     for name in TASKS:
         simulation = Simulation(load_task(name), load_profile("paper"), 1.0)
         seconds = seconds_for(simulation, random_networks(simulation, stream=1995))

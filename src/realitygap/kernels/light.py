@@ -19,6 +19,7 @@ from realitygap.kernels.geometry import (
 )
 from realitygap.kernels.jit import step
 from realitygap.kernels.params import LAMP_POINTS, LANES, NARROW, RAYS
+from realitygap.kernels.work import whole_vectors
 
 
 class View(NamedTuple):
@@ -43,8 +44,8 @@ def look(robot, k, work):
 
 @step
 def first_sensor(robot, work):
-    """The lane of the first ambient sensor: they stand in the row's last lanes, behind all rays."""
-    return work.light.shape[0] - robot.ambient_place.shape[0]
+    """The lane of the first ambient sensor: they stand behind all rays."""
+    return work.light.shape[0] - whole_vectors(robot.ambient_place.shape[0])
 
 
 @step
@@ -69,28 +70,33 @@ def light_on_places(robot, arena, lamp, first, work):
     """
     x, y, n, sensors = work.pose[0], work.pose[1], work.light.shape[0], first_sensor(robot, work)
     light, far, hidden = work.light[first:], work.far[first:n], work.hidden[first:n]
-    end_x, end_y = work.end_x[first:n], work.end_y[first:n]
+    end_x, end_y, ray_x, ray_y = (
+        work.end_x[first:n],
+        work.end_y[first:n],
+        work.ray_x[first:n],
+        work.ray_y[first:n],
+    )
     for i in range(light.shape[0]):
         light[i] = arena.lamp_offset[lamp]
         far[i] = 0.0
     for p in range(LAMP_POINTS):
         lx = arena.lamp_points[lamp, p, 0]
         ly = arena.lamp_points[lamp, p, 1]
+        weight = arena.lamp_weights[lamp, p]
         for i in range(light.shape[0]):
             ex = lx - end_x[i]
             ey = ly - end_y[i]
             far[i] += math.sqrt(ex * ex + ey * ey)
-            hidden[i] = circle_blocks(x - end_x[i], y - end_y[i], ex, ey, robot.radius)
+            behind = 0.0 if ex * ray_x[i] + ey * ray_y[i] >= 0.0 else 1.0
+            blocked = circle_blocks(x - end_x[i], y - end_y[i], ex, ey, robot.radius)
+            hidden[i] = blocked if i < sensors - first else behind
         if covers(x - lx, y - ly, robot.radius):
-            hidden[:] = 1.0
+            hidden[: sensors - first] = 1.0
         if robot.outline.shape[0] > 0:
             hide_behind_outline(robot, (lx, ly, 1.0), first, sensors, work)
-        for i in range(sensors, n):
-            ahead = (lx - work.end_x[i]) * work.ray_x[i] + (ly - work.end_y[i]) * work.ray_y[i]
-            work.hidden[i] = 0.0 if ahead >= 0.0 else 1.0
         hide_behind_obstacles(arena, lx, ly, first, n, work)
         for i in range(light.shape[0]):
-            light[i] += arena.lamp_weights[lamp, p] * (1.0 - hidden[i])
+            light[i] += weight * (1.0 - hidden[i])
     spread(work.light[first:sensors], work.far[first:sensors], 0.0)
     spread(work.light[sensors:], work.far[sensors:n], 1e-3)
 
@@ -167,25 +173,33 @@ def follow_fan(robot, arena, spot, fan, a, work):
 @step
 def rays_of_fan(robot, work):
     """How many rays each fan of an ambient sensor has: RAYS, or as many as have any weight."""
-    return work.all_fans.shape[1] // max(robot.ambient_ray.shape[0], 1)
+    return ray_count(work) // max(robot.ambient_ray.shape[0], 1)
+
+
+@step
+def ray_count(work):
+    """How many rays all ambient sensors have."""
+    return work.all_fans.shape[1] - LANES
 
 
 @step
 def follow_sensor(robot, arena, k, a, b, work):
-    """Where the rays of ambient sensor `k` end, as 1/d, and their weights, from lane `a` to `b`."""
+    """Where the rays of ambient sensor `k` end, as 1/d, and their weights, from lane `a` to `b`.
+
+    Pad lanes up to whole vectors are overwritten by the next one's rays.
+    """
     view = look(robot, k, work)
     spot = Spot(view.x, view.y, work.pose[3], work.pose[4])
-    first, fans = k * (b - a), work.all_fans
-    end_x, end_y, terms, weight = work.end_x[a:b], work.end_y[a:b], work.terms[a:b], fans[2, first:]
-    for i in range(b - a):
+    first, fans, used, end = k * (b - a), work.all_fans, rays_of_fan(robot, work), a + whole_vectors(b - a)
+    end_x, end_y, terms, weight = work.end_x[a:end], work.end_y[a:end], work.terms[a:end], fans[2, first:]
+    for i in range(end_x.shape[0]):
         end_x[i] = spot.x
         end_y[i] = spot.y
         terms[i] = weight[i]
     if is_bare(arena):
-        rays = Rays(work.ray_x[a:b], work.ray_y[a:b], work.inverse[a:b], work.incidence[a:b], NARROW)
+        rays = Rays(work.ray_x[a:end], work.ray_y[a:end], work.inverse[a:end], work.incidence[a:end], NARROW)
         see_room(arena, fans[0, first:], fans[1, first:], spot, rays, None)
         return
-    used = rays_of_fan(robot, work)
     for f in range((b - a) // used):
         follow_fan(robot, arena, spot, k * ((b - a) // used) + f, a + f * used, work)
 
@@ -207,7 +221,7 @@ def follow_rays(robot, arena, work):
 
     All rays lie in one row, sensor after sensor. Weights: 1.5 cos² β / d², times the surface's reflectance.
     """
-    n, used = work.all_fans.shape[1], rays_of_fan(robot, work)
+    n, used = whole_vectors(ray_count(work)), rays_of_fan(robot, work)
     for k in range(robot.ambient_place.shape[0]):
         follow_sensor(robot, arena, k, k * used, (k + 1) * used, work)
     go_to_ends(0, n, work)
@@ -219,7 +233,7 @@ def follow_rays(robot, arena, work):
 def reflected_light(a, b, work):
     """Σ_j D_ij cos² β_ij · 1.5 / d_ij² over a fan's rays, lanes `a` to `b`, outermost pairs first."""
     t = work.far[a : a + RAYS]
-    for i in range(b - a):
+    for i in range(RAYS):
         t[i] = work.light[a + i] * work.terms[a + i]
     for i in range(b - a, RAYS):
         t[i] = 0.0

@@ -16,6 +16,7 @@ from realitygap.kernels.light import (
     hide_behind_obstacles,
     hide_behind_outline,
     light_on_places,
+    ray_count,
     rays_of_fan,
     reflected_light,
     stand_by_sensors,
@@ -23,6 +24,7 @@ from realitygap.kernels.light import (
 from realitygap.kernels.near import from_segment
 from realitygap.kernels.params import LAMP_POINTS
 from realitygap.kernels.rng import log
+from realitygap.kernels.work import whole_vectors
 
 SERIES = tuple(1.0 / math.factorial(i) for i in range(13, -1, -1))
 """Of eˣ, the highest power first."""
@@ -150,9 +152,9 @@ def face_segments(arena, a, b, work):
 @step
 def look_round(robot, arena, count, work):
     """Follow all rays of the first `count` sensors of work.listed, side by side in one row, and the weight of
-    the light reflected there, by the robot's law; returns how long the row is."""
-    each = work.all_fans.shape[1] // max(robot.ambient_place.shape[0], 1)
-    n = count * each
+    the light reflected there, by the robot's law; returns how long the row is, and each one's part."""
+    each = ray_count(work) // max(robot.ambient_place.shape[0], 1)
+    n = whole_vectors(count * each)
     for m in range(count):
         follow_sensor(robot, arena, work.listed[m], m * each, (m + 1) * each, work)
     go_to_ends(0, n, work)
@@ -167,7 +169,7 @@ def look_round(robot, arena, count, work):
             terms[i] *= inverse[i] * inverse[i]
     if robot.light_lambertian > 0.0:
         find_normals(arena, 0, n, work)
-    return n
+    return n, each
 
 
 @step
@@ -247,9 +249,9 @@ def illuminate_beyond(robot, arena, enough, work, out):
     for k in range(out.shape[0]):
         work.listed[count] = k
         count += 0 if enough and out[k] * robot.ambient_gain[k] >= robot.ambient_full[k] else 1
-    n = look_round(robot, arena, count, work)
+    n, each = look_round(robot, arena, count, work)
     for lamp in range(arena.lamp_points.shape[0]):
         light_walls(robot, arena, lamp, 0, n, work)
         for m in range(count):
-            for a in range(m * (n // count), (m + 1) * (n // count), used):
+            for a in range(m * each, (m + 1) * each, used):
                 out[work.listed[m]] += reflected_light(a, a + used, work)

@@ -30,8 +30,8 @@ class Work(NamedTuple):
     normal_x: F
     normal_y: F
     incidence: F
-    """Rays in one row, r a fan, and the A ambient sensors behind them: [A · f · r + A] of `light`, LANES more
-    of the others, for whole vectors. The infrared sensors use the first LANES, one at a time."""
+    """Rays in one row, r a fan, and the A ambient sensors behind them, each filled up to whole vectors; LANES
+    more of all but `light`. The infrared sensors use the first LANES, one at a time."""
     noise: F
     """[16·m] normal numbers of this step."""
     readings: F
@@ -65,8 +65,8 @@ class Work(NamedTuple):
     fan: F
     """[8, P] of each proximity sensor: place, direction, first ray and last ray, x and y each."""
     all_fans: F
-    """[3, A · f · r] of each ray of each ambient sensor: x and y of its direction, its weight. r is RAYS, or
-    fewer where the last ones of all fans weigh nothing."""
+    """[3, A · f · r + LANES] of each ray of each ambient sensor: x and y of its direction, its weight. r is
+    RAYS, or fewer where the last ones of all fans weigh nothing."""
     span: F
     """[1] distance from the robot's centre beyond which no proximity sensor notices anything."""
     noticed: NDArray[np.int64]
@@ -93,6 +93,12 @@ class Record(NamedTuple):
     inputs: NDArray[np.int64]
     commands: NDArray[np.int64]
     wheels: F
+
+
+@helper
+def whole_vectors(n):
+    """Lanes that so many are filled up to: eight are the widest vector there is."""
+    return (n + 7) & -8
 
 
 @helper
@@ -131,7 +137,7 @@ def all_fans(robot: Robot) -> F:
     weighs = np.flatnonzero(robot.ambient_weight.any(axis=0))
     used = weighs[-1] + 1 if len(weighs) else RAYS
     parts = (robot.ambient_ray[:, 0], robot.ambient_ray[:, 1], robot.ambient_weight)
-    return np.array([part[:, :used].reshape(-1) for part in parts])
+    return np.array([np.pad(part[:, :used].reshape(-1), (0, LANES)) for part in parts])
 
 
 def farthest_notice(robot: Robot, fan: F) -> float:
@@ -147,7 +153,7 @@ def new_work(robot: Robot, task: Trial, nets: Networks) -> Work:
     neurons = nets.thresholds.shape[1]
     links = nets.links.shape[1]
     lit = all_fans(robot)
-    rays = max(lit.shape[1], LANES) + robot.ambient_place.shape[0]
+    rays = max(whole_vectors(lit.shape[1] - LANES), LANES) + whole_vectors(len(robot.ambient_place))
     wide = rays + LANES
     seen, fan = robot.proximity_place.shape[0], spread_fan(robot)
     return Work(
