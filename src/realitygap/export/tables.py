@@ -16,7 +16,8 @@ import numpy as np
 from realitygap import whole
 from realitygap.errors import UsageError
 from realitygap.lazy import needed
-from realitygap.study.load import Study, Table
+from realitygap.study.load import Study
+from realitygap.study.reader import Table
 from realitygap.transfer.load import load_transfers
 from realitygap.transfer.score_rows import ScoreRow, kind_of, marks_of
 

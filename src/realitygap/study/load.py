@@ -28,7 +28,6 @@ from realitygap.lazy import above
 from realitygap.study.folder import agree, read_materials, read_profile
 from realitygap.study.materials import Materials
 from realitygap.study.plan import Plan, run_stream
-from realitygap.study.reader import Table
 from realitygap.study.tables import Tables
 from realitygap.tasks.task import Task
 from realitygap.text import as_path
@@ -36,7 +35,7 @@ from realitygap.values import Pose
 from realitygap.world.noise import noise_name
 from realitygap.world.profile import Profile
 
-__all__ = ["Run", "Study", "Table", "as_study", "load_study"]
+__all__ = ["Run", "Study", "as_study", "load_study"]
 
 
 def load_study(path: str | PathLike[str], *, trust: bool = False) -> Study:
