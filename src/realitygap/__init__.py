@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from realitygap.controller.handmade import braitenberg, constant
     from realitygap.controller.network import NetworkController, decode
     from realitygap.controller.operators import Variation
+    from realitygap.correspondence.descriptors import describe
     from realitygap.correspondence.names import namer
     from realitygap.correspondence.reading import read_trials
     from realitygap.correspondence.score import compare
@@ -52,10 +53,10 @@ __all__ = [
     "Arena", "Command", "Layout", "NetworkController", "Pose", "Profile", "Readings", "RealityGapError",
     "SimulatedBody", "Simulation", "Start", "StudyConfig", "Task", "Track", "Trajectory", "Transfer",
     "UsageError", "Variation", "__version__", "braitenberg", "build_report", "calibrate", "calibrated_unit",
-    "compare", "constant", "decode", "drive", "drive_simulated", "evolve", "load_arena", "load_genotype",
-    "load_profile", "load_recording", "load_study", "load_task", "load_transfers", "make_algorithm",
-    "marks_of", "namer", "noise_level", "random_genotype", "read_trials", "reproduce", "run_study",
-    "run_transfer", "save_genotype", "setting_of",
+    "compare", "constant", "decode", "describe", "drive", "drive_simulated", "evolve", "load_arena",
+    "load_genotype", "load_profile", "load_recording", "load_study", "load_task", "load_transfers",
+    "make_algorithm", "marks_of", "namer", "noise_level", "random_genotype", "read_trials", "reproduce",
+    "run_study", "run_transfer", "save_genotype", "setting_of",
 ]  # fmt: skip
 
 _, __getattr__ = names_of(__name__, {
@@ -66,6 +67,7 @@ _, __getattr__ = names_of(__name__, {
     "controller.handmade": "braitenberg constant",
     "controller.network": "NetworkController decode",
     "controller.operators": "Variation",
+    "correspondence.descriptors": "describe",
     "correspondence.names": "namer",
     "correspondence.reading": "read_trials",
     "correspondence.score": "compare",

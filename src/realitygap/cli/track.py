@@ -99,5 +99,10 @@ def _print(tracked: Tracked, seconds: float) -> None:
         listed = ", ".join(f"{a:.2f} s" if a == b else f"{a:.2f} to {b:.2f} s" for a, b in gaps[:5])
         more = f" and {len(gaps) - 5} more stretches" if len(gaps) > 5 else ""
         click.echo(f"lost in {rows.lost} frames: {listed}{more}")
+        if 2 * rows.lost > len(rows):
+            from realitygap.track import COLUMNS
+
+            columns = ", ".join(COLUMNS)
+            click.echo(f"another program may track it better: `realitygap score` reads its CSV ({columns})")
     if tracked.trouble is not None:
         click.echo(f"warning: {tracked.trouble}; what could be read is kept.", err=True)

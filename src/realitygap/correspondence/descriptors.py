@@ -13,11 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.correspondence.setting import Around, around
-from realitygap.correspondence.trials import STEP_S, Trial
+from realitygap.correspondence.trials import STEP_S, Trial, resampled
+from realitygap.kernels.params import Path
+from realitygap.tasks.task import Task
+from realitygap.track import Track
 from realitygap.world.arena import Arena
+from realitygap.world.profile import Profile
 
 __all__ = [
-    "DESCRIPTORS", "FOR_NAMES", "Descriptor", "chosen", "describe_all", "in_units", "jitter", "mirrored",
+    "DESCRIPTORS", "FOR_NAMES", "Descriptor", "chosen", "describe", "describe_all", "in_units", "jitter",
+    "mirrored",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -106,6 +111,31 @@ def describe_all(trials: Sequence[Trial], arena: Arena | None) -> dict[str, Floa
         for name, values in _of_one_length(x, y, heading, radius, arena).items():
             made[name][rows] = values
     return made
+
+
+def describe(path: Path, task: Task, profile: Profile) -> dict[str, Floats]:
+    """Descriptors of a batch of simulated trials, by name: of each trial, in their own units.
+
+    Args:
+        path: as `Simulation.tracks` gives it: arrays [..., steps] of where robots were after each step.
+        task: whose arena they were in.
+        profile: the robot's.
+
+    Returns:
+        Arrays [...] by the names of `DESCRIPTORS` and `FOR_NAMES` that can be told in this arena.
+
+    Raises:
+        TrackError: trials shorter than two seconds.
+    """
+    steps = path.x.shape[-1]
+    rows = (np.reshape(one, (-1, steps)) for one in (path.x, path.y, path.heading))
+    t, radius_cm = np.arange(steps, dtype=np.float64) * profile.period_s, profile.body.radius_cm
+    tracks = (
+        Track(t=t, x=x, y=y, heading=turn, seen_by="simulation") for x, y, turn in zip(*rows, strict=True)
+    )
+    trials = [resampled(track, radius_cm=radius_cm) for track in tracks]
+    told = describe_all(trials, task.arena)
+    return {name: values.reshape(path.x.shape[:-1]) for name, values in told.items()}
 
 
 def _of_one_length(

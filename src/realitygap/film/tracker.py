@@ -19,7 +19,7 @@ from realitygap.film.camera import CameraModel
 from realitygap.film.finder import Look, Sighting
 from realitygap.film.marker import Marker, finder_of
 from realitygap.film.video import FilmReader, Image
-from realitygap.track import Track
+from realitygap.track import COLUMNS, Track
 from realitygap.values import Pose
 
 __all__ = ["Tracked", "Tracker", "track_film"]
@@ -80,7 +80,8 @@ class Tracker:
         )
         return (
             f"no robot's {name} is seen in any of its {frames} frames (best quality "
-            f"{self.best_quality:.2f}, needed {self._finder.found_anew:g}). {self.doubt or cure}"
+            f"{self.best_quality:.2f}, needed {self._finder.found_anew:g}). {self.doubt or cure} Or "
+            f"track it with another program: `realitygap score` reads its CSV, columns {', '.join(COLUMNS)}."
         )
 
     def _believed(self, seen: Sighting | None, least: float) -> Sighting | None:

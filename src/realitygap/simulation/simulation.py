@@ -93,6 +93,14 @@ class Simulation:
         """
         return self.engine.scores(networks, streams)
 
+    def tracks(self, networks: Networks, streams: Streams) -> Path:
+        """What the scores of trials are taken from: streams [N, trials] → arrays [N, trials, steps].
+
+        Raises:
+            UsageError: networks of another task's layout, or streams that are not a row for each.
+        """
+        return self.engine.tracks(networks, streams)
+
     def trajectory(
         self, networks: Networks, *, stream: int, pose: Pose | None = None, seconds: float | None = None
     ) -> tuple[Trajectory, float]:
