@@ -26,9 +26,11 @@ myst_heading_anchors = 3
 nb_custom_formats = {".py": ["jupytext.reads", {"fmt": "py:percent"}]}
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
+nb_merge_streams = True
 nb_execution_timeout = 300  # s, a cell: a loaded machine, and kernels that are not compiled yet
 
 html_theme = "furo"
+pygments_dark_style = "github-dark"
 html_title = f"realitygap {release}"
 toc_object_entries = False
 
