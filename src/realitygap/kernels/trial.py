@@ -117,16 +117,29 @@ def sense(robot, arena, feed, level, work):
 
 
 @step
+def feed_input(low, high, i, channel, work):
+    """A reading becomes input `i`."""
+    new = scale_input(low, high, work.readings[channel]) if channel >= 0 else 0
+    work.change[i] = new - work.inputs[i]
+    work.inputs[i] = new
+
+
+@step
 def feed_network(robot, task, work):
     """Readings become inputs; `change` keeps the difference to the step before."""
     near = near_fed(robot, task.feed)
+    low = robot.proximity_low if near > 0 else robot.ambient_low
+    high = robot.proximity_high if near > 0 else robot.ambient_high
+    if task.feed != BOTH:  # asked once: a sixth of a step, were it asked of each input
+        for i in range(task.channels.shape[0]):
+            feed_input(low, high, i, task.channels[i], work)
+        return
     for i in range(task.channels.shape[0]):
         channel = task.channels[i]
-        low = robot.proximity_low if channel < near else robot.ambient_low
-        high = robot.proximity_high if channel < near else robot.ambient_high
-        new = scale_input(low, high, work.readings[channel]) if channel >= 0 else 0
-        work.change[i] = new - work.inputs[i]
-        work.inputs[i] = new
+        if channel < near:
+            feed_input(low, high, i, channel, work)
+        else:
+            feed_input(robot.ambient_low, robot.ambient_high, i, channel, work)
 
 
 @step
