@@ -83,7 +83,7 @@ def test_a_reflectance_that_hangs_on_the_form_is_not_believed():
 def test_something_must_be_known_of_surfaces(recorded):
     """Recordings that are all of unknown surfaces tell no reflectance."""
     unknown = recorded(repeats=1, reflectance=math.nan)
-    with pytest.raises(CalibrationError, match=r"reflectance: expected it of one recording at least"):
+    with pytest.raises(CalibrationError, match=r"reflectance: expected a number for at least one recording"):
         calibrate([replace(unknown, counts=recorded(repeats=1).counts)], PAPER)
 
 

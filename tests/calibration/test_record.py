@@ -357,16 +357,19 @@ def test_a_slow_line_cannot_carry_the_wheels(bench: Bench):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("--robot", "ant", "--plan", "all"), "twin:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT"),
+        (
+            ("--robot", "ant", "--plan", "all"),
+            "twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT",
+        ),
         (("--robot", "twin:", "--plan", "all"), "whole number"),
         (("--robot", "twin", "--plan", "sonar"), "sonar"),
         (("--robot", "twin", "--plan", "wheels", "--object", "wall"), "--object"),
         (("--robot", "twin", "--plan", "infrared", "--object", "box"), "cylinder:RADIUS_CM"),
-        (("--robot", "twin", "--plan", "all", "--reflectance", "0.5"), "add --object"),
+        (("--robot", "twin", "--plan", "all", "--reflectance", "0.5"), "expected --object beside it"),
         (("--robot", "twin", "--plan", "all", "--object", "wall", "--reflectance", "0"), "0.01 or more"),
         (
             ("--robot", "twin", "--plan", "all", "--object", "wall", "--reflectance", "unknown"),
-            "twin:1 is shown",
+            "twin:1 is simulated with",
         ),
         (("--robot", "serial:/dev/null/x", "--plan", "all"), "cannot be opened"),
         (("--robot", "serial:/dev/x", "--plan", "all", "--twin-noise", "2"), "--twin-noise"),

@@ -43,7 +43,7 @@ def test_an_array_job_is_the_study(call, json_of, refused, monkeypatch, tmp_path
         (("evolve", "light", "--shard", "4/3"), "--shard': expected I/N, share I (from 1 to N) of N"),
         (("slurm", "--shards", "2", "show", "x"), "expected a command that can be sharded (evolve"),
         (("slurm", "--shards", "2", "evolve", "light", "--runs", "0"), "'--runs': expected 1 or more"),
-        (("slurm", "--shards", "2", "evolve", "light", "--workers", "2"), "--workers: the script gives it"),
+        (("slurm", "--shards", "2", "evolve", "light", "--workers", "2"), "--workers: the script sets it"),
         (("slurm", "--shards", "2", "evolve", "light", "--noise", "loud"), "'--noise'"),
     ],
 )

@@ -248,6 +248,7 @@ def test_measured_speeds_are_a_path(tmp_path):
     rewards = [env.step(np.full(2, 0.5))[1] for _ in range(10)]
     track, speed = env._inner._track(), env.simulation.profile.wheels.speed_per_unit_cm_s[0]
     assert track.x[-1] - track.x[0] == pytest.approx(5 * speed * 0.95) and min(rewards) > 0
+    env.close()
 
 
 def test_robots_that_cannot_be_scored_are_refused(tmp_path):

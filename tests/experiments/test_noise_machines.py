@@ -60,7 +60,7 @@ def test_what_does_not_belong_together_is_not_merged(made, tmp_path):
     profile = calibration_folder(folders[1], 1) / PROFILE
     text = profile.read_text()
     profile.write_text(f"{text}\n# by another machine\n")
-    with pytest.raises(StudyError, match="differ: the twin was measured on unlike machines"):
+    with pytest.raises(StudyError, match="differ: the twin was recorded on different kinds of machine"):
         merge_noise(all_shards(folders), tmp_path / "whole")
     profile.write_text(text)
     file = next(folders[0].glob("simulated/*.json"))

@@ -36,7 +36,7 @@ __all__ = [
 
 CONFIG = "study.toml"
 OURS = {CONFIG, LOCK, MARK, "profile.toml", "arenas", "tasks", "evolution", "encoding", "report"}
-OURS |= {f"{DATABASE}{end}" for end in ("", "-wal", "-shm", "-journal")}
+OURS |= {f"{DATABASE}{end}" for end in ("", "-wal", "-shm", "-journal", ".new", ".new-journal")}
 OURS |= {"reproduce.toml", "calibration", "reproduce.tmp"}  # the last one of earlier versions
 """What a study that was killed while it was being made may have left."""
 

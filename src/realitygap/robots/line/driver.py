@@ -70,7 +70,7 @@ class Driver(Closing, ABC):
                 odd = odd or (line.odd if line.odd.isascii() and line.odd.isprintable() else "")
         if odd:
             raise LineError(
-                f"what answers on {port} is not a {cls.dialect.robot}: {odd[:80]!r}; "
+                f"{port}: expected {cls.dialect.robot} to answer, got {odd[:80]!r}; "
                 "give the address of the robot that is there"
             )
         tried = f"{rates[0]} baud" if baud else "any of its rates"
