@@ -20,7 +20,7 @@ __all__ = ["drive"]
 @option.controller
 @click.option(
     "--robot", type=RobotKind(), default="twin:1", metavar="R",
-    help="One that places itself: twin:UNIT, enki:khepera (epuck, thymio2), or FILE.py:CLASS.",
+    help="One that places itself: twin:UNIT, stranger:UNIT, enki:khepera (epuck, thymio2), or FILE.py:CLASS.",
 )  # fmt: skip
 @option.pose(required=False)
 @click.option(
