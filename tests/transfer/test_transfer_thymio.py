@@ -17,9 +17,9 @@ from realitygap.robots.enki import EnkiBody
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study
 from realitygap.study.runner import run_study
+from realitygap.transfer.driven import driven
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.plan import check_body, situations
-from realitygap.transfer.rig import driven
 from realitygap.transfer.run import run_transfer
 from realitygap.transfer.trial import Stage
 from realitygap.values import Command, Pose

@@ -26,9 +26,9 @@ from realitygap.robots.signals import MOVING, NUMBERS, Stopping
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.task import Task
 from realitygap.track import Track
+from realitygap.transfer.driven import turned
 from realitygap.transfer.paths import of_counters, of_poses, score
 from realitygap.transfer.plan import check_fit
-from realitygap.transfer.rig import turned
 from realitygap.values import Command, Pose, as_stream, fed
 from realitygap.world.arena import Arena
 from realitygap.world.profile import Profile

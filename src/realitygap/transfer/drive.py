@@ -22,9 +22,10 @@ from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.toml import to_toml
 from realitygap.track import Track
+from realitygap.transfer.driven import driven
 from realitygap.transfer.paths import score
 from realitygap.transfer.plan import check_fit
-from realitygap.transfer.rig import Rig, driven
+from realitygap.transfer.rig import Rig
 from realitygap.transfer.trial import SIMULATED, SITUATED, TRIAL
 from realitygap.values import Pose, as_stream
 from realitygap.world.profile import Profile, load_profile

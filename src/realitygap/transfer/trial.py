@@ -23,10 +23,11 @@ from realitygap.study.load import Study
 from realitygap.study.versions import versions
 from realitygap.toml import to_toml
 from realitygap.track import Track
+from realitygap.transfer.driven import Driven, driven
 from realitygap.transfer.folder import made
 from realitygap.transfer.paths import of_track, score
 from realitygap.transfer.plan import FOLDER, Situation
-from realitygap.transfer.rig import Driven, Rig, driven
+from realitygap.transfer.rig import Rig
 from realitygap.values import Pose
 
 if TYPE_CHECKING:
