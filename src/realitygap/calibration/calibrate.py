@@ -17,12 +17,7 @@ from realitygap.calibration.checks import refuse_mixed
 from realitygap.calibration.constants import Constant
 from realitygap.calibration.forms import Tick
 from realitygap.calibration.recordings.body import as_recorded, tells_heights
-from realitygap.calibration.recordings.recording import (
-    Recording,
-    SensorRecording,
-    WheelRecording,
-    count_unit,
-)
+from realitygap.calibration.recordings.recording import Recording, SensorRecording, WheelRecording, count_unit
 from realitygap.calibration.rows import REFLECTANCE
 from realitygap.calibration.wheels.fit import WheelFit, fit_wheels
 from realitygap.errors import CalibrationError
@@ -41,7 +36,6 @@ FORMS = {
     "auto": ("auto", "auto", "refitted"),
 }
 """What --form means for infrared, ambient light and wheels."""
-
 
 UNKNOWN_LAMP = (
     "ambient: the lamp's brightness is unknown; gains are scaled as if the light which the paper's law "
@@ -272,13 +266,8 @@ def _file(recording: Recording) -> SourceFile:
         kind, seen, readings = recording.kind, recording.object, recording.counts.size
     else:
         kind, seen, readings = "wheels", "", recording.commands.size
-    return SourceFile(
-        file=Path(recording.source).name,
-        sha256=recording.hash,
-        kind=kind,
-        object=seen,
-        readings=float(readings),
-    )
+    name = Path(recording.source).name
+    return SourceFile(file=name, sha256=recording.hash, kind=kind, object=seen, readings=float(readings))
 
 
 def _warnings(made: Calibration, base: Profile) -> list[str]:

@@ -1,12 +1,12 @@
 """Fitted numbers: their intervals, and which of them the data cannot tell apart."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SIGMAS", "Constant", "blind_pairs", "filling"]
+__all__ = ["SIGMAS", "Constant", "blind_pairs", "filling", "moved"]
 
 Array = NDArray[np.float64]
 
@@ -25,6 +25,14 @@ class Constant:
     low: float
     high: float
     told: bool = True
+
+
+def moved(constant: Constant, values: Mapping[str, Array]) -> Constant:
+    """A constant with the value that was kept in the end, its interval about that."""
+    key, _, number = constant.key.rstrip("]").partition("[")
+    value = float(values[key][int(number or 0)])
+    by = value - constant.value
+    return replace(constant, value=value, low=constant.low + by, high=constant.high + by)
 
 
 def filling(scores: Array, clusters: NDArray[np.int64]) -> Array:

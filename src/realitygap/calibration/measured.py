@@ -7,11 +7,12 @@ that suit it best follow by linear least squares (variable projection: Golub and
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.constants import SIGMAS, Constant
+from realitygap.calibration.constants import SIGMAS, Constant, moved
 from realitygap.calibration.curves import STEPS, Curves, Seen, smoothness
 from realitygap.calibration.forms import (
     FINE_DEG,
@@ -22,7 +23,7 @@ from realitygap.calibration.forms import (
     scan,
     with_columns,
 )
-from realitygap.calibration.optics import SHARES, Optics, shift_of
+from realitygap.calibration.optics import SHARES, Optics, about_rig, shift_of
 from realitygap.calibration.rows import Rows, dead_zone, means, repeated_noise, saturation
 from realitygap.calibration.search import search
 from realitygap.calibration.solve import Fit, Free, Values, solve
@@ -40,9 +41,8 @@ ONE_BEAM = {"aperture_deg": 60.0, "share_1": 0.28, "share_2": 0.22, "share_3": 0
 TWO_BEAMS = {"share_4": 0.67}
 """What a search begins at, and what of the lobe is free: one beam; or two beside the middle ray, less what
 they see of a flat surface before it, as in simulators that subtract."""
-APERTURES_DEG = (10.0, 15.0, 22.0)
-"""Of two beams."""
-LOBES = (ONE_BEAM, *({**TWO_BEAMS, "aperture_deg": wide} for wide in APERTURES_DEG))
+TWO_BEAMS_DEG = (10.0, 15.0, 22.0)
+LOBES = (ONE_BEAM, *({**TWO_BEAMS, "aperture_deg": wide} for wide in TWO_BEAMS_DEG))
 WIDTHS_CM = (0.5, 3.0, 9.0)
 PROMISING = 2
 PLAIN = 1.02
@@ -93,14 +93,14 @@ class Measured:
         use = self._first.seen.use
         begun = self._begun()
         found = [self._start_at(i, *self._nearer(*one[2:])) for i, one in enumerate(begun)]
-        _, number, optics, values = min(found, key=_rank)
+        _, number, optics, values = min(found, key=itemgetter(0, 1))
         self._begin = begun[number][3]
         self._places, values = self._nearer(optics, values)
         seen = replace(self._all, smooth=self._places.seen.smooth, linear=self._places.seen.linear)
         self.optics = replace(self._places, seen=seen, place=self._rows.place)
         fit = self._solved(self._places, values, use, self._noise, intervals=True)
         values, use = self._mended(self._places, values, fit.values, use), self._rows.use
-        constants = [_at(c, values) for c in fit.constants]
+        constants = [moved(c, values) for c in fit.constants]
         fit = replace(fit, values=values, constants=(*constants, *self._points(values, use)))
         return self.profile(values, use), replace(fit, model=self.optics.shown(values, use))
 
@@ -173,11 +173,11 @@ class Measured:
             end = Free(key="range_cm", start=values["range_cm"], low=1.0, high=100.0, jump=0.1)
             frees = [*self._frees(optics.lobe), *([end] if values["range_cm"] > 0 else [])]
             seen = self._seen(optics, use, self._noise)
-            begin = _about_rig(values, 1.0)
+            begin = about_rig(values, 1.0)
             found = search(
-                frees, lambda v: optics.readings(_about_rig(v, -1.0), use), seen, begin, draws=draws
+                frees, lambda v: optics.readings(about_rig(v, -1.0), use), seen, begin, draws=draws
             )
-            values = _about_rig(found, -1.0)
+            values = about_rig(found, -1.0)
             for reach in FINE_DEG:
                 values = self._turned(optics, values, use, self._noise, reach)
         solved = self._solved(optics, values, use, self._noise, intervals=False).values
@@ -284,34 +284,9 @@ class Measured:
 
 def _best_of_each(begun: Sequence[Begun], many: int) -> list[Begun]:
     """The best starts with one beam and with two, so `many` of each, the best of all first."""
-    ranked = sorted(begun, key=_rank)
+    ranked = sorted(begun, key=itemgetter(0, 1))
     kinds = [[one for one in ranked if one[2].lobe == tuple(lobe)] for lobe in (ONE_BEAM, LOBES[-1])]
-    return sorted((one for kind in kinds for one in kind[:many]), key=_rank)
-
-
-def _rank(one: Begun) -> tuple[float, int]:
-    return one[:2]
-
-
-def _at(constant: Constant, values: Values) -> Constant:
-    """The same with the value that was kept in the end, its interval about that."""
-    key, _, number = constant.key.rstrip("]").partition("[")
-    value = float(values[key][int(number or 0)])
-    by = value - constant.value
-    return replace(constant, value=value, low=constant.low + by, high=constant.high + by)
-
-
-def _about_rig(values: Values, sign: float) -> dict[str, Array]:
-    """The values with directions, and other rigs' turns, counted from how the first rig stands; by -1 back.
-
-    Robot and rig turned by as much against each other is what readings tell least about.
-    """
-    turns = [key for key in values if key.startswith("turn_")]
-    if not turns:
-        return dict(values)
-    by = sign * values[turns[0]]
-    moved = {"direction_deg": values["direction_deg"] + by, **{key: values[key] - by for key in turns[1:]}}
-    return {**values, **moved}
+    return sorted((one for kind in kinds for one in kind[:many]), key=itemgetter(0, 1))
 
 
 def fit_measured(rows: Rows, base: Profile, tick: Tick) -> tuple[Profile, Fit, Array]:

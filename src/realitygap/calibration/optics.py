@@ -14,7 +14,7 @@ from realitygap.calibration.forward import Scene, received
 from realitygap.calibration.solve import Values
 from realitygap.world.profile import Profile
 
-__all__ = ["SHARES", "Optics", "shift_of"]
+__all__ = ["SHARES", "Optics", "about_rig", "shift_of"]
 
 Array = NDArray[np.float64]
 Use = NDArray[np.bool_]
@@ -87,3 +87,16 @@ class Optics:
 def shift_of(turn: str) -> str:
     """The name of how much further off a rig stood than it was thought to, cm, by that of its turn."""
     return turn.replace("turn", "shift").replace("deg", "cm")
+
+
+def about_rig(values: Values, sign: float) -> dict[str, Array]:
+    """The values with directions, and other rigs' turns, counted from how the first rig stands; by -1 back.
+
+    Robot and rig turned by as much against each other is what readings tell least about.
+    """
+    turns = [key for key in values if key.startswith("turn_")]
+    if not turns:
+        return dict(values)
+    by = sign * values[turns[0]]
+    other = {"direction_deg": values["direction_deg"] + by, **{key: values[key] - by for key in turns[1:]}}
+    return {**values, **other}

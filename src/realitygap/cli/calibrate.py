@@ -287,20 +287,13 @@ def _tell_judgement(one: Judgement) -> None:
     )
     if one.turn_deg:
         click.echo(f"  rig turned by {one.turn_deg:+.1f} degrees: fitted out")
-    head = [
-        "wheel" if one.kind == "wheels" else "sensor",
-        "rmse",
-        "bias",
-        "error/noise where lit",
-        "over all",
+    what = "wheel" if one.kind == "wheels" else "sensor"
+    head = [what, "rmse", "bias", "error/noise where lit", "over all"]
+    rows = [
+        [m.sensor, round(m.rmse, 3), round(m.bias, 3), round(m.lit_ratio, 2), round(m.ratio, 2)]
+        for m in one.per_sensor
     ]
-    print_table(
-        head,
-        [
-            [m.sensor, round(m.rmse, 3), round(m.bias, 3), round(m.lit_ratio, 2), round(m.ratio, 2)]
-            for m in one.per_sensor
-        ],
-    )
+    print_table(head, rows)
     for channel, (measured, stated) in one.noise.items():
         click.echo(f"  noise, {channel}: measured {measured:.3g}, profile {stated:.3g}")
     if one.noise_fits is not None:

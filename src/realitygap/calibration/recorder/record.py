@@ -20,11 +20,11 @@ from realitygap.calibration.recorder.journal import ARENA, Journal, refuse_anoth
 from realitygap.calibration.recorder.plans import KHEPERA, Place, SensorPlan, sensor_plans
 from realitygap.calibration.recorder.site import Ask, EnoughError, Site, site_of
 from realitygap.calibration.recorder.wheel_plans import ROOM, Trial, wheel_plan
+from realitygap.calibration.recordings.body import stated_heights, stated_shape
 from realitygap.calibration.recordings.facts import UNKNOWN
 from realitygap.calibration.recordings.files import POSE, STEP_COLUMNS, UNITS
-from realitygap.calibration.recordings.recording import HEIGHTS_CM
 from realitygap.errors import UsageError
-from realitygap.robots.body import Body, Channel, Filmed, Seen, attend, channel, facts_of
+from realitygap.robots.body import Body, Filmed, Seen, attend, channel, facts_of
 from realitygap.values import Pose
 from realitygap.world.profile import Profile, load_profile
 
@@ -37,8 +37,6 @@ CHANNELS = {"infrared": "proximity", "ambient": "ambient"}
 OWN_UNITS = "units of the robot's own"
 OF_COUNTERS = ("counter_", "speed_")
 """How columns begin that only wheels with counters have."""
-USUAL = "paper"
-"""The profile whose converter's highest count a recording need not say."""
 
 Progress = Callable[[str, int, int], None]
 """Is told the recording's name, the places done, and all."""
@@ -200,11 +198,11 @@ def check_period(body: Body, base: Profile) -> None:
 def _sensors(plan: SensorPlan, body: Body, work: _Work) -> Made:
     begun, wanted = time.perf_counter(), work.wanted
     one = channel(body, CHANNELS[plan.kind])
-    own = {"kind": plan.kind, "object": plan.object, **_shape(wanted.base, one)}
+    own = {"kind": plan.kind, "object": plan.object, **stated_shape(wanted.base, one)}
     if plan.reflectance != 1.0:
         own["reflectance"] = plan.reflectance if math.isfinite(plan.reflectance) else UNKNOWN
     if plan.arena is not None:
-        own |= {"arena": ARENA, **_heights(wanted.base)}
+        own |= {"arena": ARENA, **stated_heights(wanted.base)}
         work.folder.mkdir(parents=True, exist_ok=True)
     journal = Journal(
         work.folder,
@@ -230,25 +228,6 @@ def _sensors(plan: SensorPlan, body: Body, work: _Work) -> Made:
     attend(body, one.name, turns=False)
     stopped = _visited(work.site, plan.begins, left, visit)
     return _made(journal, work.name, plan.kind, len(plan.places), begun, stopped=stopped)
-
-
-def _shape(base: Profile | None, one: Channel) -> dict[str, Any]:
-    """The body's outline, and what its sensors are."""
-    body = base.body if base else KHEPERA
-    shape: dict[str, Any] = {"body_radius_cm": body.radius_cm}
-    if body.outline_cm:
-        shape["body_outline_cm"] = [list(corner) for corner in body.outline_cm]
-    shape["sensors"] = one.sensors
-    usual = load_profile(USUAL)
-    if one.high != (usual.infrared if one.name == "proximity" else usual.ambient).top:
-        shape["full_scale"] = one.high
-    return shape
-
-
-def _heights(base: Profile | None) -> dict[str, float]:
-    if base is None:
-        return HEIGHTS_CM
-    return dict(zip(HEIGHTS_CM, (base.body.height_cm, base.ambient.sensor_height_cm), strict=True))
 
 
 def _wheels(trials: Sequence[Trial], body: Body, work: _Work) -> Made:

@@ -1,15 +1,46 @@
-"""The body of a recorded robot: what recordings state of it, held against each other."""
+"""The body of a recorded robot: what a recording states of it, and what several do, side by side."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
-from realitygap.calibration.recordings.recording import HEIGHTS_CM, Recording, SensorRecording
+from realitygap.calibration.recordings.recording import (
+    BODY_RADIUS_CM,
+    HEIGHTS_CM,
+    Recording,
+    SensorRecording,
+)
 from realitygap.errors import CalibrationError
-from realitygap.world.profile import Profile
+from realitygap.robots.body import Channel
+from realitygap.world.body import Body
+from realitygap.world.profile import Profile, load_profile
 
-__all__ = ["as_recorded", "tells_heights"]
+__all__ = ["as_recorded", "stated_heights", "stated_shape", "tells_heights"]
+
+USUAL = "paper"
+"""The profile whose converter's highest count a recording need not state."""
+
+
+def stated_shape(base: Profile | None, one: Channel) -> dict[str, Any]:
+    """The body's outline, and what its sensors are; of no base the Khepera's."""
+    body = base.body if base else Body(radius_cm=BODY_RADIUS_CM)
+    shape: dict[str, Any] = {"body_radius_cm": body.radius_cm}
+    if body.outline_cm:
+        shape["body_outline_cm"] = [list(corner) for corner in body.outline_cm]
+    shape["sensors"] = one.sensors
+    usual = load_profile(USUAL)
+    if one.high != (usual.infrared if one.name == "proximity" else usual.ambient).top:
+        shape["full_scale"] = one.high
+    return shape
+
+
+def stated_heights(base: Profile | None) -> dict[str, float]:
+    """How high body and sensors are; of no base the Khepera's."""
+    if base is None:
+        return HEIGHTS_CM
+    return dict(zip(HEIGHTS_CM, (base.body.height_cm, base.ambient.sensor_height_cm), strict=True))
 
 
 def as_recorded(recordings: Sequence[Recording], base: Profile) -> Profile:

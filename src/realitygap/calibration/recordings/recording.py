@@ -36,18 +36,9 @@ from realitygap.world.profile import Profile, load_profile
 from realitygap.world.sensors import AmbientSensor, ProximitySensor
 
 __all__ = [
-    "BODY_RADIUS_CM",
-    "HEIGHTS_CM",
-    "KINDS",
-    "PULSES_PER_MM",
-    "STEP_KINDS",
-    "Recording",
-    "SensorRecording",
-    "WheelRecording",
-    "check_object",
-    "count_unit",
-    "cylinder_radius",
-]
+    "BODY_RADIUS_CM", "HEIGHTS_CM", "KINDS", "PULSES_PER_MM", "STEP_KINDS", "Recording", "SensorRecording",
+    "WheelRecording", "check_object", "count_unit", "cylinder_radius",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -167,12 +158,9 @@ class SensorRecording(Recorded):
         nearer = radius_cm - self.body_radius_cm if self.pose is not None else 0.0
         told = f"{self.source}: body_radius_cm: not said; {radius_cm:g} cm are taken, as {whose} has"
         return replace(
-            self,
-            body_radius_cm=radius_cm,
-            body_outline_cm=robot.body.outline_cm,
-            distance_cm=self.distance_cm - nearer,
-            warnings=(*self.warnings, told),
-        )
+            self, body_radius_cm=radius_cm, body_outline_cm=robot.body.outline_cm,
+            distance_cm=self.distance_cm - nearer, warnings=(*self.warnings, told),
+        )  # fmt: skip
 
     def _before(self, sensor: ProximitySensor | AmbientSensor) -> SensorRecording:
         """The same with poses in a room, one sensor straight before its wall."""
