@@ -5,8 +5,9 @@ never share a name. Children that are only counted (runs, evaluations, trials, s
 stream of their own. The twin has another generator and names its draws itself (`twin/noise.py`).
 """
 
-PICTURES = 5
-"""Under a study's seed, beside the digests of its conditions: the trials that figures show."""
+PICTURES, PSEUDO = 5, 8
+"""Under a study's seed, beside the digests of its conditions: the trials that figures show, and those in
+pseudo-realities, the same for all controllers."""
 
 BREEDING, TRIALS, RETEST, FRESH = 1, 2, 3, 4
 """Under a run's stream: the algorithm's draws, its evaluations' trials, the retest of the last
@@ -25,7 +26,7 @@ CROSSOVER, MUTATION, ADD_NEURON, DELETE_NEURON, ADD_LINK, DELETE_LINK, START = r
 """Under OFFSPRING, as `controller/breeding.py` says."""
 
 TABLE = {
-    "a study's seed": ("PICTURES",),
+    "a study's seed": ("PICTURES", "PSEUDO"),
     "a run": ("BREEDING", "TRIALS", "RETEST", "FRESH", "TRANSFER", "NAMED"),
     "a trial": ("ASIDE", "TWIN_NOISE", "CONSTANTS"),
     "an evaluation": ("CELL", "MATE", "REPLACED", "OFFSPRING"),

@@ -207,3 +207,26 @@ def test_reproduce_transfers_before_it_reports(json_of, monkeypatch, tmp_path):
     assert not asked
     shown = json.loads(CliRunner().invoke(realitygap, ["show", str(tmp_path / "study"), "--json"]).stdout)
     assert len(shown["runs"]) == 6
+
+
+def test_a_score_without_a_camera(study, json_of, call, refused):
+    """Each transferred controller has distances of what it read and did, the same ones each time; without
+    transfers, or with what belongs to tracks, it is refused."""
+    assert "expected trials on a robot whose readings are known" in refused(
+        "score", study, "--without-camera"
+    )
+    call("transfer", study, 1, "--robot", "twin:1", "--starts", 2, "--no-watch", *SHORT)
+    found = json_of("score", study, "--without-camera")
+    assert [one["run"] for one in found["controllers"]] == [1]
+    for one in found["controllers"]:
+        assert one["trials"] == 2 and one["left_out"] == 0
+        parts = [one["readings"], one["commands"], one["speeds"]]
+        known = [part for part in parts if part is not None]
+        assert len(known) >= 2 and one["distance"] == pytest.approx(sum(known) / len(known))
+        assert one["correspondence"] is None  # no camera watched
+        assert 0 <= one["replay_cm"] < 5 and one["fitness_pseudo"] > 0
+    assert [one["rho"] for one in found["orders"]] == [None]
+    assert json_of("score", study, "--without-camera") == found
+    told = call("score", study, "--without-camera").output
+    assert "no camera saw three of them or more" in told and "sim-vs-real correlation of fitness" in told
+    assert "--task: expected none" in refused("score", study, "--without-camera", "--task", "light")

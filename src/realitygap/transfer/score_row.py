@@ -6,6 +6,7 @@ correspondence are of its transfers, trial by trial from the same poses.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
@@ -148,6 +149,17 @@ class Job:
             return self._compared(plain, simulated, situated)
         except UsageError as error:
             return _noted(plain, f"no correspondence score: {error}")
+
+    @cached_property
+    def correspondence(self) -> float:
+        """The score of its transfers alone; NaN where their paths cannot be compared."""
+        from realitygap.correspondence.score import compare
+
+        simulated, situated, _ = self._pairs()
+        if not situated:
+            return math.nan
+        scale = self.bench.scale(self.kind, self.individual, matched=True)
+        return compare(simulated, situated, self.bench.setting, scale=scale, resamples=0).score
 
     def _compared(self, plain: ScoreRow, simulated: Sequence[Trial], situated: Sequence[Trial]) -> ScoreRow:
         from realitygap.correspondence.distances import matched_starts

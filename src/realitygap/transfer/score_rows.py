@@ -19,7 +19,7 @@ from realitygap.transfer.kept_rows import Kept
 from realitygap.transfer.load import Transferred, load_transfers
 from realitygap.transfer.score_row import Bench, Job, ScoreRow
 
-__all__ = ["ScoreRow", "kind_of", "marks_of"]
+__all__ = ["ScoreRow", "jobs_of", "kind_of", "marks_of"]
 
 OnProgress = Callable[[int, int], None]
 
@@ -33,7 +33,7 @@ def marks_of(study: Study | str | PathLike[str], *, on_progress: OnProgress | No
     """
     study = as_study(study)
     kept = Kept(study.folder)
-    jobs = [job for task in dict.fromkeys(run.task for run in study.runs) for job in _jobs(study, task)]
+    jobs = [job for task in dict.fromkeys(run.task for run in study.runs) for job in jobs_of(study, task)]
     marks = []
     for k, job in enumerate(jobs):
         if on_progress:
@@ -55,8 +55,8 @@ def kind_of(one: Transferred) -> str:
     return ROBOT if stand_in is None else stand_in.kind
 
 
-def _jobs(study: Study, task: str) -> list[Job]:
-    """The score rows of a task, in the order of its runs; robots before twins."""
+def jobs_of(study: Study, task: str) -> list[Job]:
+    """The score rows to be made of a task, in the order of its runs; robots before twins."""
     runs = [run for run in study.runs if run.task == task and run.finished]
     found: dict[tuple[int, str, str], list[Transferred]] = {}
     for one in load_transfers(study.folder):

@@ -1,0 +1,121 @@
+"""Whether two measures put controllers into the same order, with a bootstrap over units and controllers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.correspondence.statistics import correlation
+
+__all__ = ["SUBSTITUTE", "Order", "order_of"]
+
+Floats = NDArray[np.float64]
+
+SUBSTITUTE = 0.8
+"""Spearman's rho above which one measure may stand for another (`docs/noise-level-2.md`)."""
+RESAMPLES = 1000
+LEAST = 3
+"""Controllers that have an order worth the name."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Order:
+    """How measures agree on the order of controllers of one task, on one kind of robot.
+
+    All correlations are Spearman's rho but `fitness`, with 1 for the same order throughout: a smaller
+    distance ranks with a higher score. NaN where there are too few controllers, or nothing to compare.
+
+    Attributes:
+        task, individual, kind: whose.
+        controllers, units: how many.
+        rho: of the distance without a camera with the camera's score; low, high: its 95 % interval.
+        verdict: "a substitute" (low above 0.8), "no substitute" (high below it), or "open".
+        readings, commands, speeds, replay: as rho, of each part alone and of the replayed commands' error.
+        fitness: Pearson's r of simulated and situated fitness (Kadian et al. 2020); fitness_low,
+            fitness_high: its 95 % interval over controllers.
+        simulated, pseudo: rho of situated fitness with fitness in simulation and in pseudo-realities.
+    """
+
+    task: str
+    individual: str
+    kind: str
+    controllers: int
+    units: int
+    rho: float
+    low: float
+    high: float
+    verdict: str
+    readings: float
+    commands: float
+    speeds: float
+    replay: float
+    fitness: float
+    fitness_low: float
+    fitness_high: float
+    simulated: float
+    pseudo: float
+
+
+def order_of(
+    names: tuple[str, str, str], distance: Floats, score: Floats, columns: Mapping[str, Floats]
+) -> Order:
+    """Hold all measures of a group of controllers against each other.
+
+    Args:
+        names: task, individual, kind of robot.
+        distance: [controllers, units] without a camera, NaN where one did not drive.
+        score: [controllers, units] by the camera, NaN where none saw it.
+        columns: [controllers] of each other measure, by name.
+    """
+    low, high = _interval(distance, score)
+    verdict = "a substitute" if low > SUBSTITUTE else "no substitute" if high < SUBSTITUTE else "open"
+    task, individual, kind = names
+    seen, situated = columns["correspondence"], columns["fitness_situated"]
+    both = np.isfinite(columns["fitness_simulated"]) & np.isfinite(situated)
+    fitness, fitness_low, fitness_high = math.nan, math.nan, math.nan
+    if both.sum() >= LEAST:
+        pearson = correlation(columns["fitness_simulated"][both], situated[both])
+        fitness, (fitness_low, fitness_high) = pearson.r, pearson.interval
+    return Order(
+        task=task, individual=individual, kind=kind, controllers=distance.shape[0], units=distance.shape[1],
+        rho=_rho(-_means(distance), _means(score)), low=low, high=high, verdict=verdict,
+        readings=_rho(-columns["readings"], seen), commands=_rho(-columns["commands"], seen),
+        speeds=_rho(-columns["speeds"], seen), replay=_rho(-columns["replay_cm"], seen),
+        fitness=fitness, fitness_low=fitness_low, fitness_high=fitness_high,
+        simulated=_rho(columns["fitness_simulated"], situated),
+        pseudo=_rho(columns["fitness_pseudo"], situated),
+    )  # fmt: skip
+
+
+def _rho(first: Floats, second: Floats) -> float:
+    """Spearman's, of the controllers that both know; NaN of too few."""
+    both = np.isfinite(first) & np.isfinite(second)
+    if both.sum() < LEAST:
+        return math.nan
+    return correlation(first[both], second[both], resamples=0).rho
+
+
+def _means(values: Floats, weights: Floats | None = None) -> Floats:
+    """[controllers] over the units that each drove, NaN where that is none."""
+    weighed = np.isfinite(values) * (np.ones(values.shape[1]) if weights is None else weights)
+    total = weighed.sum(axis=1)
+    sums = (np.where(np.isfinite(values), values, 0.0) * weighed).sum(axis=1)
+    means: Floats = np.divide(sums, total, out=np.full(len(values), np.nan), where=total > 0)
+    return means
+
+
+def _interval(distance: Floats, score: Floats) -> tuple[float, float]:
+    """95 % of rho: units drawn with replacement, and controllers likewise."""
+    draw, made = np.random.default_rng(0), []
+    controllers, units = distance.shape
+    for _ in range(RESAMPLES):
+        times = np.bincount(draw.integers(0, units, units), minlength=units).astype(float)
+        rows = draw.integers(0, controllers, controllers)
+        made.append(_rho(-_means(distance, times)[rows], _means(score, times)[rows]))
+    known = np.array(made)[np.isfinite(made)]
+    low, high = np.quantile(known, [0.025, 0.975]) if len(known) else (np.nan, np.nan)
+    return float(low), float(high)

@@ -1,0 +1,283 @@
+"""A score that needs no camera: how far apart what a robot read and did is from what the simulated one did.
+
+    from realitygap.transfer.without_camera import without_camera
+
+    found = without_camera("out/reproduce")
+    for one in found.controllers:
+        print(one.name, one.distance)
+
+Where a camera saw the trials too, it is asked whether both put controllers into one order. Beside it stand
+the field's other measures: the correlation of fitness (Kadian et al. 2020), the error of replayed commands,
+and fitness in pseudo-realities sampled round the profile (Ligot and Birattari 2020).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from os import PathLike
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.controller.layout import Genes
+from realitygap.errors import StudyError, UsageError
+from realitygap.kernels.rng import substream
+from realitygap.robots.recording import Recording
+from realitygap.simulation.body import drive_simulated
+from realitygap.simulation.simulation import Simulation, batch_streams
+from realitygap.streams import PSEUDO
+from realitygap.study.load import Run, Study, as_study
+from realitygap.tasks.task import Task
+from realitygap.track import Trajectory
+from realitygap.transfer.chosen import number_of
+from realitygap.transfer.load import Transferred
+from realitygap.transfer.order import Order, order_of
+from realitygap.transfer.replay import Replay, Replays
+from realitygap.transfer.score_row import Job
+from realitygap.transfer.score_rows import jobs_of
+from realitygap.values import Command, as_stream
+from realitygap.world.profile import TOP_INPUT, Profile
+
+__all__ = ["PSEUDO_REALITIES", "PSEUDO_SPREAD", "Lived", "WithoutCamera", "apart", "without_camera"]
+
+Floats = NDArray[np.float64]
+
+PSEUDO_REALITIES, PSEUDO_SPREAD = 200, 0.1
+"""Trials of each controller, each in a robot whose constants are drawn anew within ±10 % of the profile's."""
+
+SEEN = ("robot", "camera", "film")
+"""Where a path is from that shows slip."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lived:
+    """One controller on one kind of robot: means over its trials.
+
+    Attributes:
+        run, name, task, noise: of the run; individual: champion or fittest.
+        kind: of robot; units: how many; trials: those that were compared.
+        readings, commands, speeds: distances between simulated and situated trials of a start (`apart`).
+        distance: the mean of these three, or of those that there are.
+        correspondence: the camera's score, 0 to 10, mean over units; NaN where no camera saw it.
+        replay_cm: how far from the robot's path the simulated one is under the robot's own commands.
+        fitness_simulated, fitness_situated: of the same trials; fitness_pseudo: in pseudo-realities.
+        left_out: trials that the present version would simulate otherwise, or without a recording.
+    """
+
+    run: int
+    name: str
+    task: str
+    noise: float
+    individual: str
+    kind: str
+    units: int
+    trials: int
+    readings: float
+    commands: float
+    speeds: float
+    distance: float
+    correspondence: float
+    replay_cm: float
+    fitness_simulated: float
+    fitness_situated: float
+    fitness_pseudo: float
+    left_out: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class WithoutCamera:
+    """All controllers, and for each task, individual and kind of robot how their orders agree."""
+
+    controllers: tuple[Lived, ...]
+    orders: tuple[Order, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Ready for JSON but for NaN where there is nothing."""
+        return asdict(self)
+
+
+def apart(simulated: Trajectory, situated: Recording, profile: Profile, task: Task) -> dict[str, float]:
+    """How far apart two trials are in what was read and done: Wasserstein's first distance, column by column.
+
+    Of each sensor's readings, of each wheel's commands and of its speeds the two distributions over the trial
+    are held against each other. Readings count in widths of the input range (what takes an input from −10 to
+    10), commands and speeds in top commands, so that 1 is much. NaN where one side has no such column.
+    """
+    from scipy.stats import wasserstein_distance
+
+    top = profile.wheels.top_command
+    widths = [high - low for low, high in profile.bands(task.feeds)]
+    pairs = {
+        "readings": (_fed(simulated, task) / widths, _fed(situated, task) / widths),
+        "commands": (simulated.commands / TOP_INPUT, situated.commands / top),
+        "speeds": (simulated.wheels / top, situated.speeds / top),
+    }
+
+    def between(first: Floats, second: Floats) -> float:
+        if np.isnan(second).any() or not second.size:
+            return math.nan
+        return float(np.mean([wasserstein_distance(*pair) for pair in zip(first.T, second.T, strict=True)]))
+
+    return {name: between(*pair) for name, pair in pairs.items()}
+
+
+def without_camera(
+    study: Study | str | PathLike[str], *, on_progress: Callable[[int, int], None] | None = None
+) -> WithoutCamera:
+    """Every transferred controller of a study, by what its robots read and did.
+
+    Args:
+        study: with transfers; or its folder.
+        on_progress: called with controllers done and in all.
+
+    Raises:
+        StudyError: it has no transfers whose readings are known.
+    """
+    study = as_study(study)
+    replays, jobs = Replays(study), []
+    for task in dict.fromkeys(run.task for run in study.runs):
+        jobs += [job for job in jobs_of(study, task) if job.transfers]
+    found: dict[tuple[str, str, str], list[tuple[Lived, list[_Unit]]]] = defaultdict(list)
+    for k, job in enumerate(jobs):
+        if on_progress:
+            on_progress(k, len(jobs))
+        made = _controller(study, job, replays)
+        if made is not None:
+            found[job.run.task, job.individual, job.kind].append(made)
+    if on_progress and jobs:
+        on_progress(len(jobs), len(jobs))
+    if not found:
+        raise StudyError(
+            f"{study.folder}: expected trials on a robot whose readings are known, got none. Make them with "
+            "`realitygap transfer`; those of another version are made anew once their folder is moved away."
+        )
+    orders = (_order(names, group) for names, group in found.items())
+    return WithoutCamera(
+        controllers=tuple(one for group in found.values() for one, _ in group), orders=tuple(orders)
+    )
+
+
+class _Unit(NamedTuple):
+    """A controller on one robot: both of its scores there."""
+
+    robot: str
+    distance: float
+    correspondence: float
+
+
+def _controller(study: Study, job: Job, replays: Replays) -> tuple[Lived, list[_Unit]] | None:
+    """A controller's figures, and each robot's; None where nothing is known of its trials."""
+    known = [(one, both) for one in job.transfers if (both := _both(replays.of(one.folder))) is not None]
+    if not known:
+        return None
+    task, profile, run = study.task(job.run.task), study.profile, job.run
+    rows = [_trial(one, both, task, profile) for one, both in known]
+    units = []
+    for robot in dict.fromkeys(one.robot for one, _ in known):
+        ours = [row["distance"] for row, (one, _) in zip(rows, known, strict=True) if one.robot == robot]
+        seen = tuple(one for one, _ in known if one.robot == robot and one.situated_from in SEEN)
+        score = replace(job, transfers=seen).correspondence if seen else math.nan
+        units.append(_Unit(robot, _mean(ours), score))
+    made = Lived(
+        run=run.id, name=run.name, task=run.task, noise=run.noise, individual=job.individual, kind=job.kind,
+        units=len(units), trials=len(known), **{key: _mean([row[key] for row in rows]) for key in rows[0]},
+        correspondence=_mean([one.correspondence for one in units]),
+        fitness_simulated=_mean([one.fitness_simulated for one, _ in known]),
+        fitness_situated=_mean([one.fitness_situated for one, _ in known]),
+        fitness_pseudo=_in_pseudo_realities(study, run, job.individual),
+        left_out=len(job.transfers) - len(known),
+    )  # fmt: skip
+    return made, units
+
+
+class _Both(NamedTuple):
+    """What was read and done in a pair of trials."""
+
+    simulated: Trajectory
+    situated: Recording
+
+
+def _both(replay: Replay) -> _Both | None:
+    """A pair of trials that both went to their end, if so much is known of them."""
+    simulated, situated = replay.simulated, replay.situated
+    if simulated is None or situated is None or len(simulated.t) != len(situated.t):
+        return None
+    return _Both(simulated, situated)
+
+
+def _trial(one: Transferred, both: _Both, task: Task, profile: Profile) -> dict[str, float]:
+    """One trial's distances."""
+    far = apart(both.simulated, both.situated, profile, task)
+    error = _replayed(one, both.situated, task, profile)
+    return {**far, "distance": _mean(list(far.values())), "replay_cm": error}
+
+
+class _Replayer:
+    """Commands as a robot was given them, one a step, whatever is read."""
+
+    def __init__(self, commands: NDArray[np.int64], profile: Profile) -> None:
+        self._outputs = np.rint(commands * (TOP_INPUT / profile.wheels.top_command)).astype(int)
+        self._k = 0
+
+    def reset(self) -> None:
+        self._k = 0
+
+    def decide(self, inputs: Sequence[int]) -> Command:
+        left, right = self._outputs[self._k]
+        self._k += 1
+        return Command(left=int(left), right=int(right))
+
+
+def _replayed(one: Transferred, situated: Recording, task: Task, profile: Profile) -> float:
+    """Mean distance (cm) of the robot's path from the simulation's under its commands, without noise."""
+    simulation = Simulation(task, profile, 0.0)
+    replayer = _Replayer(situated.commands, profile)
+    try:
+        lived, _ = drive_simulated(simulation, replayer, pose=one.pose, seconds=one.seconds)
+    except UsageError:  # it began where the simulated robot has no room
+        return math.nan
+    path, track = lived.track, one.situated
+    if len(path) != len(track) or not track.found.any():
+        return math.nan
+    return float(np.nanmean(np.hypot(path.x - track.x, path.y - track.y)))
+
+
+def _in_pseudo_realities(study: Study, run: Run, individual: str) -> float:
+    """Mean fitness in robots round the profile, as noisy as it is: the same robots for all controllers."""
+    number = number_of(run, individual)
+    assert number is not None
+    genes: Genes = study.genotype(run.id, number)
+    simulation = Simulation(study.task(run.task).under(PSEUDO_SPREAD), study.profile, 1.0)
+    seed = int(substream(as_stream(study.config.seed, "seed"), np.uint64(PSEUDO)))
+    streams = batch_streams(seed, PSEUDO_REALITIES)[None]
+    return float(simulation.scores(study.networks(run.task, genes), streams).mean())
+
+
+def _order(names: tuple[str, str, str], group: Sequence[tuple[Lived, list[_Unit]]]) -> Order:
+    """How a task's controllers are put in order by each measure."""
+    robots = list(dict.fromkeys(unit.robot for _, units in group for unit in units))
+    values = np.full((2, len(group), len(robots)), np.nan)
+    for i, (_, units) in enumerate(group):
+        for unit in units:
+            values[:, i, robots.index(unit.robot)] = unit.distance, unit.correspondence
+    columns: Mapping[str, Floats] = {
+        key: np.array([getattr(one, key) for one, _ in group])
+        for key in ("readings", "commands", "speeds", "correspondence", "replay_cm",
+                    "fitness_simulated", "fitness_situated", "fitness_pseudo")
+    }  # fmt: skip
+    return order_of(names, values[0], values[1], columns)
+
+
+def _fed(trial: Trajectory | Recording, task: Task) -> Floats:
+    """[n, sensors] readings of the kinds that the task feeds."""
+    return np.hstack([getattr(trial, kind) for kind in task.kinds])
+
+
+def _mean(values: Sequence[float]) -> float:
+    """Of those that are known; NaN of none."""
+    known = [value for value in values if math.isfinite(value)]
+    return math.fsum(known) / len(known) if known else math.nan
