@@ -1,0 +1,163 @@
+"""Two groups of controllers held against each other within strata; slopes within units; a peak's interval.
+
+All are two-sided. What is above zero is in favour of the first group.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from realitygap.experiments.noise.contrasts import paired, unpaired
+
+__all__ = [
+    "Groups", "Tested", "by_failures", "by_means", "by_ranks", "by_signed_ranks", "by_slopes", "groups",
+    "mean_interval",
+]  # fmt: skip
+
+Floats = NDArray[np.float64]
+Groups = Sequence[tuple[Floats, Floats]]
+"""Of each stratum the values of both groups."""
+
+BATCH = 2000
+"""Permutations that are held in memory at once."""
+
+
+class Tested(NamedTuple):
+    """What a test says: an effect, the statistic whose sign counts, and p (1 where nothing can be said)."""
+
+    effect: float
+    statistic: float
+    p: float
+
+
+NOTHING = Tested(math.nan, 0.0, 1.0)
+
+
+def groups(
+    first: Floats, second: Floats, strata: tuple[Sequence[object], Sequence[object]], *, least: int = 1
+) -> list[tuple[Floats, Floats]]:
+    """Both groups' known values [n], [m] by stratum; those with fewer than `least` of either are left out."""
+    pairs: dict[object, tuple[list[float], list[float]]] = {}
+    for which, (values, keys) in enumerate(zip((first, second), strata, strict=True)):
+        for value, key in zip(values.tolist(), keys, strict=True):
+            if math.isfinite(value):
+                pairs.setdefault(key, ([], []))[which].append(value)
+    return [(np.array(x), np.array(y)) for x, y in pairs.values() if min(len(x), len(y)) >= least]
+
+
+def by_signed_ranks(first: Floats, second: Floats) -> Tested:
+    """Of the same controllers twice [n]: Wilcoxon's test with Pratt's zeros; the effect is the mean gap."""
+    gap = first - second
+    effect = paired(first, second)
+    return Tested(effect.difference, float((np.sign(gap) * stats.rankdata(np.abs(gap))).sum()), effect.p)
+
+
+def by_ranks(pairs: Groups) -> Tested:
+    """Mann and Whitney's test within strata; the effect is Cliff's delta."""
+    if not pairs:
+        return NOTHING
+    first, second = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
+    keys = tuple([k for k, pair in enumerate(pairs) for _ in pair[which]] for which in (0, 1))
+    effect = unpaired(first, second, strata=(keys[0], keys[1]))
+    return Tested(effect.delta, effect.delta, effect.p)
+
+
+def by_means(pairs: Groups, *, permutations: int, seed: int) -> Tested:
+    """Difference of means by permutation within strata, which count by their controllers.
+
+    Args:
+        pairs: of each stratum both groups.
+        permutations: drawn; 0: p is not asked for.
+        seed: of those.
+    """
+    if not pairs:
+        return NOTHING
+    share = _shares(pairs)
+    gap = float(sum(w * (x.mean() - y.mean()) for w, (x, y) in zip(share, pairs, strict=True)))
+    if not permutations:
+        return Tested(gap, gap, math.nan)
+    draw, beyond, slack = np.random.default_rng(seed), 0, 1e-9 * max(1.0, abs(gap))
+    for begin in range(0, permutations, BATCH):
+        drawn = np.zeros(min(BATCH, permutations - begin))
+        for w, (x, y) in zip(share, pairs, strict=True):
+            every = np.tile(np.concatenate([x, y]), (len(drawn), 1))
+            mine = draw.permuted(every, axis=1)[:, : len(x)].sum(axis=1)
+            drawn += w * (mine / len(x) - (every[0].sum() - mine) / len(y))
+        beyond += int((np.abs(drawn) >= abs(gap) - slack).sum())
+    return Tested(gap, gap, (1 + beyond) / (1 + permutations))
+
+
+def mean_interval(pairs: Groups, share: float) -> tuple[float, float]:
+    """Interval of the difference of means within strata of two controllers or more: Welch's, over strata."""
+    if not pairs:
+        return (math.nan, math.nan)
+    gap = by_means(pairs, permutations=0, seed=0).effect
+    parts = [
+        (w**2 * group.var(ddof=1) / len(group), len(group) - 1)
+        for w, pair in zip(_shares(pairs), pairs, strict=True) for group in pair
+    ]  # fmt: skip
+    variance, spread = sum(v for v, _ in parts), sum(v**2 / free for v, free in parts)
+    if variance <= 0:
+        return (gap, gap)
+    half = float(stats.t.ppf((1 + share) / 2, variance**2 / spread)) * math.sqrt(variance)
+    return (gap - half, gap + half)
+
+
+def by_failures(pairs: Groups, below: float) -> Tested:
+    """Failures, values below a bound: Cochran, Mantel and Haenszel's test, corrected for continuity.
+
+    The effect is how much smaller the first group's share is, within strata, which count by controllers.
+    """
+    if not pairs:
+        return NOTHING
+    fewer = spread = effect = 0.0
+    for w, (x, y) in zip(_shares(pairs), pairs, strict=True):
+        n, m, mine, theirs = len(x), len(y), int((x < below).sum()), int((y < below).sum())
+        total, failed = n + m, mine + theirs
+        fewer += n * failed / total - mine
+        spread += n * m * failed * (total - failed) / (total**2 * (total - 1))
+        effect += w * (theirs / m - mine / n)
+    if spread <= 0:
+        return Tested(effect, 0.0, 1.0)
+    z = max(abs(fewer) - 0.5, 0.0) / math.sqrt(spread)
+    return Tested(effect, fewer, math.erfc(z / math.sqrt(2)))
+
+
+def by_slopes(x: Floats, y: Floats, units: NDArray[np.int64], tasks: NDArray[np.str_]) -> Tested:
+    """Falling y over x [n], both standardised within the task: a slope a unit, the mean of its tasks';
+    Student's t over units. The effect is the mean slope, a correlation; the statistic is above zero where y
+    falls."""
+    slopes = []
+    for unit in sorted(set(units.tolist())):
+        of_tasks = []
+        for task in sorted(set(tasks.tolist())):
+            own = tasks == task
+            across, up = (_standard(v, own)[units == unit] for v in (x, y))
+            across, up = across[np.isfinite(across)], up[np.isfinite(up)]
+            away = across - across.mean() if len(across) else across
+            if (away**2).sum() > 0:
+                of_tasks.append(float(up @ away / (away @ away)))
+        if of_tasks:
+            slopes.append(float(np.mean(of_tasks)))
+    if len(slopes) < 3 or np.ptp(slopes) == 0:
+        return NOTHING
+    mean = float(np.mean(slopes))
+    return Tested(mean, -mean, float(stats.ttest_1samp(slopes, 0.0).pvalue))
+
+
+def _standard(values: Floats, own: NDArray[np.bool_]) -> Floats:
+    """Values [n] in deviations from the mean of some; nan for the others."""
+    spread = values[own].std()
+    scaled = (values - values[own].mean()) / (spread or 1.0)
+    return np.where(own, scaled, np.nan)
+
+
+def _shares(pairs: Groups) -> list[float]:
+    counts = [len(x) + len(y) for x, y in pairs]
+    return [count / sum(counts) for count in counts]
