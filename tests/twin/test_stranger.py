@@ -26,18 +26,21 @@ def driven(body: TwinBody, steps: int = 12) -> list[object]:
     return known
 
 
-def test_without_its_oddities_it_is_the_twin(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It reads and drives as the twin to the bit where nothing is odd, and otherwise not."""
-    nothing = {"WHITE_SPREAD": 0.0, "CYLINDER_WHITE": 1.0, "PLACED_M": 0.0, "LATEST_MS": 0, "SAG_PER_S": 0.0}
+@pytest.mark.parametrize("room", ARENAS)
+def test_without_its_oddities_it_is_the_twin(monkeypatch: pytest.MonkeyPatch, room: str) -> None:
+    """It reads and drives as the twin to the bit where nothing is odd, lamp or none, and otherwise not."""
+    arena = ARENAS[room]
+    nothing = {"WHITE_SPREAD": 0.0, "CYLINDER_WHITE": 1.0, "PLACED_M": 0.0, "LATEST_MS": 0, "SAG_PER_S": 0.0,
+               "LAMP_INFRARED": 0.0}  # fmt: skip
     with monkeypatch.context() as quiet:
         for name, value in {**nothing, "LAMP_PARTS": 1, "LAMP_RADIUS": 0.0}.items():
             quiet.setattr(stranger, name, value)
         plain = Oddities(crosstalk=0.0, charge=1.0)
         quiet.setattr(Oddities, "drawn", classmethod(lambda *_: plain))
-        same, twin = StrangerBody(AVOIDANCE, unit=3, seed=4), TwinBody(AVOIDANCE, unit=3, seed=4)
+        same, twin = StrangerBody(arena, unit=3, seed=4), TwinBody(arena, unit=3, seed=4)
         same._machine.creep.ground[:] = twin._machine.creep.ground
         assert driven(same) == driven(twin)
-    assert driven(StrangerBody(AVOIDANCE, unit=3, seed=4)) != driven(TwinBody(AVOIDANCE, unit=3, seed=4))
+    assert driven(StrangerBody(arena, unit=3, seed=4)) != driven(TwinBody(arena, unit=3, seed=4))
 
 
 def test_a_seed_makes_the_same_stranger() -> None:

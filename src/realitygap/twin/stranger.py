@@ -83,7 +83,7 @@ class StrangerSensors(Sensors):
     def proximity(self, time_ms: int, history: NDArray[np.float64]) -> list[int]:
         """[8] counts: the twin's law, with crosstalk, the lamp's infrared and the battery's charge."""
         out = np.empty(SENSORS, np.int64)
-        scales = self._odd.crosstalk, self.charge, self._unit.lamp_power, self._noise
+        scales = self._odd.crosstalk, self.charge, self._unit.lamp_power, LAMP_INFRARED, self._noise
         with np.errstate(over="ignore"):
             _proximity(self.eyes, (self._near, self._idle), scales, time_ms, history, np.empty(SENSORS), out)
         return [int(v) for v in out]
@@ -91,14 +91,14 @@ class StrangerSensors(Sensors):
 
 @jit
 def _proximity(eyes: Any, noises: Any, scales: Any, time_ms: int, history: Any, light: Any, out: Any) -> None:
-    crosstalk, charge, power, noise = scales
+    crosstalk, charge, power, lamp, noise = scales
     look_back(time_ms, history, eyes.poses)
     illuminate(eyes, power, eyes.poses, light)
     reflect(eyes, eyes.poses, eyes.signal)
     for k in range(out.shape[0]):
         own, first, second = eyes.signal[k], eyes.signal[NEIGHBOURS[k, 0]], eyes.signal[NEIGHBOURS[k, 1]]
         thrown = own + IR_OFFSET + crosstalk * ((first + second) / 2.0 + IR_OFFSET)
-        signal = charge * thrown + LAMP_INFRARED * light[k] - IR_OFFSET
+        signal = charge * thrown + lamp * light[k] - IR_OFFSET
         out[k] = min(max(np.rint(noisy_proximity(noises, noise, k, time_ms, signal)), 0.0), FULL)
 
 
