@@ -12,7 +12,7 @@ from realitygap.values import Command
 from tests.correspondence.ladders import KEPT, called, held_out, left_out, miscalibration, right, setting_for
 from tests.correspondence.tracks import mirrored, random_walker, standing
 from tests.exemplars.kinds import KINDS, exemplar, shows
-from tests.exemplars.make import FIRST_SEED
+from tests.exemplars.make import FIRST_SEED, SETS
 from tests.exemplars.wide import FAMILIES
 
 TASKS = pytest.mark.parametrize("task", KINDS)
@@ -56,14 +56,24 @@ def test_another_temperature_is_off(task, hotter):
     assert miscalibration(left_out(task, hotter)) > LIMIT + 0.03
 
 
-@TASKS
-def test_the_kept_exemplars_are_those_that_the_command_makes(task):
+@pytest.mark.parametrize("of", SETS)
+def test_the_kept_exemplars_are_those_that_the_command_makes(of):
     """The first of each kind, made again, is the row that comes with the package."""
-    kept = np.load(KEPT)
+    kept, (task, large) = np.load(KEPT), SETS[of]
     for kind in FAMILIES[task]:
-        trial, arena = exemplar(task, kind, FIRST_SEED, LEVELS[0])
-        row = kept[f"{task} rows"][kept[f"{task} names"] == kind][0]
+        trial, arena = exemplar(task, kind, FIRST_SEED, LEVELS[0], large=large)
+        row = kept[f"{of} rows"][kept[f"{of} names"] == kind][0]
         assert rows_of([trial], arena)[0] == pytest.approx(row, rel=2e-3, abs=2e-3)
+
+
+def test_large_robots_are_named_by_their_own():
+    """Robots too large for the paper's arena, never seen, are named after large exemplars, not small ones."""
+    made = held_out(AVOIDANCE, KINDS[AVOIDANCE], range(7000, 7012), 1.0, large=True)
+    setting = setting_for(AVOIDANCE)
+    large = called(AVOIDANCE, made, namer(setting, 8.0))
+    assert right(large) >= 0.75
+    assert right(large) > right(called(AVOIDANCE, made, namer(setting))) + 0.1
+    assert miscalibration(large) < 2 * LIMIT  # of 48 names
 
 
 def test_a_trial_without_its_mark_is_drawn_again():

@@ -3,11 +3,12 @@
 import os
 import shutil
 
+import numpy as np
 import pytest
 
 from realitygap.correspondence.names import namer
 from tests.correspondence.ladders import Named, miscalibration, right, setting_for
-from tests.correspondence.vehicles import everybody
+from tests.correspondence.vehicles import called_by_name, everybody
 
 if not os.path.exists("/usr/include/enki/PhysicalEngine.h") or shutil.which("g++") is None:
     pytest.skip("Enki is not installed here: apt install libenki-dev g++", allow_module_level=True)
@@ -39,3 +40,12 @@ def test_a_smooth_avoider_follows_no_wall(made):
     smooth = [name for drive, name in made if drive.family in ("Webots", "pyePuck", "by distance")]
     assert len(smooth) == 12
     assert not [name for name in smooth if name.name == "wall follower" and name.confidence > 0.8]
+
+
+def test_a_large_robots_name_is_no_surer_than_it_is_right():
+    """On a Thymio, which sees nothing beside it, names are less often right, and less sure."""
+    drives = list(everybody(range(100, 103), ("thymio2",)))
+    names = called_by_name(drives)
+    made = [Named(d.kind, name.name, name.confidence) for d, name in zip(drives, names, strict=True)]
+    assert right([name for drive, name in zip(drives, made, strict=True) if drive.shown]) >= 0.6
+    assert np.mean([name.confidence for name in made]) < right(made) + 0.12

@@ -372,8 +372,10 @@ def called_by_name(drives: Sequence[Driven]) -> list[Name]:
     found: dict[int, Name] = {}
     for room in {one.model in ROOMS for one in drives}:
         here = [k for k, one in enumerate(drives) if (one.model in ROOMS) == room]
-        setting = setting_of([], task_of(drives[here[0]].model))
-        found |= dict(zip(here, namer(setting).name([drives[k].trial for k in here], setting), strict=True))
+        model = drives[here[0]].model
+        setting = setting_of([], task_of(model))
+        names = namer(setting, RADIUS_CM[model])
+        found |= dict(zip(here, names.name([drives[k].trial for k in here], setting), strict=True))
     return [found[k] for k in range(len(drives))]
 
 

@@ -27,7 +27,7 @@ from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Start, Task
 from realitygap.values import Command, Pose, Readings
-from realitygap.world.arena import Arena
+from realitygap.world.arena import Arena, load_arena
 from realitygap.world.profile import Profile, load_profile
 from tests.exemplars.avoiders import AVOIDERS, Draw, Rule
 from tests.exemplars.seekers import SEEKERS
@@ -35,6 +35,7 @@ from tests.exemplars.wide import FAMILIES
 
 KINDS = {"obstacle-avoidance": AVOIDERS, "light-seeking": SEEKERS}
 """The paper's kinds of behaviour, by task (tables 1 and 2)."""
+LARGE_ARENA = "obstacle-avoidance-large"
 DRAWS = 300
 """An exemplar is drawn so often at most: some begin where something stands, some lack their evidence."""
 EVIDENCE_STEPS = 5
@@ -90,9 +91,8 @@ class Ruled:
 
     def decide(self, readings: Readings) -> Command:
         """One step of 100 ms."""
-        self.commands.append(
-            self._rule(readings.proximity if self._feeds == "proximity" else readings.ambient)
-        )
+        fed = readings.proximity if self._feeds == "proximity" else readings.ambient
+        self.commands.append(self._rule(fed[AS_EIGHT[len(fed)]]))
         return self.commands[-1]
 
 
@@ -152,6 +152,38 @@ def _another_robot(profile: Profile, draw: Draw) -> Profile:
     )
 
 
+AS_EIGHT = {7: [0, 1, 2, 2, 3, 4, 6, 5], 8: [*range(8)]}
+"""Which of a robot's sensors stand for a Khepera's eight, by how many it has: of five ahead and two behind
+the middle one stands for both that look straight on."""
+
+
+def _large_robot(paper: Profile, draw: Draw) -> Profile:
+    """A robot of two to three times the size, which sees so much farther: a disk with a Khepera's sensors, or
+    as a Thymio an angular body with its axle behind the middle, and nothing that looks to the side."""
+    if draw.random() < 0.3:
+        shape, size = paper, draw.uniform(1.9, 3.2)
+        body = replace(paper.body, radius_cm=paper.body.radius_cm * size)
+    else:
+        shape, size = load_profile("thymio"), draw.uniform(0.75, 1.15)
+        outline = tuple((float(x * size), float(y * size)) for x, y in shape.body.outline_cm)
+        body = replace(shape.body, radius_cm=shape.body.radius_cm * size, outline_cm=outline)
+    farther, law = draw.uniform(1.3, 4.0), paper.infrared
+    gains = np.exp(draw.uniform(np.log(0.7), np.log(1.4), 8))
+    turned = draw.normal(0.0, 4.0, 8)
+    sensors = tuple(
+        replace(
+            law.sensors[0], x_cm=s.x_cm * size, y_cm=s.y_cm * size, direction_deg=s.direction_deg + by,
+            a=law.sensors[0].a * farther * g,
+        )
+        for s, g, by in zip(shape.infrared.sensors, gains, turned, strict=False)
+    )  # fmt: skip
+    left, right = draw.uniform(0.7, 2.0) * draw.normal(1.0, 0.01, 2) * paper.wheels.speed_per_unit_cm_s
+    track = shape.wheels.track_cm * size * draw.uniform(0.8, 1.1)
+    wheels = replace(paper.wheels, track_cm=track, speed_per_unit_cm_s=(float(left), float(right)))
+    infrared, ambient = replace(law, sensors=sensors), replace(paper.ambient, sensors=())
+    return replace(paper, name="a large robot", body=body, wheels=wheels, infrared=infrared, ambient=ambient)
+
+
 def _elsewhere(task: Task, draw: Draw) -> Task:
     """A task that begins anywhere, two times in five in another room; where a lamp is, as it is.
 
@@ -178,7 +210,9 @@ def family_of(task: str, kind: str, seed: int) -> int:
     return seed % len(FAMILIES[task][kind])
 
 
-def exemplar(task: str, kind: str, seed: int, noise: float, *, marked: bool = True) -> tuple[Trial, Arena]:
+def exemplar(
+    task: str, kind: str, seed: int, noise: float, *, marked: bool = True, large: bool = False
+) -> tuple[Trial, Arena]:
     """One exemplar's trial, and where it was; everything about it follows from its seed.
 
     Args:
@@ -187,13 +221,16 @@ def exemplar(task: str, kind: str, seed: int, noise: float, *, marked: bool = Tr
         seed: names the exemplar.
         noise: the simulation's.
         marked: draw again, robot and start, until the trial contains its kind's evidence (`EVIDENCE`).
+        large: of a robot too large for the paper's arena, in the large one; of obstacle avoidance.
     """
-    draw = np.random.default_rng([seed, len(kind), *kind.encode()])
+    draw = np.random.default_rng([seed, len(kind), *kind.encode(), *([1] if large else [])])
+    home, robot = load_task(task), _large_robot if large else _another_robot
+    home = replace(home, arena=load_arena(LARGE_ARENA)) if large else home
     make = FAMILIES[task][kind][family_of(task, kind, seed)]
     for _ in range(DRAWS):
         with suppress(TaskError):
-            todo = _elsewhere(load_task(task), draw)
-            simulation = Simulation(todo, _another_robot(load_profile("paper"), draw), noise)
+            todo = _elsewhere(home, draw)
+            simulation = Simulation(todo, robot(load_profile("paper"), draw), noise)
             controller = Ruled(make, int(draw.integers(2**31)), todo.feeds)
             trial = live(simulation, controller, stream=int(draw.integers(2**62)), start=str(seed))
             if not marked or shows(task, kind, controller.commands):

@@ -31,6 +31,11 @@ EACH = 100
 """Exemplars of a family; a third of them at each noise level."""
 FIRST_SEED = 100_000
 LEVELS = (0.0, 1.0, 2.0)
+SETS = {
+    **{task: (task, False) for task in FAMILIES},
+    "obstacle-avoidance, large": ("obstacle-avoidance", True),
+}
+"""Exemplars that are named by themselves: by task, and of robots too large for the paper's arena."""
 REACHES, TEMPERATURES = (2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0), (0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3, 1.5, 2.0)
 """What is tried for a namer's reach and temperature."""
 ROBOTS, STARTS = 8, 12
@@ -52,22 +57,23 @@ def main() -> None:
 
 
 def exemplars() -> dict[str, Any]:
-    """By task: descriptors [n, d] in just-noticeable amounts, names [n], reach and temperature."""
+    """By set: descriptors [n, d] in just-noticeable amounts, names [n], reach and temperature."""
     made: dict[str, Any] = {}
-    for task, kinds in FAMILIES.items():
+    for of, (task, large) in SETS.items():
         rows, names, families = [], [], []
-        for kind, makers in kinds.items():
+        for kind, makers in FAMILIES[task].items():
             for i in range(EACH * len(makers)):
-                trial, arena = exemplar(task, kind, FIRST_SEED + i, LEVELS[i // len(makers) % 3])
+                seed, level = FIRST_SEED + i, LEVELS[i // len(makers) % 3]
+                trial, arena = exemplar(task, kind, seed, level, large=large)
                 rows.append(rows_of([trial], arena))
                 names.append(kind)
-                families.append(f"{kind} {family_of(task, kind, FIRST_SEED + i)}")
+                families.append(f"{kind} {family_of(task, kind, seed)}")
         kept = np.vstack(rows).astype(np.float16)
         reach, temperature = calibrated(task, kept, np.array(names), np.array(families))
         made |= {
-            f"{task} rows": kept, f"{task} names": np.array(names), f"{task} families": np.array(families),
-            f"{task} descriptors": np.array([d.name for d in descriptors_of(load_task(task).arena)]),
-            f"{task} reach": reach, f"{task} temperature": temperature,
+            f"{of} rows": kept, f"{of} names": np.array(names), f"{of} families": np.array(families),
+            f"{of} descriptors": np.array([d.name for d in descriptors_of(load_task(task).arena)]),
+            f"{of} reach": reach, f"{of} temperature": temperature,
         }  # fmt: skip
     return made
 

@@ -31,7 +31,7 @@ def classify(tracks: str, task: str | None, json_output: bool) -> None:
     trials = read_trials(tracks)
     setting = setting_of(trials, load_task(task) if task else None)
     warnings = doubts_of(trials)
-    named = namer(setting).name(trials, setting)
+    named = namer(setting, trials[0].radius_cm).name(trials, setting)
     if json_output:
         entries = [name._asdict() for name in named]
         found = {"task": setting.name, "name": common_name(named), "tracks": entries}

@@ -27,7 +27,7 @@ from realitygap.correspondence.descriptors import (
     mirrored,
 )
 from realitygap.correspondence.setting import Setting
-from realitygap.correspondence.trials import Trial
+from realitygap.correspondence.trials import RADIUS_CM, Trial
 from realitygap.errors import TrackError
 from realitygap.tasks.load import load_task
 from realitygap.text import must_be
@@ -46,6 +46,8 @@ KINDS = {
 NEIGHBOURS = 7
 DOUBT = 0.05
 """A vote that each name has beforehand: nothing is certain."""
+LARGE_CM = 5.5
+"""Bodies whose radius is larger are named by exemplars of their own: the others' are of 2.6 to 4.1 cm."""
 UNSEEN, LEAST, MOST = 0.1, 0.3, 9.0
 """A variance that nobody sees (in just-noticeable amounts); bounds of what a descriptor counts."""
 
@@ -140,8 +142,8 @@ def rows_of(trials: Sequence[Trial], arena: Arena | None) -> Floats:
     return in_units(describe_all(trials, arena), descriptors_of(arena))
 
 
-def namer(setting: Setting) -> Namer:
-    """The namer for a setting, from the exemplars that come with the package.
+def namer(setting: Setting, radius_cm: float = RADIUS_CM) -> Namer:
+    """The namer for a setting, and bodies of such a radius, from the exemplars that come with the package.
 
     Raises:
         TrackError: a setting that nobody knows: names need walls and lamps.
@@ -158,14 +160,10 @@ def namer(setting: Setting) -> Namer:
         told = [d.name for d in descriptors_of(load_task(task).arena)]
         if kept[f"{task} descriptors"].tolist() != told:
             raise RuntimeError("exemplars.npz is older than the descriptors: run tests.exemplars.make")
-        reach, temperature = kept[f"{task} reach"], kept[f"{task} temperature"]
-        return Namer(
-            task,
-            kept[f"{task} rows"],
-            kept[f"{task} names"],
-            reach=float(reach),
-            temperature=float(temperature),
-        )
+        large = f"{task}, large"
+        of = large if radius_cm > LARGE_CM and f"{large} rows" in kept else task
+        reach, temperature = float(kept[f"{of} reach"]), float(kept[f"{of} temperature"])
+        return Namer(task, kept[f"{of} rows"], kept[f"{of} names"], reach=reach, temperature=temperature)
 
 
 def common_name(names: Sequence[Name]) -> str:

@@ -95,7 +95,7 @@ class Bench:
     def namer(self) -> Namer:
         from realitygap.correspondence.names import namer
 
-        return namer(self.setting)
+        return namer(self.setting, self.study.profile.body.radius_cm)
 
     def scale(self, kind: str, individual: str, *, matched: bool) -> Scale:
         from realitygap.correspondence.scale import exemplar_scale

@@ -51,7 +51,8 @@ def compare_all(
         cell |= _unit_scores(stage, simulated, situated, setting)
         cells.append({"comparison_level": level, **cell, "fitness_simulated": _mean(scores)})
         if level == one.level:
-            names = namer(setting).name([*simulated.values()], setting)
+            body = stage.profile(one.home).body
+            names = namer(setting, body.radius_cm).name([*simulated.values()], setting)
         tell(1.0 / len(config.levels))
     own = next(c for c in cells if c["comparison_level"] == one.level)
     per_unit = {f"fitness_situated_unit_{u}": fitness[u - 1] for u in range(1, config.units + 1)}
