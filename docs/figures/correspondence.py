@@ -99,11 +99,11 @@ def names() -> None:
 def names_on_enki(found: dict[str, list[Named]]) -> None:
     """Vehicles by what they are written to do, on both robots, in trials that show it; and as trials fall."""
     large = [name for one, name in vehicles_named(("thymio2",)) if one.shown]
-    found["the same on\nEnki's Thymio II"] = large
     print(f"\n{len(large)} show it: {right(large):.1%} right, confidence off by {miscalibration(large):.3f}")
     every = vehicles_named(SMALL)
     found["vehicles on Enki's\nKhepera and e-puck"] = [name for one, name in every if one.shown]
     found["the same,\nas trials fall"] = [name for _, name in every]
+    found["vehicles on\nEnki's Thymio II"] = large
 
 
 def vehicles_named(models: Sequence[str]) -> list[tuple[Driven, Named]]:
