@@ -36,6 +36,7 @@ def evolve(
     task: Place | Task,
     *,
     noise: str | float | Sequence[str | float] = (),
+    spread: float | Sequence[float] | None = None,
     profile: str | None = None,
     arena: str | None = None,
     seed: int | None = None,
@@ -47,12 +48,15 @@ def evolve(
     workers: Workers = None,
     engine: str = "cores",
     resume: bool = False,
+    watch: bool = False,
 ) -> Study:
     """Evolve controllers for a task and make the report, as `realitygap evolve` does.
 
     Args:
         task: "obstacle-avoidance", "light-seeking", a Python file, or a Task.
         noise: a level, or several: so many conditions; "observed" if none.
+        spread: share, 0 to 0.9, within which constants are drawn anew for each trial; several: so many
+            conditions.
         profile: the robot, a shipped name or a TOML file; "paper" if None.
         arena: a shipped arena's name or a TOML file; the task's own if None.
         seed: random seed; 1995 if None.
@@ -64,6 +68,7 @@ def evolve(
         workers: processes, one a core if None; or a pool. Never changes a result.
         engine: what trials run on: "cores" or "cuda".
         resume: continue what is there; what is None is as it was.
+        watch: keep watch.html in the folder up to date: how evolution goes.
 
     Raises:
         UsageError: what cannot be done, by name.
@@ -79,13 +84,18 @@ def evolve(
     name = reference(task)
     folder = folder_of(name) if out is None else Path(out)
     levels = [noise] if isinstance(noise, str | float | int) else noise
+    spreads = (spread,) if isinstance(spread, str | float | int) else tuple(spread or ())
     begun = begun_config(folder, name, None if config is None else Path(config), resume)
     texts = [f"{key}={json.dumps(value)}" for key, value in (settings or {}).items()]
     fields = {"profile": profile, "arena": arena, "seed": seed, "runs": runs, "evaluations": evaluations}
-    chosen = changed_config(begun, name, tuple(map(noise_level, levels)), texts, given(fields))
+    chosen = changed_config(
+        begun, name, tuple(map(noise_level, levels)), texts, {**given(fields), "spreads": spreads}
+    )
     words = f"evolve {name}{unusual(engine)}"
     with _stopping():
-        return carry_out(folder, chosen, words=words, workers=workers, engine=engine, resume=resume).study
+        return carry_out(
+            folder, chosen, words=words, workers=workers, engine=engine, resume=resume, watch=watch
+        ).study
 
 
 def reproduce(
@@ -100,6 +110,7 @@ def reproduce(
     workers: Workers = None,
     engine: str = "cores",
     resume: bool = False,
+    watch: bool = False,
 ) -> Study:
     """Repeat the paper's experiment and make the page about it, as `realitygap reproduce` does.
 
@@ -114,6 +125,7 @@ def reproduce(
         workers: processes, one a core if None; or a pool. Never changes a result.
         engine: what evolution's trials run on: "cores" or "cuda".
         resume: continue what is there; what is None is as it was.
+        watch: keep watch.html in the folder up to date: how evolution goes.
 
     Raises:
         UsageError: what cannot be done, by name.
@@ -127,7 +139,13 @@ def reproduce(
     requested = requested_by(Path(out), resume, options)
     with _stopping():
         return carried_out(
-            Path(out), requested, transfer=transfer, workers=workers, engine=engine, resume=resume
+            Path(out),
+            requested,
+            transfer=transfer,
+            workers=workers,
+            engine=engine,
+            resume=resume,
+            watch=watch,
         ).study
 
 

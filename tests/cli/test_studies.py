@@ -9,6 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from realitygap.cli import realitygap
+from realitygap.commands import evolve
+from realitygap.errors import ConfigError
 
 SMALL = (
     "--evaluations", "70", "--workers", "1",
@@ -256,6 +258,21 @@ def test_ctrl_c_says_how_to_go_on(tmp_path):
     assert f"realitygap evolve light --out {folder} --resume" in said[-1]
     shown = CliRunner().invoke(realitygap, ["show", str(folder), "--json"])
     assert json.loads(shown.stdout)["runs"][0]["finished"] is False
+
+
+def test_the_function_evolves_what_the_command_does(study, tmp_path):
+    """From Python, with a watched page and a spread: a condition each, and the command's own fitnesses."""
+    printed = study[1]
+    small = {"retest_trials": 2, "fresh_trials": 3, "task.seconds": 2}
+    made = evolve(
+        "light", noise=2, spread=[0, 0.1], seed=7, runs=2, evaluations=70, workers=1, settings=small,
+        out=tmp_path / "study", watch=True,
+    )  # fmt: skip
+    assert [(one.noise, one.spread) for one in made.config.conditions] == [(2.0, 0.0), (2.0, 0.1)]
+    assert "finished" in (tmp_path / "study" / "watch.html").read_text("utf-8")
+    assert [run.best_fitness for run in made.runs[:2]] == [run["best_fitness"] for run in printed["runs"]]
+    with pytest.raises(ConfigError, match="spread: expected a number"):
+        evolve("light", spread="much", out=tmp_path / "none")
 
 
 def test_a_strangers_task_file_is_asked_about(call, refused, json_of, monkeypatch, tmp_path):
