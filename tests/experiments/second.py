@@ -63,7 +63,7 @@ def write(data: Crossed, folder: Path, *, name: str = "T", error: float = 20.0) 
             for unit in sorted(set(data.home.tolist())) for channel, noise in channels.items()]  # fmt: skip
     head = ["unit", "channel", "model_error", "noise", "ratio", "ratio_over_all"]
     _write(folder / "calibration.csv", head, rows)
-    facts = {"arm": name, "commit": "0" * 40, "tasks": list(data.tasks), "versions": {"realitygap": "0"}}
+    facts = {"arm": name, "tasks": list(data.tasks), "versions": {"commit": "0" * 40}}
     (folder / "study.toml").write_text(to_toml(facts), "utf-8")
     return folder
 

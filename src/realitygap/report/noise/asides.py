@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from realitygap.experiments.noise.claims import Contrast
+from realitygap.experiments.noise.claims import Contrast, Split
 from realitygap.report.noise.facts import FAILED, SATURATED, Fall, NoiseFacts, Scope, Span
 from realitygap.report.noise.figures import titled
 from realitygap.report.noise.results import Misfit, real_misfits
@@ -22,16 +22,19 @@ def aside_tables(
     facts: NoiseFacts, settings: Mapping[str, object], scales: Mapping[str, tuple[float, str]]
 ) -> dict[str, NoiseTable]:
     """Every one, by its name; those of the calibration unit only where scores of it were kept."""
-    every = [split_table(scope, facts.data.robot) for scope in facts.scopes]
+    every = [
+        split_table(f"{s.name.replace(' ', '-')}-split", s.name, s.split, facts.data.robot)
+        for s in facts.scopes
+    ]
     every += [home_table(scope, settings) for scope in facts.scopes if scope.home]
     every += [ends_table(facts), falls_table(facts, scales)]
     return {table.name: table for table in every}
 
 
-def split_table(scope: Scope, robot: float) -> NoiseTable:
+def split_table(name: str, of: str, splits: Sequence[Split], robot: float) -> NoiseTable:
     """The diagonal's difference from each level, as steps of evolved and comparison level in both orders."""
     rows: list[Row] = []
-    for split in scope.split:
+    for split in splits:
         orders = {
             "evolved level": (split.evolved_first, split.comparison_after),
             "comparison level": (split.evolved_after, split.comparison_first),
@@ -42,9 +45,9 @@ def split_table(scope: Scope, robot: float) -> NoiseTable:
                 shown = [Number(span=span, signed=True) for span in spans]
                 rows.append((f"{split.other:g}", first, word, *shown))
     return NoiseTable(
-        name=f"{scope.name.replace(' ', '-')}-split",
+        name=name,
         title=f"What the diagonal's difference between {robot:g} and each other level is made of, "
-        f"{scope.name}. Of means it is the sum of both parts; deltas do not add up. Evolved level first: it "
+        f"{of}. Of means it is the sum of both parts; deltas do not add up. Evolved level first: it "
         f"is judged at {robot:g}, and the comparison level by controllers evolved at the other; comparison "
         f"level first: by controllers evolved at {robot:g}, and the evolved level is judged at the other.",
         head=("against level", "first", "measure", "diagonal", "evolved level", "comparison level"),

@@ -14,7 +14,7 @@ from realitygap.experiments.noise.crossed import Crossed, robot_level
 from realitygap.table import Table, read_table
 from realitygap.toml import read_toml
 
-__all__ = ["Misfit", "NoiseResults", "read_results", "real_misfits"]
+__all__ = ["Misfit", "NoiseResults", "read_calibration", "read_results", "real_misfits"]
 
 PARTS = ("score", "behaviour", "layout", "noisiness", "responsiveness")
 NEEDED = 3
@@ -105,7 +105,7 @@ def read_results(folder: str | Path) -> NoiseResults:
     seen = np.isfinite(scores[:, :, :NEEDED]).all(axis=(1, 2)) & np.isfinite(whole.situated)
     data = whole.only(seen)
     _refuse_holes(folder, data, levels)
-    calibration = tuple(_calibration(folder / "calibration.csv"))
+    calibration = tuple(read_calibration(folder / "calibration.csv"))
     lost = len(whole) - len(data)
     return NoiseResults(folder=folder, data=data, lost=lost, settings=settings, calibration=calibration)
 
@@ -241,7 +241,7 @@ def _over_all(m: Misfit) -> Misfit:
     return m._replace(model_error=ratio * m.noise, ratio=ratio, ratio_over_all=math.nan)
 
 
-def _calibration(file: Path) -> Iterator[Misfit]:
+def read_calibration(file: Path) -> Iterator[Misfit]:
     """Rows with a ratio; a channel without one (wheels) is left out."""
     from realitygap.calibration.judge import LIMITS
 

@@ -13,7 +13,7 @@ from realitygap.report.noise.facts import FitnessRow, NoiseFacts, Scope
 from realitygap.report.noise.figures import titled
 from realitygap.report.noise.results import Misfit
 
-__all__ = ["Scales", "limits", "robot_words", "thoughts", "warnings"]
+__all__ = ["CHANNEL_TASKS", "Scales", "limits", "robot_words", "thoughts", "warnings"]
 
 TEXTS: dict[str, Any] = tomllib.loads(Path(__file__).with_name("texts.toml").read_text("utf-8"))
 """What is said whatever came out."""

@@ -66,7 +66,7 @@ class Comparison:
         against: the level that level 1 is held against; for (d) the levels that slopes are over.
         tested: by the claim's statistic; above zero is in its favour.
         sets: the sign of the statistic in each seed set.
-        difference: of means, with its 90 % interval; nan for (d).
+        difference: of means, with its 90 % interval; nan for failures and (d).
         found: for, against, absent, or open.
     """
 
@@ -141,7 +141,9 @@ def _planned(data: Crossed, plan: Plan) -> list[tuple[str, str, str, _Run, _Gap 
             tests = {"ranks": _ranks, "means": _means, "failures": _failures} if key == "b" else {
                 "ranks": _ranks, "beside": _means}  # fmt: skip
             for by, test in tests.items():
-                made.append((key, by, to, partial(test, plan, values, other), means))
+                made.append(
+                    (key, by, to, partial(test, plan, values, other), None if by == "failures" else means)
+                )
     some = tuple(sorted({plan.robot, *plan.against}))
     there = tuple(sorted(set(data.evolved.tolist())))
     for levels, words in ((some, ", ".join(f"{level:g}" for level in some)), (there, "all levels")):
