@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 import realitygap
 from realitygap.correspondence.distances import Distances
 from realitygap.correspondence.names import Namer, descriptors_of, rows_of, shares
-from realitygap.correspondence.scale import PARTS
+from realitygap.correspondence.scale import CALM, PARTS
 from realitygap.correspondence.trials import Trial
 from realitygap.tasks.load import load_task
 from realitygap.world.arena import Arena
@@ -110,19 +110,22 @@ def calibrated(
 
 def scales() -> dict[str, dict[str, dict[str, float]]]:
     """By task, and of the motion alone: floors (of one start in each set) and ceiling of each part."""
-    measured = {}
+    measured, calm = {}, {}
     for task, kinds in KINDS.items():
         seeds = range(FIRST_SEED, FIRST_SEED + ROBOTS)
         robots = [Behaviour(task=task, kind=kind, seed=seed) for kind in kinds for seed in seeds]
         lives = {r: [r.trials(STARTS, again=j, starts=s) for j, s in LIVES] for r in robots}
         measured[task] = _measured(lives, load_task(task).arena)
         measured[f"motion, {task}"] = _measured(lives, None)
-    both = {
-        "": _together([measured[task] for task in KINDS]),
-        "motion": _together([measured[f"motion, {task}"] for task in KINDS]),
-    }
-    made = {task: _ends(both[""], measured[task]) for task in KINDS}
-    return {**made, "motion": _ends(both["motion"], both["motion"])}
+        calm[task] = _measured(lives, load_task(task).arena, jitter=False)
+        calm[f"motion, {task}"] = _measured(lives, None, jitter=False)
+    return _scales_of(measured) | {f"{name}{CALM}": ends for name, ends in _scales_of(calm).items()}
+
+
+def _scales_of(measured: dict[str, Measured]) -> dict[str, dict[str, dict[str, float]]]:
+    every = _together([measured[task] for task in KINDS])
+    motion = _together([measured[f"motion, {task}"] for task in KINDS])
+    return {**{task: _ends(every, measured[task]) for task in KINDS}, "motion": _ends(motion, motion)}
 
 
 class Measured(NamedTuple):
@@ -136,9 +139,11 @@ class Measured(NamedTuple):
     """Two robots of different kinds."""
 
 
-def _measured(lives: dict[Behaviour, list[list[Trial]]], arena: Arena | None) -> Measured:
+def _measured(
+    lives: dict[Behaviour, list[list[Trial]]], arena: Arena | None, *, jitter: bool = True
+) -> Measured:
     def far(a: list[Trial], b: list[Trial], matched: bool = True) -> list[float]:
-        between = Distances(a=a, b=b, arena=arena, matched=matched)
+        between = Distances(a=a, b=b, arena=arena, matched=matched, jitter=jitter)
         return [getattr(between, name)() for name in PARTS]
 
     pairs = [(r, s) for r, s in itertools.combinations(lives, 2) if r.kind != s.kind]

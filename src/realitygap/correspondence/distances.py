@@ -44,12 +44,14 @@ class Distances:
         a, b: the trials, two at least in each.
         arena: where they were; None: only what the tracks alone tell.
         matched: whether a start of one set is the start of that name in the other.
+        jitter: whether the descriptor of that name counts.
     """
 
     a: Sequence[Trial]
     b: Sequence[Trial]
     arena: Arena | None = None
     matched: bool = False
+    jitter: bool = True
 
     @cached_property
     def told(self) -> tuple[dict[str, Floats], dict[str, Floats]]:
@@ -59,7 +61,8 @@ class Distances:
     @cached_property
     def rows(self) -> Floats:
         """Descriptors of both sets' trials, [n, d]: a's, then b's."""
-        return np.vstack([in_units(told, chosen(self.arena)) for told in self.told])
+        kept = [d for d in chosen(self.arena) if self.jitter or d.name != "jitter"]
+        return np.vstack([in_units(told, kept) for told in self.told])
 
     @cached_property
     def starts(self) -> NDArray[np.int64]:

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib.resources import files
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from realitygap.correspondence.distances import Distances
 from realitygap.correspondence.trials import Trial
 
-__all__ = ["EDGE", "PARTS", "Scale", "exemplar_scale", "scale_of"]
+__all__ = ["CALM", "EDGE", "PARTS", "Scale", "exemplar_scale", "scale_of"]
 
 Floats = NDArray[np.float64]
 
@@ -22,6 +23,8 @@ ENOUGH_STARTS = 8
 SPLITS = 60
 FLOOR_QUANTILE = 0.99
 """The floor is what the same robot again hardly ever exceeds."""
+CALM = ", without jitter"
+"""Scales of that behaviour, beside the others."""
 EDGE = 0.3
 """What is left to tell within the floor and beyond the ceiling: 10 to 9.7, and 0.3 to 0.
 
@@ -77,23 +80,26 @@ def scale_of(
         whole: the trials are whole, not pieces, so that their own parts can make a floor.
     """
     starts = [len({t.start for t in trials}) for trials in (distances.a, distances.b)]
-    scale = exemplar_scale(task, starts[0], starts[1], matched=distances.matched)
+    scale = exemplar_scale(task, *starts, matched=distances.matched, jitter=distances.jitter)
     scale = _own_ceiling(scale, distances, ceiling) if ceiling else scale
     scale = _own_floor(scale, distances) if whole else scale
     low = min(scale.behaviour_floor, scale.behaviour_ceiling / 2)
     return replace(scale, behaviour_floor=low, layout_floor=min(scale.layout_floor, scale.layout_ceiling / 2))
 
 
-def exemplar_scale(task: str | None, starts_a: int, starts_b: int, *, matched: bool = True) -> Scale:
+def exemplar_scale(
+    task: str | None, starts_a: int, starts_b: int, *, matched: bool = True, jitter: bool = True
+) -> Scale:
     """The scale of the project's own exemplars, for so many starts in the two sets, pairs or not.
 
     Args:
         task: whose exemplars; None: of both tasks.
         starts_a, starts_b: how many trials are in either set.
         matched: whether trials of the two sets share their starts.
+        jitter: whether jitter counts as behaviour.
     """
     text = files("realitygap.correspondence.exemplars").joinpath("scales.json").read_text(encoding="utf-8")
-    made = json.loads(text)[task or "motion"]
+    made = json.loads(text)[(task or "motion") + ("" if jitter else CALM)]
     shrink = float(np.sqrt((1 / starts_a + 1 / starts_b) / 2))
     of = f"exemplars of {task.replace('-', ' ')}" if task else "exemplars of both tasks, by motion alone"
     which = "floor" if matched else "floor elsewhere"
@@ -129,7 +135,8 @@ def _own_floor(scale: Scale, distances: Distances) -> Scale:
 
 def _own_ceiling(scale: Scale, distances: Distances, ceiling: Sequence[Trial]) -> Scale:
     """How far both sets are from the other behaviour that was given."""
-    far = [Distances(a=trials, b=ceiling, arena=distances.arena) for trials in (distances.a, distances.b)]
+    other = partial(Distances, b=ceiling, arena=distances.arena, jitter=distances.jitter)
+    far = [other(a=trials) for trials in (distances.a, distances.b)]
     means = [np.mean([getattr(between, part)() for between in far]) for part in PARTS]
     top, layout = (max(float(mean), 0.05) for mean in means)
     given = "the other behaviour that was given"

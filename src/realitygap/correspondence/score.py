@@ -95,7 +95,7 @@ def compare(
     ours, theirs = (_partners(trials, pairs, notes) for trials in cut[:2])
     swapped = _order(theirs) < _order(ours)  # no figure depends on which of the two is named first
     first, second = (theirs, ours) if swapped else (ours, theirs)
-    between = Distances(a=first, b=second, arena=setting.arena, matched=bool(pairs))
+    between = Distances(a=first, b=second, arena=setting.arena, matched=bool(pairs), jitter=setting.jitter)
     ends = scale or scale_of(
         between, task=setting.exemplars, ceiling=cut[2] if ceiling else None, whole=not lone
     )

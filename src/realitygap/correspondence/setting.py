@@ -33,11 +33,13 @@ class Setting:
         name: for people.
         arena: None: nobody knows; then only the tracks' own motion is compared.
         exemplars: a paper's task: obstacle avoidance where no lamp is, else light seeking; None: both.
+        jitter: whether jitter counts as behaviour.
     """
 
     name: str
     arena: Arena | None
     exemplars: str | None
+    jitter: bool = True
 
 
 def setting_of(trials: Sequence[Trial], task: Task | str | PathLike[str] | None = None) -> Setting:
