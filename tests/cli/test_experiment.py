@@ -17,6 +17,23 @@ SMALL = (
 )  # fmt: skip
 
 
+PLAN = """
+[design]
+seeds = [1]
+foreign = 0
+starts = 2
+starts_by_unit = true
+units = 1
+[arm.A]
+tasks = ["obstacle-avoidance"]
+levels = [0.0, 1.0]
+runs = [1, 1]
+evaluations = 40
+seconds = 2.0
+[arm.B]
+"""
+
+
 @pytest.fixture(scope="module")
 def units():
     """Units that need neither recordings nor a twin."""
@@ -50,6 +67,26 @@ def test_what_cannot_be_done_is_refused(refused, tmp_path):
     assert "unknown task 'football'" in refused(*out, "--tasks", "football")
     assert "--starts" in refused(*out, "--starts", 1)
     assert not (tmp_path / "study").exists()
+
+
+def test_an_arm_is_carried_out_as_planned(units, json_of, call, refused, tmp_path):
+    """Its tables come out, and --resume needs no more; what would change its design is refused by name."""
+    out = ("experiment", "noise", "--out", tmp_path / "arm")
+    assert "--runs: expected none with arm T, whose design is planned, got 8" in refused(
+        *out, "--arm", "T", "--runs", 8
+    )
+    assert "arm: expected one of E, T, E5, T5, T2, S, got 'Q'" in refused(*out, "--arm", "Q")
+    (tmp_path / "plan").mkdir()
+    (tmp_path / "plan" / "arms.toml").write_text(PLAN)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("realitygap.experiments.noise.second.arms.STATED", tmp_path / "plan")
+        told = json_of(*out, "--arm", "A", "--workers", 1)
+        assert told == {"study": str(out[-1]), "arm": "A", "results": str(out[-1] / "results")}
+        assert "arm A is complete" in call(*out, "--resume").stdout
+        assert "--seed: expected none with arm A" in refused(*out, "--resume", "--seed", 7)
+        assert "--arm: expected A, the arm of this experiment, got B" in refused(
+            *out, "--resume", "--arm", "B"
+        )
 
 
 def test_ctrl_c_says_how_to_go_on(units, call, tmp_path):

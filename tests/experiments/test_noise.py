@@ -15,7 +15,13 @@ from realitygap.errors import ConfigError, LineError, StudyBusyError, StudyError
 from realitygap.experiments.noise import simulated
 from realitygap.experiments.noise.config import NoiseConfig, levels_of, tasks_of
 from realitygap.experiments.noise.folder import Seconds
-from realitygap.experiments.noise.plan import controllers, evolved_folder, simulated_file, situated_file
+from realitygap.experiments.noise.plan import (
+    Evolved,
+    controllers,
+    evolved_folder,
+    simulated_file,
+    situated_file,
+)
 from realitygap.experiments.noise.run import COMPARING, noise_study
 from realitygap.experiments.noise.simulated import read_compared
 from realitygap.experiments.noise.situated import read_situated
@@ -116,7 +122,7 @@ def test_all_levels_are_compared_on_the_same_starts(done):
     stage = Stage(done, tiny())
     kept = [(one, read_situated(stage, one)) for one in controllers(tiny())]
     for one, paths in kept:
-        starts = [(pose.x, pose.y) for pose in stage.starts(one.task, one.seed_set)]
+        starts = [(pose.x, pose.y) for pose in stage.starts(one.task, one.seed_set, 1)]
         for of_unit in paths.poses[:, :, 0, :2]:
             assert of_unit == pytest.approx(np.array(starts), abs=1e-9)
     streams = np.concatenate([paths.streams.ravel() for _, paths in kept])
@@ -133,7 +139,7 @@ def test_a_controller_keeps_its_bands_on_every_robot(done):
 
 def test_home_seeds_differ(done):
     """No two studies of evolution begin alike: each has a seed and a profile of its own."""
-    made = [load_study(evolved_folder(done, 1, unit)) for unit in (1, 2)]
+    made = [load_study(evolved_folder(done, tiny(), Evolved(1, unit, 1, (0.0, 1.0)))) for unit in (1, 2)]
     assert made[0].config.seed != made[1].config.seed
     assert [study.profile.name for study in made] == ["unit 1", "unit 2"]
     assert not np.array_equal(made[0].genotypes(1)[0], made[1].genotypes(1)[0])

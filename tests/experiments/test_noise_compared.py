@@ -37,7 +37,7 @@ def drive_as_simulated(stage: Stage, one, drawn_as: int | None = None) -> None:
     poses = np.empty_like(kept.poses)
     for u in range(1, HOMES + 1):
         robot = wearing(unit_profile(drawn_as or u), unit_profile(one.home))
-        for k, start in enumerate(stage.starts(one.task, one.seed_set)):
+        for k, start in enumerate(stage.starts(one.task, one.seed_set, 1)):
             path, _ = Simulation(stage.task(one.task), robot, 0.0).trajectory(networks, stream=0, pose=start)
             ends = [(path.x, path.end.x), (path.y, path.end.y), (path.heading, path.end.heading)]
             poses[u - 1, k] = np.column_stack([np.append(*both) for both in ends])

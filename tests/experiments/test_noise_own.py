@@ -49,7 +49,7 @@ def test_a_robot_of_ones_own_takes_the_twins_place(tmp_path, small):
     stage, made = Stage(folder, small), controllers(small)
     for one in made:
         kept = read_situated(stage, one)
-        starts = [(pose.x, pose.y) for pose in stage.starts(one.task, 1)]
+        starts = [(pose.x, pose.y) for pose in stage.starts(one.task, 1, 1)]
         assert np.array_equal(kept.poses[0, :, 0, :2], starts) and np.isfinite(kept.poses).all()
         track = kept.track(1, 1)
         assert len(track) == 41 and track.t[-1] == pytest.approx(2.4)

@@ -31,7 +31,7 @@ def test_the_number_of_workers_changes_no_bit(tmp_path):
     for controller in controllers(small):
         seen = [read_situated(stage, controller) for stage in stages]
         assert np.array_equal(seen[0].poses, seen[1].poses) and np.isfinite(seen[0].poses).all()
-        starts = [(pose.x, pose.y) for pose in stages[0].starts(controller.task, 1)]
+        starts = [(pose.x, pose.y) for pose in stages[0].starts(controller.task, 1, 1)]
         assert np.hypot(*(seen[0].poses[0, :, 0, :2] - starts).T).max() < 0.1
         files = [situated_file(tmp_path / name, controller).read_bytes() for name in ("one", "two")]
         assert files[0] == files[1]

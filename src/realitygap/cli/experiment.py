@@ -38,6 +38,11 @@ def experiment() -> None:
 @experiment.command()
 @option.out("out/noise")
 @click.option(
+    "--arm", metavar="A",
+    help="An arm of the second study, as planned (docs/noise-level-2.md): E, T, E5, T5, T2 or S. No option"
+    " that would change its design goes with it.",
+)  # fmt: skip
+@click.option(
     "--levels",
     metavar="L,L,…",
     help="Noise levels (1 = observed) to evolve at and to compare with [default: 0,0.5,1,2,4].",
@@ -83,23 +88,24 @@ def noise(
     saved values.
 
     \b
-    Examples: the full experiment; the same on a twin twice as noisy; a small one to try; a robot of your own
+    Examples: the full experiment; the same on a twin twice as noisy; a small one to try; a robot of your
+    own; an arm of the second study
         realitygap experiment noise
         realitygap experiment noise --twin-noise 2 --out out/noise-2
         realitygap experiment noise --levels 0,1,2 --runs 4 --units 1 --starts 4 --out out/small
         realitygap experiment noise --robot my_robot.py:MyRobot --base my_robot.toml --out out/mine
+        realitygap experiment noise --arm E --out out/arm-E
     """
     from realitygap.experiments.noise.folder import resuming
     from realitygap.experiments.noise.run import noise_study
-    from realitygap.report.noise.report import build_noise_report
     from realitygap.work.shard import read_mark
 
     out = out if shard is None else shard.folder(out)
     config = _config(out, resume, options)
     if not resume:
-        runs = config.runs * len(config.tasks) * len(config.levels)
-        runs = runs if shard is None else len(shard.own(range(runs)))
-        trials = runs * config.units * config.starts
+        every = range(config.controllers)
+        runs = len(every) if shard is None else len(shard.own(every))
+        trials = config.twin_trials * runs // len(every)
         consider(runs=runs, evaluations=config.evaluations, trials=trials, workers=workers)
     with resumable(out, resuming(config, out) + option.unusual(engine)), ProgressLine() as progress:
         results = noise_study(
@@ -109,22 +115,28 @@ def noise(
         if read_mark(out) is not None:
             show_shard(out, {}, json_output=json_output)
             return
-        page = build_noise_report(out, on_progress=progress.report)
-    show_noise(out, results, page, {}, json_output=json_output)
+    show_noise(out, results, {}, json_output=json_output)
 
 
-def show_noise(out: Path, results: Path, page: Path, more: Mapping[str, Any], *, json_output: bool) -> None:
-    """Print what a study of noise came to.
+def show_noise(out: Path, results: Path, more: Mapping[str, Any], *, json_output: bool) -> None:
+    """Make the report of a study of noise, and print what it came to; of an arm of the plan its tables only.
 
     Args:
         out: its folder.
         results: its tables.
-        page: its report.
         more: further parts of the JSON.
         json_output: print JSON.
     """
-    from realitygap.report.noise.report import noise_summary
+    from realitygap.experiments.noise.config import NoiseConfig
+    from realitygap.report.noise.report import build_noise_report, noise_summary
 
+    arm = NoiseConfig.from_folder(out).arm
+    if arm is not None:
+        facts = {"study": str(out), "arm": arm, "results": str(results), **more}
+        tell(json_output, facts, f"arm {arm} is complete\n\nresults {results}")
+        return
+    with ProgressLine() as progress:
+        page = build_noise_report(out, on_progress=progress.report)
     summary = noise_summary(out)
     facts = {"study": str(out), "results": str(results), "report": str(page), **summary, **more}
     tell(json_output, facts, f"{summary['paragraph']}\n\nresults {results}\nreport  {page}")
@@ -138,6 +150,9 @@ def _config(out: Path, resume: bool, options: dict[str, Any]) -> NoiseConfig:
 
     begun = NoiseConfig.from_folder(out) if resume and (out / CONFIG).is_file() else NoiseConfig()
     asked = option.given(options)
+    name = asked.pop("arm", begun.arm)
+    if name is not None:
+        return _of_arm(name, begun if resume else None, asked)
     if asked.get("robot") == "twin":
         del asked["robot"]
     if asked.get("robot", "enki").partition(":")[0] not in ("stranger", "enki"):
@@ -155,3 +170,18 @@ def _config(out: Path, resume: bool, options: dict[str, Any]) -> NoiseConfig:
         if key in asked:
             asked[key] = read(asked[key])
     return replace(begun, **asked)
+
+
+def _of_arm(name: str, begun: NoiseConfig | None, asked: dict[str, Any]) -> NoiseConfig:
+    """An arm as it was planned; an option that would change it is refused, and another arm's folder."""
+    from realitygap.experiments.noise.second.arms import arm
+
+    for key, value in asked.items():
+        said = f"--{key.replace('_', '-')}"
+        raise click.UsageError(
+            f"{said}: expected none with arm {name}, whose design is planned, got {value}. Leave it out, or "
+            "leave out --arm, and choose another --out."
+        )
+    if begun is not None and begun.arm not in (None, name):
+        raise click.UsageError(f"--arm: expected {begun.arm}, the arm of this experiment, got {name}.")
+    return arm(name)

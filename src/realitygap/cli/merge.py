@@ -49,7 +49,6 @@ def merge(
     """
     from realitygap.experiments.noise.folder import merge_noise
     from realitygap.experiments.noise.run import noise_study
-    from realitygap.report.noise.report import build_noise_report
     from realitygap.study.merge import all_shards, merge_runs
     from realitygap.transfer.merge import merge_trials
     from realitygap.work.shard import read_mark, whole_of
@@ -71,8 +70,7 @@ def merge(
         merge_noise(found, target)
         with ProgressLine() as progress:
             results = noise_study(target, workers=workers, resume=True, on_progress=progress.show)
-            page = build_noise_report(target, on_progress=progress.report)
-        show_noise(target, results, page, told, json_output=json_output)
+        show_noise(target, results, told, json_output=json_output)
         return
     for folder in found.values():
         ask_trust(str(folder), trust)

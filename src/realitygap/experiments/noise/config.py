@@ -24,16 +24,21 @@ CONFIG = "noise-study.toml"
 
 LOUDEST = 10.0
 
+ARMS_ONLY = ("first_unit", "foreign", "fittest", "starts_by_unit", "seeds")
+"""What only an arm of the plan sets."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseConfig(Value):
     """The whole design.
 
     Attributes:
+        arm: of the second study's plan (`second.arms`), which alone may set what stands last here; None: a
+            design of one's own.
         levels: of noise: controllers evolve at each, and are compared with the simulation at each.
-        runs: controllers of each task and level, over all seed sets.
+        runs: controllers of each task and level, over all seed sets; or of each level, in the levels' order.
         seed_sets: sets of runs with seeds of their own: each is a study for itself.
-        units: of the twin, 1 to this; a simulation is calibrated to each.
+        units: of the twin, so many from `first_unit` on; a simulation is calibrated to each.
         starts: of each controller on each unit.
         evaluations: of each run.
         twin_noise: the twin's noise scale.
@@ -44,13 +49,20 @@ class NoiseConfig(Value):
             `file.py:Class` or `module:Class`: the only unit.
         base: the rough profile of one's own, by name or file.
         arena: another than the task's, by name or file, where there is one task; for a larger robot.
+        first_unit: its number.
+        foreign: units that a controller drives besides its calibration unit, the next in order, in a circle;
+            all if None.
+        fittest: each run's fittest of the last population drives too, on its calibration unit alone.
+        starts_by_unit: drawn once for each unit, for both seed sets; else for each seed set, for all units.
+        seeds: of the seed sets, where they have seeds of their own; `seed` is then the units' alone.
 
     Raises:
         ConfigError: names the key, what was expected and what came.
     """
 
+    arm: str | None = None
     levels: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0, 4.0)
-    runs: int = 40
+    runs: int | tuple[int, ...] = 40
     seed_sets: int = 2
     units: int = 3
     starts: int = 8
@@ -62,18 +74,22 @@ class NoiseConfig(Value):
     robot: str | None = None
     base: str | None = None
     arena: str | None = None
+    first_unit: int = 1
+    foreign: int | None = None
+    fittest: bool = False
+    starts_by_unit: bool = False
+    seeds: tuple[int, ...] = ()
 
     def _check(self) -> None:
-        for key, largest in (("runs", 10**4), ("seed_sets", 100), ("units", 100), ("evaluations", 10**9)):
+        for key, largest in (("seed_sets", 100), ("units", 100), ("evaluations", 10**9)):
             whole(key, getattr(self, key), 1, largest)
         whole("starts", self.starts, 2, 1000)  # one start is not enough to compare by
         whole("seed", self.seed, 0, LARGEST)
-        object.__setattr__(self, "levels", tuple(sorted(noise_level(level) for level in self.levels)))
+        given = tuple(noise_level(level) for level in self.levels)
+        object.__setattr__(self, "levels", tuple(sorted(given)))
         different = len(set(self.levels)) == len(self.levels) >= 2
         require(different, "levels", "two or more, all different", list(self.levels))
-        cure = f"Give a multiple of {self.seed_sets}."
-        require(self.runs % self.seed_sets == 0, "runs", f"as many in each of {self.seed_sets} seed sets",
-                self.runs, cure)  # fmt: skip
+        self._check_runs(given)
         loud = f"a number from 0 to {LOUDEST:g} (1: as noisy as the robot's own)"
         require(0 <= self.twin_noise <= LOUDEST, "twin_noise", loud, self.twin_noise)
         known = bool(self.tasks) and len(set(self.tasks)) == len(self.tasks) and set(self.tasks) <= set(TASKS)
@@ -85,6 +101,29 @@ class NoiseConfig(Value):
             require(len(self.tasks) == 1, "arena", "none where there are several tasks", self.arena)
             object.__setattr__(self, "arena", _whole_path(self.arena))
         self._check_robot()
+        if self.arm is None:
+            for key in ARMS_ONLY:
+                usual = getattr(type(self), key)
+                require(getattr(self, key) == usual, key, f"{usual!r} but in an arm of the plan",
+                        getattr(self, key))  # fmt: skip
+            return
+        whole("first_unit", self.first_unit, 1, 10**6)
+        whole("foreign", self.foreign, 0, self.units - 1)
+        require(len(self.seeds) == self.seed_sets, "seeds", f"one for each of {self.seed_sets} seed sets",
+                self.seeds)  # fmt: skip
+
+    def _check_runs(self, levels: tuple[float, ...]) -> None:
+        """Runs of each level, or of all; sorted as the levels are."""
+        each = self.runs if isinstance(self.runs, tuple | list) else (self.runs,)
+        for runs in each:
+            whole("runs", runs, 1, 10**4)
+            cure = f"Give a multiple of {self.seed_sets}."
+            require(runs % self.seed_sets == 0, "runs", f"as many in each of {self.seed_sets} seed sets",
+                    runs, cure)  # fmt: skip
+        if not isinstance(self.runs, int):
+            require(len(each) == len(levels), "runs", f"one for each of {len(levels)} levels", self.runs)
+            rising = sorted(zip(levels, each, strict=True))
+            object.__setattr__(self, "runs", tuple(runs for _, runs in rising))
 
     def _check_robot(self) -> None:
         """A robot of one's own has a base, and none of what is the twin's; files are known everywhere."""
@@ -125,29 +164,49 @@ class NoiseConfig(Value):
         task = task if self.seconds is None else replace(task, seconds=self.seconds)
         return task if self.arena is None else replace(task, arena=load_arena(self.arena))
 
+    def runs_in_set(self, level: float) -> int:
+        """Runs of a task in one seed set at a level."""
+        runs = self.runs if isinstance(self.runs, int) else self.runs[self.levels.index(level)]
+        return runs // self.seed_sets
+
     @property
-    def runs_in_set(self) -> int:
-        """Runs of a task and level in one seed set."""
-        return self.runs // self.seed_sets
+    def every_unit(self) -> range:
+        """Numbers of the units."""
+        return range(self.first_unit, self.first_unit + self.units)
+
+    @property
+    def individuals(self) -> tuple[str, ...]:
+        """Who drives of each run."""
+        return ("champion", "fittest") if self.fittest else ("champion",)
+
+    def driven(self, home: int, individual: str = "champion") -> tuple[int, ...]:
+        """Units that an individual of a calibration unit drives: all in order, or its own first."""
+        if self.foreign is None:
+            return tuple(self.every_unit)
+        more = self.foreign if individual == "champion" else 0
+        return tuple(self.every_unit[(home - self.first_unit + k) % self.units] for k in range(more + 1))
 
     @property
     def controllers(self) -> int:
         """Runs in all."""
-        return self.runs * len(self.levels) * len(self.tasks)
+        return len(self.tasks) * self.seed_sets * sum(map(self.runs_in_set, self.levels))
 
     @property
     def twin_trials(self) -> int:
         """Trials on the twin."""
-        return self.controllers * self.units * self.starts
+        units = sum(len(self.driven(self.first_unit, individual)) for individual in self.individuals)
+        return self.controllers * units * self.starts
 
     def to_dict(self) -> dict[str, Any]:
-        """The settings, keys as in their file; what is None is left out."""
-        return {key: value for key, value in super().to_dict().items() if value is not None}
+        """The settings, keys as in their file; what is None is left out, and of no arm what an arm's are."""
+        hidden = () if self.arm else ARMS_ONLY
+        table = super().to_dict().items()
+        return {key: value for key, value in table if value is not None and key not in hidden}
 
     @classmethod
     def from_dict(cls, table: Mapping[str, Any]) -> Self:
-        """From a dictionary with a file's keys (`versions`, which a study adds, is left out)."""
-        return build(cls, {key: value for key, value in table.items() if key != "versions"})
+        """From a dictionary with a file's keys (what a study adds, `versions` and `plan`, is left out)."""
+        return build(cls, {key: value for key, value in table.items() if key not in ("versions", "plan")})
 
     @classmethod
     def from_folder(cls, folder: Path) -> Self:

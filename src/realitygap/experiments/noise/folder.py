@@ -15,11 +15,12 @@ from realitygap.experiments.noise.plan import (
     Controller,
     calibration_folder,
     controllers,
+    evolved,
     evolved_folder,
-    homes,
     simulated_file,
     situated_file,
 )
+from realitygap.experiments.noise.second.arms import check_arm, plan_digests
 from realitygap.study.lock import refuse_strangers
 from realitygap.study.merge import merge_runs, new_folder
 from realitygap.study.schema import told
@@ -28,7 +29,10 @@ from realitygap.study.versions import versions
 from realitygap.toml import read_toml, to_toml
 from realitygap.work.shard import MARK, Shard
 
-__all__ = ["MADE", "RESULTS", "Seconds", "command_of", "merge_noise", "missing", "open_folder", "resuming"]
+__all__ = [
+    "MADE", "RESULTS", "Seconds", "begun_by", "command_of", "merge_noise", "missing", "open_folder",
+    "resuming",
+]  # fmt: skip
 
 RESULTS = "results"
 """Folder of the tables that come out: all that a report needs."""
@@ -47,13 +51,15 @@ def open_folder(folder: Path, requested: NoiseConfig | None, *, resume: bool) ->
 
     Raises:
         StudyError: there is one but `resume` is not set, or it was made with other settings, or
-            there is none to resume, or the folder holds something else.
+            there is none to resume, or the folder holds something else; or an arm that is not the plan's.
     """
     if not (folder / CONFIG).is_file():
         if requested is None:
             raise StudyError(f"{folder}: no study of the level of noise there. Start it without --resume.")
         refuse_strangers(folder, "study of the level of noise", (MARK,))
-        text = to_toml({**requested.to_dict(), "versions": versions()})
+        check_arm(folder, requested)
+        plan = {"plan": plan_digests()} if requested.arm else {}
+        text = to_toml({**requested.to_dict(), "versions": versions(), **plan})
         with told(folder):
             whole.write(folder / MADE, text)
             header = _HEADER.format(again=resuming(requested, "THIS_FOLDER"))
@@ -67,11 +73,19 @@ def open_folder(folder: Path, requested: NoiseConfig | None, *, resume: bool) ->
         raise StudyError(f"{folder} already holds {done} study of the level of noise. {cure}")
     if requested is not None:
         refuse_difference(f"{folder}: the study was made", there.to_dict(), requested.to_dict())
+    check_arm(folder, there, begun_by(folder))
     return there
+
+
+def begun_by(folder: Path) -> dict[str, str]:
+    """Digests of the plan that the study in a folder was begun by; none of a design of one's own."""
+    return dict(read_toml(folder / CONFIG, StudyError, "").get("plan", {}))
 
 
 def command_of(config: NoiseConfig) -> str:
     """The command that makes this study; what is as usual is left out."""
+    if config.arm is not None:
+        return f"realitygap experiment noise --arm {config.arm}"
     usual = NoiseConfig().to_dict()
     if config.base is not None:
         usual["units"] = config.units  # nobody may say it
@@ -82,8 +96,9 @@ def command_of(config: NoiseConfig) -> str:
 
 def resuming(config: NoiseConfig, folder: str | Path) -> str:
     """The command that goes on with a study: a robot of one's own is a program, run only when it is named."""
-    robot = "" if config.robot is None else f" --robot {shlex.quote(config.robot)}"
-    return f"realitygap experiment noise --out {shlex.quote(str(folder))}{robot} --resume"
+    named = "" if config.robot is None else f" --robot {shlex.quote(config.robot)}"
+    named = named if config.arm is None else f" --arm {config.arm}"
+    return f"realitygap experiment noise --out {shlex.quote(str(folder))}{named} --resume"
 
 
 def _typed(value: Any) -> str:
@@ -144,15 +159,15 @@ def merge_noise(shards: Mapping[Shard, Path], out: Path) -> None:
         for name in (CONFIG, MADE):
             shutil.copyfile(first / name, half / name)
         shutil.copytree(first / "calibration", half / "calibration")
-        for seed_set, unit in homes(config):
-            evolved = {shard: evolved_folder(folder, seed_set, unit) for shard, folder in shards.items()}
-            merge_runs(evolved, evolved_folder(half, seed_set, unit))
+        for made in dict.fromkeys(evolved(config, one) for one in controllers(config)):
+            parts = {shard: evolved_folder(folder, config, made) for shard, folder in shards.items()}
+            merge_runs(parts, evolved_folder(half, config, made))
         for one in controllers(config):
             for file_of in (situated_file, simulated_file):
-                made = [file for folder in shards.values() if (file := file_of(folder, one)).is_file()]
-                if made:
+                there = [file for folder in shards.values() if (file := file_of(folder, one)).is_file()]
+                if there:
                     file_of(half, one).parent.mkdir(parents=True, exist_ok=True)
-                    shutil.copyfile(made[0], file_of(half, one))
+                    shutil.copyfile(there[0], file_of(half, one))
         lost = missing({one: simulated_file(half, one) for one in controllers(config)})
         if lost:
             raise StudyError(f"{first}: no shard has the controller {lost[0].name}. Finish the shards first.")
@@ -166,7 +181,8 @@ def _refuse_other(first: Path, other: Path, config: NoiseConfig) -> None:
     cure = f"{other} has that. Only shards of one study are merged."
     there = NoiseConfig.from_folder(other).to_dict()
     refuse_difference(f"{first}: the study was made", config.to_dict(), there, cure)
-    for unit in range(1, config.units + 1):
+    refuse_difference(f"{first}: the arm was begun", begun_by(first), begun_by(other), cure)
+    for unit in config.every_unit:
         ours, theirs = (calibration_folder(folder, unit) / PROFILE for folder in (first, other))
         if ours.read_bytes() != theirs.read_bytes():
             raise StudyError(

@@ -6,9 +6,10 @@ in the study changes a bit.
 
 import hashlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
+from typing import NamedTuple
 
 from realitygap.experiments.noise.config import NoiseConfig
 from realitygap.study.config import StudyConfig
@@ -17,8 +18,8 @@ from realitygap.study.plan import named
 from realitygap.work.shard import Shard
 
 __all__ = [
-    "Controller", "calibration_folder", "controllers", "evolution", "evolved_folder", "homes", "share",
-    "simulated_file", "situated_file", "stream",
+    "Controller", "Evolved", "calibration_folder", "controllers", "evolution", "evolved", "evolved_folder",
+    "share", "simulated_file", "situated_file", "stream",
 ]  # fmt: skip
 
 FRESH_TRIALS = 1
@@ -27,11 +28,12 @@ FRESH_TRIALS = 1
 
 @dataclass(frozen=True, kw_only=True)
 class Controller:
-    """The champion of run number `run` (from 1) in its seed set, task and level.
+    """An individual of run number `run` (from 1) in its seed set, task and level.
 
     Attributes:
         home: the unit that the simulation it evolved in was calibrated to.
-        run_name: its run's name in the study of its seed set and calibration unit.
+        run_name: its run's name in its study of evolution.
+        individual: champion, or fittest: of the last population, by its stored fitness.
     """
 
     task: str
@@ -40,17 +42,38 @@ class Controller:
     run: int
     home: int
     run_name: str
+    individual: str = "champion"
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """What names the streams of its trials."""
+        who = () if self.individual == "champion" else (self.individual,)
+        return (self.task, self.seed_set, self.level, self.run, *who)
 
     @property
     def name(self) -> str:
         """As the names of files and messages have it."""
-        return f"{self.task}-set-{self.seed_set}-level-{self.level!r}-run-{self.run}"
+        who = "" if self.individual == "champion" else f"-{self.individual}"
+        return f"{self.task}-set-{self.seed_set}-level-{self.level!r}-run-{self.run}{who}"
+
+
+class Evolved(NamedTuple):
+    """A study of evolution: a seed set and calibration unit, and the levels that have so many runs there."""
+
+    seed_set: int
+    unit: int
+    runs: int
+    levels: tuple[float, ...]
 
 
 def controllers(config: NoiseConfig) -> tuple[Controller, ...]:
     """All of them, grouped by task and calibration unit, so that whoever takes them in order changes robots
     seldom."""
-    made = [
+    return tuple(replace(one, individual=who) for one in _champions(config) for who in config.individuals)
+
+
+def _champions(config: NoiseConfig) -> list[Controller]:
+    return [
         Controller(
             task=task,
             seed_set=seed_set,
@@ -60,47 +83,46 @@ def controllers(config: NoiseConfig) -> tuple[Controller, ...]:
             run_name=f"{task}/{named(level)}/{index}",
         )
         for task in config.tasks
-        for home in range(1, config.units + 1)
+        for home in config.every_unit
         for seed_set in range(1, config.seed_sets + 1)
         for level in config.levels
-        for index, run in enumerate(_runs(config, home), start=1)
+        for index, run in enumerate(_runs(config, home, level), start=1)
     ]
-    return tuple(made)
 
 
 def share(config: NoiseConfig, shard: Shard) -> tuple[Controller, ...]:
     """A shard's controllers: those of its runs in every study of evolution."""
-    taken: dict[tuple[int, int], Iterator[bool]] = {}
-    every = controllers(config)
-    for one in every:
-        taken.setdefault(
-            (one.seed_set, one.home), (number % shard.of == shard.number - 1 for number in count())
+    taken: dict[Evolved, Iterator[bool]] = {}
+    own = set()
+    for one in _champions(config):
+        numbers = taken.setdefault(
+            evolved(config, one), (number % shard.of == shard.number - 1 for number in count())
         )
-    return tuple(one for one in every if next(taken[one.seed_set, one.home]))
+        if next(numbers):
+            own.add(one)
+    return tuple(one for one in controllers(config) if replace(one, individual="champion") in own)
 
 
-def homes(config: NoiseConfig) -> Iterator[tuple[int, int]]:
-    """Seed set and unit of each study of evolution that has runs."""
-    for seed_set in range(1, config.seed_sets + 1):
-        for unit in range(1, config.units + 1):
-            if _runs(config, unit):
-                yield seed_set, unit
+def evolved(config: NoiseConfig, one: Controller) -> Evolved:
+    """The study that a controller evolved in: levels with other numbers of runs have another."""
+    runs = len(_runs(config, one.home, one.level))
+    alike = tuple(level for level in config.levels if len(_runs(config, one.home, level)) == runs)
+    return Evolved(one.seed_set, one.home, runs, alike)
 
 
-def evolution(config: NoiseConfig, seed_set: int, unit: int, profile: Path) -> StudyConfig:
-    """What evolves in the simulation calibrated to a unit, in one seed set.
+def evolution(config: NoiseConfig, made: Evolved, profile: Path) -> StudyConfig:
+    """What evolves in a study of evolution.
 
     Args:
         config: the whole design.
-        seed_set: number of the set.
-        unit: of the twin, that the simulation is calibrated to.
-        profile: the file of that calibration.
+        made: which study.
+        profile: the file of the calibration to its unit.
     """
-    conditions = (Condition(task=task, noise=level) for task in config.tasks for level in config.levels)
+    conditions = (Condition(task=task, noise=level) for task in config.tasks for level in made.levels)
     return StudyConfig(
-        title=f"Noise level: seed set {seed_set}, simulation calibrated to unit {unit}",
-        seed=stream(config, "evolution", seed_set, unit) >> 1,
-        runs=len(_runs(config, unit)),
+        title=f"Noise level: seed set {made.seed_set}, simulation calibrated to unit {made.unit}",
+        seed=stream(config, "evolution", made.seed_set, made.unit, seed_set=made.seed_set) >> 1,
+        runs=made.runs,
         evaluations=config.evaluations,
         fresh_trials=FRESH_TRIALS,
         profile=str(profile),
@@ -110,14 +132,15 @@ def evolution(config: NoiseConfig, seed_set: int, unit: int, profile: Path) -> S
     )
 
 
-def _runs(config: NoiseConfig, unit: int) -> list[int]:
-    """Numbers of a seed set's runs calibrated to this unit: the units take turns."""
-    return [run for run in range(1, config.runs_in_set + 1) if 1 + (run - 1) % config.units == unit]
+def _runs(config: NoiseConfig, unit: int, level: float) -> range:
+    """Numbers of a seed set's runs at a level calibrated to this unit: the units take turns."""
+    return range(unit - config.first_unit + 1, config.runs_in_set(level) + 1, config.units)
 
 
-def stream(config: NoiseConfig, *names: object) -> int:
-    """The stream of whatever these names name, 0 to 2⁶⁴ − 1."""
-    text = "/".join(map(repr, (config.seed, *names)))
+def stream(config: NoiseConfig, *names: object, seed_set: int | None = None) -> int:
+    """The stream of whatever these names name, 0 to 2⁶⁴ − 1; of a seed set's own seed, if it has one."""
+    seed = config.seeds[seed_set - 1] if seed_set and config.seeds else config.seed
+    text = "/".join(map(repr, (seed, *names)))
     return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=8).digest(), "little")
 
 
@@ -126,9 +149,10 @@ def calibration_folder(folder: Path, unit: int) -> Path:
     return folder / "calibration" / f"unit-{unit}"
 
 
-def evolved_folder(folder: Path, seed_set: int, unit: int) -> Path:
-    """The study of evolution of a seed set and calibration unit."""
-    return folder / "evolved" / f"set-{seed_set}-unit-{unit}"
+def evolved_folder(folder: Path, config: NoiseConfig, made: Evolved) -> Path:
+    """Where a study of evolution is."""
+    more = "" if len(made.levels) == len(config.levels) else f"-runs-{made.runs}"
+    return folder / "evolved" / f"set-{made.seed_set}-unit-{made.unit}{more}"
 
 
 def situated_file(folder: Path, one: Controller) -> Path:

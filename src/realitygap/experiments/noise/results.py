@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from realitygap import whole
+from realitygap.calibration.unit import PROFILE
 from realitygap.errors import StudyError
-from realitygap.experiments.noise.config import CONFIG
-from realitygap.experiments.noise.folder import RESULTS, Seconds, command_of
-from realitygap.experiments.noise.plan import Controller, controllers
-from realitygap.experiments.noise.simulated import read_compared
+from realitygap.experiments.noise.config import CONFIG, NoiseConfig
+from realitygap.experiments.noise.folder import RESULTS, Seconds, begun_by, command_of
+from realitygap.experiments.noise.plan import Controller, calibration_folder, controllers
+from realitygap.experiments.noise.simulated import mean, read_compared
 from realitygap.experiments.noise.stage import Stage
 from realitygap.study.versions import versions
 from realitygap.text import to_csv
@@ -20,11 +21,15 @@ __all__ = ["write_results"]
 
 DIGITS = 5
 CELL = ("score", "behaviour", "layout", "noisiness", "responsiveness", "fitness_simulated")
+OF_ARM = ("layout_home", "without_jitter", "without_jitter_home")
+"""Columns of an arm's cells besides, after those of the calibration unit and of foreign ones."""
 CALIBRATION = ("unit", "channel", "model_error", "noise", "ratio", "ratio_over_all")
 
 
 def write_results(stage: Stage) -> Path:
     """Gather what came of all controllers: controllers.csv, cells.csv, calibration.csv, study.toml.
+
+    Of an arm of the plan all profiles besides, and rows by calibration unit and foreign ones.
 
     Raises:
         StudyError: a controller's file is missing or broken.
@@ -32,8 +37,8 @@ def write_results(stage: Stage) -> Path:
     folder, config = stage.folder / RESULTS, stage.config
     folder.mkdir(parents=True, exist_ok=True)
     found = {one: read_compared(stage, one) for one in sorted(controllers(config), key=_order(stage))}
-    _table(folder / "controllers.csv", [_controller(one, kept) for one, kept in found.items()])
-    cells = [row for one, kept in found.items() for row in _cells(one, kept, config.units)]
+    _table(folder / "controllers.csv", [_controller(one, kept, config) for one, kept in found.items()])
+    cells = [row for one, kept in found.items() for row in _cells(one, kept, config)]
     _table(folder / "cells.csv", cells)
     _table(folder / "calibration.csv", list(_calibration(stage)))
     facts = {
@@ -47,6 +52,12 @@ def write_results(stage: Stage) -> Path:
         "versions": versions(),
         "versions_at_start": read_toml(stage.folder / CONFIG, StudyError, "").get("versions", {}),
     }
+    if config.arm is not None:
+        facts["plan"] = begun_by(stage.folder)
+        (folder / "profiles").mkdir(exist_ok=True)
+        for unit in config.every_unit:
+            profile = calibration_folder(stage.folder, unit) / PROFILE
+            whole.write(folder / "profiles" / f"unit-{unit}.toml", profile.read_text("utf-8"))
     whole.write(folder / "study.toml", to_toml(facts))
     return folder
 
@@ -54,14 +65,18 @@ def write_results(stage: Stage) -> Path:
 def _order(stage: Stage) -> Any:
     """Rows as a person looks for them: task, seed set, level, run."""
     tasks = stage.config.tasks
-    return lambda one: (tasks.index(one.task), one.seed_set, one.level, one.run)
+    return lambda one: (tasks.index(one.task), one.seed_set, one.level, one.run, one.individual)
 
 
-def _controller(one: Controller, kept: Mapping[str, Any]) -> dict[str, object]:
+def _controller(one: Controller, kept: Mapping[str, Any], config: NoiseConfig) -> dict[str, object]:
     simulated, situated = kept["fitness_simulated"], kept["fitness_situated"]
-    units = {key: kept[key] for key in kept if key.startswith("fitness_situated_unit_")}
+    if config.arm is None:
+        units = {key: kept[key] for key in kept if key.startswith("fitness_situated_unit_")}
+    else:
+        home, foreign = _home_and_foreign(one, kept, config, "fitness_situated")
+        units = {"fitness_situated_home": home, "fitness_situated_foreign": foreign}
     return {
-        **_who(one),
+        **_who(one, config),
         "home_unit": one.home,
         "name": kept["name"],
         "fitness_simulated": simulated,
@@ -72,21 +87,35 @@ def _controller(one: Controller, kept: Mapping[str, Any]) -> dict[str, object]:
     }
 
 
-def _cells(one: Controller, kept: Mapping[str, Any], units: int) -> Iterator[dict[str, object]]:
+def _cells(one: Controller, kept: Mapping[str, Any], config: NoiseConfig) -> Iterator[dict[str, object]]:
     """A row a level; comparisons that were made before units had scores of their own have none."""
     for cell in kept["cells"]:
         level = {"comparison_level": cell["comparison_level"]}
-        alone = {key: cell.get(key, math.nan) for key in (f"score_unit_{u}" for u in range(1, units + 1))}
-        yield {**_who(one), **level, **{key: cell[key] for key in CELL}, **alone}
+        if config.arm is None:
+            alone = {key: cell.get(key, math.nan) for key in (f"score_unit_{u}" for u in config.every_unit)}
+        else:
+            home, foreign = _home_and_foreign(one, cell, config, "score")
+            alone = {"score_home": home, "score_foreign": foreign, **{key: cell[key] for key in OF_ARM}}
+        yield {**_who(one, config), **level, **{key: cell[key] for key in CELL}, **alone}
 
 
-def _who(one: Controller) -> dict[str, object]:
-    return {"task": one.task, "seed_set": one.seed_set, "run": one.run, "evolved_level": one.level}
+def _home_and_foreign(
+    one: Controller, table: Mapping[str, Any], config: NoiseConfig, key: str
+) -> tuple[float, float]:
+    """A figure on the calibration unit, and its mean over the other units, each alone."""
+    units = {unit: table[f"{key}_unit_{unit}"] for unit in config.driven(one.home, one.individual)}
+    home = units.pop(one.home)
+    return home, mean(list(units.values()))
+
+
+def _who(one: Controller, config: NoiseConfig) -> dict[str, object]:
+    who = {"task": one.task, "seed_set": one.seed_set, "run": one.run, "evolved_level": one.level}
+    return who if config.arm is None else {**who, "individual": one.individual}
 
 
 def _calibration(stage: Stage) -> Iterator[dict[str, object]]:
     """How well each unit's sensors were fitted: counts, and the model's error over the noise."""
-    for unit in range(1, stage.config.units + 1):
+    for unit in stage.config.every_unit:
         for fit in stage.profile(unit).provenance.fits:
             if fit.noise > 0:
                 over_all = fit.ratio_over_all or math.nan

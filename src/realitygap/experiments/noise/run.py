@@ -20,8 +20,8 @@ from realitygap.experiments.noise.plan import (
     calibration_folder,
     controllers,
     evolution,
+    evolved,
     evolved_folder,
-    homes,
     share,
     simulated_file,
     situated_file,
@@ -45,11 +45,11 @@ __all__ = ["WORK", "noise_study"]
 WORK = "experiment noise"
 """Of whose controllers a shard is a share."""
 
-CALIBRATION_COST = 68.0
-EVALUATION_COST, RETEST_COST = 0.9e-3, 0.35
-TRIAL_COST, CELL_COST = 0.94, 0.08
-"""About how long things take on one core, s: a unit's calibration, an evaluation, a run's retest, a
-trial on the twin, a comparison with a level. Hints for the time that is left, nothing else."""
+TWIN_COSTS, ENKI_COSTS = (130.0, 0.37), (60.0, 0.15)
+EVALUATION_COST, RETEST_COST, CELL_COST = 1.35e-3, 0.35, 0.08
+"""About how long things take on one core, s: a unit's calibration and a trial on it, on the twin and on
+Enki's robots; an evaluation, a run's retest, a comparison with a level. Hints for the time that is left,
+nothing else."""
 
 CALIBRATING = "calibrating to the units"
 EVOLVING = "evolving"
@@ -135,19 +135,22 @@ class _Phases:
     ) -> None:
         self.folder, self.config, self.pool, self.shard = folder, config, pool, shard
         self.every = controllers(config) if shard is None else share(config, shard)
+        self.runs = [one for one in self.every if one.individual == "champion"]
         self.to_drive = missing({one: situated_file(folder, one) for one in self.every})
         self.to_compare = missing({one: simulated_file(folder, one) for one in self.every})
-        per_run = config.evaluations * EVALUATION_COST + RETEST_COST
+        unit, trial = ENKI_COSTS if (config.robot or "").startswith("enki") else TWIN_COSTS
+        jobs = config.controllers * len(config.individuals)
         self.costs = {
-            CALIBRATING: CALIBRATION_COST,
-            EVOLVING: per_run,
-            DRIVING: TRIAL_COST * config.units * config.starts,
+            CALIBRATING: unit,
+            EVOLVING: config.evaluations * EVALUATION_COST + RETEST_COST,
+            DRIVING: trial * config.twin_trials / jobs,
             COMPARING: CELL_COST * len(config.levels),
         }
-        evolved = all(exists(evolved_folder(folder, *home)) for home in homes(config)) and not self.to_drive
+        self.studies = tuple(dict.fromkeys(evolved(config, one) for one in controllers(config)))
+        begun = all(exists(evolved_folder(folder, config, study)) for study in self.studies)
         left = {
             CALIBRATING: len(self._uncalibrated()),
-            EVOLVING: 0 if evolved else len(self.every),
+            EVOLVING: len(self.runs) if self.to_drive or not begun else 0,
             DRIVING: len(self.to_drive),
             COMPARING: len(self.to_compare),
         }
@@ -184,7 +187,7 @@ class _Phases:
             self._since = now
 
     def _uncalibrated(self) -> list[int]:
-        units = range(1, self.config.units + 1)
+        units = self.config.every_unit
         return [u for u in units if not (calibration_folder(self.folder, u) / PROFILE).is_file()]
 
     def _calibrate(self, recorders: Workers) -> None:
@@ -199,7 +202,7 @@ class _Phases:
             def heard(name: str, done: int, total: int, shares: dict[str, float] = shares) -> None:
                 before = sum(shares.values())
                 shares[name] = done / max(total, 1)
-                self.reporter.add(CALIBRATION_COST * max(0.0, sum(shares.values()) - before) / steps)
+                self.reporter.add(self.costs[CALIBRATING] * max(0.0, sum(shares.values()) - before) / steps)
                 self._keep_time(KEEP_S)
 
             place, config = calibration_folder(self.folder, unit), self.config
@@ -223,12 +226,12 @@ class _Phases:
 
     def _evolve(self, engine: str) -> None:
         """The runs of every seed set, each in the simulation of its calibration unit."""
-        total, before = len(self.every), 0
+        total, before = len(self.runs), 0
         self.reporter.phase(EVOLVING, done=0, total=total, what="runs")
-        for seed_set, unit in homes(self.config):
-            place = evolved_folder(self.folder, seed_set, unit)
-            profile = calibration_folder(self.folder, unit) / PROFILE
-            requested = evolution(self.config, seed_set, unit, profile)
+        for study in self.studies:
+            place = evolved_folder(self.folder, self.config, study)
+            profile = calibration_folder(self.folder, study.unit) / PROFILE
+            requested = evolution(self.config, study, profile)
 
             def heard(event: Progress, before: int = before) -> None:
                 done = before + event.runs_done
@@ -241,7 +244,7 @@ class _Phases:
                 place, requested, workers=self.pool, engine=engine, resume=exists(place), shard=self.shard,
                 on_progress=heard,
             )  # fmt: skip
-            before += sum((one.seed_set, one.home) == (seed_set, unit) for one in self.every)
+            before += sum(evolved(self.config, one) == study for one in self.runs)
 
     def _trials(self, phase: str, left: list[Controller]) -> None:
         """A phase whose jobs are controllers."""

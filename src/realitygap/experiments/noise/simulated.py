@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,8 +20,9 @@ from realitygap.experiments.noise.stage import Stage
 from realitygap.study.digest import check_of
 from realitygap.transfer.paths import score
 
-__all__ = ["compare_all", "keep_compared", "read_compared", "scale_for"]
+__all__ = ["compare_all", "keep_compared", "mean", "read_compared", "scale_for"]
 
+FIGURES = ("score", "behaviour", "layout", "noisiness", "responsiveness")
 LEAST_TRIALS = 2
 """So many have to be left, when those that the camera lost are taken out."""
 
@@ -40,26 +42,25 @@ def compare_all(
     Simulated trials of one unit and start have the same draws at every level, which differ in how
     loud they are: so a difference between levels is one of noise, and not of luck.
     """
-    config = stage.config
+    config, units = stage.config, stage.config.driven(one.home, one.individual)
     task, setting = stage.task(one.task), setting_of([], stage.task(one.task))
-    scale = scale_for(stage, setting, config.units)
     situated, fitness, lost = _seen(stage, one)
     cells, names = [], []
     for level in config.levels:
         simulated, scores = _simulated(stage, one, level, list(situated))
-        cell = _cell([*simulated.values()], [*situated.values()], setting, scale)
-        cell |= _unit_scores(stage, simulated, situated, setting)
-        cells.append({"comparison_level": level, **cell, "fitness_simulated": _mean(scores)})
+        cell = _cell(stage, [*simulated.values()], [*situated.values()], setting, len(units))
+        cell |= _unit_scores(stage, one, simulated, situated, setting)
+        cells.append({"comparison_level": level, **cell, "fitness_simulated": mean(scores)})
         if level == one.level:
             body = stage.profile(one.home).body
             names = namer(setting, body.radius_cm).name([*simulated.values()], setting)
         tell(1.0 / len(config.levels))
     own = next(c for c in cells if c["comparison_level"] == one.level)
-    per_unit = {f"fitness_situated_unit_{u}": fitness[u - 1] for u in range(1, config.units + 1)}
+    per_unit = {f"fitness_situated_unit_{u}": own for u, own in zip(units, fitness, strict=True)}
     return {
         "name": common_name(names),
         "fitness_simulated": own["fitness_simulated"],
-        "fitness_situated": _mean(list(per_unit.values())),
+        "fitness_situated": mean(list(per_unit.values())),
         **per_unit,
         "trials": len(situated),
         "trials_lost": lost,
@@ -75,18 +76,25 @@ def scale_for(stage: Stage, setting: Setting, units: int) -> Scale:
     every trial counts, on whichever unit.
     """
     pairs = units * stage.config.starts
-    return exemplar_scale(setting.exemplars, pairs, pairs, matched=True)
+    return exemplar_scale(setting.exemplars, pairs, pairs, matched=True, jitter=setting.jitter)
 
 
 def _unit_scores(
-    stage: Stage, simulated: dict[Pair, Trial], situated: dict[Pair, Trial], setting: Setting
-) -> dict[str, float]:
-    """The score on each unit alone, on the scale for one unit's pairs: it is coarser than all units' own."""
-    scale, found = scale_for(stage, setting, 1), {}
-    for unit in range(1, stage.config.units + 1):
+    stage: Stage, one: Controller, simulated: dict[Pair, Trial], situated: dict[Pair, Trial],
+    setting: Setting,
+) -> dict[str, float]:  # fmt: skip
+    """The score on each unit alone, on the scale for one unit's pairs: it is coarser than all units' own.
+
+    An arm of the plan has its other scores of the calibration unit besides.
+    """
+    found = {}
+    for unit in stage.config.driven(one.home, one.individual):
         ours = [pair for pair in situated if pair.unit == unit]
         sides = [[side[pair] for pair in ours] for side in (simulated, situated)]
-        found[f"score_unit_{unit}"] = _cell(sides[0], sides[1], setting, scale)["score"]
+        alone = _cell(stage, sides[0], sides[1], setting, 1, other=unit == one.home)
+        found[f"score_unit_{unit}"] = alone["score"]
+        if stage.config.arm is not None and unit == one.home:
+            found |= {f"{key}_home": alone[key] for key in ("layout", "without_jitter")}
     return found
 
 
@@ -116,21 +124,26 @@ def _seen(stage: Stage, one: Controller) -> tuple[dict[Pair, Trial], list[float]
     trials: dict[Pair, Trial] = {}
     fitness = []
     kept = read_situated(stage, one)
-    units, starts = kept.streams.shape
-    for u in range(1, units + 1):
+    starts = kept.streams.shape[1]
+    for u in kept.units:
         scores = []
         for k in range(1, starts + 1):
             track = kept.track(u, k)
             scores.append(score(track, task, robot))
             try:
-                radius = robot.body.radius_cm
-                trial = resampled(track, start=str(k), unit=str(u), source=one.name, radius_cm=radius)
+                radius, start = robot.body.radius_cm, _start(stage, Pair(u, k))
+                trial = resampled(track, start=start, unit=str(u), source=one.name, radius_cm=radius)
             except TrackError:
                 continue  # lost for too long: nobody knows what it did
             if track.found[0] and track.found[-1]:
                 trials[Pair(u, k)] = trial
-        fitness.append(_mean(scores))
-    return trials, fitness, units * starts - len(trials)
+        fitness.append(mean(scores))
+    return trials, fitness, kept.streams.size - len(trials)
+
+
+def _start(stage: Stage, pair: Pair) -> str:
+    """What a start is called: units that have starts of their own share none."""
+    return f"{pair.unit}.{pair.start}" if stage.config.starts_by_unit else str(pair.start)
 
 
 def _simulated(
@@ -138,27 +151,36 @@ def _simulated(
 ) -> tuple[dict[Pair, Trial], list[float]]:
     """A controller in the simulations of all units at a level: trials and their scores."""
     networks = stage.networks(one)
-    starts, config = stage.starts(one.task, one.seed_set), stage.config
+    config = stage.config
     simulations = {u: stage.simulation(one.task, u, one.home, level) for u in {pair.unit for pair in pairs}}
     trials, scores = {}, []
     for pair in pairs:
-        names = (one.task, one.seed_set, one.level, one.run, *pair)
-        trajectory, fitness = simulations[pair.unit].trajectory(
-            networks, stream=stream(config, "simulated", *names), pose=starts[pair.start - 1]
-        )
+        name = stream(config, "simulated", *one.key, *pair, seed_set=one.seed_set)
+        pose = stage.starts(one.task, one.seed_set, pair.unit)[pair.start - 1]
+        trajectory, fitness = simulations[pair.unit].trajectory(networks, stream=name, pose=pose)
         radius = simulations[pair.unit].profile.body.radius_cm
-        trials[pair] = trial_of(trajectory, start=str(pair.start), unit=str(pair.unit), radius_cm=radius)
+        trials[pair] = trial_of(trajectory, start=_start(stage, pair), unit=str(pair.unit), radius_cm=radius)
         scores.append(fitness)
     return trials, scores
 
 
 def _cell(
-    simulated: Sequence[Trial], situated: Sequence[Trial], setting: Setting, scale: Scale
-) -> dict[str, float]:
-    """One comparison's figures; NaN where too few trials are left to compare."""
+    stage: Stage, simulated: Sequence[Trial], situated: Sequence[Trial], setting: Setting, units: int,
+    *, other: bool = True,
+) -> dict[str, float]:  # fmt: skip
+    """One comparison's figures, over so many units; NaN where too few trials are left to compare.
+
+    Of an arm of the plan the `other` score too, made without jitter.
+    """
+    other = other and stage.config.arm is not None
     if len(situated) < LEAST_TRIALS:
-        return dict.fromkeys(("score", "behaviour", "layout", "noisiness", "responsiveness"), math.nan)
-    found = compare(simulated, situated, setting, scale=scale, resamples=0)
+        return dict.fromkeys((*FIGURES, *(("without_jitter",) if other else ())), math.nan)
+    found = compare(simulated, situated, setting, scale=scale_for(stage, setting, units), resamples=0)
+    calm = {}
+    if other:
+        setting = replace(setting, jitter=False)
+        scale = scale_for(stage, setting, units)
+        calm["without_jitter"] = compare(simulated, situated, setting, scale=scale, resamples=0).score
     response = math.nan if found.responsiveness is None else found.responsiveness
     return {
         "score": found.score,
@@ -166,10 +188,11 @@ def _cell(
         "layout": found.layout,
         "noisiness": found.noisiness,
         "responsiveness": response,
+        **calm,
     }
 
 
-def _mean(values: Sequence[float]) -> float:
+def mean(values: Sequence[float]) -> float:
     """Of those that are known; NaN of none."""
     known = [value for value in values if math.isfinite(value)]
     return math.fsum(known) / len(known) if known else math.nan

@@ -43,19 +43,21 @@ class Situated(NamedTuple):
     """A controller's trials on the twin: no Tracks, but arrays as the file has them.
 
     Attributes:
+        units: numbers of those that it drove.
         poses: [units, starts, rows, 3]: x, y (cm), heading (rad), a row a step, the first one the
             start; NaN where the camera lost the robot.
         streams: [units, starts], of the twin's noise.
         period_s: of a step.
     """
 
+    units: tuple[int, ...]
     poses: Floats
     streams: NDArray[np.uint64]
     period_s: float
 
     def track(self, unit: int, start: int) -> Track:
-        """One trial, by its numbers from 1."""
-        x, y, heading = self.poses[unit - 1, start - 1].T
+        """One trial, by the unit's number and the start's, from 1."""
+        x, y, heading = self.poses[self.units.index(unit), start - 1].T
         t = np.arange(len(x), dtype=np.float64) * self.period_s
         return Track(t=t, x=x, y=y, heading=settled(heading, wrapped=False))
 
@@ -104,7 +106,7 @@ def check_robot(config: NoiseConfig) -> None:
     if config.robot is None:
         return
     base = None if config.base is None else load_profile(config.base)
-    with closing(Address.parse(config.address(1)).open()) as body:
+    with closing(Address.parse(config.address(config.first_unit)).open()) as body:
         who = f"robot {config.robot}: expected"
         if not isinstance(body, Placing):
             cure = "Give it one; a robot that a person carries is driven by `realitygap transfer`."
@@ -126,7 +128,7 @@ def check_robot(config: NoiseConfig) -> None:
 def situate(
     stage: Stage, rigs: Rigs, one: Controller, tell: Callable[[float], None] = lambda _: None
 ) -> Situated:
-    """Let a controller drive every unit from every start.
+    """Let a controller drive its units from every start.
 
     Args:
         stage: of the study.
@@ -134,21 +136,20 @@ def situate(
         one: who drives.
         tell: hears the share of the work that was done since the last time.
     """
-    config, starts = stage.config, stage.starts(one.task, one.seed_set)
+    config, units = stage.config, stage.config.driven(one.home, one.individual)
     driver = stage.driver(one)
     home = stage.profile(one.home)
     rows = stage.task(one.task).steps_of(home) + 1
-    poses = np.full((config.units, config.starts, rows, 3), np.nan)
-    streams = np.zeros((config.units, config.starts), np.uint64)
-    for u in range(config.units):
-        rig = rigs.rig(one, u + 1)
-        for k, pose in enumerate(starts):
-            names = (one.task, one.seed_set, one.level, one.run, u + 1, k + 1)
-            streams[u, k] = stream(config, "situated", *names)
+    poses = np.full((len(units), config.starts, rows, 3), np.nan)
+    streams = np.zeros((len(units), config.starts), np.uint64)
+    for u, unit in enumerate(units):
+        rig = rigs.rig(one, unit)
+        for k, pose in enumerate(stage.starts(one.task, one.seed_set, unit)):
+            streams[u, k] = stream(config, "situated", *one.key, unit, k + 1, seed_set=one.seed_set)
             track = _driven(rig, driver, int(streams[u, k]), pose)
             poses[u, k] = np.stack([track.x, track.y, track.heading], axis=1)
             tell(1.0 / streams.size)
-    return Situated(poses, streams, home.period_s)
+    return Situated(units, poses, streams, home.period_s)
 
 
 def _driven(rig: Rig, driver: NetworkController, name: int, pose: Pose) -> Track:
@@ -173,13 +174,14 @@ def read_situated(stage: Stage, one: Controller) -> Situated:
     """
     file = situated_file(stage.folder, one)
     config, home = stage.config, stage.profile(one.home)
-    shape = (config.units, config.starts, stage.task(one.task).steps_of(home) + 1, 3)
+    units = config.driven(one.home, one.individual)
+    shape = (len(units), config.starts, stage.task(one.task).steps_of(home) + 1, 3)
     try:
         with ZipFile(file) as parts:
             if parts.testzip() is not None:  # before a damaged head is believed
                 raise ValueError
         with np.load(file) as kept:
-            found = Situated(kept["poses"], kept["streams"], home.period_s)
+            found = Situated(units, kept["poses"], kept["streams"], home.period_s)
         if found.poses.shape != shape:
             raise ValueError
     except Exception:  # a broken archive has a dozen ways to say so

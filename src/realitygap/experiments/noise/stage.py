@@ -10,11 +10,14 @@ from realitygap.calibration.unit import PROFILE
 from realitygap.controller.encoding import Encoding, controller_of
 from realitygap.controller.network import NetworkController
 from realitygap.evolution.algorithm import Genes
+from realitygap.evolution.population import Population
 from realitygap.experiments.noise.config import NoiseConfig
 from realitygap.experiments.noise.plan import (
     Controller,
+    Evolved,
     calibration_folder,
     evolution,
+    evolved,
     evolved_folder,
     stream,
 )
@@ -44,7 +47,7 @@ class Stage:
         self._encoding = cache(self._made)
 
     def networks(self, one: Controller) -> Networks:
-        """The network of its run's champion."""
+        """Its network."""
         return self._encoding(one.task, one.home).decode(self.genes(one)[np.newaxis])
 
     def driver(self, one: Controller) -> NetworkController:
@@ -52,10 +55,17 @@ class Stage:
         return controller_of(self._encoding(one.task, one.home), self.genes(one))
 
     def genes(self, one: Controller) -> Genes:
-        """Its run's champion."""
+        """Its run's champion, or the last population's highest stored fitness (the first of equals)."""
         genes = self.champions.get(one)
         if genes is None:
-            genes = self._study(one.seed_set, one.home).run(one.run_name).champion
+            study = self._study(evolved(self.config, one))
+            run = study.run(one.run_name)
+            if one.individual == "champion":
+                genes = run.champion
+            else:
+                last = study.state(run.id)
+                assert isinstance(last, Population)
+                genes = last.genes[np.argmax(last.fitness)]
             assert genes is not None
         return genes
 
@@ -83,14 +93,17 @@ class Stage:
         return load_profile(calibration_folder(self.folder, unit) / PROFILE)
 
     def _made(self, task: str, home: int) -> Encoding:
-        evolved = evolution(self.config, 1, home, calibration_folder(self.folder, home) / PROFILE)
-        return evolved.encoding_for(self.task(task).of(self.profile(home)))
+        any_of = Evolved(1, home, 1, self.config.levels)
+        made = evolution(self.config, any_of, calibration_folder(self.folder, home) / PROFILE)
+        return made.encoding_for(self.task(task).of(self.profile(home)))
 
-    def _load(self, seed_set: int, unit: int) -> Study:
-        return load_study(evolved_folder(self.folder, seed_set, unit))
+    def _load(self, made: Evolved) -> Study:
+        return load_study(evolved_folder(self.folder, self.config, made))
 
-    def _starts(self, task: str, seed_set: int) -> tuple[Pose, ...]:
-        """Where the trials start: the same for all controllers, levels and units."""
-        simulation = Simulation(self.task(task), self.profile(1))
-        numbers = range(1, self.config.starts + 1)
-        return tuple(simulation.start(stream(self.config, "start", task, seed_set, k)) for k in numbers)
+    def _starts(self, task: str, seed_set: int, unit: int) -> tuple[Pose, ...]:
+        """Where the trials on a unit start: the same for all controllers and levels."""
+        config, numbers = self.config, range(1, self.config.starts + 1)
+        own = config.starts_by_unit
+        simulation = Simulation(self.task(task), self.profile(unit if own else 1))
+        names = (task, "unit", unit) if own else (task, seed_set)
+        return tuple(simulation.start(stream(config, "start", *names, k)) for k in numbers)

@@ -98,7 +98,7 @@ def words_for(folder: Path, config: NoiseConfig, pool: Pool) -> Words:
             f"robot {config.robot}: expected one that the cluster's workers have too: its file is on this "
             "machine. Leave out --workers, or give a number."
         )
-    profiles = [calibration_folder(folder, unit) / PROFILE for unit in range(1, config.units + 1)]
+    profiles = [calibration_folder(folder, unit) / PROFILE for unit in config.every_unit]
     files = {str(file.relative_to(folder)): file.read_bytes() for file in profiles}
     table = config.to_dict()
     if config.arena is not None:
