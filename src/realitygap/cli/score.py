@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -44,8 +46,9 @@ def score(
     A (say, simulated) and B (situated) are CSV files with columns t_s, x_cm, y_cm, heading_deg, where
     a column start separates several trials and a column unit several robots; or what `realitygap track`
     or `realitygap simulate --json` wrote; or folders of such files. A folder made by `realitygap
-    transfer` needs no B: its simulated trials are compared with its situated ones. 10 means as alike as
-    the same robot twice, 0 another behaviour; the output says what these ends were measured on.
+    transfer`, its trials packed or not, needs no B: its simulated trials are compared with its situated
+    ones. 10 means as alike as the same robot twice, 0 another behaviour; the output says what these ends
+    were measured on.
 
     With --without-camera, A is the study itself: for each transferred controller, how far apart (Wasserstein
     distance, 0 is equal) the readings, commands and wheel speeds of simulated and situated trials are; and,
@@ -64,9 +67,15 @@ def score(
     from realitygap.correspondence.score import compare
     from realitygap.correspondence.setting import setting_of
     from realitygap.tasks.load import load_task
+    from realitygap.transfer.packed import unpacked
 
-    sets = read_transfer(a) if b is None else (read_trials(a), read_trials(b))
-    others = read_trials(ceiling) if ceiling is not None else None
+    with ExitStack() as stack:
+
+        def there(path: str) -> Path:
+            return stack.enter_context(unpacked(Path(path)))
+
+        sets = read_transfer(there(a)) if b is None else (read_trials(there(a)), read_trials(there(b)))
+        others = read_trials(there(ceiling)) if ceiling is not None else None
     every = [trial for trials in (*sets, others or []) for trial in trials]
     setting = setting_of(every, load_task(task) if task else None)
     made = compare(sets[0], sets[1], setting, ceiling=others)

@@ -9,16 +9,18 @@ import tempfile
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
+from itertools import chain
 from pathlib import Path
+from shutil import copy, copytree, ignore_patterns
 
 from realitygap.errors import StudyError
 from realitygap.study.schema import told
 from realitygap.values import Closing
 
-__all__ = ["MANY", "PACKED", "Packed", "content", "every", "placed"]
+__all__ = ["MANY", "PACKED", "Packed", "content", "every", "placed", "unpacked"]
 
-PACKED = "trials.sqlar"
-"""In a study's folder of transfers."""
+HOME, PACKED = "transfer", "trials.sqlar"
+"""A study's folder of transfers, and the file in it."""
 MANY = 1000
 """From so many trials on they are packed, if nobody says otherwise."""
 
@@ -96,6 +98,32 @@ def every(home: Path, name: str) -> Iterator[tuple[Path, bytes]]:
         name: the file's.
     """
     return _rows(home, "name LIKE ?", (f"%/{name}",))
+
+
+@contextmanager
+def unpacked(path: Path) -> Iterator[Path]:
+    """A study, its folder of transfers or a part of that, with the packed trials as folders too, for a while;
+    the path itself where nothing of it is packed."""
+    place = path.resolve()
+    home = next((one for one in (place, *place.parents) if (one / PACKED).is_file()), place / HOME)
+    inside = place.relative_to(home) if place.is_relative_to(home) else None  # None: the study itself
+    which, values = (_IN, _in(inside.as_posix())) if inside and inside.parts else ("name > ?", ("",))
+    rows = _rows(home, which, values)
+    if path.is_file() or (first := next(rows, None)) is None:
+        yield path
+        return
+    with tempfile.TemporaryDirectory(prefix="realitygap-") as name:
+        made = Path(name, home.name)
+        for file, data in chain((first,), rows):
+            there = made / file.relative_to(home)
+            there.parent.mkdir(parents=True, exist_ok=True)
+            there.write_bytes(data)
+        if place.is_dir():  # a trial's folder counts, not what is packed under its name
+            into, unread = made.parent if inside is None else made / inside, ignore_patterns("*.mp4", PACKED)
+            copytree(place, into, dirs_exist_ok=True, ignore=unread)
+        if (home.parent / "profile.toml").is_file():
+            copy(home.parent / "profile.toml", name)
+        yield made.parent if inside is None else made / inside
 
 
 def _rows(home: Path, which: str, values: tuple[str, ...]) -> Iterator[tuple[Path, bytes]]:
