@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import json
 import math
+import pickle
 import shutil
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from realitygap.cli import realitygap
 from realitygap.study.load import Study, load_study
 from realitygap.study.runner import run_study
 from realitygap.toml import to_toml
 from realitygap.transfer import score_row as module
 from realitygap.transfer.kept_rows import MARKS
+from realitygap.transfer.packed import Packed
 from realitygap.transfer.score_rows import marks_of
+from realitygap.work.pool import messages_of
 from tests.study.helpers import small
 
 SECONDS, STARTS = 8, 3
@@ -144,3 +149,51 @@ def test_trials_too_short_to_be_named_are_said_to_be(finished: Study, tmp_path: 
     study = load_study(shutil.copytree(finished.folder, tmp_path / "study"))
     for mark in marks_of(study):
         assert mark.type is None and "no type" in mark.why and mark.behaviour is not None
+
+
+class Posted:
+    """A pool whose jobs and answers travel as messages do."""
+
+    def work(self, setup, jobs, tell) -> None:
+        for job in pickle.loads(pickle.dumps(list(jobs)))[::-1]:
+            for message in messages_of(pickle.loads(pickle.dumps(setup)), job):
+                tell(pickle.loads(pickle.dumps(message)))
+
+    def close(self) -> None:
+        pass
+
+
+def test_rows_are_the_same_whoever_makes_them(study: Study, monkeypatch) -> None:
+    """Other processes in any order make the rows of this one, and the same file of them."""
+    drive(study, AVOIDER)
+    here, file = marks_of(study), study.folder / MARKS
+    kept = file.read_bytes()
+    file.unlink()
+    monkeypatch.setattr("realitygap.transfer.score_rows.FEW", 0)
+    assert marks_of(study, workers=Posted()) == here and file.read_bytes() == kept
+
+
+def test_packed_trials_are_scored_as_folders_are(study: Study) -> None:
+    """`score` reads a run's trials, the folder of transfers and the study, whether packed or not."""
+    drive(study, AVOIDER, radius=2.0)
+    home = study.folder / "transfer"
+    places = [study.folder, home, home / "twin-1", next(home.glob("*/*"))]
+    before = [scored(place) for place in places]
+    with Packed(home) as archive:
+        for trial in sorted(home.glob("*/*/start-[23]")):
+            files = {file.name: file.read_bytes() for file in trial.iterdir()}
+            archive.keep(trial.relative_to(home).as_posix(), files)
+            shutil.rmtree(trial)
+    assert [scored(place) for place in places] == before
+    (start,) = home.glob("*/*/start-1")
+    with Packed(home) as archive:
+        archive.keep(start.relative_to(home).as_posix(), {f.name: f.read_bytes() for f in start.iterdir()})
+    shutil.rmtree(home / "twin-1")
+    assert [scored(place) for place in places] == before
+
+
+def scored(place: Path) -> dict:
+    """What `realitygap score` prints of a folder, but for its name."""
+    made = CliRunner().invoke(realitygap, ["score", str(place), "--json"])
+    assert made.exit_code == 0, made.output
+    return {key: value for key, value in json.loads(made.stdout).items() if key != "a"}

@@ -17,7 +17,7 @@ from realitygap.transfer.options import Transfer
 from realitygap.transfer.packed import PACKED
 from realitygap.transfer.replay import Replays
 from realitygap.transfer.run import run_transfer
-from realitygap.transfer.score_rows import _jobs
+from realitygap.transfer.score_rows import jobs_of
 from realitygap.work.shard import Shard
 
 
@@ -75,7 +75,7 @@ def test_packed_trials_are_the_same(finished, tmp_path):
         replays = [Replays(study).of(trial.folder) for study, trial in ((loose, here), (packed, there))]
         assert replays[0].situated.ended == replays[1].situated.ended == "finished"
         assert (replays[0].simulated.track.x == replays[1].simulated.track.x).all()
-    keys = [[job.key for job in _jobs(study, one[0].task)] for study in (loose, packed)]
+    keys = [[job.key for job in jobs_of(study, one[0].task)] for study in (loose, packed)]
     assert keys[0] == keys[1]
     data = bytearray((packed.folder / "transfer" / PACKED).read_bytes())
     data[4096:] = bytes(len(data) - 4096)

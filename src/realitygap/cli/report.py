@@ -42,13 +42,14 @@ def report(studies: tuple[str, ...], out: Path | None, trust: bool, json_output:
     from realitygap.report.scores import study_tables
     from realitygap.study.load import load_study
     from realitygap.transfer.score_rows import marks_of
+    from realitygap.work.workers import opened
 
     study = studies[0]
     ask_trust(study, trust)
-    with ProgressLine() as progress:
+    with ProgressLine() as progress, opened(None, one_thread=True) as pool:
         loaded = load_study(study)
-        marks_of(loaded, on_progress=progress.marks)
-        page = build_report(study, workers=None, on_progress=progress.report)
+        marks_of(loaded, workers=pool, on_progress=progress.marks)
+        page = build_report(study, workers=pool, on_progress=progress.report)
         tables = study_tables(loaded)
     tell(json_output, {"report": str(page), "tables": [t.to_dict() for t in tables]}, f"report {page}")
 

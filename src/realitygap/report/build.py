@@ -1,6 +1,7 @@
 """Make a study's report: `index.html`, every figure as PNG and SVG, every table as CSV."""
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from os import PathLike
 from pathlib import Path
@@ -46,15 +47,17 @@ def build_report(
     maker, shown = _gathered(study, parts, folder, Figures(workers))
     step = Steps(on_progress, len(maker.figures) + 1)
     step("player")
-    player = player_data(study, parts, maker.pairs, maker.paths)
-    facts = {
-        **_told(study, parts),
-        "paper": maker.paper,
-        "player": Markup("" if player is None else player_json(player)),
-        "scripts": Markup(scripts()),
-        **shown,
-    }
-    return write_page(folder / "index.html", "page.html.j2", maker.figures, facts, step, tables=maker.tables)
+    with ThreadPoolExecutor(1) as beside:  # while others draw the figures
+        player = beside.submit(player_data, study, parts, maker.pairs, maker.paths)
+
+        def facts() -> dict[str, object]:
+            data = player.result()
+            packed = Markup("" if data is None else player_json(data))
+            return {**_told(study, parts), "paper": maker.paper, "player": packed,
+                    "scripts": Markup(scripts()), **shown}  # fmt: skip
+
+        page = folder / "index.html"
+        return write_page(page, "page.html.j2", maker.figures, facts, step, tables=maker.tables)
 
 
 def figures_of(study: Study) -> Figures:

@@ -141,7 +141,7 @@ def write_page(
     target: Path,
     template: str,
     figures: Figures,
-    facts: Mapping[str, object],
+    facts: Mapping[str, object] | Callable[[], Mapping[str, object]],
     step: Steps,
     *,
     tables: Mapping[str, str] | None = None,
@@ -152,7 +152,7 @@ def write_page(
         target: the page's path.
         template: of the folder `templates`; `figure(picture)` in it shows one of the figures.
         figures: all that it shows.
-        facts: what the template speaks of, by name.
+        facts: what the template speaks of, by name; or what says so, asked when all is drawn.
         step: told of each figure, then of the page.
         tables: CSV texts by name; None for a page that stands alone, with no files beside it.
 
@@ -165,7 +165,8 @@ def write_page(
         whole.write(target.parent / "tables" / f"{name}.csv", text)
     drawn = draw_all(figures, None if tables is None else target.parent / "figures", step)
     svgs = {name: Markup(inline_svg(drawn[name], name, one.words.alt)) for name, one in figures.items()}
-    whole.write(target, rendered(template, {**facts, "svgs": svgs}))
+    spoken = facts() if callable(facts) else facts
+    whole.write(target, rendered(template, {**spoken, "svgs": svgs}))
     step(target.name)
     return target
 

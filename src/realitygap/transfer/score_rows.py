@@ -18,35 +18,56 @@ from realitygap.study.load import Study, as_study
 from realitygap.transfer.kept_rows import Kept
 from realitygap.transfer.load import Transferred, load_transfers
 from realitygap.transfer.score_row import Bench, Job, ScoreRow
+from realitygap.work.pool import Setup, Tell
+from realitygap.work.workers import Workers, near, opened
 
 __all__ = ["ScoreRow", "jobs_of", "kind_of", "marks_of"]
 
 OnProgress = Callable[[int, int], None]
 
+FEW = 4
+"""So many rows are made sooner than other processes have loaded what they need."""
 
-def marks_of(study: Study | str | PathLike[str], *, on_progress: OnProgress | None = None) -> list[ScoreRow]:
+
+def marks_of(
+    study: Study | str | PathLike[str], *, workers: Workers = 1, on_progress: OnProgress | None = None
+) -> list[ScoreRow]:
     """A score row for each finished run, individual and kind of robot; the champion's where none drove one.
 
     Args:
         study: with its transfers, as far as there are any; or its folder.
+        workers: who makes them: processes (None: one a core), or a pool; changes no bit.
         on_progress: called with score rows done and in all.
     """
     study = as_study(study)
     kept = Kept(study.folder)
     jobs = [job for task in dict.fromkeys(run.task for run in study.runs) for job in jobs_of(study, task)]
-    marks = []
-    for k, job in enumerate(jobs):
-        if on_progress:
-            on_progress(k, len(jobs))
-        made = kept.get(job.key)
-        if made is None:
-            made = job.mark().to_dict()
-            kept.put(job.key, made)
-        marks.append(ScoreRow(**made))
-    kept.save({job.key for job in jobs})
-    if on_progress:
-        on_progress(len(jobs), len(jobs))
-    return marks
+    keys = [job.key for job in jobs]
+    left = [k for k, key in enumerate(keys) if kept.get(key) is None]
+    tell, made = on_progress or (lambda done, total: None), dict[int, ScoreRow]()
+
+    def heard(message: tuple[int, ScoreRow]) -> None:
+        made[message[0]] = message[1]
+        tell(len(jobs) - len(left) + len(made), len(jobs))
+
+    tell(len(jobs) - len(left), len(jobs))
+    with opened(1 if len(left) <= FEW else near(workers)) as pool:
+        pool.work(Setup(_Scorer), [(k, jobs[k]) for k in left], heard)
+    for k in left:
+        kept.put(keys[k], made[k].to_dict())
+    kept.save(set(keys))
+    return [ScoreRow(**row) for row in map(kept.get, keys) if row is not None]
+
+
+class _Scorer:
+    """Makes score rows; a job takes along all that its row follows from but the trials' files."""
+
+    def carry_out(self, job: tuple[int, Job], tell: Tell) -> None:
+        """One row, with its number."""
+        tell((job[0], job[1].mark()))
+
+    def close(self) -> None:
+        """Nothing is held."""
 
 
 def kind_of(one: Transferred) -> str:
