@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -133,7 +134,8 @@ def show_noise(out: Path, results: Path, more: Mapping[str, Any], *, json_output
     arm = NoiseConfig.from_folder(out).arm
     if arm is not None:
         facts = {"study": str(out), "arm": arm, "results": str(results), **more}
-        tell(json_output, facts, f"arm {arm} is complete\n\nresults {results}")
+        judge = f"realitygap report {shlex.quote(str(out))}"
+        tell(json_output, facts, f"arm {arm} is complete: {judge} judges it\n\nresults {results}")
         return
     with ProgressLine() as progress:
         page = build_noise_report(out, on_progress=progress.report)
