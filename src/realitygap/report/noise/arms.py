@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from realitygap.errors import StudyError
 from realitygap.experiments.noise.claims import Split, split_diagonal
 from realitygap.experiments.noise.crossed import Crossed
+from realitygap.experiments.noise.second.arms import plan_digests
 from realitygap.experiments.noise.second.mixed import by_mixed_models
 from realitygap.experiments.noise.second.stratified import Tested
 from realitygap.experiments.noise.second.verdicts import PLAN, Judgement, judge
@@ -117,10 +118,15 @@ def read_arm(folder: str | Path) -> Arm:
         folder: with controllers.csv, cells.csv, calibration.csv and study.toml.
 
     Raises:
-        StudyError: a file is missing, unfinished or broken: names the file, the line and the column.
+        StudyError: a file is missing, unfinished or broken: names the file, the line and the column; or the
+            arm was begun by another plan, whose claims are not these.
     """
     folder = Path(folder)
     settings = read_toml(folder / "study.toml", StudyError, AGAIN, broken=AGAIN)
+    now = plan_digests()
+    if settings.get("plan", now) != now:
+        cure = "Judge it with the version that began it."
+        raise StudyError(f"{folder / 'study.toml'}: plan: expected {now}, got {settings['plan']}. {cure}")
     table = read_table(folder / "controllers.csv", StudyError, needs=(*KEY, "home_unit", "name", *FITNESS),
                        cure=AGAIN)  # fmt: skip
     keys = {key: i for i, key in enumerate(_keys(table))}

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from realitygap.errors import StudyError
+from realitygap.experiments.noise.second.arms import arm_names
 from realitygap.experiments.noise.second.verdicts import CLAIMS, PLAN, Comparison, StatedClaim, Verdict
 from realitygap.report.noise.arms import BEYOND, Arm, arm_folder, read_arm
 from realitygap.report.noise.asides import CHANNELS, split_table
@@ -25,7 +26,7 @@ __all__ = [
     "strays", "warned", "word_of",
 ]  # fmt: skip
 
-ARMS = ("E", "T", "E5", "T5", "T2", "S")
+ARMS = arm_names()
 """All arms of the plan, in the order in which they are run."""
 
 

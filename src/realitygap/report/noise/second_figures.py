@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from realitygap.experiments.noise.claims import Split
 from realitygap.experiments.noise.second.verdicts import PLAN
@@ -29,9 +30,8 @@ DARK, LIGHT = "#0072b2", "#e69f00"
 
 def peaks_figure(arms: Sequence[Arm]) -> Figure:
     """A panel an arm: (a)'s curve with its peak."""
-    figure = new_figure(PAGE * min(1.0, 0.22 + 0.26 * len(arms)), 2.7, layout="constrained")
-    axes = figure.subplots(1, len(arms), squeeze=False, sharey=True)
-    for ax, arm in zip(axes[0], arms, strict=True):
+    figure, axes = _panels(len(arms))
+    for ax, arm in zip(axes.ravel(), arms, strict=False):
         top = arm.judged.peak
         low, high = (np.array([span[k] for span in top.spans]) for k in (0, 1))
         levels_axis(ax, top.levels, PLAN.robot)
@@ -45,16 +45,16 @@ def peaks_figure(arms: Sequence[Arm]) -> Figure:
                     zorder=5)  # fmt: skip
         ax.set_title(f"arm {arm.name}", fontsize=8)
         ax.set_xlabel("noise compared with")
-    axes[0][0].set_ylabel("correspondence score")
+    for ax in axes[:, 0]:
+        ax.set_ylabel("correspondence score")
     legend(figure, axes)
     return figure
 
 
 def splits_figure(arms: Sequence[Arm]) -> Figure:
     """A panel an arm: two bars for each other level, one an order."""
-    figure = new_figure(PAGE * min(1.0, 0.22 + 0.26 * len(arms)), 2.9, layout="constrained")
-    axes = figure.subplots(1, len(arms), squeeze=False, sharey=True)
-    for ax, arm in zip(axes[0], arms, strict=True):
+    figure, axes = _panels(len(arms))
+    for ax, arm in zip(axes.ravel(), arms, strict=False):
         for k, split in enumerate(arm.split):
             for side, (evolved, compared) in ((-0.2, _parts(split, 0)), (0.2, _parts(split, 1))):
                 base = evolved if evolved * compared > 0 else 0.0
@@ -72,9 +72,21 @@ def splits_figure(arms: Sequence[Arm]) -> Figure:
         ax.set_xticks(range(len(arm.split)), [f"{split.other:g}" for split in arm.split])
         ax.set_xlabel("against level")
         ax.set_title(f"arm {arm.name}", fontsize=8)
-    axes[0][0].set_ylabel("points in favour of level 1")
+        ax.margins(y=0.14)
+    for ax in axes[:, 0]:
+        ax.set_ylabel("points in favour of level 1")
     legend(figure, axes)
     return figure
+
+
+def _panels(count: int) -> tuple[Figure, NDArray[np.object_]]:
+    """A figure with room for so many panels, three in a row."""
+    rows, columns = -(-count // 3), min(count, 3)
+    figure = new_figure(PAGE * max(0.68, columns / 3), 2.5 * rows + 0.35, layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, sharey=True)
+    for ax in axes.ravel()[count:]:
+        ax.set_axis_off()
+    return figure, axes
 
 
 def _parts(split: Split, order: int) -> tuple[float, float]:
