@@ -74,6 +74,21 @@ def test_where_robots_share_constants_a_spread_is_refused():
         Condition(task="avoidance", spread=2)
 
 
+def test_the_wheels_may_have_a_share_of_their_own():
+    """Sensors are drawn as without it, wheels and track within theirs; names and files tell it."""
+    robot = load_profile("paper").to_kernel()
+    both, apart = drawn(robot, 5, 0.4), drawn(robot, 5, 0.4, 0.02)
+    assert np.array_equal(both.proximity_a, apart.proximity_a)
+    factor = both.speed_per_unit / robot.speed_per_unit - 1
+    assert np.allclose(apart.speed_per_unit / robot.speed_per_unit - 1, factor / 20)
+    task = load_task("avoidance").under(0.4, 0.02)
+    assert task.name == "obstacle-avoidance-spread-40-wheels-2" and task.plain_name == "obstacle-avoidance"
+    condition = Condition(task="avoidance", spread=0.4, spread_wheels=0.02)
+    assert Condition(**condition.to_dict()) == condition
+    with pytest.raises(ConfigError, match="spread_wheels"):
+        Condition(task="avoidance", spread_wheels=0.02)
+
+
 def test_conditions_of_a_study(tmp_path):
     """A spread makes a condition of its own, recorded in the store, with streams of its own."""
     conditions = tuple(Condition(task="avoidance", noise=0.0, spread=share) for share in (0.0, 0.125))

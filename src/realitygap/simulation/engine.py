@@ -83,7 +83,9 @@ class Cores:
         """All that the trial on a stream happens in."""
         if not self.task.spread:
             return self._world
-        return self._world._replace(robot=drawn(self.robot, stream, self.task.spread))
+        return self._world._replace(
+            robot=drawn(self.robot, stream, self.task.spread, self.task.spread_wheels)
+        )
 
     @cached_property
     def room(self) -> Room:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from realitygap.kernels.jit import routine
 from realitygap.kernels.params import F, Robot
 from realitygap.kernels.rng import substream, uniform
 from realitygap.streams import CONSTANTS
@@ -9,7 +10,7 @@ from realitygap.streams import CONSTANTS
 __all__ = ["drawn"]
 
 
-def drawn(robot: Robot, stream: int, spread: float) -> Robot:
+def drawn(robot: Robot, stream: int, spread: float, wheels: float | None = None) -> Robot:
     """The robot of one trial: a function of the trial's stream.
 
     Factors uniform in 1 ± spread, each drawn by itself: on what every proximity sensor gets back (its `a`),
@@ -19,19 +20,30 @@ def drawn(robot: Robot, stream: int, spread: float) -> Robot:
         robot: the profile's.
         stream: the trial's.
         spread: 0 to below 1.
+        wheels: that of wheels and track, if it is another.
     """
     near, light = len(robot.proximity_a), len(robot.ambient_gain)
     under = np.uint64(substream(np.uint64(stream), np.uint64(CONSTANTS)))
-    draws = np.array([uniform(under, i) for i in range(near + light + 3)])
-    factors = 1.0 + spread * (2.0 * draws - 1.0)
-    a, gain, wheels, track = np.split(factors, [near, near + light, near + light + 2])
+    draws = _draws(under, near + light + 3)
+    shares = np.repeat([spread, spread if wheels is None else wheels], [near + light, 3])
+    factors = 1.0 + shares * (2.0 * draws - 1.0)
+    a, gain, turns, track = np.split(factors, [near, near + light, near + light + 2])
     return robot._replace(
         proximity_a=robot.proximity_a * a,
         proximity_reach=_reach(robot, a),
         ambient_gain=robot.ambient_gain * gain,
-        speed_per_unit=robot.speed_per_unit * wheels,
+        speed_per_unit=robot.speed_per_unit * turns,
         track=robot.track * float(track[0]),
     )
+
+
+@routine
+def _draws(stream: np.uint64, count: int) -> F:
+    """[count] uniform, 0 to 1."""
+    out = np.empty(count)
+    for i in range(count):
+        out[i] = uniform(stream, i)
+    return out
 
 
 def _reach(robot: Robot, factors: F) -> F:

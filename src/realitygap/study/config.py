@@ -73,7 +73,7 @@ class StudyConfig(Value):
         whole("checkpoint_every", self.checkpoint_every, 1, 10**5)
         require(bool(self.conditions), "conditions", "one or more, each a task and a noise level", [])
         cure = "Each condition is run `runs` times: leave out the repetition."
-        pairs = [(c.task, c.noise, c.spread) for c in self.conditions]
+        pairs = [(c.task, c.noise, c.spread, c.spread_wheels) for c in self.conditions]
         require(len(set(pairs)) == len(pairs), "conditions", "different ones", pairs, cure)
         plain = self.variation.layout == Layout()
         layout = self.variation.layout

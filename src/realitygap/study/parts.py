@@ -12,6 +12,7 @@ from realitygap.evolution import make_algorithm
 from realitygap.evolution.algorithm import Algorithm
 from realitygap.study.settings import whole
 from realitygap.tasks.load import reference
+from realitygap.tasks.task import check_spread
 from realitygap.user_code import place_of
 from realitygap.world.files import Value, require
 from realitygap.world.noise import NOISE_LEVELS, noise_level, noise_name
@@ -23,12 +24,14 @@ __all__ = ["NAMED", "Condition", "Encoding", "Evolution", "TaskSettings", "with_
 class Condition(Value):
     """A task (its name or file, or itself) at a noise level (zero, observed, double or a number).
 
-    With a `spread` constants are drawn anew for each trial, and its runs belong to a task named after it.
+    With a `spread` constants are drawn anew for each trial, and its runs belong to a task named after it;
+    `spread_wheels` is that of wheels and track, if it is another.
     """
 
     task: str
     noise: float = 1.0
     spread: float = 0.0
+    spread_wheels: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "task", reference(self.task))
@@ -39,10 +42,12 @@ class Condition(Value):
         """The condition as in its file."""
         named = self.noise in NOISE_LEVELS.values()
         noise = noise_name(self.noise) if named else self.noise
-        return {"task": self.task, "noise": noise, **({"spread": self.spread} if self.spread else {})}
+        spread = {"spread": self.spread} if self.spread else {}
+        wheels = {} if self.spread_wheels is None else {"spread_wheels": self.spread_wheels}
+        return {"task": self.task, "noise": noise, **spread, **wheels}
 
     def _check(self) -> None:
-        require(0 <= self.spread <= 0.9, "spread", "a share from 0 to 0.9", self.spread)
+        check_spread(self.spread, self.spread_wheels)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,7 +26,7 @@ from realitygap.world.arena import Arena, arena_names, load_arena
 from realitygap.world.files import Value, require
 from realitygap.world.profile import FEEDS, Profile
 
-__all__ = ["MAX_INPUTS", "Start", "Task"]
+__all__ = ["MAX_INPUTS", "Start", "Task", "check_spread"]
 
 MAX_INPUTS = 16
 
@@ -65,6 +65,7 @@ class Task:
         trials: trials in one evaluation; fitness is the mean of their scores.
         spread: share, 0 to 0.9, within which the robot's constants are drawn anew for each simulated trial:
             each sensor's sensitivity, each wheel's speed, the track (domain randomisation).
+        spread_wheels: that of wheels and track, if it is another.
         score: a function of (path, room) that returns a float.
         fitness_unit: what figures write at the axis; fitness_scale: what they divide by.
         source: the user's file, None for the paper's tasks; arena_file: its arena's path, where it
@@ -83,6 +84,7 @@ class Task:
     seconds: float = 20.0
     trials: int = 2
     spread: float = 0.0
+    spread_wheels: float | None = None
     score: Score
     fitness_unit: str = ""
     fitness_scale: float = 1.0
@@ -106,12 +108,15 @@ class Task:
     @property
     def plain_name(self) -> str:
         """Its name without what `under` adds."""
-        return self.name.removesuffix(_ending(self.spread))
+        return self.name.removesuffix(_ending(self.spread, self.spread_wheels))
 
-    def under(self, spread: float) -> Task:
+    def under(self, spread: float, wheels: float | None = None) -> Task:
         """The same task with constants drawn anew, under a name and a title that say so."""
-        title = f"{self.title}, constants drawn within ±{100 * spread:g} %"
-        return replace(self, name=self.name + _ending(spread), title=title, spread=spread) if spread else self
+        if not spread:
+            return self
+        within = f"±{100 * spread:g} %" + (f", the wheels' ±{100 * wheels:g} %" if wheels is not None else "")
+        name, title = self.name + _ending(spread, wheels), f"{self.title}, constants drawn within {within}"
+        return replace(self, name=name, title=title, spread=spread, spread_wheels=wheels)
 
     @property
     def steps(self) -> int:
@@ -216,6 +221,7 @@ class Task:
             "seconds": self.seconds,
             "trials": self.trials,
             **({"spread": self.spread} if self.spread else {}),
+            **({"spread_wheels": self.spread_wheels} if self.spread_wheels is not None else {}),
             "fitness_unit": self.fitness_unit,
             "fitness_scale": self.fitness_scale,
         }
@@ -257,7 +263,7 @@ class Task:
         require(fits, "seconds", "a multiple of 0.1 from 0.1 to 100000", self.seconds)
         count = isinstance(self.trials, int) and not isinstance(self.trials, bool) and self.trials >= 1
         require(count, "trials", "a whole number, 1 or more", self.trials)
-        require(0 <= self.spread <= 0.9, "spread", "a share from 0 to 0.9", self.spread)
+        check_spread(self.spread, self.spread_wheels)
         require(self.fitness_scale > 0, "fitness_scale", "more than 0", self.fitness_scale)
         start = self.start
         obstacle = self.arena.obstacle_at(start.x_cm, start.y_cm, start.radius_cm)
@@ -269,9 +275,21 @@ class Task:
             )
 
 
-def _ending(spread: float) -> str:
+def check_spread(spread: float, wheels: float | None) -> None:
+    """Refuse shares that are none, and the wheels' alone.
+
+    Raises:
+        ConfigError: names the key.
+    """
+    require(0 <= spread <= 0.9, "spread", "a share from 0 to 0.9", spread)
+    fits = wheels is None or (spread > 0 and 0 <= wheels <= 0.9)
+    require(fits, "spread_wheels", "a share from 0 to 0.9, beside a spread", wheels)
+
+
+def _ending(spread: float, wheels: float | None = None) -> str:
     """What a name says of a spread: -spread-10, of 10 %."""
-    return f"-spread-{100 * spread:g}".replace(".", "-") if spread else ""
+    of_wheels = "" if wheels is None else f"-wheels-{100 * wheels:g}"
+    return f"-spread-{100 * spread:g}{of_wheels}".replace(".", "-") if spread else ""
 
 
 def _check_score(score: object) -> None:
