@@ -7,6 +7,7 @@ profile = calibrated_unit("units/7", unit=7, noise=1.0, seed=0, workers=2)
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, closing
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from realitygap.calibration.recordings.recording import Recording
     from realitygap.world.profile import Profile
 
-__all__ = ["PARTS", "PROFILE", "SETTINGS", "calibrated_robot", "calibrated_unit"]
+__all__ = ["PARTS", "PROFILE", "SETTINGS", "calibrated_robot", "calibrated_share", "calibrated_unit"]
 
 PROFILE, SETTINGS, RECORDINGS, UNFINISHED = "robot.toml", "unit.toml", "recordings", ".part"
 PARTS = ("ambient", "wheels", "infrared-wall", "infrared-cylinder")
@@ -52,6 +53,7 @@ def calibrated_unit(
     noise: float,
     seed: int,
     workers: Workers = 1,
+    parts: Sequence[str] | None = None,
     meanwhile: Sequence[Work] = (),
     on_progress: Progress | None = None,
 ) -> Path:
@@ -67,6 +69,7 @@ def calibrated_unit(
         noise: the twin's noise scale, or Enki's.
         seed: of its noise, and of what is random in the plans.
         workers: processes that record at the same time, one a core if None; or a pool.
+        parts: those of PARTS that are recorded, all that it has if None; the rest stays as in its base.
         meanwhile: what they do besides, functions that can be sent to them.
         on_progress: is told how far it is; whoever raises there stops the work.
 
@@ -80,8 +83,28 @@ def calibrated_unit(
     for key, value, kind in (("unit", unit, int | str), ("seed", seed, int), ("noise", noise, int | float)):
         must_be(value, kind, key, "See `realitygap record --help`.")
     which = {"unit": unit} if isinstance(unit, int) else {"robot": unit, "parts": _parts_of(unit)}
-    settings = {"recipe": RECIPE, **which, "twin_noise": float(noise), "seed": seed}
+    chosen = {} if parts is None else {"parts": list(parts)}
+    settings = {"recipe": RECIPE, **which, "twin_noise": float(noise), "seed": seed, **chosen}
     return _calibrated(folder, settings, workers, on_progress, meanwhile)
+
+
+def calibrated_share(
+    folder: str | Path, *, of: Path, share: float, workers: Workers = 1, on_progress: Progress | None = None
+) -> Path:
+    """The profile of a unit by a share of the places that its sensors were recorded at (`share.py`).
+
+    Args:
+        folder: the profile's own; made if need be.
+        of: the unit's folder, with all of its recordings.
+        share: of the places of each recording, above 0 and below 1; one place at least.
+        workers: as of a unit.
+        on_progress: as of a unit.
+
+    Returns:
+        The path of `folder/robot.toml`.
+    """
+    settings = {**_settings(of), "share": share, "of": os.path.relpath(of.resolve(), Path(folder).resolve())}
+    return _calibrated(folder, settings, workers, on_progress)
 
 
 def calibrated_robot(
@@ -200,7 +223,7 @@ def record_part(folder: Path, name: str, report: Progress) -> None:
     known = _settings(folder)
     base = load_profile(known["base"]) if "base" in known else None
     address = Address.parse(known["robot"] if "robot" in known else f"twin:{known['unit']}")
-    finished = folder / RECORDINGS / name
+    finished = _recordings(folder) / name
     unfinished = finished.with_name(name + UNFINISHED)
     shutil.rmtree(unfinished, ignore_errors=True)  # left by one that was stopped
     plan, _, shape = name.partition("-")
@@ -215,11 +238,17 @@ def fitted(folder: Path, names: Sequence[str]) -> Calibration:
     """The calibration by some of the folder's parts."""
     from realitygap.calibration.calibrate import calibrate
     from realitygap.calibration.recordings.files import load_recording
+    from realitygap.calibration.share import calibrate_share
 
-    recordings = [load_recording(folder / RECORDINGS / name) for name in sorted(names)]
+    known = _settings(folder)
+    recordings = [load_recording(_recordings(folder) / name) for name in sorted(names)]
+    base = _base(folder, recordings)
     # On the twin the printed law's form errs least, as "auto" finds in three times the time.
-    form = "extended" if "unit" in _settings(folder) else "auto"
-    return calibrate(recordings, _base(folder, recordings), form=form, beside=False)
+    form = "extended" if "unit" in known else "auto"
+    if "share" in known:  # a wall tells more than a cylinder
+        share, seed = known["share"], known["seed"]
+        return calibrate_share(recordings[::-1], base, share=share, seed=seed, form=form)
+    return calibrate(recordings, base, form=form, beside=False)
 
 
 def _profile(folder: Path, fits: Sequence[Calibration]) -> str:
@@ -229,7 +258,9 @@ def _profile(folder: Path, fits: Sequence[Calibration]) -> str:
 
     known = _settings(folder)
     name = f"twin-{known['unit']}" if "unit" in known else Address.parse(known["robot"]).folder()
-    fits = sorted(fits, key=lambda one: Path(one.recordings[0].source).name)
+    fits = sorted(
+        (fit for fit in fits if fit.recordings), key=lambda one: Path(one.recordings[0].source).name
+    )
     recordings = [one for fit in fits for one in fit.recordings]
     # The day stands in the recordings: the same settings make the same file on any day.
     return joined(fits, _base(folder, recordings)).named(name, date="").profile.to_toml()
@@ -243,12 +274,17 @@ def _base(folder: Path, recordings: Sequence[Recording]) -> Profile:
     return load_profile(_settings(folder).get("base", base_of(recordings)))
 
 
+def _recordings(folder: Path) -> Path:
+    """Where its recordings are: those of a share are the whole's."""
+    return folder / str(_settings(folder).get("of", "")) / RECORDINGS
+
+
 def _kind(part: str) -> str:
     return part.partition("-")[0]
 
 
 def _is_recorded(folder: Path, part: str) -> bool:
-    return (folder / RECORDINGS / part / FACTS).is_file()
+    return (_recordings(folder) / part / FACTS).is_file()
 
 
 def _parts(folder: Path) -> list[str]:

@@ -14,6 +14,7 @@ from realitygap.cli.failure import resumable
 from realitygap.cli.kinds import Whole
 from realitygap.cli.output import tell
 from realitygap.cli.progress import ProgressLine
+from realitygap.cli.randomise import measure_or_randomise
 from realitygap.cli.studies import show_shard
 
 if TYPE_CHECKING:
@@ -31,9 +32,13 @@ def experiment() -> None:
     """Run a multi-run experiment.
 
     \b
-    Example: does a simulation as noisy as the robot cross the gap best?
+    Examples: does a simulation as noisy as the robot cross the gap best? What does an hour of measuring buy?
         realitygap experiment noise
+        realitygap experiment measure-or-randomise
     """
+
+
+experiment.add_command(measure_or_randomise)
 
 
 @experiment.command()

@@ -1,0 +1,49 @@
+"""What a robot's calibration would be if fewer places had been recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from realitygap.calibration.calibrate import Calibration, calibrate
+from realitygap.calibration.recordings.recording import Recording, SensorRecording
+from realitygap.errors import CalibrationError
+from realitygap.world.profile import Profile
+
+__all__ = ["calibrate_share", "thinned"]
+
+
+def thinned(recording: SensorRecording, share: float, seed: int) -> SensorRecording:
+    """The recording with a share of its places, one at least: a larger share holds a smaller one's places."""
+    place = recording.place()
+    drawn = np.random.default_rng(seed).permutation(place.max() + 1)
+    rows = np.isin(place, drawn[: max(1, round(share * len(drawn)))])
+    names = ("distance_cm", "bearing_deg", "repeat", "counts", "pose", "speed_cm_s")
+    there = {name: column for name in names if (column := getattr(recording, name)) is not None}
+    return replace(recording, **{name: column[rows] for name, column in there.items()})
+
+
+def calibrate_share(
+    recordings: Sequence[Recording], base: Profile, *, share: float, seed: int, form: str
+) -> Calibration:
+    """A calibration by a share of the places; wheels' drives stay whole.
+
+    A recording that is left with too few readings to fit is left out, the last of them first; without any the
+    base stays as it is.
+
+    Args:
+        recordings: of one kind, those that tell most first.
+        base: a profile.
+        share: of the places of each, above 0.
+        seed: of which they are.
+        form: as of `calibrate`.
+    """
+    kept = [thinned(one, share, seed) if isinstance(one, SensorRecording) else one for one in recordings]
+    for few in range(len(kept), 0, -1):
+        try:
+            return calibrate(kept[:few], base, form=form, beside=False)
+        except CalibrationError:
+            continue
+    return calibrate([], base, form=form, beside=False)

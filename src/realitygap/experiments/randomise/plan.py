@@ -1,0 +1,225 @@
+"""What an experiment of measuring or randomising is to do: its settings, conditions and controllers.
+
+`docs/noise-level-2.md` states the design; whatever is drawn is a function of names alone.
+"""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+from realitygap.errors import ConfigError
+from realitygap.robots.address import Address
+from realitygap.study.config import StudyConfig
+from realitygap.study.parts import Condition as Evolved
+from realitygap.study.parts import TaskSettings
+from realitygap.study.plan import named
+from realitygap.study.settings import LARGEST, whole
+from realitygap.tasks.load import load_task
+from realitygap.tasks.task import Task
+from realitygap.toml import read_toml
+from realitygap.world.files import Value, build, require
+
+__all__ = [
+    "CONFIG", "KNOWN", "NOISES", "Condition", "Controller", "RandomiseConfig", "Spread", "conditions",
+    "controllers", "evolution", "stream",
+]  # fmt: skip
+
+CONFIG = "measure-or-randomise.toml"
+"""In the experiment's folder."""
+TASK = "obstacle-avoidance"
+NOISES = (0.0, 1.0)
+KNOWN = {"paper": 0.0, "another unit": 0.0, "own, 5 %": 0.05, "own, 20 %": 0.2, "own, all": 1.0}
+"""What the simulation may know of the unit, and the share of the standard recording that this takes."""
+
+ROBOTS = ("twin", "stranger", "enki:khepera")
+"""Those that the paper's constants are meant for: Kheperas with units."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RandomiseConfig(Value):
+    """The whole design.
+
+    Attributes:
+        robot: whose units: one of ROBOTS.
+        units: so many, from `first_unit` on.
+        first_unit: its number.
+        runs: of each condition; the units take turns.
+        starts: trials of each controller on its unit.
+        evaluations: of each run.
+        twin_noise: the robot's noise scale.
+        seed: random seed.
+        seconds: length of a trial; the task's own if None.
+
+    Raises:
+        ConfigError: names the key, what was expected and what came.
+    """
+
+    robot: str = "enki:khepera"
+    units: int = 16
+    first_unit: int = 101
+    runs: int = 20
+    starts: int = 4
+    evaluations: int = 1000
+    twin_noise: float = 1.0
+    seed: int = 20263
+    seconds: float | None = None
+
+    def _check(self) -> None:
+        require(self.robot in ROBOTS, "robot", f"one of {', '.join(ROBOTS)}", self.robot)
+        whole("units", self.units, 2, 100)  # "another unit" is one of these
+        whole("first_unit", self.first_unit, 1, 10**6)
+        whole("runs", self.runs, 1, 10**4)
+        whole("starts", self.starts, 2, 1000)
+        whole("evaluations", self.evaluations, 1, 10**9)
+        whole("seed", self.seed, 0, LARGEST)
+        require(0 <= self.twin_noise <= 10, "twin_noise", "a number from 0 to 10", self.twin_noise)
+        if self.seconds is not None:
+            require(self.seconds >= 2, "seconds", "2 or more", self.seconds)
+            replace(load_task(TASK), seconds=self.seconds)
+
+    @property
+    def numbers(self) -> range:
+        """The units' numbers."""
+        return range(self.first_unit, self.first_unit + self.units)
+
+    @property
+    def task(self) -> Task:
+        """Obstacle avoidance, for its time."""
+        task = load_task(TASK)
+        return task if self.seconds is None else replace(task, seconds=self.seconds)
+
+    def address(self, unit: int) -> Address:
+        """Of a unit."""
+        return Address.parse(f"{self.robot}:{unit}")
+
+    def to_dict(self) -> dict[str, Any]:
+        """The settings, keys as in their file; what is None is left out."""
+        return {key: value for key, value in super().to_dict().items() if value is not None}
+
+    @classmethod
+    def from_folder(cls, folder: Path) -> Self:
+        """The settings that the experiment in a folder was made with.
+
+        Raises:
+            ConfigError: its file is missing or broken.
+        """
+        path = folder / CONFIG
+        table = read_toml(
+            path, ConfigError, "Give the folder of `realitygap experiment measure-or-randomise`."
+        )
+        known: Mapping[str, Any] = {key: value for key, value in table.items() if key != "versions"}
+        try:
+            return build(cls, known)
+        except ConfigError as error:
+            raise ConfigError(f"{path}: {error}") from None
+
+
+class Spread(NamedTuple):
+    """Shares within which constants are drawn anew: sensors' sensitivities; wheels and track."""
+
+    infrared: float
+    wheels: float
+
+
+class Condition(NamedTuple):
+    """What the simulation is made of, whether constants are drawn anew, and its noise."""
+
+    known: str
+    randomised: bool
+    noise: float
+
+    @property
+    def name(self) -> str:
+        """As the names of files have it."""
+        known = self.known.replace(" %", "").replace(", ", "-").replace(" ", "-")
+        return f"{known}{'-randomised' * self.randomised}-noise-{self.noise:g}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Controller:
+    """The champion of a run, from 1, of a condition; `unit` is the number of its calibration unit."""
+
+    condition: Condition
+    run: int
+    unit: int
+
+    @property
+    def name(self) -> str:
+        """As the names of files and messages have it."""
+        return f"{self.condition.name}-run-{self.run}"
+
+
+def conditions() -> tuple[Condition, ...]:
+    """All of them, in the order of the tables."""
+    return tuple(
+        Condition(known, randomised, noise)
+        for known in KNOWN
+        for randomised in (False, True)
+        for noise in NOISES
+    )
+
+
+def controllers(config: RandomiseConfig) -> tuple[Controller, ...]:
+    """All of them, grouped by unit, so that whoever takes them in order changes robots seldom."""
+    return tuple(
+        Controller(condition=condition, run=run, unit=unit)
+        for unit in config.numbers
+        for condition in conditions()
+        for run in _runs(config, unit)
+    )
+
+
+def evolution(
+    config: RandomiseConfig, unit: int, known: str, profile: str, spread: Spread
+) -> tuple[StudyConfig, dict[Controller, str]]:
+    """What evolves for a unit in one state of knowledge, and each controller's run there, by name.
+
+    All states of a unit have the same seeds.
+
+    Args:
+        config: the whole design.
+        unit: its number.
+        known: one of KNOWN.
+        profile: what is known, a file or a shipped profile's name.
+        spread: of the randomised conditions.
+    """
+    mine = [condition for condition in conditions() if condition.known == known]
+    evolved = {condition: _evolved(condition, spread) for condition in mine}
+    runs = _runs(config, unit)
+    study = StudyConfig(
+        title=f"Measure or randomise: {config.robot}:{unit}, known: {known}",
+        seed=stream(config, "evolution", unit) >> 1,
+        runs=len(runs),
+        evaluations=config.evaluations,
+        fresh_trials=1,
+        profile=profile,
+        conditions=tuple(evolved.values()),
+        task=TaskSettings(seconds=config.seconds),
+    )
+    names = {
+        Controller(condition=condition, run=run, unit=unit): (
+            f"{config.task.under(one.spread, one.spread_wheels).name}/{named(one.noise)}/{index}"
+        )
+        for condition, one in evolved.items()
+        for index, run in enumerate(runs, start=1)
+    }
+    return study, names
+
+
+def _evolved(condition: Condition, spread: Spread) -> Evolved:
+    if not condition.randomised:
+        return Evolved(task=TASK, noise=condition.noise)
+    return Evolved(task=TASK, noise=condition.noise, spread=spread.infrared, spread_wheels=spread.wheels)
+
+
+def _runs(config: RandomiseConfig, unit: int) -> list[int]:
+    """Numbers of a condition's runs on this unit: the units take turns."""
+    return [run for run in range(1, config.runs + 1) if config.numbers[(run - 1) % config.units] == unit]
+
+
+def stream(config: RandomiseConfig, *names: object) -> int:
+    """The stream of whatever these names name, 0 to 2⁶⁴ − 1."""
+    text = "/".join(map(repr, (config.seed, *names)))
+    return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=8).digest(), "little")

@@ -1,0 +1,227 @@
+"""The tables that come out of an experiment of measuring or randomising, and its planned comparisons."""
+
+from collections.abc import Mapping, Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap import whole
+from realitygap.errors import StudyError
+from realitygap.experiments.noise.contrasts import holm
+from realitygap.experiments.randomise.known import ALL, Profiles
+from realitygap.experiments.randomise.plan import (
+    KNOWN,
+    NOISES,
+    Condition,
+    Controller,
+    RandomiseConfig,
+    conditions,
+    controllers,
+)
+from realitygap.experiments.randomise.trials import FIGURES
+from realitygap.study.versions import versions
+from realitygap.text import to_csv
+from realitygap.toml import to_toml
+
+__all__ = [
+    "COMPARISONS", "HOURS", "OUTCOMES", "RESULTS", "Comparison", "Outcome", "compared_in", "outcomes",
+    "trial_file", "write_results",
+]  # fmt: skip
+
+Floats = NDArray[np.float64]
+
+RESULTS = "results"
+OUTCOMES = ("correspondence", "fitness_situated")
+HOURS = {"paper": 0.0, "another unit": 0.0, "own, 5 %": 0.2, "own, 20 %": 0.6, "own, all": 3.0}
+"""Of a person who places the robot, 30 s a place: a convention, not a measurement."""
+COMPARISONS = ((("own, 5 %", False), ("paper", True)), ((ALL, False), ("own, 20 %", False)))
+"""What is tested, first against second, over both levels of noise; the rest is shown."""
+
+CALIBRATION = ("unit", "known", "channel", "model_error", "noise", "ratio", "recordings")
+
+
+class Outcome(NamedTuple):
+    """A condition's mean over units, with its 95 % interval (Student's t)."""
+
+    condition: Condition
+    outcome: str
+    mean: float
+    low: float
+    high: float
+    units: int
+
+
+class Comparison(NamedTuple):
+    """A planned comparison: the mean difference over units, its 95 % interval, and p, paired by unit."""
+
+    outcome: str
+    first: str
+    second: str
+    difference: float
+    low: float
+    high: float
+    p: float
+    p_holm: float
+    found: str
+
+
+def trial_file(folder: Path, one: Controller) -> Path:
+    """What is kept of a controller's trials."""
+    return folder / "trials" / f"unit-{one.unit}" / f"{one.name}.npz"
+
+
+def write_results(folder: Path, config: RandomiseConfig, profiles: Profiles) -> Path:
+    """Gather what came of all controllers.
+
+    Raises:
+        StudyError: a controller's file is missing or broken.
+    """
+    figures = {one: _read(trial_file(folder, one)) for one in controllers(config)}
+    place, spread = folder / RESULTS, profiles.spread()
+    place.mkdir(parents=True, exist_ok=True)
+    rows = [
+        [
+            one.condition.known,
+            one.condition.randomised,
+            one.condition.noise,
+            one.run,
+            one.unit,
+            *values.tolist(),
+        ]
+        for one, values in sorted(figures.items(), key=lambda item: _place(item[0]))
+    ]
+    _write(place / "controllers.csv", ("known", "randomised", "noise", "run", "unit", *FIGURES), rows)
+    units = {name: _by_unit(figures, name, config) for name in OUTCOMES}
+    found = [one for name in OUTCOMES for one in outcomes(name, units[name])]
+    head = ("known", "randomised", "noise", "hours", "outcome", "mean", "low", "high", "units")
+    told = [[*one.condition, HOURS[one.condition.known], *one[1:]] for one in found]
+    _write(place / "conditions.csv", head, told)
+    _write(place / "comparisons.csv", Comparison._fields, compared(units))
+    _write(place / "calibration.csv", CALIBRATION, _fits(config, profiles))
+    facts = {
+        **config.to_dict(),
+        "spread": spread._asdict(),
+        "controllers": len(figures),
+        "versions": versions(),
+    }
+    whole.write(place / "experiment.toml", to_toml(facts))
+    return place
+
+
+def _fits(config: RandomiseConfig, profiles: Profiles) -> list[list[object]]:
+    """How well each unit's own calibrations fit, and how many recordings each could use."""
+    own = [known for known, share in KNOWN.items() if share]
+    told = [(unit, known, profiles.of(unit, known).provenance) for unit in config.numbers for known in own]
+    return [
+        [unit, known, fit.channel, fit.model_error, fit.noise, fit.ratio, len(where.files)]
+        for unit, known, where in told
+        for fit in where.fits
+    ]
+
+
+def outcomes(name: str, units: Mapping[Condition, Floats]) -> list[Outcome]:
+    """Each condition's mean over units of one outcome.
+
+    Args:
+        name: of the outcome.
+        units: [units] means over each unit's runs, by condition; NaN where there is none.
+    """
+    return [Outcome(condition, name, *_interval(values)) for condition, values in units.items()]
+
+
+def compared(units: Mapping[str, Mapping[Condition, Floats]]) -> list[Comparison]:
+    """The planned comparisons of all outcomes, with one Holm correction over them.
+
+    A unit's value is its mean over both levels of noise; Student's t, paired by unit, two-sided.
+    """
+    from scipy.stats import ttest_1samp
+
+    made = []
+    for name, values in units.items():
+        for first, second in COMPARISONS:
+            gap = _both_levels(values, first) - _both_levels(values, second)
+            known = gap[np.isfinite(gap)]
+            p = float(ttest_1samp(known, 0.0).pvalue) if len(known) > 1 and np.ptp(known) > 0 else 1.0
+            difference, low, high, _ = _interval(gap)
+            made.append(
+                Comparison(name, _words(first), _words(second), difference, low, high, p, 1.0, "open")
+            )
+    corrected = holm([one.p for one in made])
+    return [
+        one._replace(p_holm=p, found="open" if p >= 0.05 else "above" if one.difference > 0 else "below")
+        for one, p in zip(made, corrected, strict=True)
+    ]
+
+
+def compared_in(folder: Path) -> tuple[list[Outcome], list[Comparison]]:
+    """The outcomes and comparisons of an experiment's folder, of what is kept of its trials."""
+    config = RandomiseConfig.from_folder(folder)
+    figures = {one: _read(trial_file(folder, one)) for one in controllers(config)}
+    units = {name: _by_unit(figures, name, config) for name in OUTCOMES}
+    return [one for name in OUTCOMES for one in outcomes(name, units[name])], compared(units)
+
+
+def _by_unit(
+    figures: Mapping[Controller, Floats], name: str, config: RandomiseConfig
+) -> dict[Condition, Floats]:
+    """[units] means over each unit's runs, by condition."""
+    column, made = FIGURES.index(name), {}
+    for condition in conditions():
+        rows: dict[int, list[float]] = {unit: [] for unit in config.numbers}
+        for one, values in figures.items():
+            if one.condition == condition and np.isfinite(values[column]):
+                rows[one.unit].append(float(values[column]))
+        made[condition] = np.array([np.mean(row) if row else np.nan for row in rows.values()])
+    return made
+
+
+def _both_levels(values: Mapping[Condition, Floats], which: tuple[str, bool]) -> Floats:
+    levels = [values[Condition(*which, noise)] for noise in NOISES]
+    mean: Floats = np.mean(levels, axis=0)
+    return mean
+
+
+def _interval(values: Floats) -> tuple[float, float, float, int]:
+    """Mean, its 95 % interval, and of how many."""
+    from scipy.stats import t
+
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return np.nan, np.nan, np.nan, 0
+    mean, n = float(known.mean()), len(known)
+    half = float(t.ppf(0.975, n - 1) * known.std(ddof=1) / np.sqrt(n)) if n > 1 else np.nan
+    return mean, mean - half, mean + half, n
+
+
+def _words(which: tuple[str, bool]) -> str:
+    return which[0] + ", randomised" * which[1]
+
+
+def _place(one: Controller) -> tuple[int, int]:
+    return conditions().index(one.condition), one.run
+
+
+def _read(file: Path) -> Floats:
+    """A controller's figures, as they were kept."""
+    try:
+        with np.load(BytesIO(file.read_bytes())) as kept:
+            figures: Floats = kept["figures"]
+        if figures.shape != (len(FIGURES),):
+            raise ValueError
+    except Exception:  # a broken archive has a dozen ways to say so
+        cure = "Delete it and resume: it is made again."
+        raise StudyError(f"{file}: expected what came of a controller's trials. {cure}") from None
+    return figures
+
+
+def _write(file: Path, head: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+    whole.write(file, to_csv([list(head), *([_text(value) for value in row] for row in rows)]))
+
+
+def _text(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.5g}" if np.isfinite(value) else ""
+    return str(value).lower() if isinstance(value, bool) else str(value)

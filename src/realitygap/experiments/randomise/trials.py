@@ -1,0 +1,159 @@
+"""Controllers on their units, each held against the simulation that it evolved in: as jobs."""
+
+import math
+from io import BytesIO
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap import temporary
+from realitygap.controller.encoding import controller_of
+from realitygap.correspondence.scale import exemplar_scale
+from realitygap.correspondence.score import compare
+from realitygap.correspondence.setting import setting_of
+from realitygap.correspondence.trials import resampled
+from realitygap.errors import TrackError
+from realitygap.evolution.algorithm import Genes
+from realitygap.experiments.randomise.plan import Controller, RandomiseConfig, Spread, evolution, stream
+from realitygap.simulation.simulation import Simulation
+from realitygap.track import Track
+from realitygap.transfer.paths import score
+from realitygap.transfer.rig import Rig
+from realitygap.values import Pose
+from realitygap.work.pool import Tell
+from realitygap.world.profile import Profile
+
+__all__ = ["FIGURES", "Bench", "Job", "Made", "Words", "bench_in"]
+
+FIGURES = ("correspondence", "behaviour", "layout", "fitness_situated", "fitness_simulated", "lost")
+"""What is kept of a controller: scores 0 to 10, the task's own scores, and trials that the camera lost."""
+LEAST_TRIALS = 2
+
+
+class Words(NamedTuple):
+    """What workers are told; `folder` keeps cameras, None where they do not see it."""
+
+    config: RandomiseConfig
+    folder: Path | None
+
+
+class Job(NamedTuple):
+    """A controller that is to drive its unit.
+
+    Attributes:
+        controller: whose.
+        genes: the champion's.
+        profile: what its simulation is made of.
+        truth: the unit's whole calibration, by which all of the unit's tracks are scored.
+        spread: of constants that are drawn anew.
+    """
+
+    controller: Controller
+    genes: Genes
+    profile: Profile
+    truth: Profile
+    spread: Spread
+
+
+class Made(NamedTuple):
+    """What came of a job: the content of its file."""
+
+    controller: Controller
+    content: bytes
+
+
+class Bench:
+    """Carries out jobs; made once in a worker."""
+
+    def __init__(self, words: Words) -> None:
+        self._config = words.config
+        self._home = temporary.Folder("randomise")
+        self._cameras = Path(self._home.name) if words.folder is None else words.folder / "cameras"
+        self._unit = 0
+        self._rig: Rig | None = None
+
+    def carry_out(self, job: Job, tell: Tell) -> None:
+        """A controller's trials, on its unit and simulated; the content of its file is told."""
+        one, config = job.controller, self._config
+        rig, task = self._ready(one.unit, job.truth), config.task
+        rig.profile = job.profile
+        study, _ = evolution(config, one.unit, one.condition.known, "paper", job.spread)
+        encoding = study.encoding_for(task.of(job.profile))
+        drawn = task.under(*job.spread) if one.condition.randomised else task
+        simulation = Simulation(drawn, job.profile, one.condition.noise)
+        driver, networks = controller_of(encoding, job.genes), encoding.decode(job.genes[None])
+        lived: list[tuple[Track, Track]] = []
+        for k, pose in enumerate(self._starts(one.unit, job.truth), start=1):
+            names = (*one.condition, one.run, k)
+            situated, _ = rig.drive(driver, stream(config, "situated", *names), pose, task.seconds)
+            made, _ = simulation.trajectory(networks, stream=stream(config, "simulated", *names), pose=pose)
+            lived.append((made.track, situated))
+        tell(Made(one, _content(lived, self._figures(lived, job.truth))))
+
+    def _figures(self, lived: list[tuple[Track, Track]], truth: Profile) -> NDArray[np.float64]:
+        """As FIGURES names them, NaN where too few trials are left."""
+        task, radius = self._config.task, truth.body.radius_cm
+        setting, pairs = setting_of([], task), []
+        for k, both in enumerate(lived, start=1):
+            try:
+                pairs.append([resampled(track, start=str(k), radius_cm=radius) for track in both])
+            except TrackError:
+                continue  # lost for too long: nobody knows what it did
+        situated, simulated = (_mean([score(pair[i], task, truth) for pair in lived]) for i in (1, 0))
+        scores = (math.nan, math.nan, math.nan)
+        if len(pairs) >= LEAST_TRIALS:
+            scale = exemplar_scale(setting.exemplars, len(lived), len(lived), matched=True)
+            sides = [[pair[i] for pair in pairs] for i in (0, 1)]
+            found = compare(sides[0], sides[1], setting, scale=scale, resamples=0)
+            scores = (found.score, found.behaviour, found.layout)
+        return np.array([*scores, situated, simulated, len(lived) - len(pairs)])
+
+    def _ready(self, unit: int, truth: Profile) -> Rig:
+        """The unit in the task's arena, under a camera that is calibrated for its true body."""
+        if self._rig is None or self._unit != unit:
+            self.close_rig()
+            self._unit, address = unit, self._config.address(unit)
+            noise = self._config.twin_noise
+            self._rig = Rig(
+                self._config.task, truth, robot=address, twin_noise=noise, folder_for_camera=self._cameras
+            )
+            _ = self._rig.watcher  # before another profile is put in
+        return self._rig
+
+    def _starts(self, unit: int, truth: Profile) -> list[Pose]:
+        """Where a unit's trials begin, the same for all controllers."""
+        simulation = Simulation(self._config.task, truth)
+        numbers = range(1, self._config.starts + 1)
+        return [simulation.start(stream(self._config, "start", unit, k)) for k in numbers]
+
+    def close_rig(self) -> None:
+        """Let the unit go."""
+        if self._rig is not None:
+            self._rig.close()
+        self._rig = None
+
+    def close(self) -> None:
+        """Let everything go."""
+        self.close_rig()
+        self._home.cleanup()
+
+
+def bench_in(words: Words) -> Bench:
+    """A bench, wherever a worker is."""
+    return Bench(words)
+
+
+def _content(lived: list[tuple[Track, Track]], figures: NDArray[np.float64]) -> bytes:
+    """The file of a controller: `poses` [2 sides, starts, rows, 3] x, y (cm), heading (rad); `figures`."""
+    poses = [[np.stack([t.x, t.y, t.heading], axis=1) for t in side] for side in zip(*lived, strict=True)]
+    file = BytesIO()
+    np.savez_compressed(file, poses=np.array(poses, np.float32), figures=figures)
+    return file.getvalue()
+
+
+def _mean(values: list[float]) -> float:
+    """Of those that are known; NaN of none."""
+    known = [value for value in values if math.isfinite(value)]
+    return math.fsum(known) / len(known) if known else math.nan

@@ -1,0 +1,55 @@
+"""The picture of an experiment of measuring or randomising: hours of work against what they buy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from matplotlib.axes import Axes
+
+from realitygap.experiments.randomise.plan import KNOWN, NOISES
+from realitygap.experiments.randomise.results import HOURS, OUTCOMES, RESULTS, Outcome, compared_in
+from realitygap.report.style import PAGE, new_figure, noise_styles, save_figure, styled
+from realitygap.world.noise import noise_name
+
+__all__ = ["draw_outcomes"]
+
+PICTURE = "outcomes"
+LABELS = {"correspondence": ("correspondence", 10.5), "fitness_situated": ("situated fitness", 1.0)}
+"""Words at the axis, and how high it goes: no outcome goes higher, though an interval of few units may."""
+NOISE_APART, RANDOMISED_APART = 0.32, 0.16
+
+
+def draw_outcomes(folder: Path) -> Path:
+    """Draw what each condition came to; the SVG of the picture (a PNG lies beside it)."""
+    found, _ = compared_in(folder)
+    with styled():
+        figure = new_figure(PAGE, 2.9, layout="constrained")
+        for ax, outcome in zip(figure.subplots(1, len(OUTCOMES)), OUTCOMES, strict=True):
+            _draw(ax, [one for one in found if one.outcome == outcome])
+            label, top = LABELS[outcome]
+            ax.set_ylabel(label)
+            ax.set_ylim(0, top)
+        handles, labels = figure.axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+        save_figure(figure, folder / RESULTS, PICTURE)
+    return folder / RESULTS / f"{PICTURE}.svg"
+
+
+def _draw(ax: Axes, found: Sequence[Outcome]) -> None:
+    """One outcome, a column a state of knowledge: colour and shape tell the noise, hollow is randomised."""
+    styles, places = noise_styles(NOISES), list(KNOWN)
+    for i, noise in enumerate(NOISES):
+        for randomised in (False, True):
+            mine = [one for one in found if one.condition[1:] == (randomised, noise)]
+            aside = (i - 0.5) * NOISE_APART + (randomised - 0.5) * RANDOMISED_APART
+            look, name = styles[noise], noise_name(noise) + " noise" + ", randomised" * randomised
+            ax.errorbar(
+                [places.index(one.condition.known) + aside for one in mine], [one.mean for one in mine],
+                yerr=[one.high - one.mean if math.isfinite(one.high) else 0.0 for one in mine],
+                fmt=look.marker, color=look.colour, capsize=2, markersize=4, label=name,
+                markerfacecolor="none" if randomised else look.colour,
+            )  # fmt: skip
+    ax.set_xticks(range(len(places)), [f"{name}\n{HOURS[name]:g} h" for name in places], fontsize=6)
+    ax.set_xlabel("what the simulation knows of the unit, hours of work")
