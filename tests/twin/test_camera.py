@@ -157,3 +157,17 @@ def test_the_twin_knows_nothing_of_the_simulation() -> None:
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("view", ["drawn", "mujoco"])
+def test_a_kept_camera_films_as_a_new_one(view: str) -> None:
+    """What was filmed before, and by which seed, leaves no trace in the next film."""
+    poses = States.standing([0] * 3, [12, 30, 31], [15, 40, 20], [0.3, -2.0, 1.0]).pose
+    with camera(view) as kept:
+        for pose in poses[1:]:
+            kept.frame(pose, number=3)
+        kept.begin(7)
+        again = [kept.frame(pose, number=k) for k, pose in enumerate(poses)]
+    with OverheadCamera(ARENAS["obstacle-avoidance"], unit=1, view=view, seed=7) as new:
+        first = [new.frame(pose, number=k) for k, pose in enumerate(poses)]
+    assert all(map(np.array_equal, again, first)) and not np.array_equal(first[0], first[1])

@@ -136,6 +136,10 @@ class NetworkController:
         check_genes(genes, self.layout)
         self.genes = genes
         self.neurons = neurons(genes, self.layout)
+        self._plain = [
+            (one.slot, one.threshold, [(link.weight, link.delay, link.source) for link in one.links])
+            for one in self.neurons
+        ]
         self.reset()
 
     def _repr_html_(self) -> str:
@@ -163,11 +167,16 @@ class NetworkController:
             raise UsageError(f"inputs: expected whole numbers from -{TOP} to {TOP}, got {list(inputs)}.")
         held = [int(value) for value in inputs]
         self._past[0] = held + self._past[0][len(held) :]
+        empty = held + [0] * (self.layout.slots - len(held))
         for _ in range(UPDATES):
-            now = held + [0] * (self.layout.slots - len(held))
-            for neuron in self.neurons:
-                total = sum(link.weight * self._past[link.delay][link.source] for link in neuron.links)
-                now[neuron.slot] = max(-TOP, min(TOP, total - neuron.threshold))
+            now, past = empty.copy(), list(self._past)
+            for slot, threshold, links in self._plain:
+                total = -threshold
+                for weight, delay, source in links:
+                    total += weight * past[delay][source]
+                now[slot] = max(-TOP, min(TOP, total))
             self._past.appendleft(now)
+            if past.count(now) == len(past):
+                break  # settled: every further update is the same
         left, right = self._past[0][len(held) : len(held) + 2]
         return Command(left=left, right=right)

@@ -6,7 +6,8 @@ A trial on the twin is a function of its situation alone.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,6 +33,7 @@ from realitygap.values import Pose
 
 if TYPE_CHECKING:
     from realitygap.transfer.overhead import Overhead
+    from realitygap.twin.camera import OverheadCamera
 
 __all__ = ["TRIAL", "Carry", "Stage"]
 
@@ -51,6 +53,7 @@ class Stage:
         self.study, self.place = study, place or study.folder
         self._simulations: dict[tuple[str, float], Simulation] = {}
         self._rigs: dict[tuple[str, Address, float, int | None], Rig] = {}
+        self._camera: tuple[object, OverheadCamera] | None = None
 
     @cached_property
     def _versions(self) -> dict[str, str]:
@@ -84,7 +87,8 @@ class Stage:
         self.rig(one).watcher  # noqa: B018 - it is calibrated when it is first asked for
 
     def close(self) -> None:
-        """End the twins."""
+        """End the twins, and what draws their films."""
+        self._end_camera()
         for rig in self._rigs.values():
             rig.close()
         self._rigs.clear()
@@ -178,20 +182,12 @@ class Stage:
 
     def _seen(self, one: Situation, folder: Path, facts: dict[str, Any], tell: Tell) -> Track:
         """The track of a trial on the twin by the camera above it, which films it or only watches."""
-        from realitygap.calibration.recorder.camera import plate_of
         from realitygap.transfer.film import TRACK, film_and_track
-        from realitygap.twin.camera import OverheadCamera
 
         rig = self.rig(one)
         states = rig.states(folder / SEALED, one.seconds)
         if one.film:
-            settings: dict[str, Any] = {
-                "unit": one.robot.unit,
-                "noise": one.twin_noise,
-                "seed": one.stream >> 1,
-                "plate": plate_of(one.marker),
-            }
-            with OverheadCamera(self.study.task(one.task).arena.plain(), **settings) as camera:
+            with self._filming(one) as camera:
                 facts["view"] = camera.metadata["view"]
                 about = {"run": one.name, "start": one.start}
                 return film_and_track(folder, states, rig.watcher, overhead=camera, facts=about, tell=tell)
@@ -200,6 +196,31 @@ class Stage:
         track.write_csv(folder / TRACK)
         (folder / SEALED).unlink()  # a film keeps it, to test the tracker with
         return track
+
+    @contextmanager
+    def _filming(self, one: Situation) -> Iterator[OverheadCamera]:
+        """The camera that films a trial; kept, for the next film may be of the same arena."""
+        from realitygap.calibration.recorder.camera import plate_of
+        from realitygap.twin.camera import OverheadCamera
+
+        key, seed = (one.task, one.robot, one.twin_noise, one.marker), one.stream >> 1
+        if self._camera is not None and self._camera[0] == key:
+            self._camera[1].begin(seed)
+        else:
+            self._end_camera()
+            settings: dict[str, Any] = {"unit": one.robot.unit, "noise": one.twin_noise, "seed": seed}
+            arena = self.study.task(one.task).arena.plain()
+            self._camera = key, OverheadCamera(arena, **settings, plate=plate_of(one.marker))
+        try:
+            yield self._camera[1]
+        except BaseException:
+            self._end_camera()
+            raise
+
+    def _end_camera(self) -> None:
+        camera, self._camera = self._camera, None
+        if camera is not None:
+            camera[1].close()
 
     def _write(
         self, one: Situation, folder: Path, facts: dict[str, Any], path: Track, driven: Driven

@@ -65,7 +65,7 @@ class OverheadCamera(Closing):
         arena = check_arena(arena)
         who = draw_unit(unit)
         self.lens = hang_camera(arena, who)
-        self._unit, self._noise, self._seed = unit, check_scale(noise), seed
+        self._unit, self._noise = unit, check_scale(noise)
         if view == "mujoco" and plate is not None:
             raise ConfigError("MuJoCo's renderer shows no robot with a plate: ask for the drawn view")
         drawn = view == "drawn" or plate is not None
@@ -78,7 +78,12 @@ class OverheadCamera(Closing):
         corner = (WIDTH**2 + HEIGHT**2) / 4
         light = who.camera.gain * (1 - FALL_OFF * (columns**2 + rows**2) / corner)
         self._light = np.repeat(light.astype(np.float32)[..., None], 3, axis=2)
-        self._bank = normal_draws(draws(unit, seed, 53), 2 * WIDTH * HEIGHT * 3).astype(np.float32)
+        self.begin(seed)
+
+    def begin(self, seed: int) -> None:
+        """Another film: its seed names the noise of its pixels, as if the camera were new."""
+        self._seed = seed
+        self._bank = normal_draws(draws(self._unit, seed, 53), 2 * WIDTH * HEIGHT * 3).astype(np.float32)
         self._bank *= np.float32(PIXEL_NOISE * self._noise)
 
     def close(self) -> None:
