@@ -81,6 +81,8 @@ def test_one_stratum_is_the_textbooks() -> None:
     assert stratified.mean_interval(groups, 0.9) == pytest.approx(tuple(wanted))
     twice = stats.wilcoxon(x, y[:40], zero_method="pratt", correction=True, method="asymptotic")
     assert stratified.by_signed_ranks(x, y[:40]).p == pytest.approx(twice.pvalue)
+    biserial = stratified.by_signed_ranks(np.array([3.0, 2.0, -1.0]), np.zeros(3))
+    assert (biserial.effect, biserial.statistic) == pytest.approx((4 / 6, 4))
 
 
 def test_failures_are_counted_as_by_cochran_mantel_and_haenszel() -> None:

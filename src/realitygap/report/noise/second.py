@@ -138,7 +138,7 @@ def _comparisons(arm: Arm) -> NoiseTable:
     for one in (*planned, *judged.beside):
         corrected = math.isfinite(one.p_holm)
         rows.append((
-            f"({one.key})", one.by if corrected else "means, beside", one.against, _effect(one),
+            f"({one.key})", one.by if corrected else f"{one.by}, beside", one.against, _effect(one),
             Number(span=Span(*one.difference), signed=True),
             " ".join("−0+"[sign + 1] for sign in one.sets), probability(one.tested.p),
             probability(one.p_holm) if corrected else "–", one.found if corrected else "–",
@@ -146,9 +146,9 @@ def _comparisons(arm: Arm) -> NoiseTable:
     return NoiseTable(
         name=f"{arm.name}-comparisons",
         title=f"Arm {arm.name}: level 1 against each other level, {len(arm.data)} controllers; above zero is "
-        "in favour of 1, but for (d), where below zero the fall shrinks. Effect: the mean gap for signed "
-        "ranks, Cliff's delta for ranks, points for means, a share for failures, a correlation for slopes. "
-        "Sets: the sign in each seed set.",
+        "in favour of 1, but for (d), where below zero the fall shrinks. Effect: the rank-biserial "
+        "correlation for signed ranks, Cliff's delta for ranks, points for means, a share for failures, a "
+        "correlation for slopes. Sets: the sign in each seed set.",
         head=("claim", "by", "against", "effect", "difference of means, 90 %", "sets", "p", "p (Holm)",
               "found"),
         rows=tuple(rows),

@@ -52,10 +52,14 @@ def groups(
 
 
 def by_signed_ranks(first: Floats, second: Floats) -> Tested:
-    """Of the same controllers twice [n]: Wilcoxon's test with Pratt's zeros; the effect is the mean gap."""
+    """Of the same controllers twice [n]: Wilcoxon's test with Pratt's zeros.
+
+    The effect is the rank-biserial correlation: the ranks' sum in favour, less that against, over both.
+    """
     gap = first - second
-    effect = paired(first, second)
-    return Tested(effect.difference, float((np.sign(gap) * stats.rankdata(np.abs(gap))).sum()), effect.p)
+    ranks = stats.rankdata(np.abs(gap)) * np.sign(gap)
+    excess, whole = float(ranks.sum()), float(np.abs(ranks).sum())
+    return Tested(excess / whole if whole else 0.0, excess, paired(first, second).p)
 
 
 def by_ranks(pairs: Groups) -> Tested:

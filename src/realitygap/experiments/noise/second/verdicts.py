@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -80,6 +79,9 @@ class Comparison:
     found: str = "open"
 
 
+NO_GAP = (math.nan, math.nan, math.nan)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Peak:
     """The level at which tracks agree best, with its interval; the means [L] that it is the peak of."""
@@ -112,8 +114,18 @@ class Judgement:
 
 def judge(data: Crossed, plan: Plan = PLAN) -> Judgement:
     """The planned analysis of one arm, whatever came out."""
-    every = [_compared(data, plan, *one) for one in _planned(data, plan)]
-    twelve, beside = [c for c in every if c.by != "beside"], [c for c in every if c.by == "beside"]
+    whole, gaps = _tests(data, plan, plan.permutations, least=2), _gaps(data, plan)
+    alone = [_tests(data.part(seed_set=number), plan, 0, least=1) for number in data.sets]
+    every = [
+        Comparison(
+            key=key, by=by, against=against, tested=tested,
+            sets=tuple(int(np.sign(one[key, by, against].statistic)) for one in alone),
+            difference=gaps.get((key, against), NO_GAP) if by != "failures" else NO_GAP,
+        )
+        for (key, by, against), tested in whole.items()
+    ]  # fmt: skip
+    stated = {(claim.key, claim.by) for claim in CLAIMS}
+    twelve = [c for c in every if (c.key, c.by) in stated]
     corrected = holm([c.tested.p for c in twelve])
     told = [_found(c, p, plan) for c, p in zip(twelve, corrected, strict=True)]
     top, verdicts = _peak(data, plan), []
@@ -121,44 +133,59 @@ def judge(data: Crossed, plan: Plan = PLAN) -> Judgement:
         own = tuple(c for c in told if (c.key, c.by) == (claim.key, claim.by))
         word = _estimate(top, plan) if claim.key == "e" else _word([c.found for c in own])
         verdicts.append(Verdict(claim=claim, word=word, comparisons=own))
-    return Judgement(verdicts=tuple(verdicts), peak=top, beside=tuple(beside))
+    beside = tuple(c for c in every if (c.key, c.by) not in stated)
+    return Judgement(verdicts=tuple(verdicts), peak=top, beside=beside)
 
 
-_Run = Callable[[Crossed, bool], Tested]
-"""Tests an arm, or one seed set of it, of which the sign alone is asked for."""
-_Gap = Callable[[Crossed], tuple[float, float, float]]
-
-
-def _planned(data: Crossed, plan: Plan) -> list[tuple[str, str, str, _Run, _Gap | None]]:
-    """Key, statistic, against what, the test, and the difference of means, of each comparison."""
-    made: list[tuple[str, str, str, _Run, _Gap | None]] = []
+def _tests(data: Crossed, plan: Plan, permutations: int, *, least: int) -> dict[tuple[str, str, str], Tested]:
+    """By key, statistic and what level 1 is held against; also (c)'s means, which are shown beside."""
+    made = {}
     for other in plan.against:
         to = f"{other:g}"
-        twice, gap = partial(_twice, plan, other), partial(_paired_gap, plan, other)
-        made.append(("a", "signed ranks", to, twice, gap))
-        for key, values in (("b", _common), ("c", _diagonal)):
-            means = partial(_gap, plan, values, other)
-            tests = {"ranks": _ranks, "means": _means, "failures": _failures} if key == "b" else {
-                "ranks": _ranks, "beside": _means}  # fmt: skip
-            for by, test in tests.items():
-                made.append(
-                    (key, by, to, partial(test, plan, values, other), None if by == "failures" else means)
-                )
-    some = tuple(sorted({plan.robot, *plan.against}))
-    there = tuple(sorted(set(data.evolved.tolist())))
-    for levels, words in ((some, ", ".join(f"{level:g}" for level in some)), (there, "all levels")):
-        made.append(("d", "slopes", words, partial(_slopes, levels), None))
+        made["a", "signed ranks", to] = stratified.by_signed_ranks(data.at(plan.robot), data.at(other))
+        for key, values in _values(data, plan).items():
+            pairs = _groups(data, values, plan.robot, other, least)
+            made[key, "ranks", to] = stratified.by_ranks(pairs)
+            made[key, "means", to] = stratified.by_means(pairs, permutations=permutations, seed=plan.seed)
+            if key == "b":
+                made[key, "failures", to] = stratified.by_failures(pairs, plan.failed)
+    some = sorted({plan.robot, *plan.against})
+    fall = data.situated_home - data.situated_foreign
+    for words, of in ((", ".join(f"{level:g}" for level in some), np.isin(data.evolved, some)),
+                      ("all levels", np.ones(len(data), bool))):  # fmt: skip
+        keep = of & np.isfinite(fall)
+        part = data.only(keep)
+        made["d", "slopes", words] = stratified.by_slopes(
+            np.sqrt(part.evolved), fall[keep], part.home, part.task
+        )
     return made
 
 
-def _compared(
-    data: Crossed, plan: Plan, key: str, by: str, against: str, run: _Run, gap: _Gap | None
-) -> Comparison:
-    alone = [run(data.part(seed_set=number), False).statistic for number in data.sets]
-    return Comparison(
-        key=key, by=by, against=against, tested=run(data, True), sets=tuple(int(np.sign(s)) for s in alone),
-        difference=gap(data) if gap else (math.nan, math.nan, math.nan),
-    )  # fmt: skip
+def _gaps(data: Crossed, plan: Plan) -> dict[tuple[str, str], tuple[float, float, float]]:
+    """Difference of means with its interval, by key and level: within strata, or of the same controllers."""
+    found = {}
+    for other in plan.against:
+        paired = [(data.at(plan.robot) - data.at(other), np.zeros(2))]  # against nothing: Student's interval
+        every = {
+            key: _groups(data, values, plan.robot, other, 2) for key, values in _values(data, plan).items()
+        }
+        for key, pairs in ({"a": paired} | every).items():
+            gap = stratified.by_means(pairs, permutations=0, seed=0).effect
+            found[key, f"{other:g}"] = (gap, *stratified.mean_interval(pairs, plan.share))
+    return found
+
+
+def _values(data: Crossed, plan: Plan) -> dict[str, Floats]:
+    """Scores [n] of (b), in one and the same simulation, and of (c), in that which each was evolved in."""
+    return {"b": data.at(plan.robot), "c": data.own(home=True)}
+
+
+def _groups(data: Crossed, values: Floats, level: float, other: float, least: int) -> Groups:
+    """Values of those evolved at either level, within task and calibration unit."""
+    mine, theirs = data.evolved == level, data.evolved == other
+    strata = list(zip(data.task.tolist(), data.home.tolist(), strict=True))
+    keys = [[strata[i] for i in np.flatnonzero(rows)] for rows in (mine, theirs)]
+    return stratified.groups(values[mine], values[theirs], (keys[0], keys[1]), least=least)
 
 
 def _found(one: Comparison, p: float, plan: Plan) -> Comparison:
@@ -187,62 +214,6 @@ def _estimate(top: Peak, plan: Plan) -> str:
     if low < top.low and top.high < high:
         return "supported"
     return "reversed" if top.high < low or top.low > high else "open"
-
-
-def _common(data: Crossed, plan: Plan) -> Floats:
-    """(b): against one and the same simulation."""
-    return data.at(plan.robot)
-
-
-def _diagonal(data: Crossed, plan: Plan) -> Floats:
-    """(c): against the very simulation that each was evolved in."""
-    return data.own(home=True)
-
-
-_Values = Callable[[Crossed, Plan], Floats]
-
-
-def _groups(plan: Plan, values: _Values, other: float, data: Crossed, least: int) -> Groups:
-    mine, theirs = data.evolved == plan.robot, data.evolved == other
-    strata, scores = list(zip(data.task.tolist(), data.home.tolist(), strict=True)), values(data, plan)
-    keys = [[strata[i] for i in np.flatnonzero(rows)] for rows in (mine, theirs)]
-    return stratified.groups(scores[mine], scores[theirs], (keys[0], keys[1]), least=least)
-
-
-def _ranks(plan: Plan, values: _Values, other: float, data: Crossed, whole: bool) -> Tested:
-    return stratified.by_ranks(_groups(plan, values, other, data, 1 + whole))
-
-
-def _means(plan: Plan, values: _Values, other: float, data: Crossed, whole: bool) -> Tested:
-    pairs = _groups(plan, values, other, data, 1 + whole)
-    return stratified.by_means(pairs, permutations=plan.permutations * whole, seed=plan.seed)
-
-
-def _failures(plan: Plan, values: _Values, other: float, data: Crossed, whole: bool) -> Tested:
-    return stratified.by_failures(_groups(plan, values, other, data, 1 + whole), plan.failed)
-
-
-def _gap(plan: Plan, values: _Values, other: float, data: Crossed) -> tuple[float, float, float]:
-    pairs = _groups(plan, values, other, data, 2)
-    gap = stratified.by_means(pairs, permutations=0, seed=0).effect
-    return (gap, *stratified.mean_interval(pairs, plan.share))
-
-
-def _twice(plan: Plan, other: float, data: Crossed, whole: bool) -> Tested:
-    return stratified.by_signed_ranks(data.at(plan.robot), data.at(other))
-
-
-def _paired_gap(plan: Plan, other: float, data: Crossed) -> tuple[float, float, float]:
-    """The mean gap of the same controllers twice, with Student's interval."""
-    gap = data.at(plan.robot) - data.at(other)
-    pairs = [(gap, np.zeros(2))]
-    return (float(gap.mean()), *stratified.mean_interval(pairs, plan.share))
-
-
-def _slopes(levels: tuple[float, ...], data: Crossed, whole: bool) -> Tested:
-    fall = data.situated_home - data.situated_foreign
-    data, fall = data.only(keep := np.isin(data.evolved, levels) & np.isfinite(fall)), fall[keep]
-    return stratified.by_slopes(np.sqrt(data.evolved), fall, data.home, data.task)
 
 
 def _peak(data: Crossed, plan: Plan) -> Peak:
