@@ -17,7 +17,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from realitygap.errors import StudyInterruptedError
+from realitygap.errors import CalibrationError, StudyInterruptedError
 
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
@@ -166,7 +166,8 @@ def calibrate(
         recordings: folders made by `realitygap record` (or a folder of several), .sam tables, or what
             `load_recording` reads; those of one kind are fitted together.
         base: profile that supplies what they do not cover; None: what the recorded robot names, or "paper".
-        objects: what .sam tables show: "wall", "cylinder:RADIUS_CM" or "lamp"; one for all or one for each.
+        objects: what .sam tables show: "wall", "cylinder:RADIUS_CM" or "lamp"; one for all or one for each
+            path.
         form: "paper", "individual", "extended", "measured", or "auto": whichever of the last two errs less
             on places held out.
         light: another form for ambient light.
@@ -187,6 +188,11 @@ def calibrate(
     read: Any = [recordings] if isinstance(recordings, str | PathLike) else recordings
     if isinstance(read, Sequence) and read and all(isinstance(one, str | PathLike) for one in read):
         read = load_all([fspath(one) for one in read], [objects] if isinstance(objects, str) else objects)
+    elif objects and read:
+        raise CalibrationError(
+            "objects: expected none with recordings that are loaded already: what a table shows is said "
+            f"where it is loaded, load_recording(path, object=...). Got {objects!r}."
+        )
     start = load_profile(base_of(read) if base is None else base)
     with ProgressLine() if on_progress is None else nullcontext() as line:
         told = on_progress if line is None else partial(line.calibrating, "fit")

@@ -25,9 +25,15 @@ def test_the_same_profile_as_the_commands(made_tables, tmp_path, capsys):
     assert "infrared-curves" in figures and isinstance(figures["infrared-maps"], Figure)
 
 
-def test_errors_are_typed(tmp_path):
-    """No place, no recordings, another number of objects."""
+def test_errors_are_typed(made_tables, tmp_path):
+    """No place, no recordings, another number of objects, objects of what is loaded already."""
     with pytest.raises(RecordingError, match="there is no such recording"):
         realitygap.calibrate(tmp_path / "nowhere")
     with pytest.raises(CalibrationError, match="no recordings"):
         realitygap.calibrate([])
+    wall = made_tables / "wall.sam"
+    with pytest.raises(CalibrationError, match="one for each of 1 recordings, got 2"):
+        realitygap.calibrate(wall, objects=["wall", "wall"])
+    loaded = realitygap.load_recording(wall, object="wall")
+    with pytest.raises(CalibrationError, match="objects: expected none with recordings that are loaded"):
+        realitygap.calibrate([loaded], objects="cylinder:4")
