@@ -22,7 +22,7 @@ from realitygap.calibration.solve import Fit
 from realitygap.errors import CalibrationError, ConfigError
 from realitygap.world.profile import Profile
 
-__all__ = ["AUTO", "agreed", "fit_infrared", "fit_light", "ticks"]
+__all__ = ["AUTO", "agreed", "contradicted", "fit_infrared", "fit_light", "ticks"]
 
 Array = NDArray[np.float64]
 
@@ -70,16 +70,16 @@ def fit_infrared(
     found = _channel("infrared", best, rows, fits, off, made[best])
     errs = {name: rows.rmse_lit(model) for name, model in off.items()}
     fit, unsure = agreed(best, {name: fits[name] for name in errs if errs[name] <= AS_GOOD * errs[best]})
-    found = replace(found, fit=fit, warnings=(*found.warnings, *unsure, *_contradicted(rows, found)))
+    found = replace(found, fit=fit, warnings=(*found.warnings, *unsure, *contradicted(rows, found.deviation)))
     if best == MEASURED:
         found = replace(found, profile=_with_noise(found, rows))
     return replace(found, warnings=(*found.warnings, doubt)) if doubt and best == "extended" else found
 
 
-def _contradicted(rows: Rows, made: ChannelFit) -> list[str]:
-    """In words, by how much recordings of the same places differ, if by more than noise."""
-    apart = contradiction(rows, made.deviation)
-    if not apart > made.deviation:
+def contradicted(rows: Rows, deviation: float) -> list[str]:
+    """In words, by how much recordings of the same places differ, if by more than their noise, counts."""
+    apart = contradiction(rows, deviation)
+    if not apart > deviation:
         return []
     return [
         f"infrared: recordings of the same places lie {apart:.3g} counts ({apart / rows.top:.1%} of full "

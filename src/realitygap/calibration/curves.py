@@ -92,7 +92,8 @@ class Curves:
         diagonal = self._sum(self._here * (1 - self._share), self._there * self._share)
         beside = self._sum(self._here * self._share, None)
         self._most = np.broadcast_to(np.asarray(seen.most), (sensors,))
-        self._ends = seen.use & (seen.counts <= 0), seen.use & (seen.counts >= seen.most)
+        ends = seen.use & (seen.counts <= 0), seen.use & (seen.counts >= seen.most)
+        self._inside, self._ends = seen.use & ~ends[0] & ~ends[1], [np.flatnonzero(end) for end in ends]
         self._dark = 0.0 if seen.dead else seen.dark()
         self._bread = np.zeros((3, sensors, STEPS + 1))
         self._bread[2], self._bread[1, :, 1:] = diagonal, beside[:, :-1]
@@ -144,7 +145,7 @@ class Curves:
 
         The light is taken as it is; what the curves leave over counts as noise.
         """
-        inside = self._seen.use & ~self._ends[0] & ~self._ends[1]
+        inside = self._inside
         off = np.where(inside, on_curves(curves, self._u) - self._seen.counts, 0.0) / self._seen.noise
         left = np.sqrt(np.maximum(1.0, (off**2).sum(axis=0) / np.maximum(inside.sum(axis=0), 1)))
         bands = self._bread + self._held(self._bread, curves)
@@ -159,29 +160,29 @@ class Curves:
         """Readings, with what is expected beyond where one ends at 0, in the dead zone or at the top."""
         from scipy.special import ndtr
 
-        out, (low, high) = self._seen.counts.copy(), self._ends
+        counts, (low, high) = self._seen.counts, self._ends
+        out = counts.flatten()
         out[high] = np.maximum(self._at(curves, high), out[high])
         model = self._at(curves, low)
         if self._dark > 0:
             a = np.clip(-model / self._dark, -6.0, 6.0)
             model = model - self._dark * np.exp(-a * a / 2) / np.sqrt(2 * np.pi) / ndtr(a)
         out[low] = np.minimum(model, self._seen.dead)
-        return out
+        return out.reshape(counts.shape)
 
-    def _at(self, curves: Array, where: Use) -> Array:
-        """What curves read there."""
-        values, cell, share = curves.ravel(), self._cell[where], self._share[where]
+    def _at(self, curves: Array, where: NDArray[np.int64]) -> Array:
+        """What curves read there, by the number of a reading."""
+        values, cell, share = curves.ravel(), self._cell.ravel()[where], self._share.ravel()[where]
         return np.asarray(values[cell] + share * (values[cell + 1] - values[cell]))
 
 
 def _solve(bands: Array, right: Array) -> Array:
     """[S, n] what symmetric matrices of these bands take to the right sides: all as one long matrix."""
-    from scipy.linalg import solve_banded
+    from scipy.linalg.lapack import dpbsv
 
-    upper = bands.reshape(3, -1)
-    lower = np.zeros((2, upper.shape[1]))
-    lower[0, :-1], lower[1, :-2] = upper[1, 1:], upper[0, 2:]
-    found = solve_banded((2, 2), np.concatenate([upper, lower]), right.ravel(), check_finite=False)
+    _, found, failed = dpbsv(bands.reshape(3, -1), right.ravel())
+    if failed:
+        raise np.linalg.LinAlgError("curves: a matrix that is not positive definite")
     return np.asarray(found.reshape(right.shape))
 
 

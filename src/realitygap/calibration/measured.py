@@ -52,7 +52,8 @@ COARSE = {0.05: 10.0, 0.03: 4.0, 0.02: 2.0, 0.01: 1.0, 0.003: 0.4}
 And how far a sensor's direction is looked for then, degrees."""
 FIRST = max(COARSE)
 DRAWS, DRAWS_HELD_OUT = 600, 300
-"""Looks at all places in one search; and where some are held out, four times over."""
+"""Looks at all places in one search; and where some are held out, four times over: what fewer miss errs to
+the careful side."""
 FINEST = 0.004
 """Share of the full scale that no model is expected to be better than."""
 ENDS_CM = tuple(np.geomspace(5.0, 40.0, 18))
@@ -67,10 +68,10 @@ SHIFT_CM = 0.2
 
 
 class Measured:
-    """The form "measured" of the proximity sensors, fitted."""
+    """The form "measured" of the proximity sensors, fitted to rows in so many draws."""
 
-    def __init__(self, rows: Rows, base: Profile, noise: float) -> None:
-        self._rows, self._noise = rows, noise
+    def __init__(self, rows: Rows, base: Profile, noise: float, *, draws: int = DRAWS) -> None:
+        self._rows, self._noise, self._draws = rows, noise, draws
         self._straight = all(r.from_sensor is not None for r in rows.recordings)
         law = base.infrared
         flat = tuple(np.linspace(0.0, law.top, 2))
@@ -90,19 +91,25 @@ class Measured:
 
     def fit(self) -> tuple[Profile, Fit]:
         """The profile and its constants, from the start that promises most."""
-        use = self._first.seen.use
-        begun = self._begun()
-        found = [self._start_at(i, *self._nearer(*one[2:])) for i, one in enumerate(begun)]
-        _, number, optics, values = min(found, key=itemgetter(0, 1))
-        self._begin = begun[number][3]
-        self._places, values = self._nearer(optics, values)
-        seen = replace(self._all, smooth=self._places.seen.smooth, linear=self._places.seen.linear)
-        self.optics = replace(self._places, seen=seen, place=self._rows.place)
-        fit = self._solved(self._places, values, use, self._noise, intervals=True)
-        values, use = self._mended(self._places, values, fit.values, use), self._rows.use
+        places, values = self._promising()
+        fit = self._solved(places, values, places.seen.use, self._noise, intervals=True)
+        values, use = self._mended(places, values, fit.values, places.seen.use), self._rows.use
         constants = [moved(c, values) for c in fit.constants]
         fit = replace(fit, values=values, constants=(*constants, *self._points(values, use)))
         return self.profile(values, use), replace(fit, model=self.optics.shown(values, use))
+
+    def read(self) -> Array:
+        """[n, S] readings at all places, those of no use to the fit too, by the search alone."""
+        _, values = self._promising()
+        return self.optics.shown(values, self._rows.use)
+
+    def _promising(self) -> tuple[Optics, dict[str, Array]]:
+        """Where the start ends that promises most; `optics` has it with curves fitted to all readings."""
+        found = [self._start_at(i, *self._nearer(*one[2:])) for i, one in enumerate(self._begun())]
+        places, values = self._nearer(*min(found, key=itemgetter(0, 1))[2:])
+        seen = replace(self._all, smooth=places.seen.smooth, linear=places.seen.linear)
+        self.optics = replace(places, seen=seen, place=self._rows.place)
+        return places, values
 
     def _points(self, values: Values, use: Use) -> list[Constant]:
         """Three points of each sensor's curve with their intervals, the optics as fitted."""
@@ -121,7 +128,7 @@ class Measured:
         folds, seen = self._rows.folds()[self._first_of], replace(optics.seen, noise=self._noise)
         seen = smoothness(seen, optics.share(optics.profile(values), values), folds)
         optics = replace(optics, seen=seen)
-        return optics, self._searched(optics, values, seen.use, draws=DRAWS)
+        return optics, self._searched(optics, values, seen.use)
 
     def _begun(self) -> list[Begun]:
         """Nearly there: of all starts the most promising are followed a stage, and then the best with one
@@ -161,12 +168,7 @@ class Measured:
         values = self._ended(optics, values, use, ENDS_CM)
         return optics, self._solved(optics, values, use, noise, intervals=False).values
 
-    def held_out(self, use: Use) -> Array:
-        """[n, S] readings by a fit to those in `use` alone: from where the search of all readings began."""
-        values = self._searched(self._places, self._begin, self._at_places(use), draws=DRAWS_HELD_OUT)
-        return self.optics.shown(values, use)
-
-    def _searched(self, optics: Optics, values: Values, use: Use, *, draws: int) -> dict[str, Array]:
+    def _searched(self, optics: Optics, values: Values, use: Use) -> dict[str, Array]:
         """Better values: at random, where readings jump (a ray that just meets a thing, or just not), and by
         least squares where they do not."""
         if not self._straight:
@@ -175,7 +177,7 @@ class Measured:
             seen = self._seen(optics, use, self._noise)
             begin = about_rig(values, 1.0)
             found = search(
-                frees, lambda v: optics.readings(about_rig(v, -1.0), use), seen, begin, draws=draws
+                frees, lambda v: optics.readings(about_rig(v, -1.0), use), seen, begin, draws=self._draws
             )
             values = about_rig(found, -1.0)
             for reach in FINE_DEG:
@@ -291,10 +293,13 @@ def _best_of_each(begun: Sequence[Begun], many: int) -> list[Begun]:
 
 def fit_measured(rows: Rows, base: Profile, tick: Tick) -> tuple[Profile, Fit, Array]:
     """The profile, its constants, and what it reads [n, S] on places held out."""
+
+    def form(rows: Rows, draws: int) -> Measured:
+        return Measured(rows, base, max(repeated_noise(rows), FINEST * rows.top), draws=draws)
+
     tick()
-    form = Measured(rows, base, max(repeated_noise(rows), FINEST * rows.top))
-    profile, fit = form.fit()
+    profile, fit = form(rows, DRAWS).fit()
     held_out = fit.model.copy()
     for out in rows.held_out(tick):
-        held_out[out] = form.held_out(rows.use & ~out[:, None])[out]
+        held_out[out] = form(rows.without(out), DRAWS_HELD_OUT).read()[out]
     return profile, fit, held_out

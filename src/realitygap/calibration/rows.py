@@ -1,6 +1,7 @@
 """All that was read of one kind of sensor: several recordings' rows, one after another."""
 
 from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -82,6 +83,12 @@ class Rows:
             self.warnings += (f"{self.dead[k]}: it is taken to be like the others",)
         self.use[:, list(self.dead)] = False
         self.block = self._blocks()
+
+    def without(self, out: NDArray[np.bool_]) -> "Rows":
+        """The same with no reading of the rows `out` [n] in use."""
+        some = copy(self)
+        some.use = self.use & ~out[:, None]
+        return some
 
     def live(self) -> Array:
         """[n, S] readings; NaN of sensors that tell nothing."""
