@@ -58,12 +58,13 @@ def before(
 
 
 def test_a_sensor_outside_every_closed_form_is_found():
-    """`auto` takes "measured" for it; on places and an object not fitted that errs by less than the noise."""
+    """`auto` takes "measured" for it; an object not fitted it errs on by less than the noise, and places held
+    out, each by a search that never saw them, by hardly more."""
     robot = odd()
     made = calibrate([before(robot, "wall", seed=1), before(robot, "cylinder:4", seed=2)], PAPER, form="auto")
     fit = made.infrared
     assert fit is not None and fit.form == "measured"
-    assert fit.held_out["measured"] < 0.6 * fit.held_out["extended"] and fit.ratio < 1.0
+    assert fit.held_out["measured"] < 0.6 * fit.held_out["extended"] and fit.ratio < 1.1
     told = judge(before(robot, "cylinder:3", seed=3, shift=0.15), made.profile)
     assert np.sqrt(np.mean([one.lit_ratio**2 for one in told.per_sensor])) < 1.0
     for sensor in made.profile.infrared.sensors:
@@ -102,7 +103,8 @@ def test_rays_that_end_and_beams_that_overlap_are_found(monkeypatch):
 
 
 def test_series_set_down_anew_are_shifted_and_places_by_hand_doubted(thymio):
-    """Each series of a real Thymio gets a shift; a millimetre explains a part of what is left."""
+    """Each series of a real Thymio gets a shift; a millimetre's error of place is of the size of what is
+    left."""
     base = load_profile("thymio")
     rows = Rows([load_recording(path).of_robot(base) for path in find_recordings(thymio)], base)
     noise = repeated_noise(rows)
@@ -110,7 +112,7 @@ def test_series_set_down_anew_are_shifted_and_places_by_hand_doubted(thymio):
     assert sum("shift_" in c.key for c in fit.constants) == 6
     error = rows.rmse_lit(fit.model)
     assert error < 0.02 * base.infrared.top
-    assert 0.1 * error < noise * misplaced(rows, profile, fit.values, noise) < error
+    assert 0.5 * error < noise * misplaced(rows, profile, fit.values, noise) < 1.5 * error
 
 
 def test_a_printed_law_is_taken_where_it_holds(recorded):
