@@ -57,6 +57,14 @@ def before(
     return replace(blank, counts=np.clip(np.rint(drawn), 0, 1023))
 
 
+@pytest.fixture
+def fewer_starts(monkeypatch):
+    """The quicker: one beam and two, of one width."""
+    monkeypatch.setattr(measured, "WIDTHS_CM", (3.0,))
+    monkeypatch.setattr(measured, "LOBES", (measured.LOBES[0], measured.LOBES[2]))
+
+
+@pytest.mark.usefixtures("fewer_starts")
 def test_a_sensor_outside_every_closed_form_is_found():
     """`auto` takes "measured" for it; an object not fitted it errs on by less than the noise, and places held
     out, each by a search that never saw them, by hardly more."""
@@ -72,13 +80,12 @@ def test_a_sensor_outside_every_closed_form_is_found():
         assert np.diff(sensor.curve).min() >= 0 and max(sensor.curve) <= 1023
 
 
-def test_rays_that_end_and_beams_that_overlap_are_found(monkeypatch):
+@pytest.mark.usefixtures("fewer_starts")
+def test_rays_that_end_and_beams_that_overlap_are_found():
     """Of sensors that subtract, and see no farther than 6 cm, range and beams are found.
 
     A sensor turned by 6 degrees is found so: where a ray ends no derivative tells.
     """
-    monkeypatch.setattr(measured, "WIDTHS_CM", (3.0,))  # the quicker
-    monkeypatch.setattr(measured, "LOBES", (measured.LOBES[0], measured.LOBES[2]))
     law = odd().infrared
     turned = (law.sensors[0], replace(law.sensors[1], direction_deg=51.0), *law.sensors[2:])
     law = replace(
@@ -115,6 +122,7 @@ def test_series_set_down_anew_are_shifted_and_places_by_hand_doubted(thymio):
     assert 0.5 * error < noise * misplaced(rows, profile, fit.values, noise) < 1.5 * error
 
 
+@pytest.mark.usefixtures("fewer_starts")
 def test_a_printed_law_is_taken_where_it_holds(recorded):
     """`auto` keeps the printed law's fit where nothing errs less on places held out."""
     made = calibrate([recorded("wall", turn=1.0, repeats=3)], PAPER, form="auto")
