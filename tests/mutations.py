@@ -32,6 +32,7 @@ DESCRIPTORS = ("tests/correspondence/test_descriptors.py",)
 SCORE = ("tests/correspondence/test_score.py",)
 CLAIMS = ("tests/experiments/test_claims.py",)
 STUDY = ("tests/experiments/test_noise_compared.py",)
+ARMS = ("tests/experiments/test_noise_arms.py",)
 ARENA = ("tests/world/test_arena.py",)
 
 MUTATIONS = (
@@ -193,5 +194,9 @@ MUTATIONS = (
              "stage.simulation(one.task, u, one.home, level)",
              "stage.simulation(one.task, one.home, one.home, level)", STUDY),
     Mutation("experiments/noise/simulated.py", "simulated draws differ between levels of comparison",
-             "one.level, one.run, *pair)", "one.level, one.run, *pair, level)", STUDY),
+             "*one.key, *pair, seed_set", "*one.key, *pair, level, seed_set", STUDY),
+    Mutation("experiments/noise/stage.py", "units of an arm share their starts",
+             '(task, "unit", unit) if own', '(task, "unit") if own', ARMS),
+    Mutation("experiments/noise/second/arms.py", "claims may change once an arm is begun",
+             "begun_by is not None and begun_by != now", "begun_by is not None and not now", ARMS),
 )  # fmt: skip

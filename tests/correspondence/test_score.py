@@ -10,6 +10,7 @@ import pytest
 from realitygap.controller.handmade import braitenberg
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import decode
+from realitygap.correspondence.descriptors import chosen
 from realitygap.correspondence.distances import Distances, matched_starts
 from realitygap.correspondence.scale import exemplar_scale
 from realitygap.correspondence.score import behaviour_score, compare, ends_of
@@ -147,6 +148,26 @@ def test_a_score_goes_on_beyond_floor_and_ceiling():
     assert scale.part("behaviour", ceiling) == pytest.approx(0.3)
     steps = [scale.part("behaviour", d) for d in np.linspace(0, 3 * ceiling, 300)]
     assert (np.diff(steps) < 0).all() and np.diff(steps).min() > -0.5 and steps[-1] > 0
+
+
+def test_jitter_may_be_left_out_of_the_behaviour():
+    """Left out, what jitters in place loses less, on ends of its own; all else counts as before."""
+    draw, setting = np.random.default_rng(3), setting_for(TURNER.task)
+    ours = lives(TURNER)
+    shaken = [replace(t, heading=t.heading + np.radians(1.5) * draw.standard_normal(len(t))) for t in ours]
+    full, calm = (
+        Distances(a=ours, b=shaken, arena=setting.arena, matched=True, jitter=jitter)
+        for jitter in (True, False)
+    )
+    jitter = [d.name for d in chosen(setting.arena)].index("jitter")
+    assert np.array_equal(calm.rows, np.delete(full.rows, jitter, axis=1))
+    assert calm.behaviour() < 0.7 * full.behaviour() and calm.layout() == full.layout()
+    made = compare(ours, shaken, replace(setting, jitter=False), resamples=0)
+    assert made.score > compare(ours, shaken, setting, resamples=0).score
+    assert made.noisiness == compare(ours, shaken, setting, resamples=0).noisiness
+    ends = [exemplar_scale(TURNER.task, 12, 12, jitter=jitter) for jitter in (True, False)]
+    assert ends[0].behaviour_ceiling != ends[1].behaviour_ceiling
+    assert ends[0].layout_ceiling == ends[1].layout_ceiling
 
 
 def test_a_layout_alike_does_not_make_up_for_another_behaviour():

@@ -45,7 +45,7 @@ __all__ = ["WORK", "noise_study"]
 WORK = "experiment noise"
 """Of whose controllers a shard is a share."""
 
-TWIN_COSTS, ENKI_COSTS = (130.0, 0.37), (60.0, 0.15)
+TWIN_COSTS, ENKI_COSTS = (130.0, 0.37), (45.0, 0.15)
 EVALUATION_COST, RETEST_COST, CELL_COST = 1.35e-3, 0.35, 0.08
 """About how long things take on one core, s: a unit's calibration and a trial on it, on the twin and on
 Enki's robots; an evaluation, a run's retest, a comparison with a level. Hints for the time that is left,
