@@ -18,7 +18,7 @@ from realitygap.calibration.recordings.files import load_recording
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import FOLDS
 from realitygap.calibration.search import search
-from realitygap.calibration.unit import PARTS
+from realitygap.calibration.unit_folder import PARTS
 from realitygap.errors import CalibrationError
 from realitygap.toml import to_toml
 from realitygap.world.profile import load_profile

@@ -7,7 +7,8 @@ from contextlib import closing
 import pytest
 
 from realitygap.calibration import unit as module
-from realitygap.calibration.unit import PARTS, calibrated_unit
+from realitygap.calibration.unit import calibrated_unit
+from realitygap.calibration.unit_folder import PARTS
 from realitygap.errors import CalibrationError, StudyError
 from realitygap.work.pool import Setup
 from realitygap.work.processes import Processes

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from realitygap.calibration.unit import PROFILE
+from realitygap.calibration.unit_folder import PROFILE
 from realitygap.errors import StudyError
 from realitygap.experiments.noise.folder import merge_noise
 from realitygap.experiments.noise.plan import calibration_folder, controllers, share

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from realitygap import load_profile
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.share import thinned
-from realitygap.calibration.unit import PROFILE
+from realitygap.calibration.unit_folder import PROFILE
 from realitygap.cli import realitygap
 from realitygap.errors import ConfigError, StudyError
 from realitygap.experiments.randomise.known import Profiles, calibrated_folder, spread_of

@@ -15,10 +15,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from realitygap import whole
-from realitygap.calibration.recordings.checks import FACTS
-from realitygap.errors import CalibrationError
-from realitygap.text import as_path, must_be, refuse_unknown
-from realitygap.toml import read_toml, to_toml
+from realitygap.calibration.unit_folder import (
+    PARTS,
+    PROFILE,
+    claim,
+    is_recorded,
+    kind_of,
+    parts_of,
+    recordings_of,
+    settings_of,
+)
+from realitygap.text import as_path, must_be
 from realitygap.work.pool import Pool, Setup, Tell
 from realitygap.work.processes import Processes
 from realitygap.work.workers import Workers, cores, opened
@@ -28,16 +35,13 @@ if TYPE_CHECKING:
     from realitygap.calibration.recordings.recording import Recording
     from realitygap.world.profile import Profile
 
-__all__ = ["PARTS", "PROFILE", "SETTINGS", "calibrated_robot", "calibrated_share", "calibrated_unit"]
+__all__ = ["calibrated_robot", "calibrated_share", "calibrated_unit"]
 
-PROFILE, SETTINGS, RECORDINGS, UNFINISHED = "robot.toml", "unit.toml", "recordings", ".part"
-PARTS = ("ambient", "wheels", "infrared-wall", "infrared-cylinder")
-"""The recordings, the longest kind first: so that two workers end at about the same time."""
+UNFINISHED = ".part"
 TURNS = "turns"
 NEEDS = {"ambient": "ambient", "wheels": TURNS, "infrared": "proximity"}
 """What a robot must have for the recordings of a plan."""
 FIT = "fit"
-CURE = "Choose another folder, or remove this one."
 RECIPE = 3
 """Changes whenever the same settings would make another profile."""
 
@@ -103,7 +107,11 @@ def calibrated_share(
     Returns:
         The path of `folder/robot.toml`.
     """
-    settings = {**_settings(of), "share": share, "of": os.path.relpath(of.resolve(), Path(folder).resolve())}
+    settings = {
+        **settings_of(of),
+        "share": share,
+        "of": os.path.relpath(of.resolve(), Path(folder).resolve()),
+    }
     return _calibrated(folder, settings, workers, on_progress)
 
 
@@ -143,7 +151,7 @@ def _parts_of(robot: str) -> list[str]:
 
     with closing(Address.parse(robot).open()) as body:
         kinds = {one.name for one in body.channels} | ({TURNS} if body.counts_turns else set())
-    return [name for name in PARTS if NEEDS[_kind(name)] in kinds]
+    return [name for name in PARTS if NEEDS[kind_of(name)] in kinds]
 
 
 def _calibrated(
@@ -154,7 +162,7 @@ def _calibrated(
     meanwhile: Sequence[Work] = (),
 ) -> Path:
     folder = as_path(folder, "folder").resolve()
-    _claim(folder, settings)
+    claim(folder, settings)
     if not (folder / PROFILE).is_file():
         _carry_out(folder, workers, on_progress or (lambda name, done, total: None), meanwhile)
     return folder / PROFILE
@@ -163,9 +171,9 @@ def _calibrated(
 def _carry_out(folder: Path, workers: Workers, report: Progress, meanwhile: Sequence[Work]) -> None:
     """Record what is not there yet and fit it, each kind of recordings in a job: one is fitted while
     another is recorded, and what else is to be done meanwhile is done."""
-    parts = _parts(folder)
-    kinds = list(dict.fromkeys(_kind(name) for name in parts))
-    left = {name for name in parts if not _is_recorded(folder, name)}
+    parts = parts_of(folder)
+    kinds = list(dict.fromkeys(kind_of(name) for name in parts))
+    left = {name for name in parts if not is_recorded(folder, name)}
     fits: list[Calibration] = []
 
     def heard(told: Calibration | tuple[str, int, int]) -> None:
@@ -203,9 +211,9 @@ class Bench:
         if not isinstance(job, str):
             job()
             return
-        names = [name for name in _parts(self._folder) if _kind(name) == job]
+        names = [name for name in parts_of(self._folder) if kind_of(name) == job]
         for name in names:
-            if not _is_recorded(self._folder, name):
+            if not is_recorded(self._folder, name):
                 record_part(self._folder, name, lambda *said: tell(said))
         tell(fitted(self._folder, names))
 
@@ -220,10 +228,10 @@ def record_part(folder: Path, name: str, report: Progress) -> None:
     from realitygap.robots.address import Address
     from realitygap.world.profile import load_profile
 
-    known = _settings(folder)
+    known = settings_of(folder)
     base = load_profile(known["base"]) if "base" in known else None
     address = Address.parse(known["robot"] if "robot" in known else f"twin:{known['unit']}")
-    finished = _recordings(folder) / name
+    finished = recordings_of(folder) / name
     unfinished = finished.with_name(name + UNFINISHED)
     shutil.rmtree(unfinished, ignore_errors=True)  # left by one that was stopped
     plan, _, shape = name.partition("-")
@@ -240,8 +248,8 @@ def fitted(folder: Path, names: Sequence[str]) -> Calibration:
     from realitygap.calibration.recordings.files import load_recording
     from realitygap.calibration.share import calibrate_share
 
-    known = _settings(folder)
-    recordings = [load_recording(_recordings(folder) / name) for name in sorted(names)]
+    known = settings_of(folder)
+    recordings = [load_recording(recordings_of(folder) / name) for name in sorted(names)]
     base = _base(folder, recordings)
     # On the twin the printed law's form errs least, as "auto" finds in three times the time.
     form = "extended" if "unit" in known else "auto"
@@ -256,7 +264,7 @@ def _profile(folder: Path, fits: Sequence[Calibration]) -> str:
     from realitygap.calibration.calibrate import joined
     from realitygap.robots.address import Address
 
-    known = _settings(folder)
+    known = settings_of(folder)
     name = f"twin-{known['unit']}" if "unit" in known else Address.parse(known["robot"]).folder()
     fits = sorted(
         (fit for fit in fits if fit.recordings), key=lambda one: Path(one.recordings[0].source).name
@@ -271,48 +279,4 @@ def _base(folder: Path, recordings: Sequence[Recording]) -> Profile:
     from realitygap.calibration.calibrate import base_of
     from realitygap.world.profile import load_profile
 
-    return load_profile(_settings(folder).get("base", base_of(recordings)))
-
-
-def _recordings(folder: Path) -> Path:
-    """Where its recordings are: those of a share are the whole's."""
-    return folder / str(_settings(folder).get("of", "")) / RECORDINGS
-
-
-def _kind(part: str) -> str:
-    return part.partition("-")[0]
-
-
-def _is_recorded(folder: Path, part: str) -> bool:
-    return (_recordings(folder) / part / FACTS).is_file()
-
-
-def _parts(folder: Path) -> list[str]:
-    """The recordings that the folder's robot is fitted to."""
-    return list(_settings(folder).get("parts", PARTS))
-
-
-def _settings(folder: Path) -> dict[str, Any]:
-    return read_toml(folder / SETTINGS, CalibrationError, CURE)
-
-
-def _claim(folder: Path, settings: dict[str, Any]) -> None:
-    """Make the folder this robot's, or see that it is."""
-    path = folder / SETTINGS
-    if not path.is_file():
-        if (folder / PROFILE).exists() or (folder / RECORDINGS).exists():
-            raise CalibrationError(
-                f"{folder}: expected a new folder, or one with {SETTINGS}; it holds something else. "
-                "Choose another folder."
-            )
-        folder.mkdir(parents=True, exist_ok=True)
-        whole.write(path, to_toml(settings))
-        return
-    there = read_toml(path, CalibrationError, CURE, broken=CURE)
-    refuse_unknown(there, settings, CalibrationError, where=str(path))
-    for key, value in settings.items():
-        if there.get(key) != value:
-            raise CalibrationError(
-                f"{path}: {key}: expected {value!r}, got {there.get(key)!r}: another calibration is there. "
-                f"{CURE}"
-            )
+    return load_profile(settings_of(folder).get("base", base_of(recordings)))

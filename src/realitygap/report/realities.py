@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from realitygap.calibration.unit import PROFILE
+from realitygap.calibration.unit_folder import PROFILE
 from realitygap.experiments.noise.folder import RESULTS
 from realitygap.experiments.noise.plan import calibration_folder
 from realitygap.experiments.realities import ASKED, Place

@@ -12,7 +12,7 @@ from realitygap.evolution import make_algorithm
 from realitygap.evolution.algorithm import Algorithm
 from realitygap.study.settings import whole
 from realitygap.tasks.load import reference
-from realitygap.tasks.task import check_spread
+from realitygap.tasks.stated import check_spread
 from realitygap.user_code import place_of
 from realitygap.world.files import Value, require
 from realitygap.world.noise import NOISE_LEVELS, noise_level, noise_name

@@ -9,7 +9,6 @@ Python over arrays and is compiled by Numba:
 
 from __future__ import annotations
 
-import inspect
 import math
 import re
 from dataclasses import dataclass, replace
@@ -22,11 +21,12 @@ from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import params
 from realitygap.kernels.params import STEP_S
 from realitygap.tasks.scoring import CompiledScore, Score
+from realitygap.tasks.stated import beside, check_score, check_spread, ending
 from realitygap.world.arena import Arena, arena_names, load_arena
 from realitygap.world.files import Value, require
 from realitygap.world.profile import FEEDS, Profile
 
-__all__ = ["MAX_INPUTS", "Start", "Task", "check_spread"]
+__all__ = ["MAX_INPUTS", "Start", "Task"]
 
 MAX_INPUTS = 16
 
@@ -108,14 +108,14 @@ class Task:
     @property
     def plain_name(self) -> str:
         """Its name without what `under` adds."""
-        return self.name.removesuffix(_ending(self.spread, self.spread_wheels))
+        return self.name.removesuffix(ending(self.spread, self.spread_wheels))
 
     def under(self, spread: float, wheels: float | None = None) -> Task:
         """The same task with constants drawn anew, under a name and a title that say so."""
         if not spread:
             return self
         within = f"±{100 * spread:g} %" + (f", the wheels' ±{100 * wheels:g} %" if wheels is not None else "")
-        name, title = self.name + _ending(spread, wheels), f"{self.title}, constants drawn within {within}"
+        name, title = self.name + ending(spread, wheels), f"{self.title}, constants drawn within {within}"
         return replace(self, name=name, title=title, spread=spread, spread_wheels=wheels)
 
     @property
@@ -232,9 +232,9 @@ class Task:
         tidy = isinstance(self.name, str) and re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", self.name)
         require(bool(tidy), "name", "lower-case letters, digits and single hyphens", self.name)
         put(self, "score", getattr(self.score, "py_func", self.score))
-        _check_score(self.score)
+        check_score(self.score)
         if isinstance(self.arena, str | Path):
-            named = _beside(self.score, self.arena)
+            named = beside(self.score, self.arena)
             put(self, "arena_file", None if str(named) in arena_names() else str(self.arena))
             put(self, "arena", load_arena(named))
         feeds: Any = self.feeds
@@ -273,39 +273,3 @@ class Task:
                 f"disc of {start.radius_cm:g} cm about ({start.x_cm:g}, {start.y_cm:g}), which overlaps "
                 f"{obstacle}."
             )
-
-
-def check_spread(spread: float, wheels: float | None) -> None:
-    """Refuse shares that are none, and the wheels' alone.
-
-    Raises:
-        ConfigError: names the key.
-    """
-    require(0 <= spread <= 0.9, "spread", "a share from 0 to 0.9", spread)
-    fits = wheels is None or (spread > 0 and 0 <= wheels <= 0.9)
-    require(fits, "spread_wheels", "a share from 0 to 0.9, beside a spread", wheels)
-
-
-def _ending(spread: float, wheels: float | None = None) -> str:
-    """What a name says of a spread: -spread-10, of 10 %."""
-    of_wheels = "" if wheels is None else f"-wheels-{100 * wheels:g}"
-    return f"-spread-{100 * spread:g}{of_wheels}".replace(".", "-") if spread else ""
-
-
-def _check_score(score: object) -> None:
-    """Refuse what cannot be called with (path, room)."""
-    cure = "Write `def score(path, room): …`."
-    require(inspect.isfunction(score), "score", "a function", score, cure)
-    try:
-        inspect.signature(score).bind(None, None)  # type: ignore[arg-type]
-    except TypeError:
-        names = list(inspect.signature(score).parameters)  # type: ignore[arg-type]
-        require(False, "score", "a function of two parameters, (path, room)", tuple(names), cure)
-
-
-def _beside(score: Score, arena: str | Path) -> str | Path:
-    """The arena's path, taken from the folder of the file that defines `score`."""
-    if str(arena) in arena_names() or Path(arena).is_absolute():
-        return arena
-    near = Path(inspect.getfile(score)).parent / arena
-    return near if near.is_file() else arena

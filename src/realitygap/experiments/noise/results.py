@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from realitygap import whole
-from realitygap.calibration.unit import PROFILE
+from realitygap.calibration.unit_folder import PROFILE
 from realitygap.errors import StudyError
 from realitygap.experiments.noise.config import CONFIG, NoiseConfig
 from realitygap.experiments.noise.folder import RESULTS, Seconds, begun_by, command_of

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from realitygap.calibration.unit import PROFILE
+from realitygap.calibration.unit_folder import PROFILE
 from realitygap.errors import StudyInterruptedError
 from realitygap.experiments.noise.config import CONFIG, NoiseConfig
 from realitygap.experiments.noise.folder import Seconds, missing, open_folder
@@ -192,7 +192,8 @@ class _Phases:
 
     def _calibrate(self, recorders: Workers) -> None:
         """A profile of each unit, as the twin is in this study: its noise is the unit's too."""
-        from realitygap.calibration.unit import PARTS, calibrated_robot, calibrated_unit
+        from realitygap.calibration.unit import calibrated_robot, calibrated_unit
+        from realitygap.calibration.unit_folder import PARTS
 
         left, units, steps = self._uncalibrated(), self.config.units, len(PARTS) + 1
         self.reporter.phase(CALIBRATING, done=units - len(left), total=units, what="units")

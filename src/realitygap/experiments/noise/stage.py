@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from realitygap.calibration.unit import PROFILE
+from realitygap.calibration.unit_folder import PROFILE
 from realitygap.controller.encoding import Encoding, controller_of
 from realitygap.controller.network import NetworkController
 from realitygap.evolution.algorithm import Genes

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from realitygap import temporary
-from realitygap.calibration.unit import PROFILE
+from realitygap.calibration.unit_folder import PROFILE
 from realitygap.errors import ConfigError
 from realitygap.evolution.algorithm import Genes
 from realitygap.experiments.noise.config import NoiseConfig

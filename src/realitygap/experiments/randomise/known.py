@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.unit import PROFILE
+from realitygap.calibration.unit_folder import PROFILE
 from realitygap.experiments.randomise.plan import KNOWN, RandomiseConfig, Spread
 from realitygap.simulation.simulation import Simulation
 from realitygap.values import Pose

@@ -10,7 +10,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from realitygap import whole
-from realitygap.calibration.unit import PROFILE, calibrated_share, calibrated_unit
+from realitygap.calibration.unit import calibrated_share, calibrated_unit
+from realitygap.calibration.unit_folder import PROFILE
 from realitygap.errors import StudyError, StudyInterruptedError
 from realitygap.experiments.randomise.known import ALL, Profiles, calibrated_folder
 from realitygap.experiments.randomise.plan import (

@@ -1,0 +1,67 @@
+"""The folder of a calibrated unit: whose it is, its recordings, and the parts that they were made in."""
+
+from pathlib import Path
+from typing import Any
+
+from realitygap import whole
+from realitygap.calibration.recordings.checks import FACTS
+from realitygap.errors import CalibrationError
+from realitygap.text import refuse_unknown
+from realitygap.toml import read_toml, to_toml
+
+__all__ = [
+    "PARTS", "PROFILE", "RECORDINGS", "SETTINGS", "claim", "is_recorded", "kind_of", "parts_of",
+    "recordings_of", "settings_of",
+]  # fmt: skip
+
+PROFILE, SETTINGS, RECORDINGS = "robot.toml", "unit.toml", "recordings"
+PARTS = ("ambient", "wheels", "infrared-wall", "infrared-cylinder")
+"""The recordings, the longest kind first: so that two workers end at about the same time."""
+CURE = "Choose another folder, or remove this one."
+
+
+def recordings_of(folder: Path) -> Path:
+    """Where its recordings are: those of a share are the whole's."""
+    return folder / str(settings_of(folder).get("of", "")) / RECORDINGS
+
+
+def kind_of(part: str) -> str:
+    """The plan of a part, without what is recorded by it."""
+    return part.partition("-")[0]
+
+
+def is_recorded(folder: Path, part: str) -> bool:
+    """Whether a part is there as a whole."""
+    return (recordings_of(folder) / part / FACTS).is_file()
+
+
+def parts_of(folder: Path) -> list[str]:
+    """The recordings that the folder's robot is fitted to."""
+    return list(settings_of(folder).get("parts", PARTS))
+
+
+def settings_of(folder: Path) -> dict[str, Any]:
+    """What the folder was made with."""
+    return read_toml(folder / SETTINGS, CalibrationError, CURE)
+
+
+def claim(folder: Path, settings: dict[str, Any]) -> None:
+    """Make the folder this robot's, or see that it is."""
+    path = folder / SETTINGS
+    if not path.is_file():
+        if (folder / PROFILE).exists() or (folder / RECORDINGS).exists():
+            raise CalibrationError(
+                f"{folder}: expected a new folder, or one with {SETTINGS}; it holds something else. "
+                "Choose another folder."
+            )
+        folder.mkdir(parents=True, exist_ok=True)
+        whole.write(path, to_toml(settings))
+        return
+    there = read_toml(path, CalibrationError, CURE, broken=CURE)
+    refuse_unknown(there, settings, CalibrationError, where=str(path))
+    for key, value in settings.items():
+        if there.get(key) != value:
+            raise CalibrationError(
+                f"{path}: {key}: expected {value!r}, got {there.get(key)!r}: another calibration is there. "
+                f"{CURE}"
+            )
