@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.calibration import measured
+from realitygap.calibration import measured, rows
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.curves import Curves, Seen, on_curves
 from realitygap.calibration.forward import proximity, scene_of
@@ -123,8 +123,10 @@ def test_series_set_down_anew_are_shifted_and_places_by_hand_doubted(thymio):
 
 
 @pytest.mark.usefixtures("fewer_starts")
-def test_a_printed_law_is_taken_where_it_holds(recorded):
+def test_a_printed_law_is_taken_where_it_holds(recorded, monkeypatch):
     """`auto` keeps the printed law's fit where nothing errs less on places held out."""
+    monkeypatch.setattr(rows, "FOLDS", 2)
+    monkeypatch.setattr(measured, "DRAWS_HELD_OUT", 100)
     made = calibrate([recorded("wall", turn=1.0, repeats=3)], PAPER, form="auto")
     fit = made.infrared
     assert fit is not None and min(fit.held_out, key=fit.held_out.__getitem__) == fit.form

@@ -38,14 +38,21 @@ def small(tmp_path: Path) -> NoiseConfig:
     )  # fmt: skip
 
 
-def test_a_robot_of_ones_own_takes_the_twins_place(tmp_path, small):
-    """Five eyes are recorded, fitted, evolved for, driven and compared, at their own period; resumed, every
-    bit is the same."""
+def by_hand(folder: Path, *, robot: str, base: str, seed: int, **_: object) -> Path:
+    """Its rough profile as the calibrated one: to fit it takes a minute, and is the example's test."""
+    assert robot.endswith(":FiveEyes")
+    folder.mkdir(parents=True)
+    return Path(shutil.copy(base, folder / "robot.toml"))
+
+
+def test_a_robot_of_ones_own_takes_the_twins_place(tmp_path, small, monkeypatch):
+    """Five eyes are evolved for, driven and compared, at their own period; resumed, every bit is the same."""
+    monkeypatch.setattr("realitygap.calibration.unit.calibrated_robot", by_hand)
     folder = tmp_path / "study"
     results = noise_study(folder, small, workers=1)
     profile = load_profile(folder / "calibration" / "unit-1" / "robot.toml")
     assert profile.period_s == PERIOD_S
-    assert len(profile.infrared.sensors) == 5 and abs(profile.noise.proximity - 60) < 6
+    assert len(profile.infrared.sensors) == 5
     stage, made = Stage(folder, small), controllers(small)
     for one in made:
         kept = read_situated(stage, one)

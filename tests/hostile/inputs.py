@@ -192,11 +192,11 @@ def _situated(folder: Path) -> object:
 
     stage = SimpleNamespace(
         folder=folder,
-        config=SimpleNamespace(units=1, starts=2),
+        config=SimpleNamespace(starts=2, driven=lambda home, individual: (1,)),
         task=lambda name: SimpleNamespace(steps_of=lambda profile: 20),
         profile=lambda unit: SimpleNamespace(period_s=0.1),
     )
-    one = SimpleNamespace(task="t", name="one", folder="one", home=1)
+    one = SimpleNamespace(task="t", name="one", folder="one", home=1, individual="champion")
     original, situated.situated_file = situated.situated_file, lambda folder, one: folder / "one.npz"
     try:
         return situated.read_situated(stage, one)
