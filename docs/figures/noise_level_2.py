@@ -8,6 +8,7 @@ tables are named as not yet run.
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +16,7 @@ import matplotlib
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from realitygap.errors import UsageError
-from realitygap.experiments.noise.second.verdicts import CLAIMS
+from realitygap.experiments.noise.second.verdicts import CLAIMS, PLAN
 from realitygap.report.noise.arms import Arm
 from realitygap.report.noise.facts import Span
 from realitygap.report.noise.second import (
@@ -78,9 +79,19 @@ def page(arms: list[Arm]) -> str:
         heads=[(claim, headline(arms, claim)) for claim in CLAIMS], warnings=list(warned(arms)),
         all=lambda key, word: bool(said[key]) and set(said[key].values()) == {word},
         some=lambda key, word: word in said[key].values(), peaks=[(arm.name, peak(arm)) for arm in arms],
+        small=list(small(arms)), first_rule=[(arm.name, arm.judged.peak) for arm in arms],
         captions={name: one.caption for name, one in answer_figures(arms).items()},
         verdicts=tables.pop("verdicts", None), tables=tables,
     )  # fmt: skip
+
+
+def small(arms: list[Arm]) -> Iterator[str]:
+    """What was found, and is less than the smallest difference of means that was called of interest."""
+    for arm in arms:
+        for one in (one for verdict in arm.judged.verdicts for one in verdict.comparisons):
+            if one.found == "for" and 0 < one.difference[0] < PLAN.bound:
+                span = Number(span=Span(*one.difference))
+                yield f"{arm.name}, ({one.key}) by {one.by} against level {one.against}: {span}"
 
 
 def said_of(arms: list[Arm]) -> set[str]:
