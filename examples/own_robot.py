@@ -72,7 +72,7 @@ if __name__ == "__main__":
     folder, base = sys.argv[1], __file__.replace("own_robot.py", "five_eyes.toml")
     for words in (
         f"record --robot {__file__}:FiveEyes --base {base} --plan all --repeats 4 --out {folder}/recorded",
-        f"calibrate {folder}/recorded --base {base} --out {folder}/robot.toml --no-report",
+        f"calibrate {folder}/recorded --base {base} --form extended --out {folder}/robot.toml --no-report",
         f"evolve avoidance --profile {folder}/robot.toml --out {folder}/study --evaluations 64 --workers 1 "
         "--set task.seconds=3 --set fresh_trials=1 --set retest_trials=1",
         f"transfer {folder}/study --robot {__file__}:FiveEyes --starts 2 --workers 1",
