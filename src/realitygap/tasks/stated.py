@@ -19,7 +19,8 @@ def check_spread(spread: float, wheels: float | None) -> None:
         ConfigError: names the key.
     """
     require(0 <= spread <= 0.9, "spread", "a share from 0 to 0.9", spread)
-    fits = wheels is None or (spread > 0 and 0 <= wheels <= 0.9)
+    number = isinstance(wheels, int | float) and not isinstance(wheels, bool)
+    fits = wheels is None or (number and spread > 0 and 0 <= wheels <= 0.9)
     require(fits, "spread_wheels", "a share from 0 to 0.9, beside a spread", wheels)
 
 
