@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from contextlib import closing
+from functools import partial
+from pathlib import Path
 
 import pytest
 
+import realitygap.calibration.calibrate as calibrate
 from realitygap.calibration import unit as module
-from realitygap.calibration.unit import calibrated_unit
+from realitygap.calibration.unit import calibrated_robot, calibrated_unit
 from realitygap.calibration.unit_folder import PARTS
 from realitygap.errors import CalibrationError, StudyError
 from realitygap.work.pool import Setup
 from realitygap.work.processes import Processes
+from realitygap.world.profile import load_profile
 
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 SETTINGS = {"unit": 11, "noise": 1.0, "seed": 3}
 
 
@@ -91,3 +96,29 @@ def test_what_goes_wrong_in_a_job_is_told(tmp_path):
     ):
         with closing(Processes(1)) as pool, pytest.raises(error, match=words):
             pool.work(Setup(module.Bench, (str(tmp_path),)), [job], print)
+
+
+def test_a_robot_of_ones_own_is_recorded_and_fitted(tmp_path, monkeypatch):
+    """Its wall is recorded through its own class, and its noise and sensors are found."""
+
+    class Here:
+        """Does the jobs in this process."""
+
+        def __init__(self, size, *, one_thread=False):
+            pass
+
+        def work(self, setup, jobs, tell):
+            for job in jobs:
+                setup().carry_out(job, tell)
+
+        def close(self):
+            pass
+
+    monkeypatch.setattr(module, "Processes", Here)
+    monkeypatch.setattr(module, "PARTS", ("infrared-wall",))
+    quick = partial(calibrate.calibrate, form="extended", beside=False)  # of all forms it takes half a minute
+    monkeypatch.setattr(calibrate, "calibrate", lambda recordings, base, **_: quick(recordings, base))
+    robot, base = f"{EXAMPLES / 'own_robot.py'}:FiveEyes", str(EXAMPLES / "five_eyes.toml")
+    made = load_profile(calibrated_robot(tmp_path / "unit", robot=robot, base=base, seed=3))
+    assert len(made.infrared.sensors) == 5 and abs(made.noise.proximity - 60) < 6
+    assert made.provenance.fits[0].ratio < 1.0 and made.infrared != load_profile(base).infrared

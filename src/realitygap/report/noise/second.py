@@ -126,7 +126,7 @@ def _verdicts(arms: Sequence[Arm]) -> NoiseTable:
         rows.append((f"({claim.key}) {claim.title}", *words))
     return NoiseTable(
         name="verdicts",
-        title="The verdicts, by arm. No claim: the calibrated model errs too much there.",
+        title='The verdicts, by arm. "No claim" stands where the calibrated model errs too much.',
         head=("claim", *ARMS), rows=tuple(rows),
     )  # fmt: skip
 
