@@ -20,6 +20,7 @@ from realitygap.environment import RobotEnv, RobotVectorEnv, register  # noqa: E
 from realitygap.errors import TaskError, UsageError  # noqa: E402
 from realitygap.kernels.rng import substream  # noqa: E402
 from realitygap.simulation.simulation import Simulation  # noqa: E402
+from realitygap.tasks.load import load_task  # noqa: E402
 
 AVOID, SEEK = "realitygap/ObstacleAvoidance-v0", "realitygap/LightSeeking-v0"
 STEPS = 200
@@ -64,13 +65,19 @@ def test_robot_i_lives_the_trials_of_a_single_one(name):
 
 
 @pytest.mark.parametrize(
-    ("task", "feeds"), [("obstacle-avoidance", "proximity"), ("light-seeking", "ambient")]
+    ("task", "feeds", "spread"),
+    [
+        ("obstacle-avoidance", "proximity", 0.0),
+        ("light-seeking", "ambient", 0.0),
+        ("obstacle-avoidance", "proximity", 0.3),
+    ],
 )
-def test_a_networks_trial_is_the_simulations(task, feeds):
-    """Driven as a network drives, its path is the simulation's, bit for bit, and rewards make its score."""
+def test_a_networks_trial_is_the_simulations(task, feeds, spread):
+    """Driven as a network drives, its path is the simulation's, bit for bit, and rewards make its score: with
+    constants drawn anew for the trial, too."""
     genes = braitenberg(feeds, Layout())
-    one, network = RobotEnv(task), NetworkController(genes)
-    simulation = Simulation(task, "paper")
+    one, network = RobotEnv(task, spread=spread), NetworkController(genes)
+    simulation = Simulation(load_task(task).under(spread), "paper")
     stream = int(substream(np.uint64(9), np.uint64(0)))
     expected, score = simulation.trajectory(decode(genes, Layout()), stream=stream)
     one.reset(seed=9)
@@ -86,6 +93,21 @@ def test_a_networks_trial_is_the_simulations(task, feeds):
     assert (inner._crowd.path[0, 0, :-1] == expected.x[1:]).all()
     assert (inner._crowd.path[0, 2, -1]) == expected.end.heading
     assert info["score"] == pytest.approx(score, rel=1e-12) and total == pytest.approx(score, rel=1e-9)
+
+
+def test_within_a_spread_each_robot_has_constants_of_its_own():
+    """Under one command from one pose three robots go three ways, in each trial others, as alone."""
+    many, pose = vector(spread=0.2, noise="zero", autoreset_mode="Disabled"), {"pose": (25, 25, 0)}
+    alone = RobotEnv("obstacle-avoidance", spread=0.2, noise="zero")
+    ends, robots = [], np.arange(3)
+    for trial in range(2):
+        many.reset(seed=None if trial else 7, options={**pose, "reset_mask": robots > -1})
+        alone.reset(seed=None if trial else 8, options=pose)
+        for _ in range(20):
+            many.step(np.full((3, 2), 0.5, np.float32)), alone.step(np.full(2, 0.5, np.float32))
+        assert (alone._inner._crowd.pose[0] == many._crowd.pose[1]).all()
+        ends += many._crowd.pose[:, 0].tolist()
+    assert len(set(ends)) == 6
 
 
 def run(env: RobotVectorEnv, steps: int, seed: int = 5):
@@ -263,9 +285,14 @@ def test_robots_that_cannot_be_scored_are_refused(tmp_path):
 
 
 def test_settings_that_would_be_ignored_are_refused():
-    """Noise beside a reality that has its own; an option that there is not; a pose in a wall, there too."""
+    """Noise or a spread beside a reality that has its own; an option that there is not; a pose in a
+    wall, there too."""
     with pytest.raises(UsageError, match="noise: expected none with reality 'twin:1'"):
         RobotEnv("obstacle-avoidance", noise="double", reality="twin:1")
+    with pytest.raises(UsageError, match=r"spread: expected none with reality 'twin:1'.* got 0.1"):
+        RobotEnv("obstacle-avoidance", spread=0.1, reality="twin:1")
+    with pytest.raises(UsageError, match=r"spread: expected a share from 0 to 0.9, got 'wide'"):
+        vector(spread="wide")
     for env in (vector(), RobotEnv("obstacle-avoidance", reality="twin:1")):
         for options, said in (
             ({"pose": (1, 25, 0)}, "pose: expected a free place"),

@@ -9,8 +9,9 @@ from realitygap.controller.network import decode
 from realitygap.errors import UsageError
 from realitygap.problem import Problem
 from realitygap.robots.loop import drive
-from realitygap.simulation.body import SimulatedBody, network_inputs
+from realitygap.simulation.body import SimulatedBody, drive_simulated, network_inputs
 from realitygap.simulation.simulation import Simulation, batch_streams
+from realitygap.tasks.load import load_task
 from realitygap.transfer.paths import of_poses
 from realitygap.transfer.paths import score as of_track
 
@@ -98,6 +99,18 @@ def test_fitness_depends_on_nothing_else(problem):
     assert (problem.evaluate(solutions, seed=2).fitness != whole.fitness).any()
 
 
+def test_within_a_spread_each_trial_is_of_another_robot():
+    """Of weights as of networks: by the trial's stream alone, whatever else is in the batch."""
+    plain, wide = (Problem("obstacle-avoidance", FEED, noise=0, spread=share) for share in (0.0, 0.3))
+    solutions = RANDOM.normal(size=(6, wide.dim))
+    scores = wide.evaluate(solutions, seed=1).info["scores"]
+    assert (wide.evaluate(solutions[4], seed=1).info["scores"] == scores[4]).all()
+    assert (plain.evaluate(solutions, seed=1).info["scores"] != scores).mean() > 0.5
+    stream = int(batch_streams(1, 2)[0])
+    _, score = drive_simulated(wide.simulation, wide.controller(solutions[4]), stream=stream)
+    assert score == pytest.approx(scores[4, 0], rel=1e-12)
+
+
 def test_what_comes_back(problem):
     """Means, spread, and measures within their bounds."""
     solutions = RANDOM.normal(size=(5, problem.dim)) * 3
@@ -121,13 +134,19 @@ def test_driving_straight_and_turning_are_told_by_the_measures(problem):
 
 
 def test_the_papers_network_is_the_simulations():
-    """Genotypes as vectors have the fitness of `Simulation.scores`; every vector is clipped into one."""
+    """Genotypes as vectors have the fitness of `Simulation.scores`, within a spread too; every vector is
+    clipped into one."""
     one = Problem("light-seeking", "delay-network")
+    wide = Problem("light-seeking", "delay-network", spread=0.2)
     solutions = np.stack([one.x0(seed) for seed in range(3)])
     nets = decode(one.decode(solutions), one.layout)
     streams = np.tile(batch_streams(4, 2), (3, 1))
     expected = Simulation("light-seeking", "paper").scores(nets, streams)
     assert (one.evaluate(solutions, seed=4, trials=2).info["scores"] == expected).all()
+    drawn = Simulation(load_task("light-seeking").under(0.2), "paper").scores(nets, streams)
+    assert (wide.evaluate(solutions, seed=4, trials=2).info["scores"] == drawn).all() and (
+        drawn != expected
+    ).any()
     wild = RANDOM.uniform(-300, 300, (20, one.dim))
     assert one.integer.all() and np.isfinite(one.evaluate(wild, trials=1).fitness).all()
     assert one.evaluate(solutions[0]).fitness.shape == (1,)

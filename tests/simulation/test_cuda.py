@@ -77,6 +77,13 @@ def scores(make, profile, seed: int, trials: int, name: str = "obstacle-avoidanc
 
 
 @HERE
+def test_constants_drawn_for_each_trial_are_refused():
+    """All trials of a launch share one robot: said before anything is begun."""
+    with pytest.raises(UsageError, match=r"engine cuda: expected a task without a spread.* with spread 0.1"):
+        engine.Cuda(load_task("avoidance").under(0.1), PAPER, 1.0)
+
+
+@HERE
 @pytest.mark.parametrize("name", EngineContract.tasks)
 def test_scores_are_distributed_as_the_processors(name):
     """Trials on other streams: the same law; wheels a twentieth (a quarter) farther apart are found out."""

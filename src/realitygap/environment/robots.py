@@ -15,10 +15,11 @@ from realitygap.environment.reward import Rewards
 from realitygap.errors import UsageError
 from realitygap.kernels import batch, crowd, halves
 from realitygap.kernels.network import LIMIT
-from realitygap.kernels.params import Path
+from realitygap.kernels.params import Path, World
 from realitygap.kernels.rng import substream
 from realitygap.kernels.work import new_work
 from realitygap.simulation.simulation import Simulation
+from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.values import Pose, as_stream
 from realitygap.world.arena import Arena
@@ -47,6 +48,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         profile: the robot: a shipped profile's name or a TOML file.
         noise: zero, observed, double or a number.
         arena: in place of the task's.
+        spread: share, 0 to 0.9, within which each trial draws the robot's constants anew (`Task.spread`).
         autoreset_mode: what happens to a robot whose trial is over: it begins anew with the next step
             (Gymnasium's default), with the same one, or when `reset` is called with `reset_mask`.
 
@@ -62,15 +64,17 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         profile: Profile | str | PathLike[str] = "paper",
         noise: str | float = "observed",
         arena: Arena | str | PathLike[str] | None = None,
+        spread: float = 0.0,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ) -> None:
         if isinstance(num_envs, bool) or not isinstance(num_envs, int) or num_envs < 1:
             raise UsageError(f"num_envs: expected a whole number, 1 or more, got {num_envs!r}.")
         self.num_envs, self.autoreset_mode = num_envs, AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
-        self.simulation = Simulation(task, profile, noise, arena)
+        self.simulation = Simulation(load_task(task).under(spread), profile, noise, arena)
         cores = self.simulation._cores
-        self._world, self._nobody = cores.world, halves.quiet()
+        self._nobody = halves.quiet()
+        self._worlds: dict[int, tuple[World, slice, float]] = {}
         self._work = new_work(cores.robot, cores.trial, self._nobody)
         steps, sensors = cores.trial.steps, len(self._work.readings)
         self._crowd = crowd.Crowd(
@@ -126,7 +130,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
             )
         moving = np.flatnonzero(~self._over)
         commands = commands_of(actions, (self.num_envs, 2))[moving]
-        crowd.go_on(self._world, self._nobody, self._crowd, moving, NOWHERE, commands, self._work)
+        self._go_on(moving, NOWHERE, commands)
         self._begin(begun)
         rewards = np.zeros(self.num_envs)
         rewards[moving] = self._rewards.next(self._crowd.path, self._crowd.step, moving)
@@ -183,14 +187,27 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         streams = np.array([substream(self._seeds[i], np.uint64(self._trial[i])) for i in which], np.uint64)
         starts = np.empty((len(which), 3))
         if pose is None:
-            batch.draw_starts(self._world.task, streams, starts)
+            batch.draw_starts(self.simulation._cores.trial, streams, starts)
         else:
             starts[:] = pose.x, pose.y, pose.heading
         self._crowd.stream[which] = streams
         self._trial[which] += 1
-        crowd.go_on(self._world, self._nobody, self._crowd, which, starts, STILL, self._work)
+        if self.simulation.task.spread:
+            self._worlds.update(zip(which, self.simulation._cores.worlds(streams), strict=True))
+        self._go_on(which, starts, STILL)
         self._rewards.begin(which)
         self._over[which] = False
+
+    def _go_on(self, which: NDArray[np.int64], starts: Floats, commands: NDArray[np.int64]) -> None:
+        """As of `crowd.go_on`: all robots at once, or each with the constants of its trial."""
+        if not self.simulation.task.spread:
+            world = self.simulation._cores.world
+            crowd.go_on(world, self._nobody, self._crowd, which, starts, commands, self._work)
+            return
+        for i, r in enumerate(which):
+            world, _, self._work.span[0] = self._worlds[r]
+            one = slice(i, i + 1)
+            crowd.go_on(world, self._nobody, self._crowd, which[one], starts[one], commands[one], self._work)
 
     def _seen(self) -> NDArray[np.float32]:
         return observations_of(self.simulation, self._crowd.readings)

@@ -51,10 +51,12 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
     Args:
         task, profile, arena: as of `RobotVectorEnv`.
         noise: zero, observed (None), double or a number; of the simulation alone.
+        spread: share, 0 to 0.9, within which each trial draws the robot's constants anew; of the simulation.
         reality: "simulation", or a robot's address: twin:1, enki:epuck, khepera:/dev/ttyUSB0, my.py:Class.
 
     Raises:
-        RealityGapError: no such task, profile, noise, arena or robot; noise for a robot that has its own.
+        RealityGapError: no such task, profile, noise, arena or robot; noise or a spread for a robot that has
+            its own.
     """
 
     def __init__(
@@ -64,17 +66,20 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
         profile: Profile | str | PathLike[str] = "paper",
         noise: str | float | None = None,
         arena: Arena | str | PathLike[str] | None = None,
+        spread: float = 0.0,
         reality: str = SIMULATION,
     ) -> None:
         self._inner: RobotVectorEnv | _Situated
         if reality == SIMULATION:
             level = "observed" if noise is None else noise
             self._inner = RobotVectorEnv(
-                task, profile=profile, noise=level, arena=arena, autoreset_mode=AutoresetMode.DISABLED
-            )
-        elif noise is not None:
+                task, profile=profile, noise=level, arena=arena, spread=spread,
+                autoreset_mode=AutoresetMode.DISABLED,
+            )  # fmt: skip
+        elif noise is not None or spread:
+            key, got = ("spread", spread) if noise is None else ("noise", noise)
             raise UsageError(
-                f"noise: expected none with reality {reality!r}, which has its own; got {noise!r}."
+                f"{key}: expected none with reality {reality!r}, which has its own; got {got!r}."
             )
         else:
             self._inner = _Situated(Simulation(task, profile, arena=arena), Address.parse(reality))

@@ -5,6 +5,7 @@ batch = problem.evaluate(X, seed=generation)        # maximise batch.fitness
 """
 
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from os import PathLike
 from typing import Any, NamedTuple
@@ -29,10 +30,12 @@ from realitygap.controller.network import NetworkController, decode
 from realitygap.controller.operators import Variation
 from realitygap.errors import UsageError
 from realitygap.kernels import halves
-from realitygap.kernels.params import Networks, Path
-from realitygap.kernels.work import new_work
+from realitygap.kernels.params import Networks, Path, World
+from realitygap.kernels.work import Work, new_work
 from realitygap.problem.controllers import WeightedController, form_of, stopped
+from realitygap.simulation.engine import Streams
 from realitygap.simulation.simulation import Simulation, batch_streams
+from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.world.arena import Arena
 from realitygap.world.profile import Profile
@@ -73,6 +76,7 @@ class Problem:
         profile: the robot: a shipped profile's name or a TOML file.
         noise: zero, observed, double or a number.
         arena: in place of the task's.
+        spread: share, 0 to 0.9, within which each trial draws the robot's constants anew (`Task.spread`).
         workers: threads; one a core if None. It never changes a result.
 
     Attributes:
@@ -96,9 +100,10 @@ class Problem:
         profile: Profile | str | PathLike[str] = "paper",
         noise: str | float = "observed",
         arena: Arena | str | PathLike[str] | None = None,
+        spread: float = 0.0,
         workers: int | None = None,
     ) -> None:
-        self.simulation = Simulation(task, profile, noise, arena)
+        self.simulation = Simulation(load_task(task).under(spread), profile, noise, arena)
         self.workers = workers or os.cpu_count() or 1
         self._cores = self.simulation._cores
         inputs = len(self._cores.trial.channels)
@@ -154,10 +159,11 @@ class Problem:
         decoded = self.decode(solutions)
         streams = batch_streams(seed, self._trials(trials))
         made = decode(decoded, self.layout) if self.layout is not None else decoded
+        worlds = self._cores.worlds(streams)
         jobs = [part for part in np.array_split(np.arange(len(decoded)), 4 * self.workers) if len(part)]
-        _ = self._cores.score, self._cores.room, self._cores.world  # made once, before threads ask
+        _ = self._cores.score, self._cores.room  # made once, before threads ask
         with ThreadPoolExecutor(self.workers) as pool:
-            parts = list(pool.map(lambda part: self._part(made, part, streams), jobs))
+            parts = list(pool.map(lambda part: self._part(made, part, streams, worlds), jobs))
         scores, measures = (np.concatenate(one) for one in zip(*parts, strict=True))
         self._cores.require_finite(scores)
         return Batch(scores.mean(1), measures, {"scores": scores, "sd": scores.std(1)})
@@ -173,35 +179,47 @@ class Problem:
             raise UsageError(f"trials: expected a whole number, 1 or more, got {trials!r}.")
         return count
 
-    def _part(self, made: Any, part: NDArray[np.int64], streams: NDArray[np.uint64]) -> tuple[Floats, Floats]:
+    def _part(
+        self, made: Any, part: NDArray[np.int64], streams: Streams, worlds: Sequence[Any]
+    ) -> tuple[Floats, Floats]:
         """Scores [b, trials] and measures [b, 2] of some solutions, one after the other, in one thread."""
         cores, trials = self._cores, len(streams)
-        networks = isinstance(made, Networks)
-        nobody = made if networks else halves.quiet()
+        nobody = made if isinstance(made, Networks) else halves.quiet()
         work = new_work(cores.robot, cores.trial, nobody)
         paths = np.zeros((trials, len(Path._fields), cores.trial.steps))
         scores, measures = np.empty((len(part), trials)), np.empty((len(part), 2))
-        own: tuple[Floats, ...] = ()
-        if not networks:
-            own = np.zeros(self.form.memory), np.zeros(len(work.inputs)), np.zeros(2)
+        own = self._scratch(work)
         for i, one in enumerate(part):
             which = np.full(trials, one)
-            if networks:
-                from realitygap.kernels import batch
-
-                batch.run_trials(cores.world, made, which, streams, paths, work)
-            else:
-                try:
-                    wrong = self.form.run(cores.world, nobody, made, which, streams, paths, work, own)
-                except Exception as error:  # a user's controller
-                    raise stopped(self.form, error, made[one], *own) from None
-                if wrong:
-                    raise UsageError(f"controller: expected finite outputs, not so of solution {one}.")
+            for world, some, far in worlds:
+                work.span[0] = far
+                self._run(world, made, (which[some], streams[some], paths[some], work), own)
             scores[i] = cores.score.over(paths, cores.room)
             speed, apart = paths[:, 3:5].mean(0).mean(1)
             measures[i] = (speed + apart) / 2, (apart - speed) / 2
         cores.require_finite_path(paths)
         return scores, np.clip(measures / cores.room.top_speed, -1.0, 1.0)
+
+    def _scratch(self, work: Work) -> tuple[Floats, ...]:
+        """What a controller with weights writes into: memory, inputs, outputs."""
+        if self.layout is not None:
+            return ()
+        return np.zeros(self.form.memory), np.zeros(len(work.inputs)), np.zeros(2)
+
+    def _run(self, world: World, made: Any, trials: tuple[Any, ...], own: tuple[Floats, ...]) -> None:
+        """Trials of one solution: whose, streams, paths and scratch, as of `batch.run_trials`."""
+        if isinstance(made, Networks):
+            from realitygap.kernels import batch
+
+            batch.run_trials(world, made, *trials)
+            return
+        one = trials[0][0]
+        try:
+            wrong = self.form.run(world, halves.quiet(), made, *trials, own)
+        except Exception as error:  # a user's controller
+            raise stopped(self.form, error, made[one], *own) from None
+        if wrong:
+            raise UsageError(f"controller: expected finite outputs, not so of solution {one}.")
 
 
 def _gene_bounds(layout: Layout) -> Floats:

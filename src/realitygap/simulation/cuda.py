@@ -56,11 +56,16 @@ class Cuda:
     Scores of shipped tasks are taken there; a user's own on the processor, where their indices are checked.
 
     Raises:
-        UsageError: there is no GPU, or no package to use it.
+        UsageError: there is no GPU, or no package to use it; or each trial is to draw constants of its own.
     """
 
     def __init__(self, task: Task, profile: Profile, noise: float) -> None:
         require_gpu()
+        if task.spread:
+            raise UsageError(
+                f"engine cuda: expected a task without a spread, whose trials share one robot, got "
+                f"{task.name!r} with spread {task.spread:g}. Leave out --engine, or the spread."
+            )
         self.cores = Cores(task, profile, noise)
         self._kept: dict[tuple[int, int], Work] = {}
 

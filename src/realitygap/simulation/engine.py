@@ -16,7 +16,7 @@ from realitygap.controller.network import check_networks
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import batch, halves
 from realitygap.kernels.params import Networks, Path, Room, Trial, World
-from realitygap.kernels.work import Work, farthest_notice, new_work
+from realitygap.kernels.work import Work, farthest_notice, new_work, spread_fan
 from realitygap.simulation.spread import drawn
 from realitygap.tasks.scoring import CompiledScore
 from realitygap.tasks.task import Task
@@ -62,30 +62,28 @@ class Cores:
         return self.task.to_kernel(self.profile)
 
     @cached_property
-    def _world(self) -> World:
-        return World(robot=self.robot, arena=self.arena, task=self.trial, level=self.noise)
-
-    @property
     def world(self) -> World:
-        """All that trials happen in.
-
-        Raises:
-            TaskError: the task draws constants anew for each trial, so that there is no world for all.
-        """
-        if self.task.spread:
-            raise TaskError(
-                f"task {self.task.name!r}: spread: expected 0 where many trials share one robot (the engine "
-                f"cuda, Gymnasium's environments, Problem), got {self.task.spread:g}. Leave it out there."
-            )
-        return self._world
+        """All that trials happen in, with constants as the profile has them."""
+        return World(robot=self.robot, arena=self.arena, task=self.trial, level=self.noise)
 
     def world_of(self, stream: int) -> World:
         """All that the trial on a stream happens in."""
         if not self.task.spread:
-            return self._world
-        return self._world._replace(
-            robot=drawn(self.robot, stream, self.task.spread, self.task.spread_wheels)
-        )
+            return self.world
+        return self.world._replace(robot=drawn(self.robot, stream, self.task.spread, self.task.spread_wheels))
+
+    def worlds(self, streams: Streams) -> list[tuple[World, slice, float]]:
+        """Those that trials happen in: of each world its trials, and its robot's `farthest_notice`."""
+        if not self.task.spread:
+            return [(self.world, slice(None), farthest_notice(self.robot, self._fan))]
+        each = map(self.world_of, streams)
+        return [
+            (world, slice(t, t + 1), farthest_notice(world.robot, self._fan)) for t, world in enumerate(each)
+        ]
+
+    @cached_property
+    def _fan(self) -> Floats:
+        return spread_fan(self.robot)
 
     @cached_property
     def room(self) -> Room:
@@ -131,7 +129,9 @@ class Cores:
 
     def compile(self) -> None:
         """Compile what evolution needs, or load it from the cache; the first time takes seconds."""
-        self._run(halves.quiet(), np.zeros(0, np.int64), np.zeros(0, np.uint64), self._paths)
+        nobody = halves.quiet()
+        none = np.zeros(0, np.int64), np.zeros(0, np.uint64)
+        batch.run_trials(self.world, nobody, *none, self._paths, self.scratch(nobody))
         self.score.over(self._paths[:1], self.room)
 
     def scratch(self, networks: Networks) -> Work:
@@ -169,10 +169,7 @@ class Cores:
 
     def _run(self, networks: Networks, which: NDArray[np.int64], streams: Streams, paths: Floats) -> None:
         work = self.scratch(networks)
-        if not self.task.spread or not len(streams):
-            batch.run_trials(self._world, networks, which, streams, paths, work)
-        for t in range(len(streams) if self.task.spread else 0):
-            world, one = self.world_of(streams[t]), slice(t, t + 1)
-            work.span[0] = farthest_notice(world.robot, work.fan)
-            batch.run_trials(world, networks, which[one], streams[one], paths[one], work)
+        for world, some, far in self.worlds(streams):
+            work.span[0] = far
+            batch.run_trials(world, networks, which[some], streams[some], paths[some], work)
         self.require_finite_path(paths[: len(streams)])

@@ -18,10 +18,13 @@ def check_spread(spread: float, wheels: float | None) -> None:
     Raises:
         ConfigError: names the key.
     """
-    require(0 <= spread <= 0.9, "spread", "a share from 0 to 0.9", spread)
-    number = isinstance(wheels, int | float) and not isinstance(wheels, bool)
-    fits = wheels is None or (number and spread > 0 and 0 <= wheels <= 0.9)
+    require(_is_share(spread), "spread", "a share from 0 to 0.9", spread)
+    fits = wheels is None or (_is_share(wheels) and spread > 0)
     require(fits, "spread_wheels", "a share from 0 to 0.9, beside a spread", wheels)
+
+
+def _is_share(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value <= 0.9
 
 
 def ending(spread: float, wheels: float | None = None) -> str:

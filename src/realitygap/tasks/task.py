@@ -111,7 +111,16 @@ class Task:
         return self.name.removesuffix(ending(self.spread, self.spread_wheels))
 
     def under(self, spread: float, wheels: float | None = None) -> Task:
-        """The same task with constants drawn anew, under a name and a title that say so."""
+        """The same task with constants drawn anew, under a name and a title that say so.
+
+        Args:
+            spread: share, 0 to 0.9, as the attribute has it; 0 leaves the task as it is.
+            wheels: that of wheels and track, if it is another.
+
+        Raises:
+            ConfigError: no such share.
+        """
+        check_spread(spread, wheels)
         if not spread:
             return self
         within = f"±{100 * spread:g} %" + (f", the wheels' ±{100 * wheels:g} %" if wheels is not None else "")
