@@ -41,13 +41,14 @@ class SimulatedRig:
         )
         self.open = True
 
-    def drive(self, driver: Any, stream: int, pose: Any, seconds: float | None = None) -> tuple[Any, None]:
-        """A trial's track and no recording; who drives a unit that was let go is told."""
+    def drive(self, driver: Any, stream: int, pose: Any, seconds: float | None = None) -> tuple[Any, Any]:
+        """A trial's track and recording; who drives a unit that was let go is told."""
         assert self.open
         networks = decode(driver.genes, driver.layout)
         one, _ = self.simulation.trajectory(networks, stream=stream, pose=pose, seconds=seconds)
         ends = {name: np.append(getattr(one, name), getattr(one.end, name)) for name in ("x", "y", "heading")}
-        return SimpleNamespace(**ends), None
+        lived = {name: getattr(one, name) for name in ("proximity", "ambient", "commands")}
+        return SimpleNamespace(**ends), SimpleNamespace(**lived, speeds=one.wheels)
 
     def close(self) -> None:
         """Let it go."""

@@ -31,6 +31,10 @@ def test_the_number_of_workers_changes_no_bit(tmp_path):
     for controller in controllers(small):
         seen = [read_situated(stage, controller) for stage in stages]
         assert np.array_equal(seen[0].poses, seen[1].poses) and np.isfinite(seen[0].poses).all()
+        lived, again = (each.lived for each in seen)
+        assert all(np.array_equal(*pair) for pair in zip(lived, again, strict=True))
+        assert lived.readings.shape[-1] == 8 and 0 < lived.readings.max() <= 1023
+        assert lived.commands.shape == lived.speeds.shape == (*lived.readings.shape[:3], 2)
         starts = [(pose.x, pose.y) for pose in stages[0].starts(controller.task, 1, 1)]
         assert np.hypot(*(seen[0].poses[0, :, 0, :2] - starts).T).max() < 0.1
         files = [situated_file(tmp_path / name, controller).read_bytes() for name in ("one", "two")]

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from zipfile import ZipFile
 
 import numpy as np
@@ -23,6 +23,7 @@ from realitygap.experiments.noise.plan import Controller, situated_file, stream
 from realitygap.experiments.noise.stage import Stage
 from realitygap.robots.address import Address
 from realitygap.robots.body import Placing, Seen
+from realitygap.robots.recording import Recording
 from realitygap.tasks.load import TASKS, load_task
 from realitygap.track import Track, settled
 from realitygap.values import Pose
@@ -31,12 +32,26 @@ from realitygap.world.profile import load_profile
 if TYPE_CHECKING:
     from realitygap.transfer.rig import Rig
 
-__all__ = ["Rigs", "Situated", "check_robot", "keep_situated", "read_situated", "situate"]
+__all__ = ["Lived", "Rigs", "Situated", "check_robot", "keep_situated", "read_situated", "situate"]
 
 Floats = NDArray[np.float64]
 
 TRIES = 3
 """Of a trial whose line is lost, as on a computer that stands still for long: it is the same each time."""
+
+
+class Lived(NamedTuple):
+    """What a controller's robots read and did, [units, starts, steps, n]: in single precision, as on file.
+
+    Attributes:
+        readings: [… sensors] counts, of the kinds that its task feeds.
+        commands: [… 2] in the robot's units.
+        speeds: [… 2] likewise; NaN where they are not measured.
+    """
+
+    readings: NDArray[np.float32]
+    commands: NDArray[np.float32]
+    speeds: NDArray[np.float32]
 
 
 class Situated(NamedTuple):
@@ -48,12 +63,14 @@ class Situated(NamedTuple):
             start; NaN where the camera lost the robot.
         streams: [units, starts], of the twin's noise.
         period_s: of a step.
+        lived: what it read and did; None in a study of an earlier version.
     """
 
     units: tuple[int, ...]
     poses: Floats
     streams: NDArray[np.uint64]
     period_s: float
+    lived: Lived | None = None
 
     def track(self, unit: int, start: int) -> Track:
         """One trial, by the unit's number and the start's, from 1."""
@@ -140,19 +157,27 @@ def situate(
     driver = stage.driver(one)
     home = stage.profile(one.home)
     rows = stage.task(one.task).steps_of(home) + 1
+    kinds = stage.task(one.task).kinds
     poses = np.full((len(units), config.starts, rows, 3), np.nan)
     streams = np.zeros((len(units), config.starts), np.uint64)
+    lived: list[tuple[NDArray[Any], ...]] = []
     for u, unit in enumerate(units):
         rig = rigs.rig(one, unit)
         for k, pose in enumerate(stage.starts(one.task, one.seed_set, unit)):
             streams[u, k] = stream(config, "situated", *one.key, unit, k + 1, seed_set=one.seed_set)
-            track = _driven(rig, driver, int(streams[u, k]), pose)
+            track, made = _driven(rig, driver, int(streams[u, k]), pose)
             poses[u, k] = np.stack([track.x, track.y, track.heading], axis=1)
+            read = np.hstack([getattr(made, kind) for kind in kinds])
+            lived.append((read, made.commands, made.speeds))
             tell(1.0 / streams.size)
-    return Situated(units, poses, streams, home.period_s)
+    kept = (
+        np.array(each, np.float32).reshape(*streams.shape, *each[0].shape)
+        for each in zip(*lived, strict=True)
+    )
+    return Situated(units, poses, streams, home.period_s, Lived(*kept))
 
 
-def _driven(rig: Rig, driver: NetworkController, name: int, pose: Pose) -> Track:
+def _driven(rig: Rig, driver: NetworkController, name: int, pose: Pose) -> tuple[Track, Recording]:
     """A trial; begun again where the line to the unit is lost.
 
     Raises:
@@ -160,10 +185,10 @@ def _driven(rig: Rig, driver: NetworkController, name: int, pose: Pose) -> Track
     """
     for _ in range(TRIES - 1):
         try:
-            return rig.drive(driver, name, pose)[0]
+            return rig.drive(driver, name, pose)
         except LineError:
             continue  # the rig has let its unit go, and takes it anew
-    return rig.drive(driver, name, pose)[0]
+    return rig.drive(driver, name, pose)
 
 
 def read_situated(stage: Stage, one: Controller) -> Situated:
@@ -181,8 +206,10 @@ def read_situated(stage: Stage, one: Controller) -> Situated:
             if parts.testzip() is not None:  # before a damaged head is believed
                 raise ValueError
         with np.load(file) as kept:
-            found = Situated(units, kept["poses"], kept["streams"], home.period_s)
-        if found.poses.shape != shape:
+            lived = Lived(*(kept[name] for name in Lived._fields)) if Lived._fields[0] in kept else None
+            found = Situated(units, kept["poses"], kept["streams"], home.period_s, lived)
+        steps = (*shape[:2], shape[2] - 1)
+        if found.poses.shape != shape or any(each.shape[:3] != steps for each in lived or ()):
             raise ValueError
     except Exception:  # a broken archive has a dozen ways to say so
         cure = "Delete it and resume: it is made again."
@@ -195,4 +222,5 @@ def keep_situated(folder: Path, one: Controller, made: Situated) -> None:
     file = situated_file(folder, one)
     file.parent.mkdir(parents=True, exist_ok=True)
     with whole.new(file) as spare:
-        np.savez(spare, poses=made.poses, streams=made.streams)
+        lived = {} if made.lived is None else made.lived._asdict()
+        np.savez_compressed(spare, poses=made.poses, streams=made.streams, **lived)
