@@ -3,7 +3,10 @@
 A stream is made of its parent and a name (`kernels.rng.substream`), so two streams of one parent must
 never share a name. Children that are only counted (runs, evaluations, trials, slots) stand under a
 stream of their own. The twin has another generator and names its draws itself (`twin/noise.py`).
+Experiments of many studies name theirs in words (`named_stream`).
 """
+
+from hashlib import blake2b
 
 PICTURES, PSEUDO = 5, 8
 """Under a study's seed, beside the digests of its conditions: the trials that figures show, and those in
@@ -35,3 +38,9 @@ TABLE = {
     ),
 }  # fmt: skip
 """The names under each kind of parent."""
+
+
+def named_stream(seed: int, *names: object) -> int:
+    """An experiment's stream of whatever these names name, 0 to 2⁶⁴ − 1."""
+    text = "/".join(map(repr, (seed, *names)))
+    return int.from_bytes(blake2b(text.encode(), digest_size=8).digest(), "little")

@@ -52,7 +52,7 @@ def test_what_is_at_hand_comes_to_a_matrix(units, no_enki, json_of, call, refuse
     assert again.stdout.splitlines()[1].split() == ["proximity:", "error", "/", "noise", "0.5"]
     assert (out / "report" / "tables" / "realities.csv").read_bytes() == before
     assert "--resume" in refused("realities", "--out", out, *SMALL)
-    assert "begun with seed = 1995, not 7" in refused("realities", "--out", out, "--resume", "--seed", 7)
+    assert "made with seed = 1995, not 7" in refused("realities", "--out", out, "--resume", "--seed", 7)
 
 
 def test_a_reality_that_is_named_must_be_there(no_enki, refused, tmp_path):

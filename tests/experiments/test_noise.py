@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from realitygap.errors import ConfigError, LineError, StudyBusyError, StudyError, StudyInterruptedError
+from realitygap.experiments.folder import Seconds
 from realitygap.experiments.noise import simulated
 from realitygap.experiments.noise.config import NoiseConfig, levels_of, tasks_of
-from realitygap.experiments.noise.folder import Seconds
 from realitygap.experiments.noise.plan import (
     Evolved,
     controllers,
@@ -22,7 +22,7 @@ from realitygap.experiments.noise.plan import (
     simulated_file,
     situated_file,
 )
-from realitygap.experiments.noise.run import COMPARING, noise_study
+from realitygap.experiments.noise.run import noise_study
 from realitygap.experiments.noise.simulated import read_compared
 from realitygap.experiments.noise.situated import read_situated
 from realitygap.experiments.noise.stage import Stage
@@ -31,6 +31,8 @@ from realitygap.study.lock import lock
 from realitygap.study.versions import project_commit
 from realitygap.work.progress import Reporter
 from tests.experiments.noise_parts import SimulatedRig, quick_units, tables, tiny
+
+COMPARING = "comparing with the simulations"
 
 
 @pytest.fixture(scope="module")
@@ -220,7 +222,7 @@ def test_a_line_that_is_lost_is_taken_up_again(done, units, tmp_path):
 def test_progress_ends_with_nothing_left(units, tmp_path, monkeypatch):
     """Each phase tells how far it is, and at the end no time is left; its time is kept as it goes."""
     heard, kept = [], {}
-    monkeypatch.setattr("realitygap.experiments.noise.run.KEEP_S", 0.0)
+    monkeypatch.setattr("realitygap.experiments.phases.KEEP_S", 0.0)
     monkeypatch.setattr("realitygap.work.progress.EVERY_S", 0.0)
 
     def hear(event):

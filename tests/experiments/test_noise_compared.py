@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.experiments.noise.plan import controllers, situated_file
+from realitygap.experiments.noise.plan import controllers, simulated_file, situated_file
 from realitygap.experiments.noise.run import noise_study
-from realitygap.experiments.noise.simulated import compare_all, keep_compared, read_compared
+from realitygap.experiments.noise.simulated import compare_all, read_compared, to_json
 from realitygap.experiments.noise.situated import read_situated
 from realitygap.experiments.noise.stage import Stage
 from realitygap.simulation.simulation import Simulation
@@ -51,7 +51,7 @@ def test_every_unit_is_compared_with_its_own_simulation(stage, home):
     scores = []
     for drawn_as in (None, home):
         drive_as_simulated(stage, one, drawn_as)
-        keep_compared(stage.folder, one, compare_all(stage, one))
+        simulated_file(stage.folder, one).write_text(to_json(compare_all(stage, one)))
         scores.append(read_compared(stage, one)["cells"][0]["score"])
     assert scores[0] == 10.0 > scores[1]
 
@@ -61,7 +61,7 @@ def test_levels_of_comparison_differ_in_loudness_alone(stage, tmp_path):
     folder = Path(shutil.copytree(stage.folder, tmp_path / "study"))
     alike = Stage(folder, replace(stage.config, levels=(1.0, 1.0 + 1e-12, 2.0)))
     for one in (one for one in controllers(stage.config) if one.level == 1.0):
-        keep_compared(folder, one, compare_all(alike, one))
+        simulated_file(folder, one).write_text(to_json(compare_all(alike, one)))
         same, next_to, loud = (cell["fitness_simulated"] for cell in read_compared(alike, one)["cells"])
         assert same == pytest.approx(next_to, rel=1e-9)
         assert loud != pytest.approx(same, rel=1e-9)

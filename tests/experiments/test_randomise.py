@@ -137,7 +137,7 @@ def calibrated(tmp_path_factory) -> Path:
 
 def test_an_experiment_goes_on_to_the_same_bits(calibrated, tmp_path, monkeypatch):
     """What lacks a trial is made anew as it was; tables and picture are those of every condition."""
-    monkeypatch.setattr("realitygap.experiments.randomise.run.refuse_strangers", lambda *_: None)
+    monkeypatch.setattr("realitygap.experiments.folder.refuse_strangers", lambda *_: None)
     results = measure_or_randomise(calibrated, SMALL, workers=1)
     tables = {file.name: file.read_bytes() for file in results.glob("*.csv")}
     assert len(tables["controllers.csv"].splitlines()) == 21

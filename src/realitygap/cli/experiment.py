@@ -102,7 +102,6 @@ def noise(
         realitygap experiment noise --robot my_robot.py:MyRobot --base my_robot.toml --out out/mine
         realitygap experiment noise --arm E --out out/arm-E
     """
-    from realitygap.experiments.noise.folder import resuming
     from realitygap.experiments.noise.run import noise_study
     from realitygap.work.shard import read_mark
 
@@ -113,7 +112,7 @@ def noise(
         runs = len(every) if shard is None else len(shard.own(every))
         trials = config.twin_trials * runs // len(every)
         consider(runs=runs, evaluations=config.evaluations, trials=trials, workers=workers)
-    with resumable(out, resuming(config, out) + option.unusual(engine)), ProgressLine() as progress:
+    with resumable(out, config.resuming(out) + option.unusual(engine)), ProgressLine() as progress:
         results = noise_study(
             out, config, workers=workers, engine=engine, resume=resume, shard=shard,
             on_progress=progress.show,
@@ -153,9 +152,9 @@ def _config(out: Path, resume: bool, options: dict[str, Any]) -> NoiseConfig:
     """The usual study with what was given; or, resumed, the one that is there."""
     from dataclasses import replace
 
-    from realitygap.experiments.noise.config import CONFIG, NoiseConfig, levels_of, tasks_of
+    from realitygap.experiments.noise.config import NoiseConfig, levels_of, tasks_of
 
-    begun = NoiseConfig.from_folder(out) if resume and (out / CONFIG).is_file() else NoiseConfig()
+    begun = NoiseConfig.begun(out, resume=resume)
     asked = option.given(options)
     name = asked.pop("arm", begun.arm)
     if name is not None:

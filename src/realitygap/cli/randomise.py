@@ -15,7 +15,6 @@ from realitygap.cli.output import print_json, print_table, shown
 from realitygap.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
-    from realitygap.experiments.randomise.plan import RandomiseConfig
     from realitygap.experiments.randomise.results import Comparison, Outcome
     from realitygap.work.workers import Workers
 
@@ -55,17 +54,18 @@ def measure_or_randomise(
         realitygap experiment measure-or-randomise
         realitygap experiment measure-or-randomise --units 2 --runs 2 --evaluations 200 --out out/small
     """
-    from realitygap.experiments.randomise.plan import conditions
+    from dataclasses import replace
+
+    from realitygap.experiments.randomise.plan import RandomiseConfig, conditions
     from realitygap.experiments.randomise.results import compared_in
     from realitygap.experiments.randomise.run import measure_or_randomise as carry_out
-    from realitygap.experiments.randomise.run import resuming
     from realitygap.report.randomise import draw_outcomes
 
-    config = _config(out, resume, options)
+    config = replace(RandomiseConfig.begun(out, resume=resume), **option.given(options))
     if not resume:
         runs = config.runs * len(conditions())
         consider(runs=runs, evaluations=config.evaluations, trials=runs * config.starts, workers=workers)
-    with resumable(out, resuming(out)), ProgressLine() as progress:
+    with resumable(out, config.resuming(out)), ProgressLine() as progress:
         results = carry_out(out, config, workers=workers, resume=resume, on_progress=progress.show)
         picture = draw_outcomes(out)
     found, comparisons = compared_in(out)
@@ -97,14 +97,3 @@ def _print(found: list[Outcome], comparisons: list[Comparison]) -> None:
             f"{one.outcome}: {one.first} against {one.second}: {shown(one.difference)} ({span}), "
             f"p {shown(one.p_holm)} by Holm: {one.found}"
         )
-
-
-def _config(out: Path, resume: bool, options: dict[str, Any]) -> RandomiseConfig:
-    """The planned experiment with what was given; or, resumed, the one that is there."""
-    from dataclasses import replace
-
-    from realitygap.experiments.randomise.plan import CONFIG, RandomiseConfig
-
-    there = resume and (out / CONFIG).is_file()
-    begun = RandomiseConfig.from_folder(out) if there else RandomiseConfig()
-    return replace(begun, **option.given(options))

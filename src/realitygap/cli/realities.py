@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -73,9 +72,7 @@ def realities(
     if not resume:
         runs = asked.runs * len(asked.levels) * len(asked.every)
         consider(runs=runs, evaluations=asked.evaluations, trials=runs * asked.starts, workers=workers)
-    robots = "".join(f" --robot {shlex.quote(robot)}" for robot in asked.robots if asked.programs)
-    again = f"realitygap realities --out {shlex.quote(str(out))}{robots} --resume"
-    with resumable(out, again), ProgressLine() as progress:
+    with resumable(out, asked.resuming(out)), ProgressLine() as progress:
         places = carry_out(out, asked, workers=workers, resume=resume, on_progress=progress.show)
         page = build_realities_report(out, places, on_progress=progress.report)
     warn(f"{place.robot} is left out: {place.why}" for place in places if place.why)
@@ -92,9 +89,9 @@ def _asked(out: Path, resume: bool, given: dict[str, Any]) -> Realities:
     from dataclasses import replace
 
     from realitygap.experiments.noise.config import levels_of
-    from realitygap.experiments.realities import ASKED, Realities
+    from realitygap.experiments.realities import Realities
 
-    begun = Realities.from_folder(out) if resume and (out / ASKED).is_file() else Realities()
+    begun = Realities.begun(out, resume=resume)
     if not given["robots"]:
         del given["robots"]
         if begun.programs:

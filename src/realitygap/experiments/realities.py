@@ -5,31 +5,28 @@ from realitygap.experiments.realities import Realities, carry_out
 carry_out("out/realities", Realities(runs=2, starts=2, evaluations=200))
 """
 
+import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
-from realitygap.errors import ConfigError, StudyError, UsageError
+from realitygap.errors import UsageError
+from realitygap.experiments.folder import Settings, open_folder
 from realitygap.experiments.noise.config import CONFIG, NoiseConfig
 from realitygap.experiments.noise.run import noise_study
 from realitygap.experiments.noise.situated import check_robot
 from realitygap.robots.address import Address
-from realitygap.study.lock import lock, refuse_strangers
-from realitygap.study.schema import told
-from realitygap.study.settings import refuse_difference
-from realitygap.toml import read_toml, to_toml
-from realitygap.whole import write
+from realitygap.study.lock import lock
 from realitygap.work.progress import OnProgress, Progress
 from realitygap.work.workers import Workers
-from realitygap.world.files import Value, build, require
+from realitygap.world.files import require
 
 __all__ = ["ASKED", "AT_HAND", "Place", "Realities", "carry_out"]
 
 AT_HAND = ("twin", "enki:khepera", "enki:epuck", "enki:thymio2")
 """The realities that come with the package, or with a library."""
 ASKED = "realities.toml"
-HEADER = "# What `realitygap realities` was asked for; each reality has a folder of its own.\n"
 TASK = "obstacle-avoidance"
 """The one task for which every reality has sensors: Enki has no ambient light."""
 LARGE, WIDE = "obstacle-avoidance-large", ("enki:thymio2",)
@@ -37,7 +34,7 @@ LARGE, WIDE = "obstacle-avoidance-large", ("enki:thymio2",)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Realities(Value):
+class Realities(Settings):
     """What is asked for; on each reality the same.
 
     Attributes:
@@ -53,6 +50,8 @@ class Realities(Value):
     Raises:
         ConfigError: names the key, what was expected and what came.
     """
+
+    FILE, WHAT, COMMAND = ASKED, "experiment on realities", "realitygap realities"
 
     robots: tuple[str, ...] = ()
     only: bool = False
@@ -87,6 +86,11 @@ class Realities(Value):
         """Robots that are programs of a user's, run only where somebody names them."""
         return tuple(robot for robot in self.robots if Address.parse(robot).kind == "own")
 
+    @property
+    def named(self) -> str:
+        """All robots, where one of them is a program."""
+        return "".join(f" --robot {shlex.quote(robot)}" for robot in self.robots if self.programs)
+
     def study(self, robot: str) -> NoiseConfig:
         """The experiment of one reality: one unit, one set of seeds."""
         own = Address.parse(robot).kind == "own"
@@ -97,22 +101,6 @@ class Realities(Value):
             evaluations=self.evaluations, seconds=self.seconds or None, seed=self.seed, tasks=(TASK,),
             arena=LARGE if robot in WIDE else None,
         )  # fmt: skip
-
-    @classmethod
-    def from_folder(cls, folder: Path) -> Self:
-        """What the experiment in a folder was asked for.
-
-        Raises:
-            StudyError: there is none.
-            ConfigError: its file is broken.
-        """
-        path, cure = folder / ASKED, "Give the folder of `realitygap realities`."
-        if not path.is_file():
-            raise StudyError(f"{folder}: no experiment on realities there ({ASKED} is missing). {cure}")
-        try:
-            return build(cls, read_toml(path, ConfigError, cure, broken="Restore it from a copy."))
-        except ConfigError as error:
-            raise ConfigError(f"{path}: {error}") from None
 
 
 class Place(NamedTuple):
@@ -153,7 +141,7 @@ def carry_out(
     if requested is not None:
         list(_places(folder, requested))  # whoever is named and missing is told before a folder is made
     with lock(folder):
-        asked = _begun(folder, requested, resume)
+        asked = open_folder(folder, Realities, requested, resume=resume)
         places = list(_places(folder, asked))
         for robot, place, _ in (one for one in places if not one.why):
             begun, heard = (place / CONFIG).is_file(), _named(robot, on_progress)
@@ -182,21 +170,3 @@ def _places(folder: Path, asked: Realities) -> Iterator[Place]:
                 raise
             why = str(error)
         yield Place(robot, folder / Address.parse(config.address(1)).folder(), why)
-
-
-def _begun(folder: Path, requested: Realities | None, resume: bool) -> Realities:
-    """Write down what is requested, or see that it is what was requested before; the lock is held."""
-    if (folder / ASKED).is_file():
-        there = Realities.from_folder(folder)
-        if not resume:
-            cure = "Resume it (--resume) or choose another --out."
-            raise StudyError(f"{folder} already holds an experiment on realities. {cure}")
-        if requested is not None:
-            refuse_difference(f"{folder}: the experiment was begun", there.to_dict(), requested.to_dict())
-        return there
-    if requested is None:
-        raise StudyError(f"{folder}: no experiment on realities there. Start it without --resume.")
-    refuse_strangers(folder, "experiment on realities")
-    with told(folder):
-        write(folder / ASKED, HEADER + to_toml(requested.to_dict()))
-    return requested

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from matplotlib.axes import Axes
 
+from realitygap.experiments.folder import RESULTS
 from realitygap.experiments.randomise.plan import KNOWN, NOISES
-from realitygap.experiments.randomise.results import HOURS, OUTCOMES, RESULTS, Outcome, compared_in
+from realitygap.experiments.randomise.results import HOURS, OUTCOMES, Outcome, compared_in
 from realitygap.report.style import PAGE, new_figure, noise_styles, save_figure, styled
 from realitygap.world.noise import noise_name
 

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from realitygap.calibration.unit_folder import PROFILE
-from realitygap.experiments.noise.folder import RESULTS
+from realitygap.experiments.folder import RESULTS
 from realitygap.experiments.noise.plan import calibration_folder
 from realitygap.experiments.realities import ASKED, Place
 from realitygap.report.noise.facts import NoiseFacts, Span, gather_facts, points

@@ -1,20 +1,19 @@
 """What a study of the level of noise is to do: every setting that its results depend on."""
 
 import math
-from collections.abc import Mapping
+import shlex
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
-from realitygap.errors import ConfigError, StudyError
+from realitygap.experiments.folder import Settings
 from realitygap.robots.address import Address
 from realitygap.study.settings import LARGEST, whole
 from realitygap.tasks.load import TASKS, load_task
 from realitygap.tasks.task import Task
-from realitygap.toml import read_toml
 from realitygap.user_code import place_of, placed
 from realitygap.world.arena import load_arena
-from realitygap.world.files import Value, build, require
+from realitygap.world.files import require
 from realitygap.world.noise import noise_level
 
 __all__ = ["CONFIG", "NoiseConfig", "levels_of", "tasks_of"]
@@ -29,7 +28,7 @@ ARMS_ONLY = ("first_unit", "foreign", "fittest", "starts_by_unit", "seeds")
 
 
 @dataclass(frozen=True, kw_only=True)
-class NoiseConfig(Value):
+class NoiseConfig(Settings):
     """The whole design.
 
     Attributes:
@@ -59,6 +58,9 @@ class NoiseConfig(Value):
     Raises:
         ConfigError: names the key, what was expected and what came.
     """
+
+    FILE, FACTS = CONFIG, "study.toml"
+    WHAT, COMMAND = "study of the level of noise", "realitygap experiment noise"
 
     arm: str | None = None
     levels: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0, 4.0)
@@ -200,31 +202,13 @@ class NoiseConfig(Value):
     def to_dict(self) -> dict[str, Any]:
         """The settings, keys as in their file; what is None is left out, and of no arm what an arm's are."""
         hidden = () if self.arm else ARMS_ONLY
-        table = super().to_dict().items()
-        return {key: value for key, value in table if value is not None and key not in hidden}
+        return {key: value for key, value in super().to_dict().items() if key not in hidden}
 
-    @classmethod
-    def from_dict(cls, table: Mapping[str, Any]) -> Self:
-        """From a dictionary with a file's keys (what a study adds, `versions` and `plan`, is left out)."""
-        return build(cls, {key: value for key, value in table.items() if key not in ("versions", "plan")})
-
-    @classmethod
-    def from_folder(cls, folder: Path) -> Self:
-        """The settings that the study in a folder was made with.
-
-        Raises:
-            StudyError: no such study there.
-            ConfigError: its file is broken.
-        """
-        path = folder / CONFIG
-        cure = "Give the folder of `realitygap experiment noise`."
-        if not path.exists():
-            raise StudyError(f"{folder}: no study of the level of noise there ({CONFIG} is missing). {cure}")
-        table = read_toml(path, ConfigError, cure, broken="Restore it from a copy.")
-        try:
-            return cls.from_dict(table)
-        except ConfigError as error:
-            raise ConfigError(f"{path}: {error}") from None
+    @property
+    def named(self) -> str:
+        """A robot of one's own, which is a program; or the arm."""
+        robot = "" if self.robot is None else f" --robot {shlex.quote(self.robot)}"
+        return robot if self.arm is None else f" --arm {self.arm}"
 
 
 def _whole_path(name: str) -> str:

@@ -4,7 +4,6 @@ Whatever is drawn is a function of names alone, so that neither the order of wor
 in the study changes a bit.
 """
 
-import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import count
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from realitygap.experiments.noise.config import NoiseConfig
+from realitygap.streams import named_stream
 from realitygap.study.config import StudyConfig
 from realitygap.study.parts import Condition, TaskSettings
 from realitygap.study.plan import named
@@ -140,8 +140,7 @@ def _runs(config: NoiseConfig, unit: int, level: float) -> range:
 def stream(config: NoiseConfig, *names: object, seed_set: int | None = None) -> int:
     """The stream of whatever these names name, 0 to 2⁶⁴ − 1; of a seed set's own seed, if it has one."""
     seed = config.seeds[seed_set - 1] if seed_set and config.seeds else config.seed
-    text = "/".join(map(repr, (seed, *names)))
-    return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=8).digest(), "little")
+    return named_stream(seed, *names)
 
 
 def calibration_folder(folder: Path, unit: int) -> Path:

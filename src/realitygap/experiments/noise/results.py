@@ -8,18 +8,17 @@ from typing import Any
 from realitygap import whole
 from realitygap.calibration.unit_folder import PROFILE
 from realitygap.errors import StudyError
+from realitygap.experiments.folder import RESULTS, Seconds, mean, write_table
 from realitygap.experiments.noise.config import CONFIG, NoiseConfig
-from realitygap.experiments.noise.folder import RESULTS, Seconds, begun_by, command_of
+from realitygap.experiments.noise.folder import begun_by, command_of
 from realitygap.experiments.noise.plan import Controller, calibration_folder, controllers
-from realitygap.experiments.noise.simulated import mean, read_compared
+from realitygap.experiments.noise.simulated import read_compared
 from realitygap.experiments.noise.stage import Stage
 from realitygap.study.versions import versions
-from realitygap.text import to_csv
 from realitygap.toml import read_toml, to_toml
 
 __all__ = ["write_results"]
 
-DIGITS = 5
 CELL = ("score", "behaviour", "layout", "noisiness", "responsiveness", "fitness_simulated")
 OF_ARM = ("layout_home", "without_jitter", "without_jitter_home")
 """Columns of an arm's cells besides, after those of the calibration unit and of foreign ones."""
@@ -124,12 +123,5 @@ def _calibration(stage: Stage) -> Iterator[dict[str, object]]:
 
 
 def _table(file: Path, rows: Sequence[Mapping[str, object]]) -> None:
-    """A CSV file; what is not known is empty."""
-    head = list(rows[0]) if rows else list(CALIBRATION)
-    whole.write(file, to_csv([head, *([_text(row[key]) for key in head] for row in rows)]))
-
-
-def _text(value: object) -> str:
-    if isinstance(value, float):
-        return f"{value:.{DIGITS}g}" if math.isfinite(value) else ""
-    return str(value)
+    head = list(rows[0]) if rows else CALIBRATION
+    write_table(file, head, ([row[key] for key in head] for row in rows))

@@ -4,23 +4,22 @@ import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
-from realitygap import whole
 from realitygap.correspondence.names import common_name, namer
 from realitygap.correspondence.scale import Scale, exemplar_scale
 from realitygap.correspondence.score import compare
 from realitygap.correspondence.setting import Setting, setting_of
 from realitygap.correspondence.trials import Trial, resampled, trial_of
-from realitygap.errors import StudyError, TrackError
+from realitygap.errors import TrackError
+from realitygap.experiments.folder import kept, mean
 from realitygap.experiments.noise.plan import Controller, simulated_file, stream
 from realitygap.experiments.noise.situated import read_situated
 from realitygap.experiments.noise.stage import Stage
 from realitygap.study.digest import check_of
 from realitygap.transfer.paths import score
 
-__all__ = ["compare_all", "keep_compared", "mean", "read_compared", "scale_for"]
+__all__ = ["compare_all", "read_compared", "scale_for", "to_json"]
 
 FIGURES = ("score", "behaviour", "layout", "noisiness", "responsiveness")
 LEAST_TRIALS = 2
@@ -105,16 +104,12 @@ def read_compared(stage: Stage, one: Controller) -> dict[str, Any]:
         StudyError: it is not there, or broken.
     """
     file = simulated_file(stage.folder, one)
-    try:
+    with kept(file, "what came of a controller's comparisons"):
         found: dict[str, Any] = json.loads(file.read_text("utf-8"))
         check = found.pop("check", None)  # one of 0.1.0 has none
-        if check not in (None, check_of(found)):
+        levels = [cell["comparison_level"] for cell in found["cells"]]
+        if check not in (None, check_of(found)) or levels != list(stage.config.levels):
             raise ValueError
-        if [cell["comparison_level"] for cell in found["cells"]] != list(stage.config.levels):
-            raise ValueError
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        cure = "Delete it and resume: it is made again."
-        raise StudyError(f"{file}: expected what came of a controller's comparisons. {cure}") from None
     return found
 
 
@@ -123,12 +118,12 @@ def _seen(stage: Stage, one: Controller) -> tuple[dict[Pair, Trial], list[float]
     task, robot = stage.task(one.task), stage.profile(one.home)
     trials: dict[Pair, Trial] = {}
     fitness = []
-    kept = read_situated(stage, one)
-    starts = kept.streams.shape[1]
-    for u in kept.units:
+    driven = read_situated(stage, one)
+    starts = driven.streams.shape[1]
+    for u in driven.units:
         scores = []
         for k in range(1, starts + 1):
-            track = kept.track(u, k)
+            track = driven.track(u, k)
             scores.append(score(track, task, robot))
             try:
                 radius, start = robot.body.radius_cm, _start(stage, Pair(u, k))
@@ -138,7 +133,7 @@ def _seen(stage: Stage, one: Controller) -> tuple[dict[Pair, Trial], list[float]
             if track.found[0] and track.found[-1]:
                 trials[Pair(u, k)] = trial
         fitness.append(mean(scores))
-    return trials, fitness, kept.streams.size - len(trials)
+    return trials, fitness, driven.streams.size - len(trials)
 
 
 def _start(stage: Stage, pair: Pair) -> str:
@@ -192,14 +187,6 @@ def _cell(
     }
 
 
-def mean(values: Sequence[float]) -> float:
-    """Of those that are known; NaN of none."""
-    known = [value for value in values if math.isfinite(value)]
-    return math.fsum(known) / len(known) if known else math.nan
-
-
-def keep_compared(folder: Path, one: Controller, kept: dict[str, Any]) -> None:
-    """Write down what came of a controller's comparisons."""
-    file = simulated_file(folder, one)
-    file.parent.mkdir(parents=True, exist_ok=True)
-    whole.write(file, json.dumps({**kept, "check": check_of(kept)}, indent=1) + "\n")
+def to_json(compared: dict[str, Any]) -> str:
+    """The content of the file of a controller's comparisons."""
+    return json.dumps({**compared, "check": check_of(compared)}, indent=1) + "\n"

@@ -7,17 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import closing
-from pathlib import Path
+from io import BytesIO
 from typing import TYPE_CHECKING, Any, NamedTuple
 from zipfile import ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap import whole
 from realitygap.calibration.recorder.record import check_period
 from realitygap.controller.network import NetworkController
-from realitygap.errors import LineError, StudyError, UsageError
+from realitygap.errors import LineError, UsageError
+from realitygap.experiments.folder import kept
 from realitygap.experiments.noise.config import NoiseConfig
 from realitygap.experiments.noise.plan import Controller, situated_file, stream
 from realitygap.experiments.noise.stage import Stage
@@ -32,7 +32,7 @@ from realitygap.world.profile import load_profile
 if TYPE_CHECKING:
     from realitygap.transfer.rig import Rig
 
-__all__ = ["Lived", "Rigs", "Situated", "check_robot", "keep_situated", "read_situated", "situate"]
+__all__ = ["Lived", "Rigs", "Situated", "check_robot", "read_situated", "situate", "to_npz"]
 
 Floats = NDArray[np.float64]
 
@@ -201,26 +201,22 @@ def read_situated(stage: Stage, one: Controller) -> Situated:
     config, home = stage.config, stage.profile(one.home)
     units = config.driven(one.home, one.individual)
     shape = (len(units), config.starts, stage.task(one.task).steps_of(home) + 1, 3)
-    try:
+    with kept(file, f"paths {list(shape)} of a controller"):
         with ZipFile(file) as parts:
             if parts.testzip() is not None:  # before a damaged head is believed
                 raise ValueError
-        with np.load(file) as kept:
-            lived = Lived(*(kept[name] for name in Lived._fields)) if Lived._fields[0] in kept else None
-            found = Situated(units, kept["poses"], kept["streams"], home.period_s, lived)
+        with np.load(file) as arrays:
+            lived = Lived(*(arrays[name] for name in Lived._fields)) if Lived._fields[0] in arrays else None
+            found = Situated(units, arrays["poses"], arrays["streams"], home.period_s, lived)
         steps = (*shape[:2], shape[2] - 1)
         if found.poses.shape != shape or any(each.shape[:3] != steps for each in lived or ()):
             raise ValueError
-    except Exception:  # a broken archive has a dozen ways to say so
-        cure = "Delete it and resume: it is made again."
-        raise StudyError(f"{file}: expected paths {list(shape)} of a controller. {cure}") from None
     return found
 
 
-def keep_situated(folder: Path, one: Controller, made: Situated) -> None:
-    """Write a controller's trials down."""
-    file = situated_file(folder, one)
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with whole.new(file) as spare:
-        lived = {} if made.lived is None else made.lived._asdict()
-        np.savez_compressed(spare, poses=made.poses, streams=made.streams, **lived)
+def to_npz(made: Situated) -> bytes:
+    """The content of a controller's file."""
+    file = BytesIO()
+    lived = {} if made.lived is None else made.lived._asdict()
+    np.savez_compressed(file, poses=made.poses, streams=made.streams, **lived)
+    return file.getvalue()

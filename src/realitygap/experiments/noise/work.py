@@ -8,16 +8,17 @@ from realitygap.calibration.unit_folder import PROFILE
 from realitygap.errors import ConfigError
 from realitygap.evolution.algorithm import Genes
 from realitygap.experiments.noise.config import NoiseConfig
-from realitygap.experiments.noise.plan import Controller, calibration_folder, situated_file
-from realitygap.experiments.noise.simulated import compare_all
-from realitygap.experiments.noise.situated import Rigs, Situated, situate
+from realitygap.experiments.noise.plan import Controller, calibration_folder, simulated_file, situated_file
+from realitygap.experiments.noise.simulated import compare_all, to_json
+from realitygap.experiments.noise.situated import Rigs, situate, to_npz
 from realitygap.experiments.noise.stage import Stage
+from realitygap.experiments.phases import Made
 from realitygap.study.schema import told
 from realitygap.work.pool import Pool, Tell
 from realitygap.work.workers import far
 from realitygap.world.arena import load_arena
 
-__all__ = ["Bench", "Job", "Made", "Words", "bench_in", "words_for"]
+__all__ = ["Bench", "Job", "Words", "bench_in", "words_for"]
 
 ARENA = "arena.toml"
 """As workers that do not see the study's folder call its arena."""
@@ -32,13 +33,6 @@ class Job(NamedTuple):
     controller: Controller
     genes: Genes
     situated: bytes | None = None
-
-
-class Made(NamedTuple):
-    """What came of a job: a controller's paths on the twin, or its comparisons. Shares of it come before."""
-
-    controller: Controller
-    content: Situated | dict[str, Any]
 
 
 class Bench:
@@ -57,13 +51,15 @@ class Bench:
         stage.champions = {one: job.genes}
         with told(stage.folder):
             if job.situated is None:
-                tell(Made(one, situate(stage, self._rigs, one, tell)))
+                made = to_npz(situate(stage, self._rigs, one, tell))
+                tell(Made(str(situated_file(Path(), one)), made))
                 return
             if self._home is not None:
                 file = situated_file(stage.folder, one)
                 file.parent.mkdir(parents=True, exist_ok=True)
                 file.write_bytes(job.situated)
-            tell(Made(one, compare_all(stage, one, tell)))
+            found = to_json(compare_all(stage, one, tell))
+            tell(Made(str(simulated_file(Path(), one)), found.encode()))
 
     def close(self) -> None:
         """Let the twin's units go, and what came in messages."""

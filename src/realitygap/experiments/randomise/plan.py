@@ -3,14 +3,12 @@
 `docs/noise-level-2.md` states the design; whatever is drawn is a function of names alone.
 """
 
-import hashlib
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple
 
-from realitygap.errors import ConfigError
+from realitygap.experiments.folder import Settings
 from realitygap.robots.address import Address
+from realitygap.streams import named_stream
 from realitygap.study.config import StudyConfig
 from realitygap.study.parts import Condition as Evolved
 from realitygap.study.parts import TaskSettings
@@ -18,12 +16,11 @@ from realitygap.study.plan import named
 from realitygap.study.settings import LARGEST, whole
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
-from realitygap.toml import read_toml
-from realitygap.world.files import Value, build, require
+from realitygap.world.files import require
 
 __all__ = [
     "CONFIG", "KNOWN", "NOISES", "Condition", "Controller", "RandomiseConfig", "Spread", "conditions",
-    "controllers", "evolution", "stream",
+    "controllers", "evolution",
 ]  # fmt: skip
 
 CONFIG = "measure-or-randomise.toml"
@@ -38,7 +35,7 @@ ROBOTS = ("twin", "stranger", "enki:khepera")
 
 
 @dataclass(frozen=True, kw_only=True)
-class RandomiseConfig(Value):
+class RandomiseConfig(Settings):
     """The whole design.
 
     Attributes:
@@ -55,6 +52,9 @@ class RandomiseConfig(Value):
     Raises:
         ConfigError: names the key, what was expected and what came.
     """
+
+    FILE, FACTS = CONFIG, "experiment.toml"
+    WHAT, COMMAND = "experiment of measuring or randomising", "realitygap experiment measure-or-randomise"
 
     robot: str = "enki:khepera"
     units: int = 16
@@ -93,27 +93,6 @@ class RandomiseConfig(Value):
     def address(self, unit: int) -> Address:
         """Of a unit."""
         return Address.parse(f"{self.robot}:{unit}")
-
-    def to_dict(self) -> dict[str, Any]:
-        """The settings, keys as in their file; what is None is left out."""
-        return {key: value for key, value in super().to_dict().items() if value is not None}
-
-    @classmethod
-    def from_folder(cls, folder: Path) -> Self:
-        """The settings that the experiment in a folder was made with.
-
-        Raises:
-            ConfigError: its file is missing or broken.
-        """
-        path = folder / CONFIG
-        table = read_toml(
-            path, ConfigError, "Give the folder of `realitygap experiment measure-or-randomise`."
-        )
-        known: Mapping[str, Any] = {key: value for key, value in table.items() if key != "versions"}
-        try:
-            return build(cls, known)
-        except ConfigError as error:
-            raise ConfigError(f"{path}: {error}") from None
 
 
 class Spread(NamedTuple):
@@ -190,7 +169,7 @@ def evolution(
     runs = _runs(config, unit)
     study = StudyConfig(
         title=f"Measure or randomise: {config.robot}:{unit}, known: {known}",
-        seed=stream(config, "evolution", unit) >> 1,
+        seed=named_stream(config.seed, "evolution", unit) >> 1,
         runs=len(runs),
         evaluations=config.evaluations,
         fresh_trials=1,
@@ -217,9 +196,3 @@ def _evolved(condition: Condition, spread: Spread) -> Evolved:
 def _runs(config: RandomiseConfig, unit: int) -> list[int]:
     """Numbers of a condition's runs on this unit: the units take turns."""
     return [run for run in range(1, config.runs + 1) if config.numbers[(run - 1) % config.units] == unit]
-
-
-def stream(config: RandomiseConfig, *names: object) -> int:
-    """The stream of whatever these names name, 0 to 2⁶⁴ − 1."""
-    text = "/".join(map(repr, (config.seed, *names)))
-    return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=8).digest(), "little")

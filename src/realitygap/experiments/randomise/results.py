@@ -1,6 +1,6 @@
 """The tables that come out of an experiment of measuring or randomising, and its planned comparisons."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap import whole
-from realitygap.errors import StudyError
+from realitygap.experiments.folder import RESULTS, Seconds, kept, write_table
 from realitygap.experiments.noise.contrasts import holm
 from realitygap.experiments.randomise.known import ALL, Profiles
 from realitygap.experiments.randomise.plan import (
@@ -21,19 +21,17 @@ from realitygap.experiments.randomise.plan import (
     conditions,
     controllers,
 )
-from realitygap.experiments.randomise.trials import FIGURES
+from realitygap.experiments.randomise.trials import FIGURES, trial_file
 from realitygap.study.versions import versions
-from realitygap.text import to_csv
 from realitygap.toml import to_toml
 
 __all__ = [
-    "COMPARISONS", "HOURS", "OUTCOMES", "RESULTS", "Comparison", "Outcome", "compared_in", "outcomes",
-    "trial_file", "write_results",
+    "COMPARISONS", "HOURS", "OUTCOMES", "Comparison", "Outcome", "compared_in", "outcomes",
+    "write_results",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
 
-RESULTS = "results"
 OUTCOMES = ("correspondence", "fitness_situated")
 HOURS = {"paper": 0.0, "another unit": 0.0, "own, 5 %": 0.2, "own, 20 %": 0.6, "own, all": 3.0}
 """Of a person who places the robot, 30 s a place: a convention, not a measurement."""
@@ -68,11 +66,6 @@ class Comparison(NamedTuple):
     found: str
 
 
-def trial_file(folder: Path, one: Controller) -> Path:
-    """What is kept of a controller's trials."""
-    return folder / "trials" / f"unit-{one.unit}" / f"{one.name}.npz"
-
-
 def write_results(folder: Path, config: RandomiseConfig, profiles: Profiles) -> Path:
     """Gather what came of all controllers.
 
@@ -93,18 +86,19 @@ def write_results(folder: Path, config: RandomiseConfig, profiles: Profiles) -> 
         ]
         for one, values in sorted(figures.items(), key=lambda item: _place(item[0]))
     ]
-    _write(place / "controllers.csv", ("known", "randomised", "noise", "run", "unit", *FIGURES), rows)
+    write_table(place / "controllers.csv", ("known", "randomised", "noise", "run", "unit", *FIGURES), rows)
     units = {name: _by_unit(figures, name, config) for name in OUTCOMES}
     found = [one for name in OUTCOMES for one in outcomes(name, units[name])]
     head = ("known", "randomised", "noise", "hours", "outcome", "mean", "low", "high", "units")
     told = [[*one.condition, HOURS[one.condition.known], *one[1:]] for one in found]
-    _write(place / "conditions.csv", head, told)
-    _write(place / "comparisons.csv", Comparison._fields, compared(units))
-    _write(place / "calibration.csv", CALIBRATION, _fits(config, profiles))
+    write_table(place / "conditions.csv", head, told)
+    write_table(place / "comparisons.csv", Comparison._fields, compared(units))
+    write_table(place / "calibration.csv", CALIBRATION, _fits(config, profiles))
     facts = {
         **config.to_dict(),
         "spread": spread._asdict(),
         "controllers": len(figures),
+        "seconds": Seconds(folder).read(),
         "versions": versions(),
     }
     whole.write(place / "experiment.toml", to_toml(facts))
@@ -206,22 +200,9 @@ def _place(one: Controller) -> tuple[int, int]:
 
 def _read(file: Path) -> Floats:
     """A controller's figures, as they were kept."""
-    try:
-        with np.load(BytesIO(file.read_bytes())) as kept:
-            figures: Floats = kept["figures"]
+    with kept(file, "what came of a controller's trials"):
+        with np.load(BytesIO(file.read_bytes())) as arrays:
+            figures: Floats = arrays["figures"]
         if figures.shape != (len(FIGURES),):
             raise ValueError
-    except Exception:  # a broken archive has a dozen ways to say so
-        cure = "Delete it and resume: it is made again."
-        raise StudyError(f"{file}: expected what came of a controller's trials. {cure}") from None
     return figures
-
-
-def _write(file: Path, head: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
-    whole.write(file, to_csv([list(head), *([_text(value) for value in row] for row in rows)]))
-
-
-def _text(value: object) -> str:
-    if isinstance(value, float):
-        return f"{value:.5g}" if np.isfinite(value) else ""
-    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -9,38 +9,29 @@ measure_or_randomise("out/measure", RandomiseConfig(units=2, runs=2))
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from realitygap import whole
 from realitygap.calibration.unit import calibrated_share, calibrated_unit
 from realitygap.calibration.unit_folder import PROFILE
-from realitygap.errors import StudyError, StudyInterruptedError
+from realitygap.experiments.folder import missing, open_folder
+from realitygap.experiments.phases import Phase, Phases, Recorded, session
 from realitygap.experiments.randomise.known import ALL, Profiles, calibrated_folder
 from realitygap.experiments.randomise.plan import (
-    CONFIG,
     KNOWN,
     Controller,
     RandomiseConfig,
     controllers,
     evolution,
-    stream,
 )
-from realitygap.experiments.randomise.results import trial_file, write_results
-from realitygap.experiments.randomise.trials import Job, Made, Words, bench_in
+from realitygap.experiments.randomise.results import write_results
+from realitygap.experiments.randomise.trials import Job, Words, bench_in, trial_file
+from realitygap.streams import named_stream
 from realitygap.study.config import StudyConfig
-from realitygap.study.folder import exists
 from realitygap.study.load import Study
-from realitygap.study.lock import lock, refuse_strangers
-from realitygap.study.runner import run_study
-from realitygap.study.schema import told
-from realitygap.study.settings import refuse_difference
-from realitygap.study.versions import versions
-from realitygap.toml import to_toml
 from realitygap.work.pool import Pool, Setup
-from realitygap.work.progress import OnProgress, Progress, Reporter
-from realitygap.work.workers import Workers, far, near, opened
+from realitygap.work.progress import OnProgress
+from realitygap.work.workers import Workers, far, near
 
-__all__ = ["measure_or_randomise", "resuming"]
+__all__ = ["measure_or_randomise"]
 
-CALIBRATING, EVOLVING, DRIVING = "calibrating to the units", "evolving", "on the units"
 CALIBRATION_COST, RUN_COST, EVALUATION_COST, TRIAL_COST = 90.0, 0.4, 1.3e-3, 0.3
 """About how long things take on one core, s: a unit's calibrations, a run's retest, an evaluation, a trial.
 Hints for the time that is left, nothing else."""
@@ -79,49 +70,15 @@ def measure_or_randomise(
         RobotError: a unit that does not do what it was told.
     """
     folder = Path(folder)
-    try:
-        with opened(workers) as pool, lock(folder):
-            made = _open(folder, config, resume=resume)
-            phases = _Phases(folder.resolve(), made, pool, on_progress)
-            phases.calibrate(near(workers))
-            phases.evolve(engine)
-            phases.drive()
-            return write_results(folder, made, phases.profiles)
-    except KeyboardInterrupt:
-        kept = f"What was done in {folder} is kept: resume it (--resume)."
-        raise StudyInterruptedError(f"stopped. {kept}") from None
+    with session(folder, workers) as pool:
+        made = open_folder(folder, RandomiseConfig, config, resume=resume)
+        left = _Left(folder.resolve(), made, pool, on_progress)
+        left.carry_out(near(workers), engine)
+        return write_results(folder, made, left.profiles)
 
 
-def resuming(folder: str | Path) -> str:
-    """The command that goes on with an experiment."""
-    import shlex
-
-    return f"realitygap experiment measure-or-randomise --out {shlex.quote(str(folder))} --resume"
-
-
-def _open(folder: Path, requested: RandomiseConfig | None, *, resume: bool) -> RandomiseConfig:
-    """Make the requested experiment, or open the one that is there; the lock is held."""
-    if not (folder / CONFIG).is_file():
-        if requested is None:
-            raise StudyError(
-                f"{folder}: no experiment of measuring or randomising there. Leave out --resume."
-            )
-        refuse_strangers(folder, "experiment of measuring or randomising")
-        with told(folder):
-            again = f"# To go on with this experiment: {resuming('THIS_FOLDER')}\n"
-            whole.write(folder / CONFIG, again + to_toml({**requested.to_dict(), "versions": versions()}))
-        return requested
-    there = RandomiseConfig.from_folder(folder)
-    if not resume:
-        cure = "Resume it (--resume) or choose another --out."
-        raise StudyError(f"{folder} already holds an experiment of measuring or randomising. {cure}")
-    if requested is not None:
-        refuse_difference(f"{folder}: the experiment was made", there.to_dict(), requested.to_dict())
-    return there
-
-
-class _Phases:
-    """All that is left to do, phase by phase; each leaves files that the next reads."""
+class _Left(Phases):
+    """All that is left to do of an experiment."""
 
     def __init__(
         self, folder: Path, config: RandomiseConfig, pool: Pool, on_progress: OnProgress | None
@@ -129,81 +86,60 @@ class _Phases:
         self.folder, self.config, self.pool = folder, config, pool
         self.profiles = Profiles(folder, config)
         self.every = controllers(config)
-        self.left = [one for one in self.every if not trial_file(folder, one).is_file()]
-        self.run_cost = RUN_COST + config.evaluations * EVALUATION_COST
-        work = {
-            CALIBRATING: CALIBRATION_COST * len(self._uncalibrated()),
-            EVOLVING: self.run_cost * len(self.left),
-            DRIVING: TRIAL_COST * config.starts * len(self.left),
-        }
-        self.reporter = Reporter(on_progress, work, patience_s=2.0)
-        self.studies: dict[tuple[int, str], Study] = {}
-
-    def _uncalibrated(self) -> list[int]:
-        """Units that lack the last of their profiles."""
+        self.left = missing({one: trial_file(folder, one) for one in self.every})
         last = [known for known in KNOWN if KNOWN[known]][-2]
-        folders = {unit: calibrated_folder(self.folder, unit, last) for unit in self.config.numbers}
-        return [unit for unit, folder in folders.items() if not (folder / PROFILE).is_file()]
+        units = {unit: calibrated_folder(folder, unit, last) / PROFILE for unit in config.numbers}
+        self.uncalibrated = missing(units)
+        self.studies: dict[tuple[int, str], Study] = {}
+        every, left = len(self.every), len(self.left)
+        run, trials = RUN_COST + config.evaluations * EVALUATION_COST, TRIAL_COST * config.starts
+        self.phases = (
+            Phase("calibrate", "calibrating to the units", "units", len(units), len(self.uncalibrated),
+                  CALIBRATION_COST),
+            Phase("evolve", "evolving", "runs", every, left, run),
+            Phase("situated", "on the units", "controllers", every, left, trials),
+        )  # fmt: skip
+        super().__init__(folder, pool, self.phases, on_progress)
 
-    def calibrate(self, recorders: Workers) -> None:
-        """Record each unit once, and fit it by all of its recordings and by shares of them."""
-        left, config, units = self._uncalibrated(), self.config, self.config.units
-        self.reporter.phase(CALIBRATING, done=units - len(left), total=units, what="units")
-        for unit in left:
-            whole_folder = calibrated_folder(self.folder, unit, ALL)
-            calibrated_unit(
-                whole_folder, unit=unit if config.robot == "twin" else str(config.address(unit)),
-                noise=config.twin_noise, seed=stream(config, "calibration", unit) >> 1, workers=recorders,
-                parts=PARTS, on_progress=lambda *_: self.reporter.add(0.0),
-            )  # fmt: skip
-            self.reporter.add(CALIBRATION_COST / 2)
-            for known in (known for known, share in KNOWN.items() if 0 < share < 1):
-                place = calibrated_folder(self.folder, unit, known)
-                calibrated_share(place, of=whole_folder, share=KNOWN[known], workers=recorders)
-                self.reporter.add(CALIBRATION_COST / 4)
-            self.reporter.add(0.0, done=1)
-        self.reporter.end()
+    def carry_out(self, recorders: Workers, engine: str) -> None:
+        """Every phase that is not over; calibration has workers of its own, evolution may have an engine."""
+        calibrating, evolving, driving = self.phases
+        shares = [known for known, share in KNOWN.items() if 0 < share < 1]
 
-    def evolve(self, engine: str) -> None:
-        """The runs of every unit in every state of knowledge, a study each."""
-        before, total = 0, len(self.every)
-        self.reporter.phase(EVOLVING, done=0, total=total, what="runs")
-        for unit, known in dict.fromkeys((one.unit, one.condition.known) for one in self.every):
-            study, names = self._study(unit, known)
-            place = self.folder / "evolved" / f"unit-{unit}" / known.replace(" %", "").replace(", ", "-")
+        def record(unit: int, heard: Recorded) -> None:
+            self._record(unit, shares, recorders, heard)
 
-            def heard(event: Progress, before: int = before) -> None:
-                share = event.done / max(event.total, 1) * event.runs_total
-                self.reporter.reach(before + event.runs_done, self.run_cost * (total - before - share))
+        def setup() -> Setup:
+            return Setup(bench_in, (Words(self.config, None if far(self.pool) else self.folder),))
 
-            self.studies[unit, known] = run_study(
-                place, study, workers=self.pool, engine=engine, resume=exists(place), on_progress=heard
-            )
-            before += len(names)
-        self.reporter.end()
+        self.calibrate(calibrating, self.uncalibrated, record, len(PARTS) + 1 + len(shares))
+        keys = list(dict.fromkeys((one.unit, one.condition.known) for one in self.every))
+        made = self.evolve(evolving, (self._place(*key) for key in keys), engine=engine)
+        self.studies = dict(zip(keys, made, strict=True))
+        self.drive(driving, setup, self._jobs())
+
+    def _record(self, unit: int, shares: list[str], recorders: Workers, heard: Recorded) -> None:
+        """Record a unit once, and fit it by all of its recordings and by shares of them."""
+        config, place = self.config, calibrated_folder(self.folder, unit, ALL)
+        calibrated_unit(
+            place, unit=unit if config.robot == "twin" else str(config.address(unit)),
+            noise=config.twin_noise, seed=named_stream(config.seed, "calibration", unit) >> 1,
+            workers=recorders, parts=PARTS, on_progress=heard,
+        )  # fmt: skip
+        for known in shares:
+            share = calibrated_folder(self.folder, unit, known)
+            calibrated_share(share, of=place, share=KNOWN[known], workers=recorders)
+            heard(known, 1, 1)
+
+    def _place(self, unit: int, known: str) -> tuple[Path, StudyConfig, int]:
+        """The runs of a unit in a state of knowledge: where they are, what they are, how many."""
+        study, names = self._study(unit, known)
+        place = self.folder / "evolved" / f"unit-{unit}" / known.replace(" %", "").replace(", ", "-")
+        return place, study, len(names)
 
     def _study(self, unit: int, known: str) -> tuple[StudyConfig, dict[Controller, str]]:
         profile = self.profiles.file(unit, known)
         return evolution(self.config, unit, known, profile, self.profiles.spread())
-
-    def drive(self) -> None:
-        """Every champion on its unit, as jobs of the pool."""
-        cost, reporter = TRIAL_COST * self.config.starts, self.reporter
-        reporter.phase(
-            DRIVING, done=len(self.every) - len(self.left), total=len(self.every), what="controllers"
-        )
-
-        def heard(made: Made) -> None:
-            file = trial_file(self.folder, made.controller)
-            with told(self.folder):
-                file.parent.mkdir(parents=True, exist_ok=True)
-                whole.write(file, made.content)
-            reporter.add(cost, done=1)
-
-        if self.left:
-            words = Words(self.config, None if far(self.pool) else self.folder)
-            self.pool.work(Setup(bench_in, (words,)), self._jobs(), heard)
-        reporter.end()
 
     def _jobs(self) -> Iterator[Job]:
         spread = self.profiles.spread()

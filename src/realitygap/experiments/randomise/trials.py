@@ -16,8 +16,11 @@ from realitygap.correspondence.setting import setting_of
 from realitygap.correspondence.trials import resampled
 from realitygap.errors import TrackError
 from realitygap.evolution.algorithm import Genes
-from realitygap.experiments.randomise.plan import Controller, RandomiseConfig, Spread, evolution, stream
+from realitygap.experiments.folder import mean
+from realitygap.experiments.phases import Made
+from realitygap.experiments.randomise.plan import Controller, RandomiseConfig, Spread, evolution
 from realitygap.simulation.simulation import Simulation
+from realitygap.streams import named_stream
 from realitygap.track import Track
 from realitygap.transfer.paths import score
 from realitygap.transfer.rig import Rig
@@ -25,11 +28,16 @@ from realitygap.values import Pose
 from realitygap.work.pool import Tell
 from realitygap.world.profile import Profile
 
-__all__ = ["FIGURES", "Bench", "Job", "Made", "Words", "bench_in"]
+__all__ = ["FIGURES", "Bench", "Job", "Words", "bench_in", "trial_file"]
 
 FIGURES = ("correspondence", "behaviour", "layout", "fitness_situated", "fitness_simulated", "lost")
 """What is kept of a controller: scores 0 to 10, the task's own scores, and trials that the camera lost."""
 LEAST_TRIALS = 2
+
+
+def trial_file(folder: Path, one: Controller) -> Path:
+    """What is kept of a controller's trials."""
+    return folder / "trials" / f"unit-{one.unit}" / f"{one.name}.npz"
 
 
 class Words(NamedTuple):
@@ -57,13 +65,6 @@ class Job(NamedTuple):
     spread: Spread
 
 
-class Made(NamedTuple):
-    """What came of a job: the content of its file."""
-
-    controller: Controller
-    content: bytes
-
-
 class Bench:
     """Carries out jobs; made once in a worker."""
 
@@ -75,7 +76,7 @@ class Bench:
         self._rig: Rig | None = None
 
     def carry_out(self, job: Job, tell: Tell) -> None:
-        """A controller's trials, on its unit and simulated; the content of its file is told."""
+        """A controller's trials, on its unit and simulated; shares are told, then the content of its file."""
         one, config = job.controller, self._config
         rig, task = self._ready(one.unit, job.truth), config.task
         rig.profile = job.profile
@@ -87,10 +88,13 @@ class Bench:
         lived: list[tuple[Track, Track]] = []
         for k, pose in enumerate(self._starts(one.unit, job.truth), start=1):
             names = (*one.condition, one.run, k)
-            situated, _ = rig.drive(driver, stream(config, "situated", *names), pose, task.seconds)
-            made, _ = simulation.trajectory(networks, stream=stream(config, "simulated", *names), pose=pose)
+            situated, _ = rig.drive(driver, named_stream(config.seed, "situated", *names), pose, task.seconds)
+            drawn_by = named_stream(config.seed, "simulated", *names)
+            made, _ = simulation.trajectory(networks, stream=drawn_by, pose=pose)
             lived.append((made.track, situated))
-        tell(Made(one, _content(lived, self._figures(lived, job.truth))))
+            tell(1.0 / config.starts)
+        file = str(trial_file(Path(), one))
+        tell(Made(file, _content(lived, self._figures(lived, job.truth))))
 
     def _figures(self, lived: list[tuple[Track, Track]], truth: Profile) -> NDArray[np.float64]:
         """As FIGURES names them, NaN where too few trials are left."""
@@ -101,7 +105,7 @@ class Bench:
                 pairs.append([resampled(track, start=str(k), radius_cm=radius) for track in both])
             except TrackError:
                 continue  # lost for too long: nobody knows what it did
-        situated, simulated = (_mean([score(pair[i], task, truth) for pair in lived]) for i in (1, 0))
+        situated, simulated = (mean([score(pair[i], task, truth) for pair in lived]) for i in (1, 0))
         scores = (math.nan, math.nan, math.nan)
         if len(pairs) >= LEAST_TRIALS:
             scale = exemplar_scale(setting.exemplars, len(lived), len(lived), matched=True)
@@ -126,7 +130,7 @@ class Bench:
         """Where a unit's trials begin, the same for all controllers."""
         simulation = Simulation(self._config.task, truth)
         numbers = range(1, self._config.starts + 1)
-        return [simulation.start(stream(self._config, "start", unit, k)) for k in numbers]
+        return [simulation.start(named_stream(self._config.seed, "start", unit, k)) for k in numbers]
 
     def close_rig(self) -> None:
         """Let the unit go."""
@@ -151,9 +155,3 @@ def _content(lived: list[tuple[Track, Track]], figures: NDArray[np.float64]) -> 
     file = BytesIO()
     np.savez_compressed(file, poses=np.array(poses, np.float32), figures=figures)
     return file.getvalue()
-
-
-def _mean(values: list[float]) -> float:
-    """Of those that are known; NaN of none."""
-    known = [value for value in values if math.isfinite(value)]
-    return math.fsum(known) / len(known) if known else math.nan

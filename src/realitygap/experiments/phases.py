@@ -1,0 +1,184 @@
+"""Phases of an experiment: calibrate, evolve, let controllers drive; each leaves files that the next reads.
+
+A file appears whole or not at all and a finished one is never made again, which is all there is to resuming.
+"""
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from realitygap import whole
+from realitygap.errors import StudyInterruptedError
+from realitygap.experiments.folder import Seconds
+from realitygap.study.config import StudyConfig
+from realitygap.study.folder import exists
+from realitygap.study.load import Study
+from realitygap.study.lock import lock
+from realitygap.study.runner import COMPILING, FINISHED, run_study
+from realitygap.study.schema import told
+from realitygap.work.pool import Pool, Setup
+from realitygap.work.progress import OnProgress, Progress, Reporter
+from realitygap.work.workers import Workers, opened
+
+__all__ = ["Made", "Phase", "Phases", "Recorded", "session"]
+
+FIRST_GUESS_S = 2.0
+"""Before so much time is spent on work that is done nobody can say how long the rest takes."""
+KEEP_S = 10.0
+"""How often the time that a phase has taken is written down."""
+
+Recorded = Callable[[str, int, int], None]
+"""Hears of a calibration: its part, how much of it is done, of how much."""
+
+
+@contextmanager
+def session(folder: Path, workers: Workers) -> Iterator[Pool]:
+    """Hold a folder and a pool for a while.
+
+    Raises:
+        StudyInterruptedError: Ctrl-C; what was done is kept.
+    """
+    try:
+        with opened(workers) as pool, lock(folder):
+            yield pool
+    except KeyboardInterrupt:
+        kept = f"What was done in {folder} is kept: resume it (--resume)."
+        raise StudyInterruptedError(f"stopped. {kept}") from None
+
+
+class Phase(NamedTuple):
+    """What is to be done.
+
+    Attributes:
+        key: its name in files.
+        title: for people.
+        what: its things are.
+        total: how many there are, those of earlier sessions included.
+        left: to do.
+        cost: about how long one takes on one core, s: a hint for the time that is left, nothing else.
+    """
+
+    key: str
+    title: str
+    what: str
+    total: int
+    left: int
+    cost: float
+
+
+class Made(NamedTuple):
+    """What came of a job: a file, by its name from the experiment's folder. Shares of it come before."""
+
+    file: str
+    content: bytes
+
+
+class Phases:
+    """Does what is left to do, phase by phase, and says how far it is."""
+
+    def __init__(
+        self, folder: Path, pool: Pool, phases: Sequence[Phase], on_progress: OnProgress | None
+    ) -> None:
+        self._folder, self._pool = folder, pool
+        work = {one.title: one.cost * one.left for one in phases}
+        self._reporter = Reporter(on_progress, work, patience_s=FIRST_GUESS_S)
+
+    def calibrate(
+        self, phase: Phase, units: Iterable[int], record: Callable[[int, Recorded], None], steps: int
+    ) -> None:
+        """Record and fit units, one after the other.
+
+        Args:
+            phase: this one.
+            units: that lack a profile.
+            record: makes it, and tells of its parts.
+            steps: how many parts a unit has.
+        """
+        with self._timed(phase, phase.total - phase.left):
+            for unit in units:
+                record(unit, self._parts(phase.cost / steps))
+                self._reporter.add(0.0, done=1)
+
+    def _parts(self, cost: float) -> Recorded:
+        shares: dict[str, float] = {}
+
+        def heard(name: str, done: int, total: int) -> None:
+            before = sum(shares.values())
+            shares[name] = done / max(total, 1)
+            self._reporter.add(cost * max(0.0, sum(shares.values()) - before))
+            self._keep_time(KEEP_S)
+
+        return heard
+
+    def evolve(
+        self, phase: Phase, studies: Iterable[tuple[Path, StudyConfig, int]], **options: Any
+    ) -> list[Study]:
+        """Carry out studies, one after the other.
+
+        Args:
+            phase: this one.
+            studies: a folder, what evolves there, and how many runs that is.
+            options: of `run_study`.
+        """
+        made, before = [], 0
+        with self._timed(phase, 0):
+            for place, requested, runs in studies:
+                heard = self._runs(phase, before)
+                made.append(
+                    run_study(place, requested, workers=self._pool, resume=exists(place), on_progress=heard,
+                              **options)
+                )  # fmt: skip
+                before += runs
+        return made
+
+    def _runs(self, phase: Phase, before: int) -> OnProgress:
+        def heard(event: Progress) -> None:
+            share = event.done / max(event.total, 1) * event.runs_total
+            tell = self._reporter.found if event.phase in (COMPILING, FINISHED) else self._reporter.reach
+            tell(before + event.runs_done, phase.cost * (phase.total - before - share))
+            self._keep_time(KEEP_S)
+
+        return heard
+
+    def drive(self, phase: Phase, setup: Callable[[], Setup], jobs: Iterable[Any]) -> None:
+        """Have jobs done, of which each tells shares of itself and then what it made.
+
+        Args:
+            phase: this one.
+            setup: what a worker begins with, asked for if there is something to do.
+            jobs: one for each thing that is left.
+        """
+
+        def heard(message: float | Made) -> None:
+            if isinstance(message, Made):
+                with told(self._folder):
+                    file = self._folder / message.file
+                    file.parent.mkdir(parents=True, exist_ok=True)
+                    whole.write(file, message.content)
+                self._reporter.add(0.0, done=1)
+            else:
+                self._reporter.add(phase.cost * message)
+            self._keep_time(KEEP_S)
+
+        with self._timed(phase, phase.total - phase.left):
+            if phase.left:
+                self._pool.work(setup(), iter(jobs), heard)
+
+    @contextmanager
+    def _timed(self, phase: Phase, done: int) -> Iterator[None]:
+        self._key, self._since = phase.key, time.monotonic()
+        self._reporter.phase(phase.title, done=done, total=phase.total, what=phase.what)
+        try:
+            yield
+        finally:
+            self._keep_time()
+        self._reporter.end()
+
+    def _keep_time(self, every_s: float = 0.0) -> None:
+        """Write down what the phase took; now and then as it goes, so that no kill makes it look quick."""
+        now = time.monotonic()
+        if now - self._since >= every_s:
+            Seconds(self._folder).add(self._key, now - self._since)
+            self._since = now
