@@ -147,6 +147,25 @@ def test_light_is_read_by_a_curve_where_no_straight_law_holds(recorded):
     assert fit is not None and fit.held_out["measured"] < 0.9 * fit.held_out["extended"]
     judged = judge(bent, forms["measured"].profile)
     assert judged.rmse == pytest.approx(fit.rmse, rel=0.05)
+    assert not any(sensor.noise for sensor in forms["extended"].profile.ambient.sensors)
+
+
+def test_noise_of_light_is_measured_by_the_reading(recorded, tmp_path):
+    """Noise of 2 counts where light is bright and 10 in the dark is found so, sensor by sensor, in the form
+    of curves; the profile keeps it, and its file reads back to an equal value."""
+    clean = recorded("lamp", noise=0.0)
+    size = np.interp(clean.counts, [55, 484], [2.0, 10.0])
+    drawn = clean.counts + size * np.random.default_rng(9).normal(size=size.shape)
+    table = replace(clean, counts=np.clip(np.rint(drawn), 0, 1023))
+    made = calibrate([table], PAPER, form="paper", light="measured", beside=False)
+    profile, fit = made.profile, made.ambient
+    assert fit is not None and fit.noise[0].depends
+    for sensor in profile.ambient.sensors:
+        found = np.interp([60.0, 270.0, 440.0], np.linspace(0, 1023, len(sensor.noise)), sensor.noise)
+        assert found == pytest.approx([2.1, 6.0, 9.2], rel=0.25)
+        assert sensor.noise_rise == 0
+    (tmp_path / "robot.toml").write_text(profile.to_toml())
+    assert load_profile(tmp_path / "robot.toml") == profile
 
 
 def test_a_curve_passes_the_ends_of_the_converter():
@@ -174,9 +193,9 @@ def test_noise_that_rises_with_the_wheels_is_found():
     z = 10.0 * (1 + speed / 4)[:, None] * random.normal(size=(n, 2))
     level = random.uniform(100, 900, (n, 2))
     sample = Sample(z=z, level=level, model=level, group=np.arange(n), row=np.arange(n))
-    table, rise = noise_tables(sample, level, level, speed, 1023.0)
+    table, rise = noise_tables(sample, level, level, speed, 1023.0, kind="infrared")
     assert rise == pytest.approx([0.25, 0.25], abs=0.03) and table[:, 2:7] == pytest.approx(10.0, abs=1.2)
-    assert noise_tables(sample, level, level, 0 * speed, 1023.0)[1].max() == 0
+    assert noise_tables(sample, level, level, 0 * speed, 1023.0, kind="infrared")[1].max() == 0
 
 
 @pytest.fixture(scope="session")

@@ -68,6 +68,22 @@ def test_agrees_in_other_rooms_with_other_robots(feeds):
     assert contacts > 0
 
 
+@pytest.mark.parametrize("feeds", ["ambient", "proximity+ambient"])
+def test_noise_of_the_light_by_its_reading_agrees_with_the_reference(feeds):
+    """Each light sensor's noise is its own table's at what it reads, and rises with the wheels' speed; the
+    noise level multiplies all of it."""
+    law = PAPER.ambient
+    tables = np.random.default_rng(29).uniform(0.0, 30.0, (len(law.sensors), 9)).tolist()
+    sensors = tuple(
+        replace(s, noise=tuple(table), noise_rise=0.1) for s, table in zip(law.sensors, tables, strict=True)
+    )
+    noisy = replace(PAPER, ambient=replace(law, sensors=sensors))
+    light = tuple(range(len(noisy.bands(feeds)) - 8, len(noisy.bands(feeds))))
+    task = replace(TASKS["light-seeking"], feeds=feeds, sensors=light, seconds=3.0)
+    for level in (1.0, 2.0):
+        judge(task, noisy, networks(1)[0], level, 3)
+
+
 def judge(task, profile, genes, level: float, stream: int, layout: Layout = LAYOUT) -> int:
     """Compare one trial with the reference's; how many steps were in contact."""
     simulation = Simulation(task, profile, level)

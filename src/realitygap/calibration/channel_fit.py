@@ -107,7 +107,8 @@ def doubts(made: ChannelFit) -> list[str]:
             f"{kind}: RMSE {held_out:.3g} on places held out, {made.rmse:.3g} on those fitted: the form "
             "overfits"
         )
-    if made.form == MEASURED and not any(c.key == "aperture_deg" for c in made.fit.constants):
+    free = {c.key for c in made.fit.constants}
+    if kind == "infrared" and made.form == MEASURED and "aperture_deg" not in free:
         out.append(
             f"{kind}: directions and lobes are not identifiable with every sensor straight before a wall: "
             "directions are the base profile's, the lobe is an assumption, as are matt surfaces"

@@ -71,8 +71,6 @@ def fit_infrared(
     errs = {name: rows.rmse_lit(model) for name, model in off.items()}
     fit, unsure = agreed(best, {name: fits[name] for name in errs if errs[name] <= AS_GOOD * errs[best]})
     found = replace(found, fit=fit, warnings=(*found.warnings, *unsure, *contradicted(rows, found.deviation)))
-    if best == MEASURED:
-        found = replace(found, profile=_with_noise(found, rows))
     return replace(found, warnings=(*found.warnings, doubt)) if doubt and best == "extended" else found
 
 
@@ -189,17 +187,20 @@ def _channel(
         source=source, warnings=rows.warnings,
         distance_cm=rows.distance, bearing_deg=rows.bearing, counts=rows.counts, model=fit.model, span=span,
     )  # fmt: skip
-    return replace(made, warnings=(*made.warnings, *doubts(made)))
+    profile = _with_noise(made, rows) if form == MEASURED and made.measured else profile
+    return replace(made, profile=profile, warnings=(*made.warnings, *doubts(made)))
 
 
 def _with_noise(made: ChannelFit, rows: Rows) -> Profile:
-    """The profile with each sensor's own noise, where it was measured."""
+    """The profile with each sensor's own noise, as a function of what it reads."""
     sample = pooled_noise(rows.live_recordings(), rows.split(made.model), rows.top)
-    if not made.measured:
-        return made.profile
     still = (np.zeros(len(r.counts)) if r.speed_cm_s is None else r.speed_cm_s for r in rows.recordings)
     speed = np.concatenate(list(still))[sample.row]
-    table, rise = noise_tables(sample, rows.live(), made.model, speed, rows.top)
-    law = made.profile.infrared
+    table, rise = noise_tables(sample, rows.live(), made.model, speed, rows.top, kind=made.kind)
     columns = {"noise": [tuple(row) for row in table.round(3).tolist()], "noise_rise": rise.round(5).tolist()}
-    return replace(made.profile, infrared=replace(law, sensors=with_columns(law.sensors, columns)))
+    infrared, ambient = made.profile.infrared, made.profile.ambient
+    if made.kind == "ambient":
+        ambient = replace(ambient, sensors=with_columns(ambient.sensors, columns))
+    else:
+        infrared = replace(infrared, sensors=with_columns(infrared.sensors, columns))
+    return replace(made.profile, infrared=infrared, ambient=ambient)

@@ -24,8 +24,8 @@ FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 STEEP = 40.0
 """Counts of the paper's robot from one bearing to the next, beyond which a bearing's error shows as noise."""
 FEWEST = 30
-KNOTS = 9
-"""Of a table of noise over the reading."""
+KNOTS = {"infrared": 9, "ambient": 33}
+"""Of a table of noise over the reading: more of light, whose readings span less than half of the scale."""
 RESAMPLES = 200
 BINS = 4
 STEADY = 1.35
@@ -147,9 +147,10 @@ def _rows_of(same: Array, by: Array, fewest: int) -> list[NDArray[np.int64]]:
 
 
 def noise_tables(
-    sample: Sample, counts: Array, model: Array, speed: Array, top: float
+    sample: Sample, counts: Array, model: Array, speed: Array, top: float, *, kind: str
 ) -> tuple[Array, Array]:
-    """Each sensor's deviation at equal steps of the reading [S, KNOTS], and its rise with speed [S], s/cm.
+    """Each sensor's deviation at equal steps of the reading [S, KNOTS of the kind], and its rise with
+    speed [S], s/cm.
 
     A sensor with few values follows what is pooled over all; nothing is told of speed where the
     wheels always stood, or never did.
@@ -159,18 +160,19 @@ def noise_tables(
         counts, model: [n, S] readings, and what they are without noise; in the dark noise is cut off at 0.
         speed: [m] of the wheels, cm/s, where the sample's values were taken.
         top: the converter's highest count.
+        kind: "infrared" or "ambient".
     """
-    known = np.isfinite(sample.z)
+    known, knots = np.isfinite(sample.z), KNOTS[kind]
     moving = known & (speed > 0)[:, None]
     rise = np.zeros(sample.z.shape[1])
     if moving.any() and (known & ~moving).any():
-        still = _table_of(sample, known & ~moving, top)
+        still = _table_of(sample, known & ~moving, top, knots)
         size = np.abs(sample.z) / np.maximum(_at(still, sample.level / top), 1e-9)
         for k in np.flatnonzero(moving.sum(axis=0) >= FEWEST).tolist():
             ratio = np.sqrt(np.mean(size[moving[:, k], k] ** 2))
             rise[k] = max(0.0, ratio - 1.0) / speed[moving[:, k]].mean()
     bare = replace(sample, z=sample.z / (1.0 + rise * speed[:, None]))
-    table = _table_of(bare, known, top)
+    table = _table_of(bare, known, top, knots)
     for k in range(len(table)):
         dark = (model[:, k] <= 0.5) & np.isfinite(counts[:, k])
         if dark.sum() >= FEWEST:
@@ -178,10 +180,10 @@ def noise_tables(
     return np.minimum(table, top), rise
 
 
-def _table_of(sample: Sample, use: NDArray[np.bool_], top: float) -> Array:
-    """[S, KNOTS] deviations: squares averaged under a triangle about each step."""
-    at = np.where(use, np.clip(sample.level / top, 0.0, 1.0), 0.0) * (KNOTS - 1)
-    near = np.maximum(0.0, 1.0 - np.abs(at[..., None] - np.arange(KNOTS))) * use[..., None]
+def _table_of(sample: Sample, use: NDArray[np.bool_], top: float, knots: int) -> Array:
+    """[S, knots] deviations: squares averaged under a triangle about each step."""
+    at = np.where(use, np.clip(sample.level / top, 0.0, 1.0), 0.0) * (knots - 1)
+    near = np.maximum(0.0, 1.0 - np.abs(at[..., None] - np.arange(knots))) * use[..., None]
     square = np.where(use, sample.z, 0.0)[..., None] ** 2
     sums, many = (near * square).sum(axis=0), near.sum(axis=0)
     all_sums, all_many = sums.sum(axis=0), many.sum(axis=0)

@@ -167,7 +167,7 @@ def _facts(made: Calibration) -> dict[str, object]:
                 "noise": {
                     e.channel: {
                         "deviation": e.deviation, "low": e.low, "high": e.high,
-                        "depends_on_reading": e.depends, "heavy_tails": e.heavy,
+                        "depends_on_reading": e.depends, "by_reading": e.bins, "heavy_tails": e.heavy,
                     }
                     for e in fit.noise
                 },
@@ -197,7 +197,8 @@ def _tell(made: Calibration, target: Path, page: Path | None) -> None:
         click.echo(f"  {fit.form}: {fit.held_out[fit.form]:.1f} counts on places held out")
         for e in fit.noise:
             tail = ", heavier tails than normal" if e.heavy else ""
-            tail += ", depends on the reading" if e.depends else ""
+            by_reading = ", ".join(f"{size:.2f} at {reading:.0f}" for reading, size in e.bins)
+            tail += f", depends on the reading: {by_reading}" if e.depends else ""
             click.echo(f"  noise, {e.channel}: {e.deviation:.2f} counts ({e.low:.2f} to {e.high:.2f}){tail}")
         ratios = ", ".join(f"{m.sensor} {m.lit_ratio:.2f}" for m in fit.judged)
         share = fit.ratio * fit.deviation / made.profile.channel(fit.kind).top

@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from realitygap.tasks.task import Task
 from realitygap.world.profile import Profile
+from realitygap.world.sensors import Ambient, Infrared
 from tests.controller.reference import ReferenceNetwork
 from tests.kernels.reference.draws import normals, uniform
 from tests.kernels.reference.motion import DT, Wheel, arc, settle
@@ -51,17 +54,28 @@ def start(task: Task, stream: int) -> tuple[float, float, float]:
     return s.x_cm + radius * math.cos(angle), s.y_cm + radius * math.sin(angle), heading
 
 
-def sense(task: Task, profile: Profile, pose, level: float, z: list[float]) -> list[float]:
+def deviation(law: Infrared | Ambient, k: int, value: float, speed: float, plain: float) -> float:
+    """Of sensor `k`'s noise at a noise-free reading while the wheels turn at `speed`: by its own table over
+    the reading, if it has one; else the `plain` one."""
+    sensor = law.sensors[k]
+    if not sensor.noise:
+        return plain
+    steps = np.linspace(0.0, law.top, len(sensor.noise))
+    return float(np.interp(value, steps, sensor.noise)) * (1.0 + sensor.noise_rise * speed)
+
+
+def sense(task: Task, profile: Profile, pose, speed: float, level: float, z: list[float]) -> list[float]:
     """The fed sensors' readings: their noise is what is left of the step's after the motors' four."""
     noise, free, deviations, tops = profile.noise, [], [], []
-    if "proximity" in task.feeds:
-        free = list(proximity(profile, task.arena, pose))
-        deviations = [noise.proximity if value > 0 else noise.proximity_dark for value in free]
-        tops = [profile.infrared.top] * len(free)
-    if "ambient" in task.feeds:
-        light = list(ambient(profile, task.arena, pose))
-        free, deviations = free + light, deviations + [noise.ambient] * len(light)
-        tops += [profile.ambient.top] * len(light)
+    for feed in task.feeds.split("+"):
+        law = profile.channel(feed)
+        read = proximity if feed == "proximity" else ambient
+        for k, value in enumerate(read(profile, task.arena, pose)):
+            lit = noise.ambient if feed == "ambient" else noise.proximity
+            plain = noise.proximity_dark if feed == "proximity" and value <= 0 else lit
+            free.append(value)
+            deviations.append(deviation(law, k, value, speed, plain))
+            tops.append(law.top)
     return [
         counts(value, level * sd * draw, top)
         for value, sd, draw, top in zip(free, deviations, z[4 : 4 + len(free)], tops, strict=True)
@@ -95,7 +109,8 @@ def run(task: Task, profile: Profile, genes, *, level: float, stream: int, pose=
     units = profile.wheels.speed_per_unit_cm_s
     for k in range(task.steps):
         z = normals(stream, 8 * blocks * (k + 1), 16 * blocks)
-        readings = sense(task, profile, pose, level, z)
+        speed = sum(abs(wheel.speed) for wheel in wheels) / 2
+        readings = sense(task, profile, pose, speed, level, z)
         inputs = [scale(bands[sensor], readings[sensor]) for sensor in task.sensors]
         command = network.decide(inputs)
         record.readings.append(readings)
