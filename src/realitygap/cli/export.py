@@ -32,9 +32,9 @@ USES = {"parquet": "tables", "csv": "tables", "rerun": "log", "mcap": "log"}
     "mcap: the log of one of RUN's trials on a robot.",
 )  # fmt: skip
 @click.option(
-    "--language", type=click.Choice(["c99", "micropython", "arduino"]),
+    "--language", type=click.Choice(["c99", "micropython", "arduino", "e-puck2"]),
     help="Source of RUN's controller. c99: a header and a source file; micropython: a module; "
-    "arduino: a sketch's folder.",
+    "arduino: a sketch's folder; e-puck2: a project on its maker's library.",
 )  # fmt: skip
 @click.option(
     "--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Folder to write into."

@@ -22,7 +22,7 @@ from realitygap.kernels.params import MAX_DELAY, UPDATES
 from realitygap.study.load import Run, Study
 from realitygap.world.profile import Profile
 
-__all__ = ["OnBoard", "Vectors", "on_board"]
+__all__ = ["Fed", "OnBoard", "Vectors", "on_board"]
 
 ROWS = 1 << (MAX_DELAY + 1).bit_length()
 """Rows of outputs that are kept, a power of two: those that the longest delay reaches, and the next one."""
@@ -39,15 +39,30 @@ class Vectors:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Fed:
+    """The sensors of one kind that a robot has, and how their readings become inputs.
+
+    Attributes:
+        kind: "proximity" or "ambient"; there: how many; top: the highest count that one reads.
+        edges: a reading from an edge on (`rising`), or up to it, is one more than −10.
+    """
+
+    kind: str
+    there: int
+    top: int
+    edges: tuple[int, ...]
+    rising: bool
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class OnBoard:
     """A controller in whole numbers.
 
     Attributes:
         name: prefix of files and functions: lower-case letters, digits, underscores.
         facts: what it is and where it came from, a line each; profile: the robot's name.
-        feeds: "proximity" or "ambient"; there: how many sensors of that kind the robot has; top: the
-            highest count that one reads; sensors: those that the inputs are made of.
-        edges: a reading from an edge on (`rising`), or up to it, is one more than −10.
+        channels: the kinds of sensors that are read, proximity before ambient; sensors: those that the
+            inputs are made of, numbered through all kinds.
         thresholds: of each neuron, the left and the right motor first; link_end: behind its last link.
         sources: neuron of each link, the inputs first; weights; delays, in updates.
         commands: of the outputs −10 … 10, in the robot's units.
@@ -58,12 +73,8 @@ class OnBoard:
     name: str
     facts: tuple[str, ...]
     profile: str
-    feeds: str
-    there: int
-    top: int
+    channels: tuple[Fed, ...]
     sensors: tuple[int, ...]
-    edges: tuple[int, ...]
-    rising: bool
     thresholds: tuple[int, ...]
     link_end: tuple[int, ...]
     sources: tuple[int, ...]
@@ -73,6 +84,11 @@ class OnBoard:
     period_s: float
     speeds: tuple[float, float]
     vectors: Vectors
+
+    @property
+    def there(self) -> int:
+        """How many sensors are read."""
+        return sum(channel.there for channel in self.channels)
 
     @property
     def rows(self) -> int:
@@ -111,22 +127,15 @@ def on_board(run: Run, who: str, genes: Genes, *, name: str = "controller", step
             "name: expected a lower-case letter, then letters, digits and underscores (40 at most), got "
             f"{name!r}."
         )
-    if "+" in feeds:
-        raise StudyError(
-            f"{study.folder}: run {run.id}: expected a network fed by one kind of sensors, {run.task} feeds "
-            f"{feeds}. Drive with it from Python: study.controller(…)."
-        )
-    channel = profile.channel(feeds)
-    edges, rising = _edges(profile, feeds)
+    channels = tuple(_fed(profile, kind) for kind in feeds.split("+"))
     commands = tuple(profile.wheels.command(value) for value in range(-LIMIT, LIMIT + 1))
-    _require_small(study, int(channel.top), commands)
+    _require_small(study, max(channel.top for channel in channels), commands)
     controller = controller_of(study.encoding(run.task), genes)
     return OnBoard(
-        name=name, facts=_facts(run, who, genes), profile=_plain(profile.name), feeds=feeds,
-        there=len(channel.sensors), top=int(channel.top), sensors=sensors, edges=edges, rising=rising,
-        **_network(run, genes), commands=commands, period_s=profile.period_s,
+        name=name, facts=_facts(run, who, genes), profile=_plain(profile.name), channels=channels,
+        sensors=sensors, **_network(run, genes), commands=commands, period_s=profile.period_s,
         speeds=profile.wheels.speed_per_unit_cm_s,
-        vectors=_vectors(controller, profile, feeds, sensors, commands, steps),
+        vectors=_vectors(controller, profile, channels, sensors, commands, steps),
     )  # fmt: skip
 
 
@@ -141,12 +150,12 @@ def _require_small(study: Study, top: int, commands: tuple[int, ...]) -> None:
         )
 
 
-def _edges(profile: Profile, feeds: str) -> tuple[tuple[int, ...], bool]:
+def _fed(profile: Profile, kind: str) -> Fed:
     """Where an input grows by one, by trying every reading; an edge that none reaches lies beyond all."""
-    channel = profile.channel(feeds)
+    channel = profile.channel(kind)
     top, one = int(channel.top), [0]
     blank = [0.0] * len(channel.sensors)
-    inputs = np.array([profile.inputs([reading, *blank[1:]], feeds, one)[0] for reading in range(top + 1)])
+    inputs = np.array([profile.inputs([reading, *blank[1:]], kind, one)[0] for reading in range(top + 1)])
     rising = channel.bands[0] < channel.bands[1]
     edges = []
     for value in range(1 - LIMIT, LIMIT + 1):
@@ -155,7 +164,7 @@ def _edges(profile: Profile, feeds: str) -> tuple[tuple[int, ...], bool]:
             edges.append(int(reached[0]) if len(reached) else top + 1)
         else:
             edges.append(int(reached[-1]) if len(reached) else -1)
-    return tuple(edges), rising
+    return Fed(kind=kind, there=len(channel.sensors), top=top, edges=tuple(edges), rising=rising)
 
 
 def _network(run: Run, genes: Genes) -> dict[str, tuple[int, ...]]:
@@ -192,11 +201,12 @@ def _plain(text: str) -> str:
 
 
 def _vectors(
-    controller: NetworkController, profile: Profile, feeds: str, sensors: tuple[int, ...],
+    controller: NetworkController, profile: Profile, channels: tuple[Fed, ...], sensors: tuple[int, ...],
     commands: tuple[int, ...], steps: int,
 ) -> Vectors:  # fmt: skip
     """A walk through readings: some hold, some drift, some jump, all within the sensors' range."""
-    top, there = int(profile.channel(feeds).top), len(profile.channel(feeds).sensors)
+    top = np.repeat([one.top for one in channels], [one.there for one in channels])
+    feeds, there = "+".join(one.kind for one in channels), len(top)
     random, now = np.random.default_rng(1995), np.zeros(there)
     readings, made = np.empty((steps, there), np.int64), np.empty((steps, 2), np.int64)
     controller.reset()

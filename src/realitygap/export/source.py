@@ -5,7 +5,7 @@ import subprocess
 from pathlib import Path
 
 from realitygap import temporary, whole
-from realitygap.errors import UsageError
+from realitygap.errors import StudyError, UsageError
 from realitygap.export.onboard import OnBoard
 
 __all__ = ["LANGUAGES", "sizes", "write_source"]
@@ -14,17 +14,23 @@ LANGUAGES = {
     "c99": {"network.h.j2": "{}.h", "network.c.j2": "{}.c", "test.c.j2": "test_{}.c"},
     "micropython": {"network.py.j2": "{}.py", "test.py.j2": "test_{}.py"},
     "arduino": {"network.h.j2": "{}.h", "network.c.j2": "{}.c", "sketch.ino.j2": "{}.ino"},
-}
+    "e-puck2": {
+        "network.h.j2": "{}.h", "network.c.j2": "{}.c", "test.c.j2": "test_{}.c", "epuck2.c.j2": "main.c",
+        "epuck2.h.j2": "main.h", "epuck2.mk.j2": "makefile",
+    },
+}  # fmt: skip
 """Templates of each language, and what becomes of them."""
 CHIPS = {
     "ATmega328P": ("avr-gcc", "-mmcu=atmega328p"),
     "Cortex-M0+": ("arm-none-eabi-gcc", "-mcpu=cortex-m0plus", "-mthumb"),
 }
 """Compilers that a machine may have, and for what."""
+E_PUCK_STEPS_S = 1100
+"""The e-puck2's library turns a wheel no faster."""
 
 
 def write_source(one: OnBoard, language: str, folder: Path) -> list[Path]:
-    """Write a controller as source into a folder; of an Arduino sketch the folder has its name.
+    """Write a controller as source into a folder; a sketch or an e-puck2's project has a folder of its name.
 
     Args:
         one: the controller.
@@ -35,7 +41,8 @@ def write_source(one: OnBoard, language: str, folder: Path) -> list[Path]:
         The files written.
 
     Raises:
-        UsageError: another language.
+        UsageError: another language; the name main for an e-puck2's project.
+        StudyError: an e-puck2's project for another robot.
         OSError: one cannot be written.
     """
     if language not in LANGUAGES:
@@ -46,7 +53,9 @@ def write_source(one: OnBoard, language: str, folder: Path) -> list[Path]:
         loader=PackageLoader("realitygap.export"), undefined=StrictUndefined, autoescape=False,
         trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
     )  # fmt: skip
-    folder = folder / one.name if language == "arduino" else folder
+    if language == "e-puck2":
+        _require_e_puck(one)
+    folder = folder / one.name if language in ("arduino", "e-puck2") else folder
     folder.mkdir(parents=True, exist_ok=True)
     facts = _facts(one)
     made = []
@@ -54,6 +63,20 @@ def write_source(one: OnBoard, language: str, folder: Path) -> list[Path]:
         made.append(folder / name.format(one.name))
         whole.write(made[-1], environment.get_template(template).render(facts))
     return made
+
+
+def _require_e_puck(one: OnBoard) -> None:
+    """Refuse what that robot's library does not read, or does not command; and a name that its files have."""
+    if one.name == "main":
+        raise UsageError("name: expected another than main, which an e-puck2's own file has.")
+    read = all((fed.there, fed.top) == (8, 4095) for fed in one.channels)
+    if not read or max(one.commands) > E_PUCK_STEPS_S:
+        has = ", ".join(f"{fed.there} {fed.kind} sensors of counts up to {fed.top}" for fed in one.channels)
+        raise StudyError(
+            f"profile {one.profile!r}: expected an e-puck2's eight sensors of counts up to 4095 and commands "
+            f"up to {E_PUCK_STEPS_S} steps/s, got {has}, commands up to {max(one.commands)}. Evolve with "
+            "--profile e-puck, or with one calibrated from it."
+        )
 
 
 def _facts(one: OnBoard) -> dict[str, object]:
@@ -66,7 +89,10 @@ def _facts(one: OnBoard) -> dict[str, object]:
     return {
         "one": one, "name": one.name, "NAME": one.name.upper(), "links": max(1, len(links)),
         "neurons": neurons, "period_ms": round(1000 * one.period_s),
-        "pins": [f"A{i}" for i in range(one.there)], "profile": one.profile,
+        "pins": [f"A{i}" for i in range(one.there)], "profile": one.profile, "several": len(one.channels) > 1,
+        "read": " and ".join(
+            f"{fed.there} {fed.kind} sensors (counts 0 to {fed.top})" for fed in one.channels
+        ),
     }  # fmt: skip
 
 
