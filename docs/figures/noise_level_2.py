@@ -79,6 +79,7 @@ def page(arms: list[Arm]) -> str:
         heads=[(claim, headline(arms, claim)) for claim in CLAIMS], warnings=list(warned(arms)),
         all=lambda key, word: bool(said[key]) and set(said[key].values()) == {word},
         some=lambda key, word: word in said[key].values(), peaks=[(arm.name, peak(arm)) for arm in arms],
+        signed=lambda *span: Number(span=Span(*span), signed=True),
         small=list(small(arms)), first_rule=[(arm.name, arm.judged.peak) for arm in arms],
         captions={name: one.caption for name, one in answer_figures(arms).items()},
         verdicts=tables.pop("verdicts", None), tables=tables,

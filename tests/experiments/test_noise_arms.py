@@ -148,6 +148,15 @@ def test_the_tables_of_an_arm(done):
         assert (row["score_foreign"] == "") == alone and (not alone or scores == at_home)
     assert any(row["without_jitter"] != row["score"] for row in cells)
     assert {row["unit"] for row in rows(done, "calibration.csv")} == {"2", "3", "4"}
+    lived = rows(done, "without-camera.csv")
+    champions = [row for row in made if row["individual"] == "champion"]
+    assert len(lived) == sum(int(row["trials"]) // 2 for row in champions)
+    assert all(float(row[key]) > 0 for row in lived for key in ("readings", "distance", "replay_cm"))
+    assert {float(row["correspondence"]) for row in lived} >= {
+        float(row["score_home"])
+        for row in cells
+        if (row["individual"], row["comparison_level"]) == ("champion", "1.0")
+    }
 
 
 def test_an_arm_records_how_it_was_made(done, plan):

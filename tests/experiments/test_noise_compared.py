@@ -9,10 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.experiments.noise.plan import controllers, simulated_file, situated_file
+from realitygap.experiments.noise.lived import LIVED, lived_apart
+from realitygap.experiments.noise.plan import Pair, controllers, simulated_file, situated_file
 from realitygap.experiments.noise.run import noise_study
-from realitygap.experiments.noise.simulated import compare_all, read_compared, to_json
-from realitygap.experiments.noise.situated import read_situated
+from realitygap.experiments.noise.simulated import (
+    _simulated,
+    compare_all,
+    read_compared,
+    to_json,
+)
+from realitygap.experiments.noise.situated import Lived, Situated, read_situated
 from realitygap.experiments.noise.stage import Stage
 from realitygap.simulation.simulation import Simulation
 from tests.experiments.noise_parts import quick_units, tiny, unit_profile, wearing
@@ -65,3 +71,35 @@ def test_levels_of_comparison_differ_in_loudness_alone(stage, tmp_path):
         same, next_to, loud = (cell["fitness_simulated"] for cell in read_compared(alike, one)["cells"])
         assert same == pytest.approx(next_to, rel=1e-9)
         assert loud != pytest.approx(same, rel=1e-9)
+
+
+def test_what_was_read_and_done_is_held_against_each_units_simulation(stage):
+    """Robots that read and did what the simulation did are at no distance; a command more counts as one."""
+    one = next(one for one in controllers(stage.config) if one.home == 1)
+    pairs = [Pair(u, k) for u in (1, 2) for k in (1, 2, 3)]
+    trajectories, _ = _simulated(stage, one, 1.0, pairs)
+    top = stage.profile(1).wheels.top_command
+    lived = [(t.proximity, np.rint(t.commands * top / 10), t.wheels) for t in trajectories.values()]
+    poses = np.zeros((2, 3, len(lived[0][0]) + 1, 3))
+    for (u, k), path in trajectories.items():
+        ends = [(path.x, path.end.x), (path.y, path.end.y), (path.heading, path.end.heading)]
+        poses[u - 1, k - 1] = np.column_stack([np.append(*both) for both in ends])
+    readings, commands, speeds = (
+        np.array(each).reshape(2, 3, -1, each[0].shape[-1]) for each in zip(*lived, strict=True)
+    )
+    commands[1, 0] += 1
+    kept = Situated((1, 2), poses, np.zeros((2, 3), np.uint64), 0.1, Lived(readings, commands, speeds))
+    found, pseudo = lived_apart(stage, one, kept, trajectories)
+    assert all(found["1"][key] == 0.0 for key in LIVED[:4]) and 0.0 < found["1"]["replay_cm"] < 2.0
+    assert found["2"]["commands"] == pytest.approx(1 / top / 3)
+    assert found["2"]["distance"] == pytest.approx(found["2"]["commands"] / 3)
+    assert found["2"]["readings"] == found["2"]["speeds"] == 0.0 and pseudo >= 0.0
+
+
+def test_trials_of_an_earlier_version_have_no_readings(stage):
+    """A file of paths alone is still read and compared; what robots read is not known then."""
+    one = controllers(stage.config)[0]
+    kept = read_situated(stage, one)
+    np.savez(situated_file(stage.folder, one), poses=kept.poses, streams=kept.streams)
+    assert read_situated(stage, one).lived is None
+    assert "without_camera" not in compare_all(stage, one)

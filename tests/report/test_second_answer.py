@@ -13,8 +13,10 @@ from click.testing import CliRunner
 
 from realitygap.cli import realitygap
 from realitygap.errors import StudyError
+from realitygap.experiments.noise.lived import LIVED
 from realitygap.experiments.noise.second.verdicts import CLAIMS
 from realitygap.report.noise.arms import BEYOND, Arm
+from realitygap.report.noise.orders import BY_CAMERA, FILE, order_tables, read_orders
 from realitygap.report.noise.second import answer_tables, headline, read_arms, warned, word_of
 from tests.experiments.crosses import TASKS, comparison
 from tests.experiments.second import UNITS, arm, write
@@ -140,3 +142,23 @@ def test_broken_arms_are_refused(folder: Path, tmp_path: Path, file: str, change
         read_arms([tmp_path])
     done = CliRunner().invoke(realitygap, ["report", str(tmp_path), str(folder / "T")])
     assert done.exit_code == 2 and "Traceback" not in done.output
+
+
+def test_an_order_without_a_camera_is_read_from_its_table(tmp_path):
+    """Where distances follow the camera's score it is a substitute, where they are drawn it is none."""
+    draw, rows = np.random.default_rng(3), []
+    for task, tell in (("obstacle-avoidance", 0.0), ("light-seeking", 30.0)):
+        for run in range(1, 61):
+            for unit in range(101 + run % 4, 105 + run % 4):
+                score = 10.0 * run / 60
+                far = 10.0 - score + tell * draw.random()
+                rows.append([task, 1 + run % 2, run, 1.0, "champion", unit, *5 * [far], score, *3 * [score]])
+    head = ["task", "seed_set", "run", "evolved_level", "individual", "unit", *LIVED, *BY_CAMERA]
+    (tmp_path / FILE).write_text("\n".join(",".join(map(str, row)) for row in [head, *rows]) + "\n")
+    avoidance, light = read_orders(tmp_path, "twin", "")
+    assert (avoidance.task, avoidance.controllers, avoidance.units) == ("obstacle-avoidance", 60, 7)
+    assert avoidance.rho == pytest.approx(1.0) and avoidance.verdict == "a substitute"
+    assert 0.0 < light.rho < 0.8 and light.verdict == "no substitute"
+    table = order_tables("E", (avoidance, light))[0].markdown()
+    assert "no substitute" in table and "+1.00" in table
+    assert order_tables("E", ()) == [] == list(read_orders(tmp_path / "none", "twin", ""))

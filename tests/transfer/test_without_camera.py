@@ -12,8 +12,8 @@ from realitygap import Simulation, load_profile, load_task
 from realitygap.controller.handmade import constant
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import decode
+from realitygap.transfer.apart import _Replayer, apart
 from realitygap.transfer.order import order_of
-from realitygap.transfer.without_camera import _Replayer, apart
 
 TASK, PROFILE = load_task("obstacle-avoidance"), load_profile("paper")
 PARTS = ("readings", "commands", "speeds")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from realitygap.correspondence.statistics import correlation
 
-__all__ = ["SUBSTITUTE", "Order", "order_of"]
+__all__ = ["SUBSTITUTE", "Order", "means", "order_of"]
 
 Floats = NDArray[np.float64]
 
@@ -82,7 +82,7 @@ def order_of(
         fitness, (fitness_low, fitness_high) = pearson.r, pearson.interval
     return Order(
         task=task, individual=individual, kind=kind, controllers=distance.shape[0], units=distance.shape[1],
-        rho=_rho(-_means(distance), _means(score)), low=low, high=high, verdict=verdict,
+        rho=_rho(-means(distance), means(score)), low=low, high=high, verdict=verdict,
         readings=_rho(-columns["readings"], seen), commands=_rho(-columns["commands"], seen),
         speeds=_rho(-columns["speeds"], seen), replay=_rho(-columns["replay_cm"], seen),
         fitness=fitness, fitness_low=fitness_low, fitness_high=fitness_high,
@@ -99,13 +99,13 @@ def _rho(first: Floats, second: Floats) -> float:
     return correlation(first[both], second[both], resamples=0).rho
 
 
-def _means(values: Floats, weights: Floats | None = None) -> Floats:
+def means(values: Floats, weights: Floats | None = None) -> Floats:
     """[controllers] over the units that each drove, NaN where that is none."""
     weighed = np.isfinite(values) * (np.ones(values.shape[1]) if weights is None else weights)
     total = weighed.sum(axis=1)
     sums = (np.where(np.isfinite(values), values, 0.0) * weighed).sum(axis=1)
-    means: Floats = np.divide(sums, total, out=np.full(len(values), np.nan), where=total > 0)
-    return means
+    found: Floats = np.divide(sums, total, out=np.full(len(values), np.nan), where=total > 0)
+    return found
 
 
 def _interval(distance: Floats, score: Floats) -> tuple[float, float]:
@@ -115,7 +115,7 @@ def _interval(distance: Floats, score: Floats) -> tuple[float, float]:
     for _ in range(RESAMPLES):
         times = np.bincount(draw.integers(0, units, units), minlength=units).astype(float)
         rows = draw.integers(0, controllers, controllers)
-        made.append(_rho(-_means(distance, times)[rows], _means(score, times)[rows]))
+        made.append(_rho(-means(distance, times)[rows], means(score, times)[rows]))
     known = np.array(made)[np.isfinite(made)]
     low, high = np.quantile(known, [0.025, 0.975]) if len(known) else (np.nan, np.nan)
     return float(low), float(high)

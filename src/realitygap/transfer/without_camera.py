@@ -23,31 +23,25 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.controller.layout import Genes
-from realitygap.errors import StudyError, UsageError
-from realitygap.kernels.rng import substream
+from realitygap.errors import StudyError
 from realitygap.robots.recording import Recording
-from realitygap.simulation.body import drive_simulated
-from realitygap.simulation.simulation import Simulation, batch_streams
-from realitygap.streams import PSEUDO
+from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Run, Study, as_study
 from realitygap.tasks.task import Task
 from realitygap.track import Trajectory
+from realitygap.transfer.apart import apart, in_pseudo_realities, replayed
 from realitygap.transfer.chosen import number_of
 from realitygap.transfer.load import Transferred
 from realitygap.transfer.order import Order, order_of
 from realitygap.transfer.replay import Replay, Replays
 from realitygap.transfer.score_row import Job
 from realitygap.transfer.score_rows import jobs_of
-from realitygap.values import Command, as_stream
-from realitygap.world.profile import TOP_INPUT, Profile
+from realitygap.values import as_stream
+from realitygap.world.profile import Profile
 
-__all__ = ["PSEUDO_REALITIES", "PSEUDO_SPREAD", "Lived", "WithoutCamera", "apart", "without_camera"]
+__all__ = ["Lived", "WithoutCamera", "without_camera"]
 
 Floats = NDArray[np.float64]
-
-PSEUDO_REALITIES, PSEUDO_SPREAD = 200, 0.1
-"""Trials of each controller, each in a robot whose constants are drawn anew within ±10 % of the profile's."""
 
 SEEN = ("robot", "camera", "film")
 """Where a path is from that shows slip."""
@@ -98,31 +92,6 @@ class WithoutCamera:
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON but for NaN where there is nothing."""
         return asdict(self)
-
-
-def apart(simulated: Trajectory, situated: Recording, profile: Profile, task: Task) -> dict[str, float]:
-    """How far apart two trials are in what was read and done: Wasserstein's first distance, column by column.
-
-    Of each sensor's readings, of each wheel's commands and of its speeds the two distributions over the trial
-    are held against each other. Readings count in widths of the input range (what takes an input from −10 to
-    10), commands and speeds in top commands, so that 1 is much. NaN where one side has no such column.
-    """
-    from scipy.stats import wasserstein_distance
-
-    top = profile.wheels.top_command
-    widths = [high - low for low, high in profile.bands(task.feeds)]
-    pairs = {
-        "readings": (_fed(simulated, task) / widths, _fed(situated, task) / widths),
-        "commands": (simulated.commands / TOP_INPUT, situated.commands / top),
-        "speeds": (simulated.wheels / top, situated.speeds / top),
-    }
-
-    def between(first: Floats, second: Floats) -> float:
-        if np.isnan(second).any() or not second.size:
-            return math.nan
-        return float(np.mean([wasserstein_distance(*pair) for pair in zip(first.T, second.T, strict=True)]))
-
-    return {name: between(*pair) for name, pair in pairs.items()}
 
 
 def without_camera(
@@ -212,49 +181,17 @@ def _both(replay: Replay) -> _Both | None:
 def _trial(one: Transferred, both: _Both, task: Task, profile: Profile) -> dict[str, float]:
     """One trial's distances."""
     far = apart(both.simulated, both.situated, profile, task)
-    error = _replayed(one, both.situated, task, profile)
+    error = replayed(Simulation(task, profile, 0.0), both.situated, one.situated, one.pose)
     return {**far, "distance": _mean(list(far.values())), "replay_cm": error}
 
 
-class _Replayer:
-    """Commands as a robot was given them, one a step, whatever is read."""
-
-    def __init__(self, commands: NDArray[np.int64], profile: Profile) -> None:
-        self._outputs = np.rint(commands * (TOP_INPUT / profile.wheels.top_command)).astype(int)
-        self._k = 0
-
-    def reset(self) -> None:
-        self._k = 0
-
-    def decide(self, inputs: Sequence[int]) -> Command:
-        left, right = self._outputs[self._k]
-        self._k += 1
-        return Command(left=int(left), right=int(right))
-
-
-def _replayed(one: Transferred, situated: Recording, task: Task, profile: Profile) -> float:
-    """Mean distance (cm) of the robot's path from the simulation's under its commands, without noise."""
-    simulation = Simulation(task, profile, 0.0)
-    replayer = _Replayer(situated.commands, profile)
-    try:
-        lived, _ = drive_simulated(simulation, replayer, pose=one.pose, seconds=one.seconds)
-    except UsageError:  # it began where the simulated robot has no room
-        return math.nan
-    path, track = lived.track, one.situated
-    if len(path) != len(track) or not track.found.any():
-        return math.nan
-    return float(np.nanmean(np.hypot(path.x - track.x, path.y - track.y)))
-
-
 def _in_pseudo_realities(study: Study, run: Run, individual: str) -> float:
-    """Mean fitness in robots round the profile, as noisy as it is: the same robots for all controllers."""
+    """The same of a study's controller, in the same robots as all of its others."""
     number = number_of(run, individual)
     assert number is not None
-    genes: Genes = study.genotype(run.id, number)
-    simulation = Simulation(study.task(run.task).under(PSEUDO_SPREAD), study.profile, 1.0)
-    seed = int(substream(as_stream(study.config.seed, "seed"), np.uint64(PSEUDO)))
-    streams = batch_streams(seed, PSEUDO_REALITIES)[None]
-    return float(simulation.scores(study.networks(run.task, genes), streams).mean())
+    networks = study.networks(run.task, study.genotype(run.id, number))
+    stream = as_stream(study.config.seed, "seed")
+    return in_pseudo_realities(study.task(run.task), study.profile, networks, stream)
 
 
 def _order(names: tuple[str, str, str], group: Sequence[tuple[Lived, list[_Unit]]]) -> Order:
@@ -270,11 +207,6 @@ def _order(names: tuple[str, str, str], group: Sequence[tuple[Lived, list[_Unit]
                     "fitness_simulated", "fitness_situated", "fitness_pseudo")
     }  # fmt: skip
     return order_of(names, values[0], values[1], columns)
-
-
-def _fed(trial: Trajectory | Recording, task: Task) -> Floats:
-    """[n, sensors] readings of the kinds that the task feeds."""
-    return np.hstack([getattr(trial, kind) for kind in task.kinds])
 
 
 def _mean(values: Sequence[float]) -> float:

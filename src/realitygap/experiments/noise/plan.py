@@ -18,8 +18,8 @@ from realitygap.study.plan import named
 from realitygap.work.shard import Shard
 
 __all__ = [
-    "Controller", "Evolved", "calibration_folder", "controllers", "evolution", "evolved", "evolved_folder",
-    "share", "simulated_file", "situated_file", "stream",
+    "Controller", "Evolved", "Pair", "calibration_folder", "controllers", "evolution", "evolved",
+    "evolved_folder", "share", "simulated_file", "situated_file", "stream",
 ]  # fmt: skip
 
 FRESH_TRIALS = 1
@@ -55,6 +55,13 @@ class Controller:
         """As the names of files and messages have it."""
         who = "" if self.individual == "champion" else f"-{self.individual}"
         return f"{self.task}-set-{self.seed_set}-level-{self.level!r}-run-{self.run}{who}"
+
+
+class Pair(NamedTuple):
+    """A place in the design: unit and start, both from 1."""
+
+    unit: int
+    start: int
 
 
 class Evolved(NamedTuple):

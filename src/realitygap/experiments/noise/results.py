@@ -11,6 +11,7 @@ from realitygap.errors import StudyError
 from realitygap.experiments.folder import RESULTS, Seconds, mean, write_table
 from realitygap.experiments.noise.config import CONFIG, NoiseConfig
 from realitygap.experiments.noise.folder import begun_by, command_of
+from realitygap.experiments.noise.lived import AS_MEASURED, LIVED
 from realitygap.experiments.noise.plan import Controller, calibration_folder, controllers
 from realitygap.experiments.noise.simulated import read_compared
 from realitygap.experiments.noise.stage import Stage
@@ -22,13 +23,15 @@ __all__ = ["write_results"]
 CELL = ("score", "behaviour", "layout", "noisiness", "responsiveness", "fitness_simulated")
 OF_ARM = ("layout_home", "without_jitter", "without_jitter_home")
 """Columns of an arm's cells besides, after those of the calibration unit and of foreign ones."""
+WITHOUT_CAMERA = "without-camera.csv"
 CALIBRATION = ("unit", "channel", "model_error", "noise", "ratio", "ratio_over_all")
 
 
 def write_results(stage: Stage) -> Path:
     """Gather what came of all controllers: controllers.csv, cells.csv, calibration.csv, study.toml.
 
-    Of an arm of the plan all profiles besides, and rows by calibration unit and foreign ones.
+    Of an arm of the plan all profiles besides, and rows by calibration unit and foreign ones; where it is
+    known what robots read and did, without-camera.csv.
 
     Raises:
         StudyError: a controller's file is missing or broken.
@@ -40,6 +43,10 @@ def write_results(stage: Stage) -> Path:
     cells = [row for one, kept in found.items() for row in _cells(one, kept, config)]
     _table(folder / "cells.csv", cells)
     _table(folder / "calibration.csv", list(_calibration(stage)))
+    champions = {one: kept for one, kept in found.items() if one.individual == "champion"}
+    if all("without_camera" in kept for kept in champions.values()):
+        rows = [row for one, kept in champions.items() for row in _without_camera(one, kept, config)]
+        _table(folder / WITHOUT_CAMERA, rows)
     facts = {
         "command": command_of(config),
         **config.to_dict(),
@@ -96,6 +103,23 @@ def _cells(one: Controller, kept: Mapping[str, Any], config: NoiseConfig) -> Ite
             home, foreign = _home_and_foreign(one, cell, config, "score")
             alone = {"score_home": home, "score_foreign": foreign, **{key: cell[key] for key in OF_ARM}}
         yield {**_who(one, config), **level, **{key: cell[key] for key in CELL}, **alone}
+
+
+def _without_camera(
+    one: Controller, kept: Mapping[str, Any], config: NoiseConfig
+) -> Iterator[dict[str, object]]:
+    """A row a unit: what needs no camera, and beside it what the camera says of the same trials."""
+    cell = next(cell for cell in kept["cells"] if cell["comparison_level"] == AS_MEASURED)
+    for unit in config.driven(one.home):
+        yield {
+            **_who(one, config),
+            "unit": unit,
+            **{key: kept["without_camera"][str(unit)][key] for key in LIVED},
+            "correspondence": cell[f"score_unit_{unit}"],
+            "fitness_simulated": cell["fitness_simulated"],
+            "fitness_situated": kept[f"fitness_situated_unit_{unit}"],
+            "fitness_pseudo": kept["fitness_pseudo"],
+        }
 
 
 def _home_and_foreign(

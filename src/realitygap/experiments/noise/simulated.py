@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 from realitygap.correspondence.names import common_name, namer
 from realitygap.correspondence.scale import Scale, exemplar_scale
@@ -13,10 +13,12 @@ from realitygap.correspondence.setting import Setting, setting_of
 from realitygap.correspondence.trials import Trial, resampled, trial_of
 from realitygap.errors import TrackError
 from realitygap.experiments.folder import kept, mean
-from realitygap.experiments.noise.plan import Controller, simulated_file, stream
-from realitygap.experiments.noise.situated import read_situated
+from realitygap.experiments.noise.lived import AS_MEASURED, lived_apart
+from realitygap.experiments.noise.plan import Controller, Pair, simulated_file, stream
+from realitygap.experiments.noise.situated import Situated, read_situated
 from realitygap.experiments.noise.stage import Stage
 from realitygap.study.digest import check_of
+from realitygap.track import Trajectory
 from realitygap.transfer.paths import score
 
 __all__ = ["compare_all", "read_compared", "scale_for", "to_json"]
@@ -24,13 +26,6 @@ __all__ = ["compare_all", "read_compared", "scale_for", "to_json"]
 FIGURES = ("score", "behaviour", "layout", "noisiness", "responsiveness")
 LEAST_TRIALS = 2
 """So many have to be left, when those that the camera lost are taken out."""
-
-
-class Pair(NamedTuple):
-    """A place in the design: unit and start, both from 1."""
-
-    unit: int
-    start: int
 
 
 def compare_all(
@@ -43,16 +38,21 @@ def compare_all(
     """
     config, units = stage.config, stage.config.driven(one.home, one.individual)
     task, setting = stage.task(one.task), setting_of([], stage.task(one.task))
-    situated, fitness, lost = _seen(stage, one)
-    cells, names = [], []
+    driven = read_situated(stage, one)
+    situated, fitness, lost = _seen(stage, one, driven)
+    cells, names, lived = [], [], {}
     for level in config.levels:
-        simulated, scores = _simulated(stage, one, level, list(situated))
+        trajectories, scores = _simulated(stage, one, level, list(situated))
+        simulated = {pair: _trial(stage, pair, trajectory) for pair, trajectory in trajectories.items()}
         cell = _cell(stage, [*simulated.values()], [*situated.values()], setting, len(units))
         cell |= _unit_scores(stage, one, simulated, situated, setting)
         cells.append({"comparison_level": level, **cell, "fitness_simulated": mean(scores)})
         if level == one.level:
             body = stage.profile(one.home).body
             names = namer(setting, body.radius_cm).name([*simulated.values()], setting)
+        if level == AS_MEASURED and driven.lived is not None and one.individual == "champion":
+            apart, pseudo = lived_apart(stage, one, driven, trajectories)
+            lived = {"without_camera": apart, "fitness_pseudo": pseudo}
         tell(1.0 / len(config.levels))
     own = next(c for c in cells if c["comparison_level"] == one.level)
     per_unit = {f"fitness_situated_unit_{u}": own for u, own in zip(units, fitness, strict=True)}
@@ -65,6 +65,7 @@ def compare_all(
         "trials_lost": lost,
         "task_seconds": task.seconds,
         "cells": cells,
+        **lived,
     }
 
 
@@ -113,12 +114,11 @@ def read_compared(stage: Stage, one: Controller) -> dict[str, Any]:
     return found
 
 
-def _seen(stage: Stage, one: Controller) -> tuple[dict[Pair, Trial], list[float], int]:
+def _seen(stage: Stage, one: Controller, driven: Situated) -> tuple[dict[Pair, Trial], list[float], int]:
     """The twin's trials that can be compared, mean fitness on each unit, and how many are lost."""
     task, robot = stage.task(one.task), stage.profile(one.home)
     trials: dict[Pair, Trial] = {}
     fitness = []
-    driven = read_situated(stage, one)
     starts = driven.streams.shape[1]
     for u in driven.units:
         scores = []
@@ -143,7 +143,7 @@ def _start(stage: Stage, pair: Pair) -> str:
 
 def _simulated(
     stage: Stage, one: Controller, level: float, pairs: Sequence[Pair]
-) -> tuple[dict[Pair, Trial], list[float]]:
+) -> tuple[dict[Pair, Trajectory], list[float]]:
     """A controller in the simulations of all units at a level: trials and their scores."""
     networks = stage.networks(one)
     config = stage.config
@@ -153,10 +153,14 @@ def _simulated(
         name = stream(config, "simulated", *one.key, *pair, seed_set=one.seed_set)
         pose = stage.starts(one.task, one.seed_set, pair.unit)[pair.start - 1]
         trajectory, fitness = simulations[pair.unit].trajectory(networks, stream=name, pose=pose)
-        radius = simulations[pair.unit].profile.body.radius_cm
-        trials[pair] = trial_of(trajectory, start=_start(stage, pair), unit=str(pair.unit), radius_cm=radius)
+        trials[pair] = trajectory
         scores.append(fitness)
     return trials, scores
+
+
+def _trial(stage: Stage, pair: Pair, trajectory: Trajectory) -> Trial:
+    radius = stage.profile(pair.unit).body.radius_cm
+    return trial_of(trajectory, start=_start(stage, pair), unit=str(pair.unit), radius_cm=radius)
 
 
 def _cell(

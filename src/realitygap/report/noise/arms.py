@@ -18,10 +18,12 @@ from realitygap.experiments.noise.second.arms import plan_digests
 from realitygap.experiments.noise.second.mixed import by_mixed_models
 from realitygap.experiments.noise.second.stratified import Tested
 from realitygap.experiments.noise.second.verdicts import PLAN, Judgement, judge
+from realitygap.report.noise.orders import read_orders
 from realitygap.report.noise.results import Misfit, read_calibration
 from realitygap.report.noise.words import CHANNEL_TASKS
 from realitygap.table import Table, read_table
 from realitygap.toml import read_toml
+from realitygap.transfer.order import Order
 
 __all__ = ["BEYOND", "Arm", "arm_folder", "read_arm"]
 
@@ -44,6 +46,7 @@ class Arm:
     Attributes:
         data: champions that were seen. fittest: judged on their calibration unit, all that they drove.
         others: the champions again, by another score. lost: champions that the camera lost.
+        orders: how what needs no camera agrees with the camera's score, by task, where that is known.
     """
 
     name: str
@@ -54,6 +57,7 @@ class Arm:
     others: Mapping[str, Crossed]
     lost: int
     calibration: tuple[Misfit, ...]
+    orders: tuple[Order, ...] = ()
 
     @cached_property
     def beyond(self) -> list[int]:
@@ -157,6 +161,7 @@ def read_arm(folder: str | Path) -> Arm:
         fittest=replace(whole, score=whole.home_score).only(at_home),
         others={"without jitter": calm.only(kept), "layout alone": rooms.only(kept), "fitness": of_fitness},
         lost=int((champion & ~seen).sum()), calibration=tuple(read_calibration(folder / "calibration.csv")),
+        orders=read_orders(folder, settings.get("robot", "twin"), AGAIN),
     )  # fmt: skip
 
 

@@ -11,8 +11,8 @@ from realitygap.report.noise.results import Misfit, real_misfits
 from realitygap.report.noise.tables import NoiseTable, Number, Row, contrast_table, effect_spans
 
 __all__ = [
-    "CHANNELS", "aside_tables", "effect_words", "ends_words", "falls_words", "home_words", "nearness_words",
-    "shown", "split_words",
+    "CHANNELS", "aside_tables", "calibration_table", "effect_words", "ends_words", "falls_words",
+    "home_words", "nearness_words", "shown", "split_words",
 ]  # fmt: skip
 
 CHANNELS = {"infrared": "proximity", "ambient": "light"}
@@ -192,3 +192,22 @@ def nearness_words(calibration: Sequence[Misfit]) -> str:
         return ""
     where = "" if judged else ", over all readings,"
     return f"Model error over noise{where} is {', '.join(said)}: the twin is easier to model than a robot."
+
+
+def calibration_table(arms: Mapping[str, Sequence[Misfit]]) -> NoiseTable:
+    """Model error over noise, by arm and channel."""
+    rows: list[Row] = []
+    for name, misfits in arms.items():
+        for channel in dict.fromkeys(m.channel for m in misfits):
+            own = [m for m in misfits if m.channel == channel]
+            ratios, far = sorted(m.ratio for m in own), [str(m.unit) for m in own if m.too_far]
+            rows.append((name, CHANNELS.get(channel, channel), len(own), f"{ratios[0]:.2f}",
+                         f"{np.median(ratios):.2f}", f"{ratios[-1]:.2f}", f"{own[0].limit:g}",
+                         ", ".join(far) or "none"))  # fmt: skip
+    return NoiseTable(
+        name="calibration",
+        title="Model error over noise deviation, over units, on places held out where readings are neither "
+        "dark nor saturated.",
+        head=("arm", "channel", "units", "least", "median", "most", "limit", "units beyond"),
+        rows=tuple(rows),
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,9 +15,10 @@ from realitygap.errors import StudyError
 from realitygap.experiments.noise.second.arms import arm_names
 from realitygap.experiments.noise.second.verdicts import CLAIMS, PLAN, Comparison, StatedClaim, Verdict
 from realitygap.report.noise.arms import BEYOND, Arm, arm_folder, read_arm
-from realitygap.report.noise.asides import CHANNELS, split_table
+from realitygap.report.noise.asides import calibration_table, split_table
 from realitygap.report.noise.facts import Span
 from realitygap.report.noise.figures import titled
+from realitygap.report.noise.orders import order_tables
 from realitygap.report.noise.second_figures import CAPTIONS, peaks_figure, splits_figure
 from realitygap.report.noise.tables import NoiseTable, Number, Row, probability
 from realitygap.report.page import Figures, OnProgress, Steps, Words, report_folder, write_page
@@ -111,10 +113,10 @@ def _effect(one: Comparison) -> Number:
 
 def answer_tables(arms: Sequence[Arm]) -> dict[str, NoiseTable]:
     """Every table by its name: verdicts first."""
-    every = [_verdicts(arms), _levels(arms), _calibrations(arms)]
+    every = [_verdicts(arms), _levels(arms), calibration_table({arm.name: arm.calibration for arm in arms})]
     for arm in arms:
-        every += [_comparisons(arm), _robust(arm)]
-        every.append(split_table(f"{arm.name}-split", f"arm {arm.name}, calibration unit", arm.split, 1.0))
+        split = split_table(f"{arm.name}-split", f"arm {arm.name}, calibration unit", arm.split, 1.0)
+        every += [_comparisons(arm), _robust(arm), split, *order_tables(arm.name, arm.orders)]
     return {table.name: table for table in every}
 
 
@@ -203,25 +205,6 @@ def _levels(arms: Sequence[Arm]) -> NoiseTable:
     )  # fmt: skip
 
 
-def _calibrations(arms: Sequence[Arm]) -> NoiseTable:
-    """Model error over noise, by arm and channel."""
-    rows: list[Row] = []
-    for arm in arms:
-        for channel in dict.fromkeys(m.channel for m in arm.calibration):
-            own = [m for m in arm.calibration if m.channel == channel]
-            ratios, far = sorted(m.ratio for m in own), [str(m.unit) for m in own if m.too_far]
-            rows.append((arm.name, CHANNELS.get(channel, channel), len(own), f"{ratios[0]:.2f}",
-                         f"{np.median(ratios):.2f}", f"{ratios[-1]:.2f}", f"{own[0].limit:g}",
-                         ", ".join(far) or "none"))  # fmt: skip
-    return NoiseTable(
-        name="calibration",
-        title="Model error over noise deviation, over units, on places held out where readings are neither "
-        "dark nor saturated.",
-        head=("arm", "channel", "units", "least", "median", "most", "limit", "units beyond"),
-        rows=tuple(rows),
-    )
-
-
 def answer_figures(arms: Sequence[Arm]) -> Figures:
     """Both figures, with their words."""
     figures = Figures()
@@ -290,6 +273,7 @@ def _summary(arm: Arm) -> dict[str, object]:
              "other_sign": strays(arm, v.claim), "comparisons": [_compared(c) for c in v.comparisons]}
             for v in arm.judged.verdicts
         ],
+        "without_camera": [asdict(order) for order in arm.orders],
     }  # fmt: skip
 
 

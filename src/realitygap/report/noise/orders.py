@@ -1,0 +1,79 @@
+"""Whether what needs no camera puts an arm's controllers into the camera's order: its rows, and a table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from realitygap.errors import StudyError
+from realitygap.experiments.noise.lived import LIVED
+from realitygap.report.noise.facts import Span
+from realitygap.report.noise.figures import titled
+from realitygap.report.noise.tables import NoiseTable, Number, Row
+from realitygap.table import read_table
+from realitygap.transfer.order import Order, means, order_of
+
+__all__ = ["FILE", "order_tables", "read_orders"]
+
+FILE = "without-camera.csv"
+KEY = ("seed_set", "run", "evolved_level")
+BY_CAMERA = ("correspondence", "fitness_simulated", "fitness_situated", "fitness_pseudo")
+
+
+def read_orders(folder: Path, kind: str, cure: str) -> tuple[Order, ...]:
+    """The orders of an arm's champions in each task; () where it does not know what robots read and did.
+
+    Args:
+        folder: with the tables.
+        kind: of robot.
+        cure: of a broken table.
+
+    Raises:
+        StudyError: the table is broken.
+    """
+    if not (folder / FILE).is_file():
+        return ()
+    table = read_table(folder / FILE, StudyError, needs=("task", *KEY, "unit", *LIVED, *BY_CAMERA), cure=cure)
+    tasks, unit = np.array(table.texts("task")), table.whole("unit")
+    who = np.stack([table.numbers(key) for key in KEY], axis=1)
+    values = {name: table.numbers(name, empty=True) for name in (*LIVED, *BY_CAMERA)}
+    made = []
+    for task in dict.fromkeys(tasks.tolist()):
+        own = tasks == task
+        _, row = np.unique(who[own], axis=0, return_inverse=True)
+        units, column = np.unique(unit[own], return_inverse=True)
+        grids = {name: np.full((row.max() + 1, len(units)), np.nan) for name in values}
+        for name, grid in grids.items():
+            grid[row, column] = values[name][own]
+        columns = {name: means(grid) for name, grid in grids.items()}
+        names = task, "champion", kind
+        made.append(order_of(names, grids["distance"], grids["correspondence"], columns))
+    return tuple(made)
+
+
+def order_tables(name: str, orders: Sequence[Order]) -> list[NoiseTable]:
+    """How the measures of an arm agree on the order of its champions; none where nothing is known of them."""
+    if not orders:
+        return []
+    rows: list[Row] = []
+    for one in orders:
+        alone = (one.readings, one.commands, one.speeds, one.replay)
+        rows.append((
+            titled(one.task), one.controllers, Number(span=Span(one.rho, one.low, one.high), signed=True),
+            one.verdict, *(Number(span=Span(value), signed=True) for value in alone),
+            Number(span=Span(one.fitness, one.fitness_low, one.fitness_high), signed=True),
+            *(Number(span=Span(value), signed=True) for value in (one.simulated, one.pseudo)),
+        ))  # fmt: skip
+    table = NoiseTable(
+        name=f"{name}-order",
+        title=f"Arm {name}, without a camera: Spearman's rho, with the camera's score over champions, of the "
+        "Wasserstein distances of what the robot and the simulation at level 1 read and did (95 % over units "
+        "and controllers), and of their parts; Pearson's r of simulated and situated fitness (Kadian et al. "
+        "2020); rho of situated fitness with simulated fitness and with that in pseudo-realities.",
+        head=("task", "champions", "without a camera", "is", "readings", "commands", "speeds",
+              "replayed commands", "r of fitness", "simulated", "pseudo-realities"),
+        rows=tuple(rows),
+    )  # fmt: skip
+    return [table]

@@ -1,0 +1,104 @@
+"""How far apart two trials are in what was read and done, and the field's other measures beside it.
+
+These need no camera: Wasserstein distances of readings, commands and speeds; the error of replayed commands;
+fitness in pseudo-realities sampled round the profile (Ligot and Birattari 2020).
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.errors import UsageError
+from realitygap.kernels.params import Networks
+from realitygap.kernels.rng import substream
+from realitygap.robots.recording import Recording
+from realitygap.simulation.body import drive_simulated
+from realitygap.simulation.simulation import Simulation, batch_streams
+from realitygap.streams import PSEUDO
+from realitygap.tasks.task import Task
+from realitygap.track import Track, Trajectory
+from realitygap.values import Command, Pose
+from realitygap.world.profile import TOP_INPUT, Profile
+
+__all__ = ["PSEUDO_REALITIES", "PSEUDO_SPREAD", "apart", "in_pseudo_realities", "replayed"]
+
+Floats = NDArray[np.float64]
+
+PSEUDO_REALITIES, PSEUDO_SPREAD = 200, 0.1
+"""Trials of each controller, each in a robot whose constants are drawn anew within ±10 % of the profile's."""
+
+
+def apart(simulated: Trajectory, situated: Recording, profile: Profile, task: Task) -> dict[str, float]:
+    """How far apart two trials are in what was read and done: Wasserstein's first distance, column by column.
+
+    Of each sensor's readings, of each wheel's commands and of its speeds the two distributions over the trial
+    are held against each other. Readings count in widths of the input range (what takes an input from −10 to
+    10), commands and speeds in top commands, so that 1 is much. NaN where one side has no such column.
+    """
+    from scipy.stats import wasserstein_distance
+
+    top = profile.wheels.top_command
+    widths = [high - low for low, high in profile.bands(task.feeds)]
+    pairs = {
+        "readings": (_fed(simulated, task) / widths, _fed(situated, task) / widths),
+        "commands": (simulated.commands / TOP_INPUT, situated.commands / top),
+        "speeds": (simulated.wheels / top, situated.speeds / top),
+    }
+
+    def between(first: Floats, second: Floats) -> float:
+        if np.isnan(second).any() or not second.size:
+            return math.nan
+        return float(np.mean([wasserstein_distance(*pair) for pair in zip(first.T, second.T, strict=True)]))
+
+    return {name: between(*pair) for name, pair in pairs.items()}
+
+
+class _Replayer:
+    """Commands as a robot was given them, one a step, whatever is read."""
+
+    def __init__(self, commands: NDArray[np.int64], profile: Profile) -> None:
+        self._outputs = np.rint(commands * (TOP_INPUT / profile.wheels.top_command)).astype(int)
+        self._k = 0
+
+    def reset(self) -> None:
+        self._k = 0
+
+    def decide(self, inputs: Sequence[int]) -> Command:
+        left, right = self._outputs[self._k]
+        self._k += 1
+        return Command(left=int(left), right=int(right))
+
+
+def replayed(simulation: Simulation, situated: Recording, track: Track, pose: Pose) -> float:
+    """Mean distance (cm) of a robot's path from the simulation's under its commands; NaN of no path.
+
+    Args:
+        simulation: without noise.
+        situated: what the robot was told.
+        track: where it was.
+        pose: where it began.
+    """
+    replayer = _Replayer(situated.commands, simulation.profile)
+    seconds = len(situated.t) * simulation.profile.period_s
+    try:
+        lived, _ = drive_simulated(simulation, replayer, pose=pose, seconds=seconds)
+    except UsageError:  # it began where the simulated robot has no room
+        return math.nan
+    path = lived.track
+    if len(path) != len(track) or not track.found.any():
+        return math.nan
+    return float(np.nanmean(np.hypot(path.x - track.x, path.y - track.y)))
+
+
+def in_pseudo_realities(task: Task, profile: Profile, networks: Networks, stream: int | np.uint64) -> float:
+    """Mean fitness of a network in robots drawn round a profile, as noisy as it is: the same of a stream."""
+    simulation = Simulation(task.under(PSEUDO_SPREAD), profile, 1.0)
+    seed = int(substream(np.uint64(stream), np.uint64(PSEUDO)))
+    return float(simulation.scores(networks, batch_streams(seed, PSEUDO_REALITIES)[None]).mean())
+
+
+def _fed(trial: Trajectory | Recording, task: Task) -> Floats:
+    """[n, sensors] readings of the kinds that the task feeds."""
+    return np.hstack([getattr(trial, kind) for kind in task.kinds])
