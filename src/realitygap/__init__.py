@@ -17,7 +17,7 @@ from realitygap.lazy import names_of
 if TYPE_CHECKING:
     from realitygap.calibration.recordings.files import load_recording
     from realitygap.calibration.unit import calibrated_unit
-    from realitygap.commands import calibrate, evolve, reproduce
+    from realitygap.commands import calibrate, evolve, merge, reproduce
     from realitygap.controller.genotype import Layout, load_genotype, random_genotype, save_genotype
     from realitygap.controller.handmade import braitenberg, constant
     from realitygap.controller.network import NetworkController, decode
@@ -55,14 +55,14 @@ __all__ = [
     "UsageError", "Variation", "__version__", "braitenberg", "build_report", "calibrate", "calibrated_unit",
     "compare", "constant", "decode", "describe", "drive", "drive_simulated", "evolve", "load_arena",
     "load_genotype", "load_profile", "load_recording", "load_study", "load_task", "load_transfers",
-    "make_algorithm", "marks_of", "namer", "noise_level", "random_genotype", "read_trials", "reproduce",
-    "run_study", "run_transfer", "save_genotype", "setting_of",
+    "make_algorithm", "marks_of", "merge", "namer", "noise_level", "random_genotype", "read_trials",
+    "reproduce", "run_study", "run_transfer", "save_genotype", "setting_of",
 ]  # fmt: skip
 
 _, __getattr__ = names_of(__name__, {
     "calibration.recordings.files": "load_recording",
     "calibration.unit": "calibrated_unit",
-    "commands": "calibrate evolve reproduce",
+    "commands": "calibrate evolve merge reproduce",
     "controller.genotype": "Layout load_genotype random_genotype save_genotype",
     "controller.handmade": "braitenberg constant",
     "controller.network": "NetworkController decode",

@@ -17,7 +17,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from realitygap.errors import CalibrationError, StudyInterruptedError
+from realitygap.errors import CalibrationError, StudyError, StudyInterruptedError
 
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from realitygap.work.workers import Workers
     from realitygap.world.profile import Profile
 
-__all__ = ["calibrate", "evolve", "reproduce"]
+__all__ = ["calibrate", "evolve", "merge", "reproduce"]
 
 Place = str | PathLike[str]
 
@@ -49,8 +49,12 @@ def evolve(
     engine: str = "cores",
     resume: bool = False,
     watch: bool = False,
+    shard: str | None = None,
 ) -> Study:
     """Evolve controllers for a task and make the report, as `realitygap evolve` does.
+
+    A shard makes its share of the runs in a folder of its own, beside `out`, and no report; `merge` puts all
+    shards together.
 
     Args:
         task: "obstacle-avoidance", "light-seeking", a Python file, or a Task.
@@ -69,6 +73,7 @@ def evolve(
         engine: what trials run on: "cores" or "cuda".
         resume: continue what is there; what is None is as it was.
         watch: keep watch.html in the folder up to date: how evolution goes.
+        shard: "1/3": the first of three shares; None: all runs, or on resuming what the folder holds.
 
     Raises:
         UsageError: what cannot be done, by name.
@@ -77,12 +82,14 @@ def evolve(
     """
     from realitygap.cli.evolve import begun_config, changed_config, folder_of
     from realitygap.cli.option import given, unusual
-    from realitygap.cli.studies import carry_out
+    from realitygap.cli.studies import carry_out, run_shard
     from realitygap.tasks.load import reference
+    from realitygap.work.shard import Shard
     from realitygap.world.noise import noise_level
 
-    name = reference(task)
+    name, share = reference(task), None if shard is None else Shard.parse(shard)
     folder = folder_of(name) if out is None else Path(out)
+    folder = folder if share is None else share.folder(folder)
     levels = [noise] if isinstance(noise, str | float | int) else noise
     spreads = (spread,) if isinstance(spread, str | float | int) else tuple(spread or ())
     begun = begun_config(folder, name, None if config is None else Path(config), resume)
@@ -91,11 +98,46 @@ def evolve(
     chosen = changed_config(
         begun, name, tuple(map(noise_level, levels)), texts, {**given(fields), "spreads": spreads}
     )
-    words = f"evolve {name}{unusual(engine)}"
+    how: Any = {"words": f"evolve {name}{unusual(engine)}", "workers": workers, "engine": engine}
+    how |= {"resume": resume, "watch": watch}
     with _stopping():
-        return carry_out(
-            folder, chosen, words=words, workers=workers, engine=engine, resume=resume, watch=watch
-        ).study
+        part = run_shard(folder, chosen, share, **how)
+        return carry_out(folder, chosen, **how).study if part is None else part
+
+
+def merge(
+    shards: Sequence[Place], *, out: Place | None = None, workers: Workers = None, trust: bool = False
+) -> Study:
+    """Put the shards of a study together and make the report, as `realitygap merge` does.
+
+    Args:
+        shards: the folders of all of them, in any order.
+        out: the study's folder; their name without -shard-I-of-N if None.
+        workers: processes, one a core if None; or a pool.
+        trust: agree to run the task files that they bring.
+
+    Raises:
+        StudyError: a shard that is missing, not finished or of another study; or `out` exists.
+    """
+    from realitygap.cli.progress import ProgressLine
+    from realitygap.cli.studies import reported
+    from realitygap.study.folder import agree
+    from realitygap.study.merge import all_shards, merge_runs
+    from realitygap.study.runner import WORK
+    from realitygap.work.shard import read_mark, whole_of
+
+    found = all_shards([Path(one) for one in shards])
+    for folder in found.values():
+        mark = read_mark(folder)
+        if mark is None or mark.work != WORK:
+            cure = "`realitygap merge` puts together what other commands made"
+            raise StudyError(f"{folder}: expected a shard of a study. {cure}.")
+        if trust:
+            agree(folder)
+    target = whole_of(folder) if out is None else Path(out)
+    study = merge_runs(found, target)
+    with _stopping(), ProgressLine() as progress:
+        return reported(target, study, workers, progress, {}).study
 
 
 def reproduce(

@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from realitygap.cli import realitygap
-from realitygap.commands import evolve
-from realitygap.errors import ConfigError
+from realitygap.commands import evolve, merge
+from realitygap.errors import ConfigError, StudyError, UsageError
 
 SMALL = (
     "--evaluations", "70", "--workers", "1",
@@ -273,6 +273,25 @@ def test_the_function_evolves_what_the_command_does(study, tmp_path):
     assert [run.best_fitness for run in made.runs[:2]] == [run["best_fitness"] for run in printed["runs"]]
     with pytest.raises(ConfigError, match="spread: expected a number"):
         evolve("light", spread="much", out=tmp_path / "none")
+
+
+def test_shards_from_python_are_the_study(study, tmp_path):
+    """Each makes its share, beside the study; merged they are the command's; what is no shard is refused."""
+    printed = study[1]
+    small = {"retest_trials": 2, "fresh_trials": 3, "task.seconds": 2}
+    one = {"noise": 2, "seed": 7, "runs": 2, "evaluations": 70, "workers": 1, "settings": small}
+    shares = [evolve("light", out=tmp_path / "whole", shard=f"{i}/2", **one) for i in (1, 2)]
+    assert [[run.finished for run in share.runs] for share in shares] == [[True, False], [False, True]]
+    with pytest.raises(StudyError, match="missing: shard 2/2"):
+        merge([shares[0]])
+    made = merge([share.folder for share in reversed(shares)], workers=1)
+    assert made.folder == tmp_path / "whole" and (made.folder / "report" / "index.html").is_file()
+    assert [run.best_fitness for run in made.runs] == [run["best_fitness"] for run in printed["runs"]]
+    with pytest.raises(UsageError, match="watch: a shard has no page"):
+        evolve("light", out=tmp_path / "other", shard="1/2", watch=True, **one)
+    with pytest.raises(ConfigError, match="shard: expected I/N"):
+        evolve("light", out=tmp_path / "other", shard="3/2", **one)
+    assert {path.name for path in tmp_path.iterdir()} == {"whole", "whole-shard-1-of-2", "whole-shard-2-of-2"}
 
 
 def test_a_strangers_task_file_is_asked_about(call, refused, json_of, monkeypatch, tmp_path):

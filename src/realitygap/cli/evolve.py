@@ -11,7 +11,13 @@ import click
 from realitygap.cli import option
 from realitygap.cli.estimate import consider
 from realitygap.cli.scene import note_dark
-from realitygap.cli.studies import carry_out, carry_out_shard, interrupted_config, show_study
+from realitygap.cli.studies import (
+    carry_out,
+    interrupted_config,
+    run_shard,
+    show_shard_runs,
+    show_study,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -74,8 +80,6 @@ def evolve(
     Example:
         realitygap evolve light-seeking --noise double --runs 3 --set evolution.rows=10
     """
-    from realitygap.work.shard import read_mark
-
     folder = folder_of(task) if out is None else out
     folder = folder if shard is None else shard.folder(folder)
     begun = begun_config(folder, task, config, resume)
@@ -84,13 +88,11 @@ def evolve(
     if not resume:
         _notes(chosen, task, workers, shard)
     words = f"evolve {shlex.quote(task)}{option.unusual(engine)}"
-    if shard is not None or read_mark(folder) is not None:
-        if watch:
-            raise click.BadParameter("a shard has no page: leave --watch out.", param_hint="'--watch'")
-        carry_out_shard(
-            folder, chosen, shard, words=words, workers=workers, engine=engine, resume=resume,
-            json_output=json_output,
-        )  # fmt: skip
+    share = run_shard(
+        folder, chosen, shard, words=words, workers=workers, engine=engine, resume=resume, watch=watch
+    )
+    if share is not None:
+        show_shard_runs(folder, share, json_output=json_output)
         return
     carried = carry_out(
         folder, chosen, words=words, workers=workers, engine=engine, resume=resume, watch=watch

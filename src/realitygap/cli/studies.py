@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     Then = Callable[[Study, ProgressLine], dict[str, Any]]
 
 __all__ = [
-    "carry_out", "carry_out_shard", "interrupted_config", "print_scores", "reported", "show_shard",
-    "show_study",
+    "carry_out", "interrupted_config", "print_scores", "reported", "run_shard", "show_shard",
+    "show_shard_runs", "show_study",
 ]  # fmt: skip
 
 SCORES = ("behaviour", "correspondence")
@@ -111,7 +111,7 @@ def reported(
     return Carried(folder, study, page, study_tables(study), more, progress.took())
 
 
-def carry_out_shard(
+def run_shard(
     folder: Path,
     config: StudyConfig,
     shard: Shard | None,
@@ -120,30 +120,41 @@ def carry_out_shard(
     workers: Workers,
     engine: str,
     resume: bool,
-    json_output: bool,
-) -> None:
-    """Run or continue a shard in its `folder`, and say how shards are put together.
+    watch: bool,
+) -> Study | None:
+    """Run or continue a shard in its `folder`; None of a folder that is to hold a whole study.
 
     Args:
-        folder: the shard's.
+        folder: the study's, or the shard's.
         config: of the whole study.
         shard: which; None continues the one that is there.
         words: how this command is called, up to its options.
         workers: processes; one a core if None.
         engine: what evolution's trials run on.
         resume: continue what is there.
-        json_output: print JSON.
+        watch: refused of a shard.
 
     Raises:
+        UsageError: a shard is to be watched.
         StoppedError: on Ctrl-C, saying how to go on.
     """
+    from realitygap.errors import UsageError
     from realitygap.study.runner import run_study
+    from realitygap.work.shard import read_mark
 
+    if shard is None and read_mark(folder) is None:
+        return None
+    if watch:
+        raise UsageError("watch: a shard has no page. Leave it out.")
     with resumable(folder, _again(words, folder)), ProgressLine() as progress:
-        study = run_study(
+        return run_study(
             folder, config, workers=workers, engine=engine, resume=resume, shard=shard,
             on_progress=progress.show,
         )  # fmt: skip
+
+
+def show_shard_runs(folder: Path, study: Study, *, json_output: bool) -> None:
+    """Print a shard's finished runs, and how all shards are put together."""
     done = [run for run in study.runs if run.finished]
     if not json_output:
         print_runs(done)
