@@ -25,7 +25,9 @@ FLAGS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
     "--disable-background-networking", "--disable-component-update", "--disable-extensions",
     "--disable-dev-shm-usage", "--hide-scrollbars", "--mute-audio", "--remote-debugging-pipe",
+    "--disable-features=IsolateSandboxedIframes",
 )  # fmt: skip
+"""The last one keeps frames in the page's process: else nobody hears what they complain of."""
 ONTO_3_AND_4 = """
 import os, sys
 os.dup2(int(sys.argv[1]), 3)

@@ -57,12 +57,16 @@ def test_a_kernel_shows_each_thing_once(executed):
     assert "data:image/svg+xml" in run[0]["data"]["text/html"]
     assert [out[0]["data"]["text/html"][:7] for out in (replay, shown)] == ["<iframe"] * 2
     assert "image/png" in figure[0]["data"] and "champion_fresh" in runs[0]["data"]["text/html"]
+    kinds = {kind for outs in executed for out in outs for kind in out.get("data", {})}
+    assert kinds == {"text/plain", "text/html", "image/png"}  # nothing that needs a widget's comm
     assert refused[-1]["ename"] == "StudyError" and "already holds a study" in refused[-1]["evalue"]
 
 
 def framed(shown, place: Path) -> Path:
-    """A page that holds what a notebook would."""
-    place.write_text(f"<!doctype html><meta charset=utf-8><title>cell</title>{shown._repr_html_()}", "utf-8")
+    """A page that holds what a notebook would, in a frame that may run scripts and no more, as Colab's."""
+    cell = html.escape(f"<!doctype html><meta charset=utf-8>{shown._repr_html_()}")
+    frame = f'<iframe sandbox="allow-scripts" style="width: 100%; height: 1200px" srcdoc="{cell}"></iframe>'
+    place.write_text(f"<!doctype html><meta charset=utf-8><title>cell</title>{frame}", "utf-8")
     return place
 
 
