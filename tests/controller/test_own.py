@@ -9,11 +9,10 @@ import pytest
 from click.testing import CliRunner
 
 from realitygap.cli import realitygap
-from realitygap.controller.handmade import braitenberg
+from realitygap.controller.handmade import braitenberg, load_network
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import NetworkController
 from realitygap.controller.own import named_controller, own_controller
-from realitygap.controller.written import load_network
 from realitygap.errors import GenotypeError, UsageError
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

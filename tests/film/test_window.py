@@ -12,8 +12,7 @@ from realitygap.film import finder as finders
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
 from realitygap.film.finder import REACH_CM, Finder
-from realitygap.film.masks import pattern_of, responses
-from realitygap.film.pattern import correlation, spots
+from realitygap.film.pattern import correlation, pattern_of, responses, spots
 from realitygap.film.window import lay_out, sightings
 from tests.film import slow_masks
 from tests.film.scene import Renderer, Scene

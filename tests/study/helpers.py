@@ -14,7 +14,7 @@ from realitygap.study.config import StudyConfig
 from realitygap.study.digest import seal
 from realitygap.study.load import load_study
 from realitygap.study.parts import Condition
-from realitygap.study.views import NAMES
+from realitygap.study.schema import NAMES
 
 CHILD = Path(__file__).with_name("child.py")
 TABLES = ("run", "evaluation", "checkpoint", "retest", "test")

@@ -9,7 +9,7 @@ import pytest
 
 from realitygap.errors import StudyError
 from realitygap.study.load import load_study
-from realitygap.study.views import NAMES
+from realitygap.study.schema import NAMES
 from tests.study.helpers import content, in_format_3
 
 

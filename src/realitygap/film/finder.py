@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from realitygap.errors import FilmError
 from realitygap.film.camera import OUTSIDE, CameraModel, turning_point
 from realitygap.film.disk import Disk
-from realitygap.film.masks import OUTER, Grey, Picture, pattern_of, responses
-from realitygap.film.pattern import correlation, spots
+from realitygap.film.pattern import OUTER, Grey, Picture, correlation, pattern_of, responses, spots
 from realitygap.film.window import Aim, Optics, lay_out, sightings
 from realitygap.values import Pose
 

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.film.masks import Grey
+from realitygap.film.pattern import Grey
 
 if TYPE_CHECKING:
     from realitygap.film.camera import CameraModel

@@ -10,7 +10,7 @@ from realitygap.errors import FilmError
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk, load_disk
 from realitygap.film.finder import Finder, first_look
-from realitygap.film.masks import Grey
+from realitygap.film.pattern import Grey
 from realitygap.film.tag import BELIEVED, Tag, TagFinder, seen_in
 
 __all__ = ["Marker", "finder_of", "load_marker", "without_camera"]

@@ -19,7 +19,7 @@ from realitygap.errors import FilmError
 from realitygap.film.camera import CameraModel
 from realitygap.film.finder import REACH_CM, Look, Sighting
 from realitygap.film.likeness import cells_seen, fitted, likeliest
-from realitygap.film.masks import Grey
+from realitygap.film.pattern import Grey
 from realitygap.text import refuse_unknown
 from realitygap.values import Pose
 

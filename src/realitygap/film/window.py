@@ -1,6 +1,6 @@
 """The window that the tracker looks at closely, compiled: where it lies, and the masks' tops.
 
-The filters between these steps are OpenCV's (film/masks.py).
+The filters between these steps are OpenCV's (film/pattern.py).
 """
 
 from __future__ import annotations

@@ -21,8 +21,7 @@ from realitygap.controller.network import NetworkController
 from realitygap.controller.operators import Variation
 from realitygap.errors import StudyError
 from realitygap.evolution.algorithm import Genes, State
-from realitygap.evolution.checkpoint import MAGIC
-from realitygap.evolution.population import Population
+from realitygap.evolution.population import MAGIC, Population
 from realitygap.kernels.params import Networks
 from realitygap.lazy import above
 from realitygap.study.folder import agree, read_materials, read_profile

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from realitygap.errors import StudyError
 from realitygap.study.digest import verify
-from realitygap.study.schema import BLOCKS, SEALED, check_format, told
-from realitygap.study.views import NAMES, views
+from realitygap.study.schema import BLOCKS, NAMES, SEALED, check_format, told, views
 
 __all__ = ["DATABASE", "Reader", "Table"]
 

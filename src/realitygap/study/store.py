@@ -22,8 +22,7 @@ from realitygap.study.jobs import Kept
 from realitygap.study.materials import Materials
 from realitygap.study.plan import plans
 from realitygap.study.run import Records, Results
-from realitygap.study.schema import BLOCKS, SEALED, check_format, schema, told
-from realitygap.study.views import views
+from realitygap.study.schema import BLOCKS, SEALED, check_format, schema, told, views
 from realitygap.values import Closing
 
 __all__ = ["Store", "create"]
