@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.channel_fit import MEASURED, ChannelFit, doubts
 from realitygap.calibration.checks import refuse_nonsense
+from realitygap.calibration.descent import PLAIN
 from realitygap.calibration.forms import Tick, fit_forms, mend_dead, mended, with_columns
 from realitygap.calibration.infrared import INFRARED_FORMS, infrared_problems, with_infrared
 from realitygap.calibration.light import LIGHT_FORMS, as_bright_as_the_paper, with_light
 from realitygap.calibration.light_forms import AMBIENT_COUNTS, light_problems
 from realitygap.calibration.light_measured import LightCurves
-from realitygap.calibration.measured import PLAIN, fit_measured
+from realitygap.calibration.measured import fit_measured
 from realitygap.calibration.misfit import contradiction, measure_noise, misfits, misplaced, pooled_noise
 from realitygap.calibration.noise import noise_tables
 from realitygap.calibration.recordings.recording import SensorRecording

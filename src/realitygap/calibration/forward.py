@@ -7,7 +7,7 @@ distance and bearing; a recording in an arena keeps its poses. The kernels do th
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 
@@ -96,14 +96,21 @@ def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0, away_cm: fl
     return np.where(out < profile.infrared.dead, 0.0, out)[scene.row]
 
 
-def received(profile: Profile, scene: Scene, turn_deg: float = 0.0, away_cm: float = 0.0) -> Array:
-    """What reaches measured proximity sensors [m, P] at a scene's places, before their curves."""
+def received(robot: Robot, rigs: Sequence[tuple[Scene, float, float]]) -> Array:
+    """What reaches measured proximity sensors [m, P] before their curves, at several scenes' places.
+
+    Args:
+        robot: as the kernels know it.
+        rigs: each scene, how far its rig stood turned (degrees), and how far off (cm).
+    """
     from realitygap.kernels.sweep import sweep_received
 
-    robot = _robot(profile)
-    out = np.zeros((len(scene.poses), len(profile.infrared.sensors)))
-    sweep_received(robot, scene.arena, scene.turned(turn_deg, away_cm), _work(robot), out)
-    return out
+    work, parts = _work(robot), []
+    for scene, turn_deg, away_cm in rigs:
+        out = np.zeros((len(scene.poses), len(robot.proximity_place)))
+        sweep_received(robot, scene.arena, scene.turned(turn_deg, away_cm), work, out)
+        parts.append(out)
+    return np.concatenate(parts)
 
 
 def illumination(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Array:

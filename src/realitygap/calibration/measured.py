@@ -14,23 +14,14 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.constants import SIGMAS, Constant, moved
 from realitygap.calibration.curves import STEPS, Curves, Seen, smoothness
-from realitygap.calibration.forms import (
-    FINE_DEG,
-    Tick,
-    free_directions,
-    free_reflectances,
-    free_turns,
-    scan,
-    with_columns,
-)
-from realitygap.calibration.optics import SHARES, Optics, about_rig, shift_of
+from realitygap.calibration.descent import ENDS_CM, PLAIN, Descent
+from realitygap.calibration.forms import Tick, with_columns
+from realitygap.calibration.optics import SHARES, Optics
 from realitygap.calibration.rows import Rows, dead_zone, means, repeated_noise, saturation
-from realitygap.calibration.search import search
-from realitygap.calibration.solve import Fit, Free, Values, solve
-from realitygap.calibration.solve import Measured as Readings
+from realitygap.calibration.solve import Fit, Values
 from realitygap.world.profile import Profile
 
-__all__ = ["PLAIN", "Measured", "fit_measured"]
+__all__ = ["Measured", "fit_measured"]
 
 Array = NDArray[np.float64]
 Use = NDArray[np.bool_]
@@ -44,9 +35,10 @@ they see of a flat surface before it, as in simulators that subtract."""
 TWO_BEAMS_DEG = (10.0, 15.0, 22.0)
 LOBES = (ONE_BEAM, *({**TWO_BEAMS, "aperture_deg": wide} for wide in TWO_BEAMS_DEG))
 WIDTHS_CM = (0.5, 3.0, 9.0)
-PROMISING = 2
-PLAIN = 1.02
-"""Another start than the first has to be so much better: where readings do not tell, there is one beam."""
+PROMISING, HEARD, GIVEN_UP = 2, 3, 2.0
+"""So many starts of each kind of lobe are followed. Where places are held out, of so many only is it asked
+where rays end, and what leaves so many times as much over as the best is given up: each time that was looked
+at, one of the first two of a kind by their directions alone came out best, and none from so far behind."""
 COARSE = {0.05: 10.0, 0.03: 4.0, 0.02: 2.0, 0.01: 1.0, 0.003: 0.4}
 """Shares of the full scale that readings are first taken to be good to: far from the truth details mislead.
 And how far a sensor's direction is looked for then, degrees."""
@@ -56,24 +48,18 @@ DRAWS, DRAWS_HELD_OUT = 600, 300
 the careful side."""
 FINEST = 0.004
 """Share of the full scale that no model is expected to be better than."""
-ENDS_CM = tuple(np.geomspace(5.0, 40.0, 18))
-"""Where rays may end; then nearer and nearer about the best, by these shares of it."""
-NEARER, LIKE = (0.08, 0.015, 0.002), 1.0 + 1e-6
-AT_END = 0.015
-"""By this share of their range rays are doubtful: readings that hang on it are left out of a descent."""
 POINTS = (STEPS // 4, STEPS // 2, 3 * STEPS // 4)
 """Of a curve: those whose intervals are told."""
-SHIFT_CM = 0.2
-"""How far off a straight series may have been set down: its distances all are by as much."""
 
 
 class Measured:
-    """The form "measured" of the proximity sensors, fitted to rows in so many draws."""
+    """The form "measured" of the proximity sensors, fitted to rows; `judging`: only to read what others are
+    held out, by a shorter search."""
 
-    def __init__(self, rows: Rows, base: Profile, noise: float, *, draws: int = DRAWS) -> None:
-        self._rows, self._noise, self._draws = rows, noise, draws
-        self._straight = all(r.from_sensor is not None for r in rows.recordings)
-        law = base.infrared
+    def __init__(self, rows: Rows, base: Profile, noise: float, *, judging: bool = False) -> None:
+        self._rows, self._noise, self._judging = rows, noise, judging
+        draws, law = DRAWS_HELD_OUT if judging else DRAWS, base.infrared
+        self._step = Descent(rows, law.sensors, noise, draws=draws)
         flat = tuple(np.linspace(0.0, law.top, 2))
         sensors = tuple(replace(s, a=1.0, b=0.0, curve=flat, noise=()) for s in law.sensors)
         law = replace(
@@ -92,8 +78,8 @@ class Measured:
     def fit(self) -> tuple[Profile, Fit]:
         """The profile and its constants, from the start that promises most."""
         places, values = self._promising()
-        fit = self._solved(places, values, places.seen.use, self._noise, intervals=True)
-        values, use = self._mended(places, values, fit.values, places.seen.use), self._rows.use
+        fit = self._step.solved(places, values, self._noise, intervals=True)
+        values, use = self._step.mended(places, values, fit.values), self._rows.use
         constants = [moved(c, values) for c in fit.constants]
         fit = replace(fit, values=values, constants=(*constants, *self._points(values, use)))
         return self.profile(values, use), replace(fit, model=self.optics.shown(values, use))
@@ -128,69 +114,44 @@ class Measured:
         folds, seen = self._rows.folds()[self._first_of], replace(optics.seen, noise=self._noise)
         seen = smoothness(seen, optics.share(optics.profile(values), values), folds)
         optics = replace(optics, seen=seen)
-        return optics, self._searched(optics, values, seen.use)
+        return optics, self._step.searched(optics, values)
 
     def _begun(self) -> list[Begun]:
         """Nearly there: of all starts the most promising are followed a stage, and then the best with one
         beam and with two."""
-        use = self._first.seen.use
         begun: list[Begun] = []
-        lobes = LOBES[: 1 if self._straight else None]
-        for lobe, width, matt in product(lobes, WIDTHS_CM, (1.0,) if self._straight else (1.0, 0.0)):
+        straight = self._step.straight
+        lobes = LOBES[: 1 if straight else None]
+        for lobe, width, matt in product(lobes, WIDTHS_CM, (1.0,) if straight else (1.0, 0.0)):
             values = self._start(lobe, width)
             law = replace(self._first.base.infrared, matt=matt)
             optics = replace(self._first, base=replace(self._first.base, infrared=law), lobe=tuple(lobe))
             optics = optics.centred(values)
-            values = self._turned(optics, values, use, FIRST * self._rows.top, COARSE[FIRST])
-            values = self._ended(optics, values, use, ENDS_CM)
+            values = self._step.turned(optics, values, FIRST * self._rows.top, COARSE[FIRST])
             begun.append(self._start_at(len(begun), optics, values))
+        heard = self._followed(begun, HEARD) if self._judging else begun
+        begun = [self._start_at(k, optics, self._step.ended(optics, v, ENDS_CM)) for _, k, optics, v in heard]
         many = PROMISING
         for share, reach in COARSE.items():
             staged = []
-            for _, number, optics, values in _best_of_each(begun, many):
-                nearer = self._stage(optics, values, share * self._rows.top, reach)
+            for _, number, optics, values in self._followed(begun, many):
+                nearer = self._step.stage(optics, values, share * self._rows.top, reach)
                 staged.append(self._start_at(number, *nearer))
             begun, many = staged, 1
-        return _best_of_each(begun, many)
+        return self._followed(begun, many)
+
+    def _followed(self, begun: Sequence[Begun], many: int) -> list[Begun]:
+        """The best starts with one beam and with two, so `many` of each, the best of all first."""
+        ranked = sorted(begun, key=itemgetter(0, 1))
+        kinds = [[one for one in ranked if one[2].lobe == tuple(lobe)] for lobe in (ONE_BEAM, LOBES[-1])]
+        most = GIVEN_UP * ranked[0][0] if self._judging else np.inf
+        best = (one for kind in kinds for one in kind[:many] if one[0] <= most)
+        return sorted(best, key=itemgetter(0, 1))
 
     def _start_at(self, number: int, optics: Optics, values: dict[str, Array]) -> Begun:
         """A start that got there."""
         plain = 1.0 if optics.lobe == tuple(ONE_BEAM) else PLAIN
-        return self._left(optics, values, optics.seen.use) * plain, number, optics, values
-
-    def _stage(
-        self, optics: Optics, values: Values, noise: float, reach: float
-    ) -> tuple[Optics, dict[str, Array]]:
-        """Directions, then where rays end, then all else: nearer, as if readings were good to `noise`."""
-        use = optics.seen.use
-        values = self._turned(optics, values, use, noise, reach)
-        optics = optics.centred(values)
-        values = self._ended(optics, values, use, ENDS_CM)
-        return optics, self._solved(optics, values, use, noise, intervals=False).values
-
-    def _searched(self, optics: Optics, values: Values, use: Use) -> dict[str, Array]:
-        """Better values: at random, where readings jump (a ray that just meets a thing, or just not), and by
-        least squares where they do not."""
-        if not self._straight:
-            end = Free(key="range_cm", start=values["range_cm"], low=1.0, high=100.0, jump=0.1)
-            frees = [*self._frees(optics.lobe), *([end] if values["range_cm"] > 0 else [])]
-            seen = self._seen(optics, use, self._noise)
-            begin = about_rig(values, 1.0)
-            found = search(
-                frees, lambda v: optics.readings(about_rig(v, -1.0), use), seen, begin, draws=self._draws
-            )
-            values = about_rig(found, -1.0)
-            for reach in FINE_DEG:
-                values = self._turned(optics, values, use, self._noise, reach)
-        solved = self._solved(optics, values, use, self._noise, intervals=False).values
-        return self._mended(optics, values, solved, use)
-
-    def _mended(self, optics: Optics, values: Values, solved: Values, use: Use) -> dict[str, Array]:
-        """The values that least squares led to, with rays that end where they should; or those before."""
-        found = self._turned(optics, solved, use, self._noise, FINE_DEG[-1])
-        tried: tuple[Values, ...] = (values, self._ended(optics, found, use))
-        best = min(tried, key=lambda v: self._left(optics, v, use))
-        return dict(best)
+        return self._step.left(optics, values) * plain, number, optics, values
 
     def _at_places(self, use: Use) -> Use:
         """[m, S] the places of which any reading is in `use` [n, S]."""
@@ -205,101 +166,21 @@ class Measured:
         return replace(made, infrared=replace(law, sensors=sensors))
 
     def _start(self, lobe: dict[str, float], width: float) -> dict[str, Array]:
-        start = {free.key: free.start for free in self._frees(())}
+        start = {free.key: free.start for free in self._step.frees(())}
         start["direction_deg"] = np.array([s.direction_deg for s in self._first.base.infrared.sensors])
         none = dict.fromkeys((*SHARES, "range_cm"), 0.0)
         return start | {key: np.array([value]) for key, value in (none | lobe | {"width_cm": width}).items()}
-
-    def _turned(
-        self, optics: Optics, values: Values, use: Use, noise: float, reach: float
-    ) -> dict[str, Array]:
-        """The values with each sensor looking where that leaves least over."""
-        if self._straight:
-            return dict(values)
-        seen = self._seen(optics, use, noise)
-        return scan(lambda tried: optics.readings(tried, use), values, seen, reach)
-
-    def _ended(
-        self, optics: Optics, values: Values, use: Use, ends: Sequence[float] = ()
-    ) -> dict[str, Array]:
-        """The values with rays that end where that leaves least over: nowhere, unless it is much better."""
-        if self._straight:  # a dead zone says as much
-            return dict(values)
-
-        def left(end: float) -> float:
-            return self._left(optics, {**values, "range_cm": np.array([end])}, use)
-
-        best = min([float(values["range_cm"][0]), *ends], key=left)
-        for near in NEARER if best else ():
-            tried = best * (1.0 + near * np.linspace(-1.0, 1.0, 11))
-            found = np.array([left(end) for end in tried])
-            best = float(tried[found <= found.min() * LIKE].mean())  # amid those between two readings
-        return {**values, "range_cm": np.array([best if left(best) * PLAIN < left(0.0) else 0.0])}
-
-    def _frees(self, lobe: Sequence[str]) -> list[Free]:
-        one, scenes, recordings = np.ones(1), self._rows.scenes, self._rows.recordings
-        lowest = -4.0 if "share_1" in lobe else 0.0
-        shares = [
-            Free(key=key, start=0.2 * one, low=lowest, high=4.0, prior=1.0, step=5e-3, jump=0.02)
-            for key in lobe if key in SHARES
-        ]  # fmt: skip
-        size = [
-            Free(key="offset_cm", start=0.3 * one, low=-1.0, high=6.0, prior=2.0, step=5e-3, jump=0.1),
-            Free(key="width_cm", start=3.0 * one, low=0.0, high=20.0, prior=10.0, step=1e-2, jump=0.1),
-        ]
-        if self._straight:
-            shifts = [Free(key=shift_of(name), start=0 * one, low=-1.0, high=1.0, prior=SHIFT_CM, step=1e-3)
-                      for name, _ in scenes]  # fmt: skip
-            return [*size, *shifts]
-        return [
-            free_directions(self._first.base.infrared.sensors, tie=None, jump=0.5),
-            *size,
-            Free(key="aperture_deg", start=45.0 * one, low=5.0, high=85.0, prior=30.0, step=0.1, jump=0.5),
-            *shares,
-            *free_reflectances(scenes),
-            *free_turns([name for (name, _), r in zip(scenes, recordings, strict=True) if r.pose is None]),
-        ]
-
-    def _left(self, optics: Optics, values: Values, use: Use) -> float:
-        return float(np.abs((optics.readings(values, use) - optics.seen.counts)[use]).mean())
-
-    def _solved(self, optics: Optics, start: Values, use: Use, noise: float, *, intervals: bool) -> Fit:
-        measured = self._seen(optics, use & ~self._at_end(optics, start, use, noise), noise)
-        fit = solve(
-            self._frees(optics.lobe), lambda values: optics.readings({**start, **values}, use), measured,
-            start=start, intervals=intervals,
-        )  # fmt: skip
-        return replace(fit, values={**start, **fit.values})
-
-    def _seen(self, optics: Optics, use: Use, noise: float) -> Readings:
-        blocks = self._rows.block[self._first_of]
-        return Readings(counts=optics.seen.counts, noise=noise, use=use, clusters=blocks)
-
-    def _at_end(self, optics: Optics, values: Values, use: Use, noise: float) -> Use:
-        """[n, S] the readings in which a ray comes to its end or not by a hair."""
-        end = values["range_cm"]
-        near, far = (
-            optics.readings({**values, "range_cm": end * share}, use) for share in (1 - AT_END, 1 + AT_END)
-        )
-        return np.asarray(np.abs(near - far) > noise)
-
-
-def _best_of_each(begun: Sequence[Begun], many: int) -> list[Begun]:
-    """The best starts with one beam and with two, so `many` of each, the best of all first."""
-    ranked = sorted(begun, key=itemgetter(0, 1))
-    kinds = [[one for one in ranked if one[2].lobe == tuple(lobe)] for lobe in (ONE_BEAM, LOBES[-1])]
-    return sorted((one for kind in kinds for one in kind[:many]), key=itemgetter(0, 1))
 
 
 def fit_measured(rows: Rows, base: Profile, tick: Tick) -> tuple[Profile, Fit, Array]:
     """The profile, its constants, and what it reads [n, S] on places held out."""
 
-    def form(rows: Rows, draws: int) -> Measured:
-        return Measured(rows, base, max(repeated_noise(rows), FINEST * rows.top), draws=draws)
+    def form(rows: Rows, *, judging: bool) -> Measured:
+        return Measured(rows, base, max(repeated_noise(rows), FINEST * rows.top), judging=judging)
 
     tick()
-    profile, fit = form(rows, DRAWS).fit()
+    profile, fit = form(rows, judging=False).fit()
     held_out = fit.model.copy()
     for out in rows.held_out(tick):
-        held_out[out] = form(rows.without(out), DRAWS_HELD_OUT).read()[out]
+        held_out[out] = form(rows.without(out), judging=True).read()[out]
     return profile, fit, held_out

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from realitygap.calibration.curves import Curves, Seen, on_curves
 from realitygap.calibration.forms import columns_of, with_columns
 from realitygap.calibration.forward import Scene, received
 from realitygap.calibration.solve import Values
+from realitygap.kernels.params import Robot
 from realitygap.world.profile import Profile
 
 __all__ = ["SHARES", "Optics", "about_rig", "shift_of"]
@@ -33,6 +35,10 @@ class Optics:
     place: NDArray[np.int64]
     lobe: tuple[str, ...] = ()
 
+    @cached_property
+    def _robot(self) -> Robot:
+        return self.base.to_kernel()
+
     def profile(self, values: Values) -> Profile:
         """The base with the optics in place, and curves that only hold their places."""
         law = self.base.infrared
@@ -49,12 +55,12 @@ class Optics:
 
     def share(self, profile: Profile, values: Values) -> Array:
         """[n, S] how far up its curve each reading lies."""
-        rigs = [(scene.tried(values), (name, shift_of(name))) for name, scene in self.scenes]
-        parts = [
-            received(profile, scene, *(float(values[key][0]) if key in values else 0.0 for key in rig))
-            for scene, rig in rigs
-        ]
-        root = np.sqrt(np.maximum(np.concatenate(parts), 0.0))
+        robot = self._robot._replace(**profile.infrared.to_kernel())
+        rigs = []
+        for name, scene in self.scenes:
+            turn, away = (float(values[k][0]) if k in values else 0.0 for k in (name, shift_of(name)))
+            rigs.append((scene.tried(values), turn, away))
+        root = np.sqrt(np.maximum(received(robot, rigs), 0.0))
         return np.asarray(root / (root + 1.0 / profile.infrared.curve_cm))[self.place]
 
     def curves(self, values: Values, use: Use) -> tuple[Array, Array]:

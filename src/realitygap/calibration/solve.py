@@ -147,6 +147,7 @@ class _Packed:
         self.counts, self.noise, self.use = measured.counts, measured.noise, measured.use
         self.ends = np.cumsum([len(f.start) for f in frees])
         self._last: tuple[Array, Array] | None = None
+        self._slopes: tuple[Array, Array] | None = None
 
     def pack(self, values: Values) -> Array:
         return np.concatenate([np.broadcast_to(values[f.key], f.start.shape) for f in self.frees]).astype(
@@ -186,7 +187,12 @@ class _Packed:
         return out
 
     def _columns(self, theta: Array) -> Array:
-        """[n, S, constants] derivatives of the readings over the noise."""
+        """[n, S, constants] derivatives of the readings over the noise; the last ones are kept."""
+        if self._slopes is None or not np.array_equal(self._slopes[0], theta):
+            self._slopes = theta.copy(), self._differences(theta)
+        return self._slopes[1]
+
+    def _differences(self, theta: Array) -> Array:
         base, (_, high) = self.readings(theta), self.bounds()
         out = np.zeros((*base.shape, len(theta)))
         first = 0

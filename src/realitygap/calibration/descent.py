@@ -1,0 +1,143 @@
+"""How optics as measured get nearer to what was read: by scans and draws where readings jump (a ray that just
+meets a thing, or just not), and by least squares where they do not."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.calibration.forms import FINE_DEG, free_directions, free_reflectances, free_turns, scan
+from realitygap.calibration.optics import SHARES, Optics, about_rig, shift_of
+from realitygap.calibration.rows import Rows
+from realitygap.calibration.search import search
+from realitygap.calibration.solve import Fit, Free, Measured, Values, solve
+from realitygap.world.sensors import ProximitySensor
+
+__all__ = ["ENDS_CM", "PLAIN", "Descent"]
+
+Array = NDArray[np.float64]
+
+PLAIN = 1.02
+"""What is less plain has to be so much better: where readings do not tell, one beam without an end."""
+ENDS_CM = tuple(np.geomspace(5.0, 40.0, 18))
+"""Where rays may end; then nearer and nearer about the best, by these shares of it."""
+NEARER, LIKE = (0.08, 0.015, 0.002), 1.0 + 1e-6
+AT_END = 0.015
+"""By this share of their range rays are doubtful: readings that hang on it are left out of a descent."""
+SHIFT_CM = 0.2
+"""How far off a straight series may have been set down: its distances all are by as much."""
+
+
+class Descent:
+    """Steps from values to better ones, at the places of `rows`, whose noise is in counts.
+
+    `sensors` are the base's; `straight`: all recordings are series of one sensor before a wall.
+    """
+
+    def __init__(self, rows: Rows, sensors: Sequence[ProximitySensor], noise: float, *, draws: int) -> None:
+        self._rows, self._sensors, self._noise, self._draws = rows, sensors, noise, draws
+        self._blocks = rows.block[np.unique(rows.place, return_index=True)[1]]
+        self.straight = all(r.from_sensor is not None for r in rows.recordings)
+
+    def frees(self, lobe: Sequence[str]) -> list[Free]:
+        """The constants that are free with this lobe."""
+        one, scenes, recordings = np.ones(1), self._rows.scenes, self._rows.recordings
+        lowest = -4.0 if "share_1" in lobe else 0.0
+        shares = [
+            Free(key=key, start=0.2 * one, low=lowest, high=4.0, prior=1.0, step=5e-3, jump=0.02)
+            for key in lobe if key in SHARES
+        ]  # fmt: skip
+        size = [
+            Free(key="offset_cm", start=0.3 * one, low=-1.0, high=6.0, prior=2.0, step=5e-3, jump=0.1),
+            Free(key="width_cm", start=3.0 * one, low=0.0, high=20.0, prior=10.0, step=1e-2, jump=0.1),
+        ]
+        if self.straight:
+            shifts = [Free(key=shift_of(name), start=0 * one, low=-1.0, high=1.0, prior=SHIFT_CM, step=1e-3)
+                      for name, _ in scenes]  # fmt: skip
+            return [*size, *shifts]
+        return [
+            free_directions(self._sensors, tie=None, jump=0.5),
+            *size,
+            Free(key="aperture_deg", start=45.0 * one, low=5.0, high=85.0, prior=30.0, step=0.1, jump=0.5),
+            *shares,
+            *free_reflectances(scenes),
+            *free_turns([name for (name, _), r in zip(scenes, recordings, strict=True) if r.pose is None]),
+        ]
+
+    def left(self, optics: Optics, values: Values) -> float:
+        """What the values leave over: mean of the places' misfits, counts."""
+        seen = optics.seen
+        return float(np.abs((optics.readings(values, seen.use) - seen.counts)[seen.use]).mean())
+
+    def stage(
+        self, optics: Optics, values: Values, noise: float, reach: float
+    ) -> tuple[Optics, dict[str, Array]]:
+        """Directions, then where rays end, then all else: nearer, as if readings were good to `noise`."""
+        values = self.turned(optics, values, noise, reach)
+        optics = optics.centred(values)
+        values = self.ended(optics, values, ENDS_CM)
+        return optics, self.solved(optics, values, noise).values
+
+    def searched(self, optics: Optics, values: Values) -> dict[str, Array]:
+        """Better values: at random first, and then by least squares."""
+        if not self.straight:
+            use = optics.seen.use
+            end = Free(key="range_cm", start=values["range_cm"], low=1.0, high=100.0, jump=0.1)
+            frees = [*self.frees(optics.lobe), *([end] if values["range_cm"] > 0 else [])]
+            found = search(
+                frees, lambda v: optics.readings(about_rig(v, -1.0), use), self._seen(optics, self._noise),
+                about_rig(values, 1.0), draws=self._draws,
+            )  # fmt: skip
+            values = about_rig(found, -1.0)
+            for reach in FINE_DEG:
+                values = self.turned(optics, values, self._noise, reach)
+        return self.mended(optics, values, self.solved(optics, values, self._noise).values)
+
+    def mended(self, optics: Optics, values: Values, solved: Values) -> dict[str, Array]:
+        """The values that least squares led to, with rays that end where they should; or those before."""
+        found = self.turned(optics, solved, self._noise, FINE_DEG[-1])
+        tried: tuple[Values, ...] = (values, self.ended(optics, found))
+        best = min(tried, key=lambda v: self.left(optics, v))
+        return dict(best)
+
+    def turned(self, optics: Optics, values: Values, noise: float, reach: float) -> dict[str, Array]:
+        """The values with each sensor looking where that leaves least over."""
+        if self.straight:
+            return dict(values)
+        use = optics.seen.use
+        return scan(lambda tried: optics.readings(tried, use), values, self._seen(optics, noise), reach)
+
+    def ended(self, optics: Optics, values: Values, ends: Sequence[float] = ()) -> dict[str, Array]:
+        """The values with rays that end where that leaves least over: nowhere, unless it is much better."""
+        if self.straight:  # a dead zone says as much
+            return dict(values)
+
+        def left(end: float) -> float:
+            return self.left(optics, {**values, "range_cm": np.array([end])})
+
+        best = min([float(values["range_cm"][0]), *ends], key=left)
+        for near in NEARER if best else ():
+            tried = best * (1.0 + near * np.linspace(-1.0, 1.0, 11))
+            found = np.array([left(end) for end in tried])
+            best = float(tried[found <= found.min() * LIKE].mean())  # amid those between two readings
+        return {**values, "range_cm": np.array([best if left(best) * PLAIN < left(0.0) else 0.0])}
+
+    def solved(self, optics: Optics, start: Values, noise: float, *, intervals: bool = False) -> Fit:
+        """Least squares over all that is free, without the readings that hang on a ray's end by a hair."""
+        use, seen = optics.seen.use, self._seen(optics, noise)
+        if start["range_cm"] > 0:
+            near, far = (
+                optics.readings({**start, "range_cm": start["range_cm"] * share}, use)
+                for share in (1 - AT_END, 1 + AT_END)
+            )
+            seen = replace(seen, use=use & ~(np.abs(near - far) > noise))
+        fit = solve(
+            self.frees(optics.lobe), lambda values: optics.readings({**start, **values}, use), seen,
+            start=start, intervals=intervals,
+        )  # fmt: skip
+        return replace(fit, values={**start, **fit.values})
+
+    def _seen(self, optics: Optics, noise: float) -> Measured:
+        seen = optics.seen
+        return Measured(counts=seen.counts, noise=noise, use=seen.use, clusters=self._blocks)
