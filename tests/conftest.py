@@ -1,5 +1,6 @@
 """What tests of several rooms need."""
 
+import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,6 +10,9 @@ from hypothesis import settings
 
 from tests.browser import NAMES, Browser, find_browser
 
+# Before NumPy is imported: on small matrices its threads only wait for each other, at twice the cost.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a shell's background: Ctrl-C is tried here
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -16,6 +20,22 @@ pytest.register_assert_rewrite("realitygap.testing")
 
 settings.register_profile("patient", deadline=None)  # a loaded machine is slow, and no test fails on that
 settings.load_profile("patient")
+
+LONGEST = (
+    "kernels/test_same_bits", "calibration/test_measured", "test_site",
+    "test_examples", "transfer/test_transfer", "tasks/test_entries",
+    "report/test_situated", "study/test_killed", "calibration/test_fits",
+    "film/test_tracker", "correspondence/test_score", "transfer/test_transfer_live",
+    "work/test_dask", "problem/test_problem", "report/test_notebook",
+    "simulation/test_cuda", "cli/test_shards",
+)  # fmt: skip
+"""Files of ten seconds and more; the first compiles what others load."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What takes longest begins first: so that at the end no core waits for the other."""
+    places = {f"tests/{name}.py": place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: places.get(item.nodeid.partition("::")[0], len(places)))
 
 
 @pytest.fixture(scope="session", autouse=True)
