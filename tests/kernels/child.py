@@ -1,10 +1,17 @@
-"""Run as a program: prints the hashes of a few short trials, for comparison between processes."""
+"""Run as a program: prints the hashes of a few short trials, for comparison between processes.
+
+With a folder alone: compiles into it, and keeps the code for the tests that follow, too.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import os
+import shutil
+import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -12,10 +19,31 @@ from realitygap.controller.handmade import braitenberg
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import decode
 from realitygap.controller.operators import Variation
+from realitygap.kernels.jit import SHELF
 from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.world.profile import load_profile
+
+PROJECT = Path(__file__).parents[2]
+
+
+def in_a_child(seconds: float, count: int, part: str, **environment: str) -> list[str]:
+    """The fingerprints as another process prints them."""
+    words = [sys.executable, "-m", "tests.kernels.child", str(seconds), str(count), part]
+    done = subprocess.run(
+        words, cwd=PROJECT, env={**os.environ, **environment}, capture_output=True, text=True, timeout=3000
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split("\n")[:-1]
+
+
+def compiled_into(folder: Path) -> list[str]:
+    """The fingerprints of code that is compiled into a folder; as they were, where that was done before."""
+    kept = folder / "fingerprints"
+    if not kept.exists():
+        kept.write_text("\n".join(in_a_child(5.0, 20, "scores", NUMBA_CACHE_DIR=str(folder))))
+    return kept.read_text().split("\n")
 
 
 def fingerprints(seconds: float, count: int, *, whole: bool = True) -> list[str]:
@@ -41,4 +69,10 @@ def fingerprints(seconds: float, count: int, *, whole: bool = True) -> list[str]
 
 
 if __name__ == "__main__":
-    print("\n".join(fingerprints(float(sys.argv[1]), int(sys.argv[2]), whole=sys.argv[3] == "whole")))
+    if len(sys.argv) == 2:
+        compiled_into(Path(sys.argv[1]))
+        for path in Path(sys.argv[1]).rglob("*.code"):
+            if SHELF.folder is not None:
+                shutil.copy(path, SHELF.folder)
+    else:
+        print("\n".join(fingerprints(float(sys.argv[1]), int(sys.argv[2]), whole=sys.argv[3] == "whole")))
