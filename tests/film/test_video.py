@@ -1,5 +1,7 @@
 """Films in and out."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -35,6 +37,21 @@ def test_film_comes_back(tmp_path):
     light = np.array([mean for _, mean, _ in frames])
     assert np.allclose(np.diff(light), light[-1] / 29 - light[0] / 29, atol=1.0)
     assert {shape for *_, shape in frames} == {(48, 64, 3)}
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="a process cannot be kept to one core here")
+def test_a_film_is_the_same_on_any_number_of_cores(tmp_path):
+    """With one core to run on, the file has the bytes that it has with all."""
+    cores, draw = os.sched_getaffinity(0), np.random.default_rng(0)
+    pictures = draw.normal(120, 20, (12, 240, 320)).clip(0, 255).astype(np.uint8)
+    made = []
+    try:
+        for few in (cores, {min(cores)}):
+            os.sched_setaffinity(0, few)
+            made.append(write(tmp_path / f"{len(made)}.mp4", pictures).read_bytes())
+    finally:
+        os.sched_setaffinity(0, cores)
+    assert made[0] == made[1]
 
 
 def test_colours_and_odd_sizes(tmp_path):

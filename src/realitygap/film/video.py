@@ -33,6 +33,8 @@ _BROKEN_IN_A_ROW = 50
 
 _TICK = Fraction(1, 90_000)
 """Unit of the times that pictures of an uneven film bear, s."""
+_THREADS = 2
+"""x264's pictures hang on their number: left to itself it takes as many as the machine has cores."""
 
 
 @dataclass(frozen=True)
@@ -240,6 +242,7 @@ class FilmWriter:
             self._stream.codec_context.time_base = _TICK
         if codec == "libx264":
             self._stream.options = {"crf": f"{self._quality:g}", "preset": "veryfast"}
+            self._stream.codec_context.thread_count = _THREADS
 
 
 def _sound_or_hurt(sources: Iterator[Any]) -> Iterator[tuple[Any, bool]]:
