@@ -17,6 +17,7 @@ import pytest
 from click.testing import CliRunner
 
 import realitygap.transfer.run as study_transfer
+from realitygap import load_study, load_transfers, save_genotype
 from realitygap.cli import realitygap
 from realitygap.film.video import FilmWriter
 from realitygap.study.config import StudyConfig
@@ -46,6 +47,33 @@ def original(tmp_path_factory) -> Path:
 def study(original, tmp_path) -> Path:
     """The study's folder, of one's own."""
     return shutil.copytree(original, tmp_path / "study")
+
+
+def test_a_controller_of_ones_own_drives_in_an_individuals_place(study, json_of, refused, tmp_path):
+    """From the same starts, in a folder of its own; a champion's genotype in a file to the champion's bits.
+    What was driven by another text of the file is not gone on with."""
+    words = ("transfer", study, "--robot", "twin:1", "--no-watch", *SHORT)
+    run, own = load_study(study).run(1), tmp_path / "own.py"
+    save_genotype(tmp_path / "champion.txt", run.champion)
+    own.write_text("class Turn:\n    def decide(self, inputs):\n        return 5, -5\n")
+    evolved = json_of(*words, 1)["transfers"]
+    told = json_of(*words, 1, "--controller", tmp_path / "champion.txt")["transfers"]
+    for mine, theirs in zip(told, evolved, strict=True):
+        folder = study / "controllers" / "champion" / "transfer" / "twin-1"
+        assert Path(mine["folder"]).parents[1] == folder and mine["pose"] == theirs["pose"]
+        for name in ("simulated.csv", "situated.csv"):
+            assert Path(mine["folder"], name).read_bytes() == Path(theirs["folder"], name).read_bytes()
+    turned = json_of(*words, "--controller", f"{own}:Turn")["transfers"]
+    assert [(one["run"], one["individual"]) for one in turned] == [(1, "own-Turn"), (2, "own-Turn")]
+    assert len(load_transfers(study)) == 1 and turned[0]["fitness_situated"] < 0.5
+    own.write_text(own.read_text().replace("5, -5", "5, 5"))
+    assert "made with controller = 'own.py:Turn, sha256" in refused(*words, "--controller", f"{own}:Turn")
+    for more, said in (
+        (("--controller", f"{own}:Drive"), "expected 'Drive' in it. It has Turn"),
+        (("--controller", "braitenberg", "--individual", "fittest"), "individual: expected none beside"),
+        (("--controller", "braitenberg", "--shard", "1/2"), "shard: expected none beside"),
+    ):
+        assert said in refused(*words, *more)
 
 
 def test_two_units_as_json_and_as_text(study, json_of, call):

@@ -17,7 +17,7 @@ __all__ = ["drive"]
 
 @click.command()
 @click.argument("task")
-@option.controller
+@option.controller()
 @click.option(
     "--robot", type=RobotKind(), default="twin:1", metavar="R",
     help="One that places itself: twin:UNIT, stranger:UNIT, enki:khepera (epuck, thymio2), or FILE.py:CLASS.",

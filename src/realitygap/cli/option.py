@@ -42,13 +42,6 @@ base = click.option(
     metavar="P",
     help="Rough profile of a robot of your own, a TOML file with its radius, heights, top command and speed.",
 )
-controller = click.option(
-    "--controller",
-    required=True,
-    metavar="C",
-    help="A network's file (a genotype's text, or TOML), constant:L,R, braitenberg, or FILE.py:NAME: a "
-    "function decide(inputs) of yours that returns (left, right), or a class with one.",
-)
 disk = click.option("--disk", metavar="FILE", help="The disk's TOML file [default: the shipped disk].")
 marker = click.option(
     "--marker",
@@ -149,6 +142,13 @@ def out(default: str) -> Callable[[Decorated], Decorated]:
     """`--out DIR`, a study's folder."""
     kind = click.Path(path_type=Path)
     return click.option("--out", type=kind, default=Path(default), metavar="DIR", help="The study's folder.")
+
+
+def controller(required: bool = True) -> Callable[[Decorated], Decorated]:
+    """`--controller C`."""
+    says = "A network's file (a genotype's text, or TOML), constant:L,R, braitenberg, or FILE.py:NAME: a "
+    says += "function decide(inputs) of yours that returns (left, right), or a class with one."
+    return click.option("--controller", required=required, metavar="C", help=says)
 
 
 def pose(required: bool = True) -> Callable[[Decorated], Decorated]:

@@ -14,7 +14,7 @@ __all__ = ["simulate"]
 
 @click.command()
 @click.argument("task")
-@option.controller
+@option.controller()
 @option.pose()
 @option.profile()
 @option.arena

@@ -59,6 +59,7 @@ SIDES = (
     default="champion",
     help="champion (retested), or fittest (as in the paper).",
 )
+@option.controller(required=False)
 @click.option("--film/--no-film", default=False, help="Keep a film and track it.")
 @click.option(
     "--watch/--no-watch",
@@ -99,14 +100,21 @@ def transfer(
     trials are kept. The twin is pseudo-reality: a
     physics model behind the robot's own serial protocol.
 
+    With --controller a controller of your own drives in their place, at the task, the noise and the starts
+    of each RUN (omitted: one of each task and noise); its trials go to STUDY/controllers, for
+    `realitygap score`.
+
     \b
-    Examples: on two units of the twin, filmed; on a robot that you carry to its starts, under a camera
+    Examples: on two units of the twin, filmed; on a robot that you carry to its starts, under a camera; a
+    controller of your own
         realitygap transfer out/reproduce 9 24 --robot twin:1 --robot twin:2 --film
         realitygap transfer out/reproduce 9 --robot serial:/dev/ttyUSB0 --camera camera.json --eye 0
+        realitygap transfer out/reproduce 9 --robot twin:1 --controller my.py:decide --starts 8
     """
     from realitygap.study.load import load_study
     from realitygap.transfer.options import Transfer
-    from realitygap.transfer.run import Attendant, run_transfer, shard_folder
+    from realitygap.transfer.plan import FOLDER
+    from realitygap.transfer.run import Attendant, place_of, run_transfer, shard_folder
 
     ask_trust(study, trust)
     loaded = load_study(study)
@@ -121,7 +129,7 @@ def transfer(
                 loaded, options, workers=workers, attendant=attendant, shard=shard, on_progress=line.show
             )
     except (KeyboardInterrupt, StudyInterruptedError, click.Abort) as stop:
-        raise StoppedError(_stopped(stop, study)) from None
+        raise StoppedError(_stopped(stop, str(place_of(loaded.folder, options) / FOLDER))) from None
     if shard is not None:
         if not json_output:
             print_transfers(made)
@@ -193,10 +201,10 @@ def _answered(question: str) -> bool:
     return bool(said.strip().lower() == "w")
 
 
-def _stopped(stop: BaseException, study: str) -> str:
+def _stopped(stop: BaseException, kept: str) -> str:
     """What to say after Ctrl-C."""
     if isinstance(stop, RobotStoppedError):
         return str(stop)
     again = f"realitygap transfer {shlex.join(sys.argv[2:])}" if sys.argv[1:2] == ["transfer"] else ""
     cure = f"go on with `{again}`" if again else "the same command goes on"
-    return f"stopped; finished trials are kept in {study}/transfer; {cure}"
+    return f"stopped; finished trials are kept in {kept}; {cure}"

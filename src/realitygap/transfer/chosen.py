@@ -16,11 +16,18 @@ FINISH = "Finish the study (`realitygap … --resume`)."
 
 
 def chosen_runs(study: Study, options: Transfer) -> list[Run]:
-    """The named runs, all that are finished if none is named.
+    """The named runs, all that are finished if none is named; for a controller of one's own, which needs no
+    individual, one run of each task and noise.
 
     Raises:
         UsageError: no such run or individual, or one that there is not yet.
     """
+    if options.named is not None:
+        first = {
+            (run.task, run.noise): run
+            for run in [*map(study.run, reversed(options.runs))] or study.runs[::-1]
+        }
+        return list(first.values())[::-1]
     if options.individual not in WHO:
         raise UsageError(f"individual: expected {' or '.join(WHO)}, got {options.individual!r}.")
     if not options.runs:

@@ -29,7 +29,9 @@ PLAIN = ("run", "name", "task", "noise", "individual", "start", "seconds", "situ
 
 CURE = "Move its folder away."
 
-OF_ROBOT = ("evaluation", "robot", "unit", "port", "twin_noise", "seed", "baud", "disk", "marker")
+OF_ROBOT = (
+    "evaluation", "robot", "unit", "port", "twin_noise", "seed", "baud", "disk", "marker", "controller",
+)  # fmt: skip
 """What else its result depends on."""
 
 
@@ -38,7 +40,8 @@ class Transferred:
     """One finished trial on a robot, and its simulation.
 
     Attributes:
-        run, name, task, noise: of the run that it was evolved in; individual: champion or fittest.
+        run, name, task, noise: of the run that it was evolved in; individual: champion, fittest, or
+            a controller's own name.
         robot: the folder's name, as twin-1 or serial-ttyUSB0; unit: of the twin, None for a robot.
         twin_noise: the twin's noise scale, None for a robot.
         start: its number, from 1; pose: where both trials began.

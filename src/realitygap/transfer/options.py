@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,11 +15,44 @@ from realitygap.film.disk import Disk
 from realitygap.film.marker import Marker, load_marker
 from realitygap.robots.address import Address
 from realitygap.study.settings import whole
+from realitygap.user_code import place_of
 
 if TYPE_CHECKING:
     from realitygap.film.camera import CameraModel
 
-__all__ = ["Transfer"]
+__all__ = ["Named", "Transfer"]
+
+
+@dataclass(frozen=True)
+class Named:
+    """A controller that nobody evolved, as a person names it (`named_controller`)."""
+
+    text: str
+
+    @cached_property
+    def _file(self) -> tuple[Path, str]:
+        """Its file, and of `file.py:name` the name; no file of one that comes with the package."""
+        return place_of(self.text) or (Path(self.text).expanduser(), "")
+
+    @property
+    def spec(self) -> str:
+        """The same wherever one stands."""
+        file, name = self._file
+        return f"{file.resolve()}{':' if name else ''}{name}" if file.is_file() else self.text
+
+    @property
+    def name(self) -> str:
+        """For folders: my-decide of my.py:decide."""
+        file, name = self._file
+        words = f"{file.stem} {name}" if file.is_file() else self.text
+        return re.sub(r"\W+", "-", words).strip("-")
+
+    def __str__(self) -> str:
+        file, name = self._file
+        if not file.is_file():
+            return self.text
+        digest = hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+        return f"{file.name}{':' if name else ''}{name}, sha256 {digest}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +64,8 @@ class Transfer:
         robots: addresses, as `robots/address.py` has them: "twin:UNIT", "khepera:PORT", "file.py:Class".
         starts: trials of each individual on each robot.
         individual: "champion" or "fittest".
+        controller: who drives in place of an individual, at the runs' tasks and noise: a network's file,
+            "constant:5,5", "braitenberg", or "file.py:name" of one's own.
         film: film all trials, none, or those of the runs with these ids; (id, start) names a single one.
         watch: take the paths of the others from the camera above too, without keeping a film; else,
             and where no camera sees a robot, they are what it knows of its place, or reckoned from its
@@ -52,6 +89,7 @@ class Transfer:
     robots: Sequence[str | Address] = ("twin",)
     starts: int = 1
     individual: str = "champion"
+    controller: str | None = None
     film: bool | Collection[int | tuple[int, int]] = False
     watch: bool = True
     twin_noise: float | None = None
@@ -66,6 +104,8 @@ class Transfer:
 
     def __post_init__(self) -> None:
         whole("starts", self.starts, 1, 10**6)
+        if self.controller is not None and self.individual != "champion":
+            raise UsageError("individual: expected none beside a controller of one's own. Leave it out.")
         real = any(robot.unit is None for robot in self.bodies)
         twins = any(robot.unit is not None for robot in self.bodies)
         if self.twin_noise is not None and not twins:
@@ -99,6 +139,11 @@ class Transfer:
         if isinstance(self.marker, Marker):
             return self.marker
         return load_marker(self.marker, str(self.disk) if isinstance(self.disk, Disk) else self.disk)
+
+    @property
+    def named(self) -> Named | None:
+        """Who drives in place of an individual, if anybody."""
+        return None if self.controller is None else Named(str(self.controller))
 
     @property
     def noise(self) -> float:

@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
+from realitygap.controller.layout import Layout
+from realitygap.controller.network import NetworkController
+from realitygap.controller.own import OwnController, named_controller
 from realitygap.errors import UsageError
 from realitygap.film.disk import Disk
 from realitygap.film.tag import Tag
@@ -20,7 +23,7 @@ from realitygap.study.load import Run, Study
 from realitygap.study.plan import run_stream
 from realitygap.study.run import WHO
 from realitygap.transfer.chosen import chosen_runs, number_of
-from realitygap.transfer.options import Transfer
+from realitygap.transfer.options import Named, Transfer
 from realitygap.world.profile import Profile
 
 if TYPE_CHECKING:
@@ -34,6 +37,7 @@ __all__ = [
     "Situation",
     "check_body",
     "check_fit",
+    "controller_for",
     "situations",
     "transfer_stream",
 ]
@@ -86,7 +90,8 @@ class Situation:
     """One trial to be made: an individual of a run on a robot, from start number `start` (from 1).
 
     Attributes:
-        evaluation: the individual's number.
+        evaluation: the individual's number; None of a controller of one's own, which stands for it.
+        controller: that one.
         baud: rate of the line; None for the first of all that a robot on a port answers at.
         stream: the start and the simulated twin's noise follow from it, and so does the noise of a
             twin unit.
@@ -101,7 +106,7 @@ class Situation:
     task: str
     noise: float
     individual: str
-    evaluation: int
+    evaluation: int | None
     robot: Address
     twin_noise: float
     seed: int
@@ -113,6 +118,7 @@ class Situation:
     placed: bool
     folder: str
     marker: Marker | None = None
+    controller: Named | None = None
 
     @property
     def film(self) -> bool:
@@ -122,7 +128,9 @@ class Situation:
     def facts(self) -> dict[str, Any]:
         """What the trial's result depends on, for its file."""
         twin = self.robot.unit is not None
+        own = {} if self.controller is None else {"controller": str(self.controller)}
         return {
+            **own,
             "run": self.run,
             "name": self.name,
             "task": self.task,
@@ -153,6 +161,9 @@ def situations(study: Study, options: Transfer) -> Iterator[Situation]:
         UsageError: a study whose robot is another, or runs and individuals that there are not.
     """
     runs = chosen_runs(study, options)
+    if options.named is not None:
+        for task in {run.task: None for run in runs}:
+            controller_for(study, task, options.named)  # one that is none is refused before anything is done
     for robot in options.bodies:
         known = Known.of(robot, study, {run.task: None for run in runs})
         for run in runs:
@@ -163,17 +174,18 @@ def situations(study: Study, options: Transfer) -> Iterator[Situation]:
 def _situation(
     study: Study, options: Transfer, robot: Address, known: Known, run: Run, start: int
 ) -> Situation:
-    number, twin = number_of(run, options.individual), robot.unit is not None
-    assert number is not None
+    own, twin = options.named, robot.unit is not None
+    number = number_of(run, options.individual) if own is None else None
+    who = options.individual if own is None else own.name
     seed = study.config.seed if options.seed is None else options.seed
     name = run.name.replace("/", "-")
-    name += "" if options.individual == WHO[1] else f"-{options.individual}"
+    name += "" if who == WHO[1] else f"-{who}"
     return Situation(
         run=run.id,
         name=run.name,
         task=run.task,
         noise=run.noise,
-        individual=options.individual,
+        individual=who,
         evaluation=number,
         robot=robot,
         twin_noise=options.noise,
@@ -185,8 +197,19 @@ def _situation(
         source=_source(options, robot, known, run, start),
         placed=known.placed,
         marker=_marker(options, twin),
+        controller=own,
         folder=f"{FOLDER}/{robot.folder(options.noise)}/{name}/start-{start}",
     )
+
+
+def controller_for(study: Study, task: str, named: Named) -> OwnController | NetworkController:
+    """A controller of one's own at a task of a study.
+
+    Raises:
+        UsageError: there is none such; says how it is wrong.
+    """
+    facts = study.facts(task)
+    return named_controller(named.spec, str(facts["feeds"]), Layout(inputs=len(facts["sensors"])))
 
 
 def _marker(options: Transfer, twin: bool) -> Marker | None:

@@ -30,10 +30,15 @@ from realitygap.work.progress import OnProgress
 from realitygap.work.shard import Shard, marked
 from realitygap.work.workers import Workers, opened
 
-__all__ = ["WORK", "Attendant", "Transfer", "Transferred", "load_transfers", "run_transfer", "shard_folder"]
+__all__ = [
+    "CONTROLLERS", "WORK", "Attendant", "Transfer", "Transferred", "load_transfers", "place_of",
+    "run_transfer", "shard_folder",
+]  # fmt: skip
 
 WORK = "transfer"
 """Of whose trials a shard is a share."""
+CONTROLLERS = "controllers"
+"""In a study's folder: trials of controllers of one's own, a folder each; its report has nothing of them."""
 
 
 class Attendant(NamedTuple):
@@ -81,7 +86,9 @@ def run_transfer(
     """
     study, options = as_study(study), options or Transfer()
     must_be(options, Transfer, "options", "Transfer(robots=…, starts=…) makes one.")
-    place = study.folder if shard is None else shard_folder(study.folder, shard)
+    if shard is not None and options.named is not None:
+        raise UsageError("shard: expected none beside a controller of one's own. Leave it out.")
+    place = place_of(study.folder, options) if shard is None else shard_folder(study.folder, shard)
     with opened(workers) as pool, lock(place):
         requested = list(situations(study, options))
         mark, many = None, len(requested) >= MANY
@@ -105,6 +112,11 @@ def run_transfer(
         if mark is not None:
             mark.write(place, finished=True)
     return [load_transfer(place / one.folder) for one in requested]
+
+
+def place_of(study: Path, options: Transfer) -> Path:
+    """Whose folder `transfer` the trials go to: the study's, or that of a controller of one's own."""
+    return study if options.named is None else study / CONTROLLERS / options.named.name
 
 
 def shard_folder(study: Path, shard: Shard) -> Path:

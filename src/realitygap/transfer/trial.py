@@ -18,7 +18,9 @@ from realitygap import whole
 from realitygap.evolution.algorithm import Genes
 from realitygap.robots.address import Address
 from realitygap.robots.body import Body, attend
+from realitygap.robots.loop import Controller
 from realitygap.robots.recording import Recorder
+from realitygap.simulation.body import drive_simulated
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study
 from realitygap.study.versions import versions
@@ -27,7 +29,7 @@ from realitygap.track import Track
 from realitygap.transfer.driven import Driven, driven
 from realitygap.transfer.folder import made
 from realitygap.transfer.paths import of_track, score
-from realitygap.transfer.plan import FOLDER, Situation
+from realitygap.transfer.plan import FOLDER, Situation, controller_for
 from realitygap.transfer.rig import Rig
 from realitygap.values import Pose
 
@@ -93,12 +95,24 @@ class Stage:
             rig.close()
         self._rigs.clear()
 
+    def genes(self, one: Situation) -> Genes:
+        """Those of the individual that drives; none of a controller of one's own."""
+        if one.evaluation is None:
+            return np.zeros(0, np.int8)
+        return self.study.genotype(one.run, one.evaluation)
+
+    def _driver(self, one: Situation, genes: Genes) -> Controller:
+        """Who drives."""
+        if one.controller is not None:
+            return controller_for(self.study, one.task, one.controller)
+        return self.study.controller(one.task, genes)
+
     def by_itself(self, one: Situation, genes: Genes, folder: Path, tell: Tell) -> None:
         """A whole trial on a robot that places itself.
 
         Args:
             one: the trial.
-            genes: of the individual that drives.
+            genes: of who drives, as `genes` has them.
             folder: of the trial's files.
             tell: hears the share of the film that is done.
         """
@@ -123,7 +137,7 @@ class Stage:
             carry: the person who carries it.
             overhead: the camera above, if there is one.
         """
-        genes = self.study.genotype(one.run, one.evaluation)
+        genes = self.genes(one)
         with made(self.place / one.folder, one.robot) as folder:
             pose = requested = self.simulation(one).start(one.stream)
             attend(body, *self.study.task(one.task).kinds)  # a line that is too slow is refused now
@@ -146,9 +160,8 @@ class Stage:
 
     def _simulate(self, one: Situation, genes: Genes, pose: Pose, folder: Path) -> dict[str, Any]:
         """The paired trial in simulation; what is known of the trial before the other."""
-        networks = self.study.networks(one.task, genes)
-        trajectory, fitness = self.simulation(one).trajectory(
-            networks, stream=one.stream, pose=pose, seconds=one.seconds
+        trajectory, fitness = drive_simulated(
+            self.simulation(one), self._driver(one, genes), stream=one.stream, pose=pose, seconds=one.seconds
         )
         trajectory.track.write_csv(folder / SIMULATED)
         return {**one.facts(), "pose": pose.to_dict(), "fitness": {"simulated": fitness}}
@@ -156,7 +169,7 @@ class Stage:
     def _drive_rig(self, one: Situation, genes: Genes, pose: Pose, folder: Path) -> Driven:
         """Drive a robot that places itself."""
         return self.rig(one).trial(
-            self.study.controller(one.task, genes),
+            self._driver(one, genes),
             one.stream,
             pose,
             one.seconds,
@@ -167,7 +180,7 @@ class Stage:
     def _drive(self, one: Situation, genes: Genes, body: Body, folder: Path, facts: dict[str, Any]) -> Driven:
         return driven(
             body,
-            self.study.controller(one.task, genes),
+            self._driver(one, genes),
             task=self.study.task(one.task),
             profile=self.study.profile,
             seconds=one.seconds,

@@ -155,7 +155,7 @@ def on_twins(
         for one in _in_order(todo):
             file = stage.camera_file(one)
             camera = file.read_bytes() if away and file in watched else None
-            yield Job(one, study.genotype(one.run, one.evaluation), camera)
+            yield Job(one, stage.genes(one), camera)
 
     words = (words_for(study.folder, pool), str(place.resolve()))
     with Packed(place / FOLDER) if pack else nullcontext() as archive:
@@ -193,15 +193,16 @@ class _Keeper:
 
 
 def _refuse_own(todo: Sequence[Situation], *, away: bool) -> None:
-    """Refuse to send for a robot that only this machine has.
+    """Refuse to send for a robot or a controller that only this machine has.
 
     Raises:
         UsageError: names it.
     """
     for one in todo:
-        if away and one.robot.kind == "own":
+        own = one.controller or (one.robot if one.robot.kind == "own" else None)
+        if away and own is not None:
             raise UsageError(
-                f"robot {one.robot}: expected one that the cluster's workers have too: its file is on this "
+                f"{own}: expected one that the cluster's workers have too: its file is on this "
                 "machine. Leave out --workers, or give a number."
             )
 
