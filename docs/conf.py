@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+import gc
 import inspect
 import re
 from pathlib import Path
@@ -14,6 +15,8 @@ from sphinx.application import Sphinx
 from sphinx.ext.napoleon import Config, GoogleDocstring
 
 import realitygap
+
+gc.set_threshold(100_000, 50, 50)  # to look through documents, which live on, was a quarter of the work
 
 project = "realitygap"
 author = "The realitygap authors"
