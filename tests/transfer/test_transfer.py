@@ -109,7 +109,7 @@ def test_an_interrupted_transfer_goes_on_to_the_same_bits(made, study, monkeypat
 
 def test_units_and_noise_and_seeds_are_different_robots(study):
     """Another unit, noise scale or seed: another path; each has a folder of its own, or is refused."""
-    settings = {"seconds": SECONDS, "workers": 1}
+    settings = {"seconds": SECONDS, "workers": 1, "watch": False}
     both = transfer(study, [1], robots=("twin:1", "twin:2"), **settings)
     loud = transfer(study, [1], twin_noise=2.0, **settings)
     fittest = transfer(study, [1], individual="fittest", **settings)
