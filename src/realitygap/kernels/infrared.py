@@ -9,6 +9,7 @@ from realitygap.kernels.geometry import TOUCHING, Rays, Spot, added, is_brighter
 from realitygap.kernels.jit import step
 from realitygap.kernels.near import SPARE, cell_at, is_beyond
 from realitygap.kernels.params import LANES, RAYS
+from realitygap.kernels.replay import replay
 from realitygap.kernels.response import respond
 
 
@@ -208,8 +209,8 @@ def receive(robot, arena, work, out):
 
 
 @step
-def infrared(robot, arena, work, out):
-    """Noise-free readings of all proximity sensors into `out` ([P], counts, unrounded)."""
+def by_rays(robot, arena, work, out):
+    """As `infrared`, of a robot without a table."""
     rays, measured = fan_of(robot, work), robot.proximity_curve.shape[1] > 0
     notice(robot, arena, work)
     for k in range(out.shape[0]):
@@ -225,3 +226,18 @@ def infrared(robot, arena, work, out):
     if measured:  # of all at once: side by side their roots cost less than a few one by one
         for k in range(out.shape[0]):
             out[k] = respond(robot.proximity_curve, k, robot.proximity_knee, out[k])
+
+
+@step
+def by_table_or_rays(table, robot, arena, work, out):
+    """As `infrared`. Only one of both is compiled for a robot: how long its table is, is part of the type."""
+    if len(table) > 0:
+        replay(table, robot.radius, robot.proximity_top, arena, work.pose, out)
+    else:
+        by_rays(robot, arena, work, out)
+
+
+@step
+def infrared(robot, arena, work, out):
+    """Noise-free readings of all proximity sensors into `out` ([P], counts, unrounded)."""
+    by_table_or_rays(robot.proximity_table, robot, arena, work, out)

@@ -32,6 +32,24 @@ LAMP_POINTS = 5
 """Point sources that model one lamp (§3.3)."""
 
 
+class Seen(NamedTuple):
+    """What one kind of object adds to the readings of P proximity sensors."""
+
+    at: F
+    """[D] distances from the body's edge, rising, cm."""
+    added: F
+    """[D, B, P] counts, at bearings 0, 1/B, 2/B, … of a turn, counter-clockwise from the robot's front."""
+
+
+class Table(NamedTuple):
+    """A look-up table of proximity readings (replay.py)."""
+
+    nothing: F
+    """[P] what the sensors read where nothing is near."""
+    wall: Seen
+    cylinder: Seen
+
+
 class Robot(NamedTuple):
     """A robot's constants. `P` proximity and `A` ambient sensors.
 
@@ -102,6 +120,8 @@ class Robot(NamedTuple):
     proximity_noise: F
     proximity_rise: F
     """[P, n] deviation at equal steps of the reading, 0 … top; [P] its rise with the wheels' speed, s/cm."""
+    proximity_table: Table | tuple[()]
+    """In the place of law and rays; (): none."""
 
     ambient_place: F
     """[A, 2] as for proximity."""

@@ -54,6 +54,8 @@ class Cores:
     def __init__(self, task: Task, profile: Profile, noise: float) -> None:
         self.task, self.profile, self.noise = task, profile, noise
         self.robot, self.arena = profile.to_kernel(), task.arena.to_kernel()
+        if profile.infrared.table:
+            self._refuse_what_no_table_knows()
         self._work: dict[tuple[int, int], Work] = {}
 
     @cached_property
@@ -156,6 +158,20 @@ class Cores:
             raise TaskError(
                 f"task {self.task.name!r}: expected its score to be a finite number, got {bad}. "
                 "Look for a division by zero or a root of a negative number in the task's score."
+            )
+
+    def _refuse_what_no_table_knows(self) -> None:
+        """A look-up table has no constants to draw, and knows the surfaces that were recorded only."""
+        where = f"profile {self.profile.name!r} has a look-up table (infrared.table); task {self.task.name!r}"
+        if self.task.spread:
+            raise TaskError(
+                f"{where}: spread: expected 0, for a table has no constants to draw anew, got "
+                f"{self.task.spread:g}. Leave the spread out, or calibrate in another form."
+            )
+        if len(self.arena.reflectance):
+            raise TaskError(
+                f"{where}: expected an arena without reflectances, for a table holds the surfaces that were "
+                "recorded. Leave them out, or calibrate in another form."
             )
 
     def named(self, networks: Networks, streams: Streams) -> tuple[NDArray[np.int64], Streams]:

@@ -26,7 +26,7 @@ FEEDS = ("proximity", "ambient", "proximity+ambient")
 """What may be fed to a network; the index is `params.Trial.feed`."""
 MEASURED = {
     "lobe", "overlap", "aperture_deg", "width_cm", "range_cm", "curve_cm", "dead", "curve_light",
-    "curve", "noise", "noise_rise",
+    "curve", "table", "noise", "noise_rise",
 }  # fmt: skip
 """Keys that only sensors as measured have: left out of a file where they are 0 or empty."""
 PERIODS_S = (0.02, 0.2)
@@ -144,6 +144,9 @@ class Profile(Value):
             self.wheels.track_cm,
             "Is it in another unit?",
         )
+        outline = self.body.outline_cm if self.infrared.table else ()
+        require(not outline, "infrared.table", "none on a body with an outline: distances count from a disc",
+                f"{len(outline)} corners")  # fmt: skip
         top, eyes = self.body.height_cm, self.ambient.sensor_height_cm
         below = f"less than body.height_cm ({top:g})"
         require(top == 0 or eyes < top, "ambient.sensor_height_cm", below, eyes)
@@ -247,6 +250,7 @@ class Profile(Value):
     def _table(self) -> dict[str, Any]:
         """Its keys; provenance, light sensors and what is measured only where there is any."""
         table = super().to_dict()
+        table["infrared"]["table"] = table["infrared"]["table"] if self.infrared.table else None
         for key, unsaid in (("provenance", Provenance()), ("ambient", UNLIT)):
             if getattr(self, key) == unsaid:
                 del table[key]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from realitygap.kernels.params import CONE, LANES, NARROW, RAYS
 from realitygap.world.files import Value, require
+from realitygap.world.look_up import LookUp
 from realitygap.world.rays import fan_weights, ray_weights, rays, unit
 from realitygap.world.sensor_checks import (
     check_alike,
@@ -69,7 +70,7 @@ class Infrared(Value):
     (0: no end), less `overlap` times what the outermost would see of a flat surface at the middle ray's d;
     d + offset counts from 0 on. A curve holds counts at equal steps of √x / (√x + 1/curve_cm) from 0 to 1;
     readings below `dead` are 0. A sensor's noise holds deviations at equal steps of the reading, 0 … top,
-    and its rise with the wheels' speed (a share for each cm/s).
+    and its rise with the wheels' speed (a share for each cm/s). Sensors with a look-up `table` read by that.
     """
 
     exponent: float
@@ -84,6 +85,7 @@ class Infrared(Value):
     range_cm: float = 0.0
     curve_cm: float = 0.0
     dead: float = 0.0
+    table: LookUp = LookUp()  # noqa: RUF009 (a frozen value)
 
     @property
     def measured(self) -> bool:
@@ -113,6 +115,7 @@ class Infrared(Value):
             "proximity_dead": self.dead,
             "proximity_noise": table([s.noise for s in sensors]),
             "proximity_rise": np.array([s.noise_rise for s in sensors]),
+            "proximity_table": self.table.to_kernel(),
             "proximity_top": self.top,
             "proximity_lambertian": self.matt,
             "proximity_low": self.bands[0],
@@ -131,16 +134,15 @@ class Infrared(Value):
         return max(0.0, min(far, self.range_cm or math.inf))
 
     def _check(self) -> None:
-        require(self.exponent >= 0, "exponent", "0 or more", self.exponent)
         require(self.top > 0, "top", "more than 0", self.top)
         check_alike(self.sensors, self.top)
+        self.table.check(len(self.sensors), self.top)
         if self.measured:
             shares = f"{RAYS // 2} shares from the middle outwards, their sum above 0"
             require(len(self.lobe) == RAYS // 2 and sum(self.lobe) > 0, "lobe", shares, self.lobe)
-            wide = self.aperture_deg
-            require(0 < wide <= 85, "aperture_deg", "degrees above 0, at most 85", wide)
+            require(0 < self.aperture_deg <= 85, "aperture_deg", "degrees above 0 to 85", self.aperture_deg)
             require(self.curve_cm > 0, "curve_cm", "more than 0", self.curve_cm)
-        for key in ("width_cm", "range_cm", "overlap"):
+        for key in ("exponent", "width_cm", "range_cm", "overlap"):
             require(getattr(self, key) >= 0, key, "0 or more", getattr(self, key))
         require(0 <= self.dead < self.top, "dead", "counts from 0 to below top", self.dead)
         require(self.matt in (0.0, 1.0), "matt", "0 (as in the paper) or 1", self.matt)

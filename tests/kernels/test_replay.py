@@ -1,0 +1,99 @@
+"""A look-up table replayed: judged by the slow reference, in mirrors, and where nothing was recorded."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from realitygap.kernels.replay import replay
+from realitygap.world.arena import Arena
+from realitygap.world.look_up import LookUp
+from tests.kernels.reference import look_up as reference
+from tests.kernels.scenes import RADIUS, full_room, random_arena, random_pose
+
+TOP = 1023.0
+
+
+def random_table(random: np.random.Generator, *, sensors: int = 8, bearings: int = 24) -> LookUp:
+    """A table with no sense in it: other distances for walls and cylinders, most of it far from dark."""
+
+    def one() -> tuple[list[float], list[list[float]]]:
+        at = np.cumsum(random.uniform(0.2, 2.0, random.integers(2, 9)))
+        return at.tolist(), random.uniform(0, 600, (sensors, len(at) * bearings)).tolist()
+
+    (wall_cm, wall), (cylinder_cm, cylinder) = one(), one()
+    nothing = random.uniform(0, 9, sensors).tolist()
+    return LookUp(nothing=nothing, wall_cm=wall_cm, wall=wall, cylinder_cm=cylinder_cm, cylinder=cylinder)
+
+
+def replayed(table: LookUp, arena: Arena, pose) -> np.ndarray:
+    """[P] what the kernel makes of it."""
+    x, y, heading = pose
+    out = np.full(len(table.nothing), np.nan)
+    there = np.array([x, y, heading, np.cos(heading), np.sin(heading)])
+    replay(table.to_kernel(), RADIUS, TOP, arena.to_kernel(), there, out)
+    return out
+
+
+def test_agrees_with_the_reference():
+    """In rooms of all kinds, those with a grid too, every sensor reads what the slow reference reads."""
+    random, seen = np.random.default_rng(11), 0
+    for number in range(120):
+        arena = full_room(random) if number % 6 == 0 else random_arena(random)
+        pose = random_pose(random, arena)
+        if pose is None:
+            continue
+        table = random_table(random)
+        expected = reference.readings(table, RADIUS, TOP, arena, pose)
+        np.testing.assert_allclose(replayed(table, arena, pose), expected, atol=1e-4)
+        seen += not np.allclose(expected, table.nothing)
+    assert seen > 50, "the scenes are too empty to judge anything"
+
+
+def mirrored(rows, sensors: int, distances: int) -> list[list[float]]:
+    """A table's rows with left and right exchanged, bearings and sensors."""
+    cube = np.array(rows).reshape(sensors, distances, -1)
+    return np.roll(cube[::-1, :, ::-1], 1, axis=2).reshape(sensors, -1).tolist()
+
+
+def test_mirror_images_read_mirror_images():
+    """In a mirrored room a mirrored table gives mirrored readings."""
+    random = np.random.default_rng(12)
+    for _ in range(40):
+        arena, table = random_arena(random), random_table(random)
+        pose = random_pose(random, arena)
+        if pose is None:
+            continue
+        depth = arena.size_cm[1]
+        other = LookUp(
+            nothing=table.nothing[::-1], wall_cm=table.wall_cm, cylinder_cm=table.cylinder_cm,
+            wall=mirrored(table.wall, 8, len(table.wall_cm)),
+            cylinder=mirrored(table.cylinder, 8, len(table.cylinder_cm)),
+        )  # fmt: skip
+        room = Arena(
+            name="mirrored", size_cm=arena.size_cm,
+            cylinders=[{**vars(c), "y_cm": depth - c.y_cm} for c in arena.cylinders],
+            walls=[(a, depth - b, c, depth - d) for a, b, c, d in arena.walls],
+        )  # fmt: skip
+        x, y, heading = pose
+        there = replayed(other, room, (x, depth - y, -heading))
+        np.testing.assert_allclose(there[::-1], replayed(table, arena, pose), atol=1e-6)
+
+
+@pytest.mark.parametrize("heading", [0.0, 1.3, -9.0])
+def test_nothing_is_extrapolated(heading):
+    """Beyond the farthest recorded distance sensors read what they read of nothing, and nearer than the
+    nearest what was read there; at a recorded place just that, the farthest distance included."""
+    table, hall = random_table(np.random.default_rng(13)), Arena(name="hall", size_cm=(500, 500))
+    nearest, farthest = table.wall_cm[0], table.wall_cm[-1]
+
+    def at(distance: float, turned: float = heading) -> np.ndarray:
+        return replayed(table, hall, (500 - RADIUS - distance, 250.0, turned))
+
+    np.testing.assert_array_equal(at(farthest + 0.01), table.nothing)
+    np.testing.assert_allclose(at(0.0), at(nearest), atol=1e-6)
+    for ring, distance in enumerate(table.wall_cm):
+        for bearing in (0, 5, 23):
+            rows = np.array(table.wall).reshape(8, len(table.wall_cm), 24)
+            got = at(distance, -bearing * np.pi / 12)
+            np.testing.assert_allclose(got, rows[:, ring, bearing], atol=1e-4)
