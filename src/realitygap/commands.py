@@ -210,8 +210,8 @@ def calibrate(
         base: profile that supplies what they do not cover; None: what the recorded robot names, or "paper".
         objects: what .sam tables show: "wall", "cylinder:RADIUS_CM" or "lamp"; one for all or one for each
             path.
-        form: "paper", "individual", "extended", "measured", or "auto": whichever of the last two errs less
-            on places held out.
+        form: "paper", "individual", "extended", "measured", "lookup", or "auto": extended or measured,
+            whichever errs less on places held out.
         light: another form for ambient light.
         beside: fit ambient light in all other forms too, for comparison.
         out: the profile's TOML file to write.

@@ -33,6 +33,7 @@ FORMS = {
     "individual": ("individual", "linear", "refitted"),
     "extended": ("extended", "extended", "refitted"),
     "measured": ("measured", "measured", "refitted"),
+    "lookup": ("lookup", "extended", "refitted"),
     "auto": ("auto", "auto", "refitted"),
 }
 """What --form means for infrared, ambient light and wheels."""

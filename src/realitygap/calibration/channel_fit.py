@@ -12,12 +12,14 @@ from realitygap.calibration.noise import NoiseEstimate
 from realitygap.calibration.solve import Fit
 from realitygap.world.profile import Profile
 
-__all__ = ["MEASURED", "UNLIT", "ChannelFit", "doubts", "unmeasured"]
+__all__ = ["LOOKUP", "MEASURED", "UNLIT", "ChannelFit", "doubts", "unmeasured"]
 
 Array = NDArray[np.float64]
 
 MEASURED = "measured"
 """The form of curves: measured.py, light_measured.py."""
+LOOKUP = "lookup"
+"""The form without a law: lookup.py."""
 UNLIT = "no reading held out is neither dark nor saturated: model error over noise is that of all readings"
 OVERFITTED = 1.3
 """Held-out RMSE over the fitted one, from which on a form is said to fit more than the robot."""
@@ -102,7 +104,7 @@ def doubts(made: ChannelFit) -> list[str]:
     if not np.isfinite(made.ratio):
         out.append(f"{kind}: {UNLIT}")
     held_out = made.held_out[made.form]
-    if held_out > OVERFITTED * made.rmse:
+    if held_out > OVERFITTED * made.rmse and made.form != LOOKUP:  # which holds what it was made of
         out.append(
             f"{kind}: RMSE {held_out:.3g} on places held out, {made.rmse:.3g} on those fitted: the form "
             "overfits"

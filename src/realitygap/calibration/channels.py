@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.channel_fit import MEASURED, ChannelFit, doubts
+from realitygap.calibration.channel_fit import LOOKUP, MEASURED, ChannelFit, doubts
 from realitygap.calibration.checks import refuse_nonsense
 from realitygap.calibration.descent import PLAIN
 from realitygap.calibration.forms import Tick, fit_forms, mend_dead, mended, with_columns
@@ -14,6 +14,7 @@ from realitygap.calibration.infrared import INFRARED_FORMS, infrared_problems, w
 from realitygap.calibration.light import LIGHT_FORMS, as_bright_as_the_paper, with_light
 from realitygap.calibration.light_forms import AMBIENT_COUNTS, light_problems
 from realitygap.calibration.light_measured import LightCurves
+from realitygap.calibration.lookup import fit_lookup
 from realitygap.calibration.measured import fit_measured
 from realitygap.calibration.misfit import contradiction, measure_noise, misfits, misplaced, pooled_noise
 from realitygap.calibration.noise import noise_tables
@@ -21,6 +22,7 @@ from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import FOLDS, PROXIMITY_COUNTS, REFLECTANCE, Rows
 from realitygap.calibration.solve import Fit
 from realitygap.errors import CalibrationError, ConfigError
+from realitygap.world.look_up import LookUp
 from realitygap.world.profile import Profile
 
 __all__ = ["AUTO", "agreed", "contradicted", "fit_infrared", "fit_light", "ticks"]
@@ -35,7 +37,7 @@ AS_GOOD = 1.1
 
 def ticks(recordings: Sequence[SensorRecording], form: str, *, beside: bool = True) -> int:
     """How often the fit of one kind of sensor says that it goes on; 0 without recordings."""
-    if not recordings:
+    if not recordings or form == LOOKUP:
         return 0
     if recordings[0].kind == "infrared":
         return FOLDS + len(INFRARED_FORMS) + (1 + FOLDS) * (form not in INFRARED_FORMS)
@@ -56,7 +58,10 @@ def fit_infrared(
     Raises:
         CalibrationError: the recordings are no robot's.
     """
+    base = replace(base, infrared=replace(base.infrared, table=LookUp())) if base.infrared.table else base
     rows = Rows(recordings, base)
+    if form == LOOKUP:
+        return _looked_up(rows, base)
     problems, doubt = infrared_problems(rows, base)
     printed = form if form in problems else "extended"
     fits, held_out, _ = fit_forms(rows, problems, printed, PROXIMITY_COUNTS * rows.unit, tick)
@@ -73,6 +78,13 @@ def fit_infrared(
     fit, unsure = agreed(best, {name: fits[name] for name in errs if errs[name] <= AS_GOOD * errs[best]})
     found = replace(found, fit=fit, warnings=(*found.warnings, *unsure, *contradicted(rows, found.deviation)))
     return replace(found, warnings=(*found.warnings, doubt)) if doubt and best == "extended" else found
+
+
+def _looked_up(rows: Rows, base: Profile) -> ChannelFit:
+    """The proximity sensors' look-up table, with the scatter that was recorded."""
+    profile, fit, held_out, said = fit_lookup(rows, base)
+    made = _channel("infrared", LOOKUP, rows, {LOOKUP: fit}, {LOOKUP: held_out}, profile)
+    return replace(made, warnings=(*made.warnings, *said))
 
 
 def contradicted(rows: Rows, deviation: float) -> list[str]:
@@ -166,7 +178,8 @@ def _channel(
     source = ", ".join(r.source for r in rows.recordings)
     live = rows.live()
     refuse_nonsense(source, live, fit.model, rows.dead)
-    noise = measure_noise(rows.live_recordings(), rows.split(fit.model), rows.top, profile.infrared.dead)
+    beside = np.zeros_like(fit.model) if form == LOOKUP else fit.model
+    noise = measure_noise(rows.live_recordings(), rows.split(beside), rows.top, profile.infrared.dead)
     main = next((e.deviation for e in noise if e.channel in ("proximity", "ambient")), 0.0)
     deviation = main or (profile.noise.proximity if kind == "infrared" else profile.noise.ambient)
     deviation = deviation or rows.unit * (PROXIMITY_COUNTS if kind == "infrared" else AMBIENT_COUNTS)
@@ -179,25 +192,28 @@ def _channel(
         for model in (fit.model, held_out[form])
     )
     by_form = {name: rows.rmse(one.model) for name, one in fits.items()}
+    modelled = kind == "infrared" and form != LOOKUP
     span = np.stack([np.percentile(rows.counts, q, axis=0) for q in (0.5, 99.5)], 1)
     made = ChannelFit(
         kind=kind, form=form, profile=profile, fit=fit, by_form=by_form,
         held_out={name: rows.rmse(model) for name, model in held_out.items()}, judged=judged,
-        misplaced=misplaced(rows, profile, fit.values, deviation) if kind == "infrared" else np.nan,
+        misplaced=misplaced(rows, profile, fit.values, deviation) if modelled else np.nan,
         noise=tuple(noise), deviation=deviation, measured=main > 0, sensors=sensors, dead=rows.dead,
         source=source, warnings=rows.warnings,
         distance_cm=rows.distance, bearing_deg=rows.bearing, counts=rows.counts, model=fit.model, span=span,
     )  # fmt: skip
-    profile = _with_noise(made, rows) if form == MEASURED and made.measured else profile
+    profile = _with_noise(made, rows) if form in (MEASURED, LOOKUP) and made.measured else profile
     return replace(made, profile=profile, warnings=(*made.warnings, *doubts(made)))
 
 
 def _with_noise(made: ChannelFit, rows: Rows) -> Profile:
     """The profile with each sensor's own noise, as a function of what it reads."""
-    sample = pooled_noise(rows.live_recordings(), rows.split(made.model), rows.top)
+    # A table of one reading a place leaves nothing over: its noise shows in the readings themselves.
+    model = np.ones_like(made.model) if made.form == LOOKUP else made.model
+    sample = pooled_noise(rows.live_recordings(), rows.split(model), rows.top)
     still = (np.zeros(len(r.counts)) if r.speed_cm_s is None else r.speed_cm_s for r in rows.recordings)
     speed = np.concatenate(list(still))[sample.row]
-    table, rise = noise_tables(sample, rows.live(), made.model, speed, rows.top, kind=made.kind)
+    table, rise = noise_tables(sample, rows.live(), model, speed, rows.top, kind=made.kind)
     columns = {"noise": [tuple(row) for row in table.round(3).tolist()], "noise_rise": rise.round(5).tolist()}
     infrared, ambient = made.profile.infrared, made.profile.ambient
     if made.kind == "ambient":

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["calibrate", "load_all", "write_profile"]
 
-FORMS = ("paper", "individual", "extended", "measured", "auto")
+FORMS = ("paper", "individual", "extended", "measured", "lookup", "auto")
 LIGHT_FORMS = ("paper", "individual", "linear", "extended", "measured", "auto")
 
 
@@ -78,7 +78,8 @@ def calibrate(
     Forms: paper has the paper's laws with common constants and its printed gains; individual has
     constants for each sensor, light read linearly, and refitted gains; extended adds directions,
     distance offset, exponents, Lambertian surfaces and the lamp's height; measured knows no law:
-    rays, a lobe, a curve and noise for each sensor (light by the extended optics).
+    rays, a lobe, a curve and noise for each sensor (light by the extended optics); lookup replays what
+    was read round a wall and a cylinder (light as extended).
 
     \b
     Examples: a profile from two tables; judged on a third
