@@ -18,6 +18,7 @@ from realitygap.errors import ConfigError, StudyError
 from realitygap.experiments.randomise.known import Profiles, calibrated_folder, spread_of
 from realitygap.experiments.randomise.plan import (
     KNOWN,
+    LOOKUP,
     RandomiseConfig,
     Spread,
     conditions,
@@ -43,10 +44,12 @@ def scaled(gain: float, wheels: float = 1.0):
 
 
 def test_the_design_is_the_plans():
-    """Five states of knowledge, with and without drawn constants, at two noises; 20 runs on 16 units."""
+    """Five states of knowledge, with and without drawn constants, and a look-up table that has none, at two
+    noises; 20 runs on 16 units."""
     config = RandomiseConfig()
     every = controllers(config)
-    assert len(conditions()) == 20 and len(every) == 400
+    assert len(conditions()) == 22 and len(every) == 440
+    assert {one.randomised for one in conditions() if one.known == LOOKUP} == {False}
     assert {one.unit for one in every} == set(range(101, 117)) and config.starts == 4
     for condition in conditions():
         mine = [one for one in every if one.condition == condition]
@@ -140,8 +143,8 @@ def test_an_experiment_goes_on_to_the_same_bits(calibrated, tmp_path, monkeypatc
     monkeypatch.setattr("realitygap.experiments.folder.refuse_strangers", lambda *_: None)
     results = measure_or_randomise(calibrated, SMALL, workers=1)
     tables = {file.name: file.read_bytes() for file in results.glob("*.csv")}
-    assert len(tables["controllers.csv"].splitlines()) == 21
-    assert len(tables["conditions.csv"].splitlines()) == 41
+    assert len(tables["controllers.csv"].splitlines()) == 23
+    assert len(tables["conditions.csv"].splitlines()) == 45
     lost = sorted(calibrated.glob("trials/*/*.npz"))[7]
     content = lost.read_bytes()
     lost.unlink()

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from realitygap.calibration.recordings.recording import Recording
     from realitygap.world.profile import Profile
 
-__all__ = ["calibrated_robot", "calibrated_share", "calibrated_unit"]
+__all__ = ["calibrated_again", "calibrated_robot", "calibrated_unit"]
 
 UNFINISHED = ".part"
 TURNS = "turns"
@@ -92,26 +92,30 @@ def calibrated_unit(
     return _calibrated(folder, settings, workers, on_progress, meanwhile)
 
 
-def calibrated_share(
-    folder: str | Path, *, of: Path, share: float, workers: Workers = 1, on_progress: Progress | None = None
+def calibrated_again(
+    folder: str | Path,
+    *,
+    of: Path,
+    share: float = 1.0,
+    form: str | None = None,
+    workers: Workers = 1,
+    on_progress: Progress | None = None,
 ) -> Path:
-    """The profile of a unit by a share of the places that its sensors were recorded at (`share.py`).
+    """Another profile of a unit by its recordings, or by a share of their places (`share.py`).
 
     Args:
         folder: the profile's own; made if need be.
         of: the unit's folder, with all of its recordings.
-        share: of the places of each recording, above 0 and below 1; one place at least.
+        share: of the places of each recording of sensors, above 0; one place at least.
+        form: as of `calibrate`; None: the unit's own.
         workers: as of a unit.
         on_progress: as of a unit.
 
     Returns:
         The path of `folder/robot.toml`.
     """
-    settings = {
-        **settings_of(of),
-        "share": share,
-        "of": os.path.relpath(of.resolve(), Path(folder).resolve()),
-    }
+    settings = settings_of(of) | ({"share": share} if share < 1 else {}) | ({"form": form} if form else {})
+    settings["of"] = os.path.relpath(of.resolve(), Path(folder).resolve())
     return _calibrated(folder, settings, workers, on_progress)
 
 
@@ -252,7 +256,7 @@ def fitted(folder: Path, names: Sequence[str]) -> Calibration:
     recordings = [load_recording(recordings_of(folder) / name) for name in sorted(names)]
     base = _base(folder, recordings)
     # On the twin the printed law's form errs least, as "auto" finds in three times the time.
-    form = "extended" if "unit" in known else "auto"
+    form = known.get("form", "extended" if "unit" in known else "auto")
     if "share" in known:  # a wall tells more than a cylinder
         share, seed = known["share"], known["seed"]
         return calibrate_share(recordings[::-1], base, share=share, seed=seed, form=form)

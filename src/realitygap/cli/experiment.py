@@ -50,10 +50,10 @@ def measure_or_randomise(
 
     Controllers evolve to avoid obstacles in simulations that know nothing of a unit (the paper's
     constants), another unit's calibration, or its own from 5 %, 20 % or all places of the standard
-    recording; each with and without constants drawn anew for each trial over the spread of the units, and
-    at zero and observed noise. Each drives its unit; correspondence is with the simulation that it evolved
-    in. Two comparisons of each outcome were planned beforehand. With --resume, omitted options keep their
-    saved values.
+    recording, each with and without constants drawn anew for each trial over the spread of the units; or
+    that replay the recording as a look-up table; all at zero and observed noise. Each drives its unit;
+    correspondence is with the simulation that it evolved in. Two comparisons of each outcome were planned
+    beforehand. With --resume, omitted options keep their saved values.
 
     \b
     Examples: as planned; a small one to try

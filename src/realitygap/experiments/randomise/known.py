@@ -8,14 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.unit_folder import PROFILE
-from realitygap.experiments.randomise.plan import KNOWN, RandomiseConfig, Spread
+from realitygap.experiments.randomise.plan import ALL, KNOWN, LOOKUP, RandomiseConfig, Spread
 from realitygap.simulation.simulation import Simulation
 from realitygap.values import Pose
 from realitygap.world.profile import Profile, load_profile
 
-__all__ = ["ALL", "Profiles", "calibrated_folder", "spread_of"]
-
-ALL = "own, all"
+__all__ = ["Profiles", "calibrated_folder", "spread_of"]
 
 DISTANCES_CM, HEADINGS_DEG = (1.0, 2.0, 3.0), range(0, 360, 45)
 """From a wall, where units' readings are held against each other."""
@@ -25,8 +23,9 @@ WIDEST = 0.9
 
 
 def calibrated_folder(folder: Path, unit: int, known: str) -> Path:
-    """Where a unit's profile by its own recording, or a share of that, is."""
-    return folder / "calibration" / f"unit-{unit}" / f"{100 * KNOWN[known]:g}"
+    """Where a unit's profile by its own recording, a share of that, or its look-up table, is."""
+    name = "table" if known == LOOKUP else f"{100 * KNOWN[known]:g}"
+    return folder / "calibration" / f"unit-{unit}" / name
 
 
 class Profiles:

@@ -19,15 +19,16 @@ from realitygap.tasks.task import Task
 from realitygap.world.files import require
 
 __all__ = [
-    "CONFIG", "KNOWN", "NOISES", "Condition", "Controller", "RandomiseConfig", "Spread", "conditions",
-    "controllers", "evolution",
+    "ALL", "CONFIG", "KNOWN", "LOOKUP", "NOISES", "Condition", "Controller", "RandomiseConfig", "Spread",
+    "conditions", "controllers", "evolution",
 ]  # fmt: skip
 
 CONFIG = "measure-or-randomise.toml"
 """In the experiment's folder."""
 TASK = "obstacle-avoidance"
 NOISES = (0.0, 1.0)
-KNOWN = {"paper": 0.0, "another unit": 0.0, "own, 5 %": 0.05, "own, 20 %": 0.2, "own, all": 1.0}
+ALL, LOOKUP = "own, all", "look-up table"
+KNOWN = {"paper": 0.0, "another unit": 0.0, "own, 5 %": 0.05, "own, 20 %": 0.2, ALL: 1.0, LOOKUP: 1.0}
 """What the simulation may know of the unit, and the share of the standard recording that this takes."""
 
 ROBOTS = ("twin", "stranger", "enki:khepera")
@@ -131,11 +132,11 @@ class Controller:
 
 
 def conditions() -> tuple[Condition, ...]:
-    """All of them, in the order of the tables."""
+    """All of them, in the order of the tables; a look-up table has no constants to draw."""
     return tuple(
         Condition(known, randomised, noise)
         for known in KNOWN
-        for randomised in (False, True)
+        for randomised in ((False,) if known == LOOKUP else (False, True))
         for noise in NOISES
     )
 

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from realitygap import whole
 from realitygap.experiments.folder import RESULTS, Seconds, kept, write_table
 from realitygap.experiments.noise.contrasts import holm
-from realitygap.experiments.randomise.known import ALL, Profiles
+from realitygap.experiments.randomise.known import Profiles
 from realitygap.experiments.randomise.plan import (
+    ALL,
     KNOWN,
+    LOOKUP,
     NOISES,
     Condition,
     Controller,
@@ -33,7 +35,7 @@ __all__ = [
 Floats = NDArray[np.float64]
 
 OUTCOMES = ("correspondence", "fitness_situated")
-HOURS = {"paper": 0.0, "another unit": 0.0, "own, 5 %": 0.2, "own, 20 %": 0.6, "own, all": 3.0}
+HOURS = {"paper": 0.0, "another unit": 0.0, "own, 5 %": 0.2, "own, 20 %": 0.6, ALL: 3.0, LOOKUP: 3.0}
 """Of a person who places the robot, 30 s a place: a convention, not a measurement."""
 COMPARISONS = ((("own, 5 %", False), ("paper", True)), ((ALL, False), ("own, 20 %", False)))
 """What is tested, first against second, over both levels of noise; the rest is shown."""

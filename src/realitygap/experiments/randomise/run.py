@@ -9,13 +9,15 @@ measure_or_randomise("out/measure", RandomiseConfig(units=2, runs=2))
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from realitygap.calibration.unit import calibrated_share, calibrated_unit
+from realitygap.calibration.unit import calibrated_again, calibrated_unit
 from realitygap.calibration.unit_folder import PROFILE
 from realitygap.experiments.folder import missing, open_folder
 from realitygap.experiments.phases import Phase, Phases, Recorded, session
-from realitygap.experiments.randomise.known import ALL, Profiles, calibrated_folder
+from realitygap.experiments.randomise.known import Profiles, calibrated_folder
 from realitygap.experiments.randomise.plan import (
+    ALL,
     KNOWN,
+    LOOKUP,
     Controller,
     RandomiseConfig,
     controllers,
@@ -37,6 +39,8 @@ CALIBRATION_COST, RUN_COST, EVALUATION_COST, TRIAL_COST = 90.0, 0.4, 1.3e-3, 0.3
 Hints for the time that is left, nothing else."""
 PARTS = ("wheels", "infrared-wall", "infrared-cylinder")
 """What is recorded of a unit: the task has no lamp."""
+AGAIN = [known for known, share in KNOWN.items() if share and known != ALL]
+"""What else is made of its recordings, in this order."""
 
 
 def measure_or_randomise(
@@ -87,8 +91,7 @@ class _Left(Phases):
         self.profiles = Profiles(folder, config)
         self.every = controllers(config)
         self.left = missing({one: trial_file(folder, one) for one in self.every})
-        last = [known for known in KNOWN if KNOWN[known]][-2]
-        units = {unit: calibrated_folder(folder, unit, last) / PROFILE for unit in config.numbers}
+        units = {unit: calibrated_folder(folder, unit, AGAIN[-1]) / PROFILE for unit in config.numbers}
         self.uncalibrated = missing(units)
         self.studies: dict[tuple[int, str], Study] = {}
         every, left = len(self.every), len(self.left)
@@ -104,31 +107,32 @@ class _Left(Phases):
     def carry_out(self, recorders: Workers, engine: str) -> None:
         """Every phase that is not over; calibration has workers of its own, evolution may have an engine."""
         calibrating, evolving, driving = self.phases
-        shares = [known for known, share in KNOWN.items() if 0 < share < 1]
 
         def record(unit: int, heard: Recorded) -> None:
-            self._record(unit, shares, recorders, heard)
+            self._record(unit, recorders, heard)
 
         def setup() -> Setup:
             return Setup(bench_in, (Words(self.config, None if far(self.pool) else self.folder),))
 
-        self.calibrate(calibrating, self.uncalibrated, record, len(PARTS) + 1 + len(shares))
+        self.calibrate(calibrating, self.uncalibrated, record, len(PARTS) + 1 + len(AGAIN))
         keys = list(dict.fromkeys((one.unit, one.condition.known) for one in self.every))
         made = self.evolve(evolving, (self._place(*key) for key in keys), engine=engine)
         self.studies = dict(zip(keys, made, strict=True))
         self.drive(driving, setup, self._jobs())
 
-    def _record(self, unit: int, shares: list[str], recorders: Workers, heard: Recorded) -> None:
-        """Record a unit once, and fit it by all of its recordings and by shares of them."""
+    def _record(self, unit: int, recorders: Workers, heard: Recorded) -> None:
+        """Record a unit once, and fit it by all of its recordings, by shares of them and as a table."""
         config, place = self.config, calibrated_folder(self.folder, unit, ALL)
         calibrated_unit(
             place, unit=unit if config.robot == "twin" else str(config.address(unit)),
             noise=config.twin_noise, seed=named_stream(config.seed, "calibration", unit) >> 1,
             workers=recorders, parts=PARTS, on_progress=heard,
         )  # fmt: skip
-        for known in shares:
-            share = calibrated_folder(self.folder, unit, known)
-            calibrated_share(share, of=place, share=KNOWN[known], workers=recorders)
+        for known in AGAIN:
+            calibrated_again(
+                calibrated_folder(self.folder, unit, known), of=place, share=KNOWN[known],
+                form="lookup" if known == LOOKUP else None, workers=recorders,
+            )  # fmt: skip
             heard(known, 1, 1)
 
     def _place(self, unit: int, known: str) -> tuple[Path, StudyConfig, int]:
