@@ -31,7 +31,7 @@ MOST_SINGLE = 64
 """A thousand single environments take a minute to make."""
 
 
-def table(robots: list[int], seconds: int) -> None:
+def table(robots: list[int], seconds: int, spread: float) -> None:
     """Thousands of robots' steps a second."""
     print("| thousand steps a second | " + " | ".join(f"{count} robots" for count in robots) + " |")
     print("|---|" + "---|" * len(robots))
@@ -42,7 +42,7 @@ def table(robots: list[int], seconds: int) -> None:
                 if way == "sync" and count > MOST_SINGLE:
                     cells.append("")
                     continue
-                env = gymnasium.make_vec(name, num_envs=count, vectorization_mode=way)
+                env = gymnasium.make_vec(name, num_envs=count, vectorization_mode=way, spread=spread)
                 cells.append(f"{benchmark_vector_step(env, seconds, seed=1) / 1000:.4g}")
             print(f"| {task}, {title} | {' | '.join(cells)} |", flush=True)
 
@@ -68,6 +68,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--robots", type=int, nargs="+", default=[1, 64, 1024])
     parser.add_argument("--seconds", type=int, default=3, help="of each measurement")
+    parser.add_argument("--spread", type=float, default=0.0, help="constants drawn anew for each trial")
     parser.add_argument("--runs", type=int, default=10, help="of the figure")
     parser.add_argument("--draw", type=Path, help="draw the figure instead")
     options = parser.parse_args()
@@ -76,7 +77,7 @@ def main() -> None:
     if options.draw:
         draw(options.draw, options.runs)
     else:
-        table(options.robots, options.seconds)
+        table(options.robots, options.seconds, options.spread)
 
 
 if __name__ == "__main__":

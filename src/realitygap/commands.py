@@ -106,7 +106,7 @@ def evolve(
 
 
 def merge(
-    shards: Sequence[Place], *, out: Place | None = None, workers: Workers = None, trust: bool = False
+    shards: Place | Sequence[Place], *, out: Place | None = None, workers: Workers = None, trust: bool = False
 ) -> Study:
     """Put the shards of a study together and make the report, as `realitygap merge` does.
 
@@ -126,7 +126,8 @@ def merge(
     from realitygap.study.runner import WORK
     from realitygap.work.shard import read_mark, whole_of
 
-    found = all_shards([Path(one) for one in shards])
+    several = [shards] if isinstance(shards, str | PathLike) else shards
+    found = all_shards([Path(one) for one in several])
     for folder in found.values():
         mark = read_mark(folder)
         if mark is None or mark.work != WORK:

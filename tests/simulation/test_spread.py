@@ -81,6 +81,11 @@ def test_the_wheels_may_have_a_share_of_their_own():
     assert np.allclose(apart.speed_per_unit / robot.speed_per_unit - 1, factor / 20)
     task = load_task("avoidance").under(0.4, 0.02)
     assert task.name == "obstacle-avoidance-spread-40-wheels-2" and task.plain_name == "obstacle-avoidance"
+    again = task.under(0.1)
+    assert (again.name, again.title) == (
+        "obstacle-avoidance-spread-10",
+        "Obstacle avoidance, constants drawn within ±10 %",
+    )
     condition = Condition(task="avoidance", spread=0.4, spread_wheels=0.02)
     assert Condition(**condition.to_dict()) == condition
     with pytest.raises(ConfigError, match="spread_wheels"):

@@ -29,6 +29,7 @@ from realitygap.world.profile import FEEDS, Profile
 __all__ = ["MAX_INPUTS", "Start", "Task"]
 
 MAX_INPUTS = 16
+DRAWN = ", constants drawn within "
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +125,10 @@ class Task:
         if not spread:
             return self
         within = f"±{100 * spread:g} %" + (f", the wheels' ±{100 * wheels:g} %" if wheels is not None else "")
-        name, title = self.name + ending(spread, wheels), f"{self.title}, constants drawn within {within}"
+        name, title = (
+            self.plain_name + ending(spread, wheels),
+            self.title.partition(DRAWN)[0] + DRAWN + within,
+        )
         return replace(self, name=name, title=title, spread=spread, spread_wheels=wheels)
 
     @property
