@@ -108,7 +108,7 @@ def test_the_eye_reads_the_start_and_films_the_drive(study, robot, camera, video
     facts = tomllib.loads((one.folder / "transfer.toml").read_text())
     assert facts["wished"] != facts["pose"] and 0 <= facts["film_lead_s"] < 0.5
     path = one.situated
-    assert path.lost == one.lost_steps == 0 and one.late_steps <= 2
+    assert path.lost == one.lost_steps == 0 and one.late_steps < len(path) / 2
     assert np.hypot(path.x - STANDS.x, path.y - STANDS.y).max() < 0.1
     # the frame after the one that was looked at is the film's first
     begun = STANDS.heading_deg + 90.0 * (1 / FPS + facts["film_lead_s"])
