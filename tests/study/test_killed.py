@@ -47,7 +47,8 @@ def test_kills_at_random_moments(requested, uninterrupted, workers):
     This is a slice of `tests/hostile/kill.py`.
     """
     moments = random.Random(workers)
-    for least, number in ((0, signal.SIGKILL), (1, signal.SIGTERM), (3000, signal.SIGKILL)):
+    kills = ((0, signal.SIGKILL), (1, signal.SIGTERM), (3000, signal.SIGKILL))
+    for least, number in kills if workers == 2 else kills[-1:]:
         process = start(requested, "--workers", str(workers))
         wait_for(process, "evolving", least)
         time.sleep(moments.uniform(0.0, 0.4))
