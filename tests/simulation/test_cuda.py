@@ -33,6 +33,7 @@ from realitygap.study.reader import DATABASE
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
 from realitygap.testing import EngineContract
+from realitygap.world.look_up import LookUp
 from realitygap.world.profile import load_profile
 from tests.kernels import calls
 from tests.study.helpers import content, small
@@ -82,6 +83,16 @@ def test_constants_drawn_for_each_trial_are_refused():
     """All trials of a launch share one robot: said before anything is begun."""
     with pytest.raises(UsageError, match=r"engine cuda: expected a task without a spread.* with spread 0.1"):
         engine.Cuda(load_task("avoidance").under(0.1), PAPER, 1.0)
+
+
+@HERE
+def test_a_look_up_table_is_refused():
+    """Nobody has tried one on a GPU: said before anything is begun."""
+    rows = ((0.0,) * 4,) * 8
+    table = LookUp(nothing=(0.0,) * 8, wall_cm=(1.0, 2.0), wall=rows, cylinder_cm=(1.0, 2.0), cylinder=rows)
+    profile = replace(PAPER, infrared=replace(PAPER.infrared, table=table))
+    with pytest.raises(UsageError, match=r"engine cuda: expected a profile without a look-up table"):
+        engine.Cuda(load_task("avoidance"), profile, 1.0)
 
 
 @HERE

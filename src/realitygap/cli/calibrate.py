@@ -74,12 +74,10 @@ def calibrate(
     """Fit a robot's constants to recordings, and write a profile for --profile.
 
     A RECORDING is a folder made by `realitygap record` (or a folder of several), a .sam table, or a
-    Thymio's series (sensor02_light.csv).
-    Forms: paper has the paper's laws with common constants and its printed gains; individual has
-    constants for each sensor, light read linearly, and refitted gains; extended adds directions,
-    distance offset, exponents, Lambertian surfaces and the lamp's height; measured knows no law:
-    rays, a lobe, a curve and noise for each sensor (light by the extended optics); lookup replays what
-    was read round a wall and a cylinder (light as extended).
+    Thymio's series (sensor02_light.csv). Forms: paper has the paper's laws with common constants and its
+    printed gains; individual has constants for each sensor, light read linearly, and refitted gains; extended
+    adds directions, distance offset, exponents, Lambertian surfaces and the lamp's height; measured knows no
+    law: rays, a lobe, a curve and noise for each sensor; lookup replays what was read.
 
     \b
     Examples: a profile from two tables; judged on a third

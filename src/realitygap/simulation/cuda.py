@@ -56,7 +56,8 @@ class Cuda:
     Scores of shipped tasks are taken there; a user's own on the processor, where their indices are checked.
 
     Raises:
-        UsageError: there is no GPU, or no package to use it; or each trial is to draw constants of its own.
+        UsageError: there is no GPU, or no package to use it; each trial is to draw constants of its own; or
+            sensors read by a look-up table.
     """
 
     def __init__(self, task: Task, profile: Profile, noise: float) -> None:
@@ -65,6 +66,11 @@ class Cuda:
             raise UsageError(
                 f"engine cuda: expected a task without a spread, whose trials share one robot, got "
                 f"{task.name!r} with spread {task.spread:g}. Leave out --engine, or the spread."
+            )
+        if profile.infrared.table:
+            raise UsageError(
+                f"engine cuda: expected a profile without a look-up table, got {profile.name!r} with "
+                "infrared.table. Leave out --engine."
             )
         self.cores = Cores(task, profile, noise)
         self._kept: dict[tuple[int, int], Work] = {}
