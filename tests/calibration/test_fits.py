@@ -18,6 +18,7 @@ from realitygap.calibration.solve import Fit
 from realitygap.calibration.wheels.odometry import measure_odometry
 from realitygap.errors import CalibrationError
 from realitygap.report.calibration import write_calibration_page
+from realitygap.report.calibration_figures import SHOWN, curves_figure, maps_figure
 from realitygap.world.profile import load_profile
 from tests.calibration.tables import DIRTY, TURN_DEG
 from tests.calibration.written import save_recording
@@ -353,3 +354,20 @@ def test_kinds_calibrated_apart_are_the_calibration_by_all(recorded, driven) -> 
     whole = calibrate([one for kind in kinds for one in kind], PAPER, **settings)
     made = joined([calibrate(kind, PAPER, **settings) for kind in kinds], PAPER)
     assert made.profile.body.height_cm == 3.0 and made.profile.to_toml() == whole.profile.to_toml()
+
+
+def test_each_object_is_drawn_by_itself(recorded):
+    """Before a wall and round a cylinder at the same places: a curve of each, and a map of each."""
+    fit = calibrate([recorded("wall", repeats=1)], PAPER, form="paper").infrared
+    names = np.repeat(["wall", "cylinder:4"], len(fit.counts))
+    twice = {key: np.tile(getattr(fit, key), 2) for key in ("distance_cm", "bearing_deg")}
+    model = np.concatenate([fit.model, fit.model / 2])
+    both = replace(fit, object=names, counts=np.tile(fit.counts, (2, 1)), model=model, **twice)
+    panel = curves_figure(both).axes[0]
+    solid, dashed = ([line for line in panel.lines if line.get_linestyle() == s] for s in ("-", "--"))
+    assert len(solid) == len(dashed) == SHOWN + 1  # and one of each in the legend
+    for of_wall, of_cylinder in zip(solid[:SHOWN], dashed[:SHOWN], strict=True):
+        assert (np.diff(of_wall.get_xdata()) > 0).all()
+        assert of_cylinder.get_ydata() == pytest.approx(of_wall.get_ydata() / 2)
+    titles = [axes.get_title() for axes in maps_figure(both).axes]
+    assert {"sensor 0\nwall", "sensor 7\ncylinder of 4 cm"} < set(titles)

@@ -37,8 +37,10 @@ AS_GOOD = 1.1
 
 def ticks(recordings: Sequence[SensorRecording], form: str, *, beside: bool = True) -> int:
     """How often the fit of one kind of sensor says that it goes on; 0 without recordings."""
-    if not recordings or form == LOOKUP:
+    if not recordings:
         return 0
+    if form == LOOKUP:
+        return 1
     if recordings[0].kind == "infrared":
         return FOLDS + len(INFRARED_FORMS) + (1 + FOLDS) * (form not in INFRARED_FORMS)
     return FOLDS + (len(LIGHT_FORMS) if beside else 1)
@@ -61,6 +63,7 @@ def fit_infrared(
     base = replace(base, infrared=replace(base.infrared, table=LookUp())) if base.infrared.table else base
     rows = Rows(recordings, base)
     if form == LOOKUP:
+        tick()
         return _looked_up(rows, base)
     problems, doubt = infrared_problems(rows, base)
     printed = form if form in problems else "extended"
@@ -200,7 +203,8 @@ def _channel(
         misplaced=misplaced(rows, profile, fit.values, deviation) if modelled else np.nan,
         noise=tuple(noise), deviation=deviation, measured=main > 0, sensors=sensors, dead=rows.dead,
         source=source, warnings=rows.warnings,
-        distance_cm=rows.distance, bearing_deg=rows.bearing, counts=rows.counts, model=fit.model, span=span,
+        distance_cm=rows.distance, bearing_deg=rows.bearing, object=rows.object, counts=rows.counts,
+        model=fit.model, span=span,
     )  # fmt: skip
     profile = _with_noise(made, rows) if form in (MEASURED, LOOKUP) and made.measured else profile
     return replace(made, profile=profile, warnings=(*made.warnings, *doubts(made)))

@@ -66,6 +66,7 @@ class Rows:
         self.counts = np.nan_to_num(np.concatenate([r.counts for r in recordings]))
         self.distance = np.concatenate([r.distance_cm for r in recordings])
         self.bearing = np.concatenate([r.bearing_deg for r in recordings])
+        self.object = np.concatenate([np.full(len(r.counts), r.object) for r in recordings])
         self.scenes = [(f"turn_{i}_deg", scene_of(r, f"{REFLECTANCE}{i}")) for i, r in enumerate(recordings)]
         if all(scene.paint for _, scene in self.scenes):
             raise CalibrationError(

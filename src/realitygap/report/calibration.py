@@ -28,6 +28,7 @@ GRID = (
     "measured dots over fitted curves, four distances from the nearest to the farthest at which the "
     "sensor answers"
 )
+OBJECTS = "; a line of its own for each object"
 LEFT_OVER = (
     "What the model leaves over, over distance and bearing. A pattern is the model's error, a speckle is "
     "noise."
@@ -104,7 +105,8 @@ def _sensors(fit: ChannelFit, figures: Figures) -> _Part:
     )
     part.tables.append(_Table(title=title, head=head, rows=rows))
     what = f"Sensors of {fit.source.split('/')[-1]}"
-    told = Words(f"{what}: measured and fitted.", f"Readings: {GRID if draw.is_grid(fit) else ROOM}.")
+    shown = GRID + (OBJECTS if len(set(fit.object)) > 1 else "") if draw.is_grid(fit) else ROOM
+    told = Words(f"{what}: measured and fitted.", f"Readings: {shown}.")
     part.cards.append(figures.add(f"{fit.kind}-curves", partial(draw.curves_figure, fit), told))
     told = Words(f"{what}: what is left over.", LEFT_OVER)
     part.cards.append(figures.add(f"{fit.kind}-maps", partial(draw.maps_figure, fit), told))

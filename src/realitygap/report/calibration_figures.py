@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.calibration.recordings.recording import WheelRecording, cylinder_radius
 from realitygap.report.style import GRID, INK, MUTED, PAGE, new_figure
 
 if TYPE_CHECKING:
@@ -16,13 +18,14 @@ if TYPE_CHECKING:
 
     from realitygap.calibration.channel_fit import ChannelFit
     from realitygap.calibration.noise import NoiseEstimate
-    from realitygap.calibration.recordings.recording import WheelRecording
     from realitygap.calibration.wheels.fit import WheelFit
 
 __all__ = ["curves_figure", "is_grid", "maps_figure", "noise_figure", "slip_figure", "steps_figure"]
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 MARKS = ("o", "s", "^", "D")
+LINES = ("-", "--", ":")
+"""Of curves before the first object, the second, the third."""
 SHOWN = 4
 """Distances whose curves are shown."""
 
@@ -44,8 +47,11 @@ def curves_figure(fit: ChannelFit) -> Figure:
             axes.set(xlim=ends, ylim=ends)
         axes.set_title(_title(fit, k))
     if grid:
+        objects = list(_by_object(fit)) if len(set(fit.object)) > 1 else []
+        for name, line in zip(objects, LINES, strict=False):
+            panels[0].plot([], [], line, color=INK, lw=1.0, label=_named(name))
         handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=SHOWN, markerscale=2.5)
+        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), markerscale=2.5)
         _label(figure, "bearing of the object off the one that the sensor answers most to, degrees", "counts")
     else:
         _label(figure, "measured, counts", "model, counts")
@@ -53,19 +59,20 @@ def curves_figure(fit: ChannelFit) -> Figure:
 
 
 def maps_figure(fit: ChannelFit) -> Figure:
-    """Model minus measured over distance and bearing, a panel a sensor."""
-    figure, panels = _panels(len(fit.counts[0]))
+    """Model minus measured over distance and bearing, a panel a sensor and object."""
+    objects = _by_object(fit) if is_grid(fit) else {"": np.ones(len(fit.counts), bool)}
+    figure, panels = _panels(len(fit.counts[0]) * len(objects))
     off = fit.model - fit.counts
     scale = max(float(np.percentile(np.abs(off), 99)), 1.0)
     drawn: list[Collection] = []
-    for k, axes in enumerate(panels):
+    for axes, (name, k) in zip(panels, product(objects, range(len(fit.counts[0]))), strict=True):
         if is_grid(fit):
-            distance, bearing, table = _table(fit, off[:, k])
+            distance, bearing, table = _table(fit, off[:, k], objects[name])
             drawn.append(axes.pcolormesh(bearing, distance, table, shading="nearest"))
         else:
             drawn.append(axes.scatter(fit.bearing_deg, fit.distance_cm, c=off[:, k], s=5, lw=0))
         drawn[-1].set(cmap="PuOr", clim=(-scale, scale), rasterized=True)
-        axes.set_title(_title(fit, k))
+        axes.set_title(_title(fit, k) + (f"\n{_named(name)}" if len(objects) > 1 else ""))
         axes.set_xticks([-180, -90, 0, 90, 180])
     bar = figure.colorbar(drawn[-1], ax=panels, shrink=0.8, aspect=30, pad=0.02)
     bar.set_label("model minus measured, counts")
@@ -171,27 +178,40 @@ def _curves_over_bearing(fit: ChannelFit, k: int, axes: Axes) -> None:
     answer = fit.model[:, k] if fit.kind == "infrared" else fit.model[:, k].max() - fit.model[:, k]
     middle = np.degrees(np.angle(answer @ np.exp(1j * np.radians(fit.bearing_deg))))
     reach = 90 if fit.kind == "infrared" else 180
+    turned = (fit.bearing_deg - middle + 180.0) % 360.0 - 180.0
     for distance, colour, mark in zip(picked, COLOURS, MARKS, strict=False):
-        rows = np.flatnonzero(fit.distance_cm == distance)
-        turned = (fit.bearing_deg[rows] - middle + 180.0) % 360.0 - 180.0
-        order = np.argsort(turned)
+        at = fit.distance_cm == distance
         name = ("near", "", "", "far")[picked.index(distance)] if len(picked) == SHOWN else ""
         axes.plot(
-            turned, fit.counts[rows, k], mark, ms=1.6, mew=0, color=colour, alpha=0.7, rasterized=True,
-            label=f"{name} {distance:.1f} cm".strip() if k == 0 else None,
+            turned[at], fit.counts[at, k], mark, ms=1.6, mew=0, color=colour, alpha=0.7, rasterized=True,
+            label=f"{name} {distance:.1f} cm".strip(),
         )  # fmt: skip
-        axes.plot(turned[order], fit.model[rows, k][order], color=colour, lw=1.0)
+        for rows, line in zip(_by_object(fit).values(), LINES, strict=False):
+            bearing, place = np.unique(turned[rows & at], return_inverse=True)
+            model = np.bincount(place, fit.model[rows & at, k]) / np.bincount(place)
+            axes.plot(bearing, model, line, color=colour, lw=1.0)
     axes.set(xlim=(-reach, reach), xticks=(-reach, -reach // 2, 0, reach // 2, reach))
     axes.grid(True, color=GRID, lw=0.5)
 
 
+def _by_object(fit: ChannelFit) -> dict[str, NDArray[np.bool_]]:
+    """The rows of each object by its name."""
+    return {str(name): fit.object == name for name in dict.fromkeys(fit.object)}
+
+
+def _named(name: str) -> str:
+    """An object in words."""
+    radius = cylinder_radius(name)
+    return f"cylinder of {radius:g} cm" if radius else name
+
+
 def _table(
-    fit: ChannelFit, values: NDArray[np.float64]
+    fit: ChannelFit, values: NDArray[np.float64], rows: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Distances, bearings, and the mean of `values` at each pair."""
-    distance, i = np.unique(fit.distance_cm, return_inverse=True)
-    bearing, j = np.unique(fit.bearing_deg, return_inverse=True)
+    """Distances, bearings, and the mean of `values` of those rows at each pair."""
+    distance, i = np.unique(fit.distance_cm[rows], return_inverse=True)
+    bearing, j = np.unique(fit.bearing_deg[rows], return_inverse=True)
     total, many = np.zeros((len(distance), len(bearing))), np.zeros((len(distance), len(bearing)))
-    np.add.at(total, (i, j), values)
+    np.add.at(total, (i, j), values[rows])
     np.add.at(many, (i, j), 1)
     return distance, bearing, np.where(many > 0, total / np.maximum(many, 1), np.nan)
