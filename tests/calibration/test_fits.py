@@ -259,6 +259,9 @@ def test_a_dead_sensor_is_named_and_mended(recorded):
         assert one.low < one.value < one.high and told[f"infrared.{key}[2]"].told
     others = [s.a for k, s in enumerate(made.profile.infrared.sensors) if k != 3]
     assert min(others) <= made.profile.infrared.sensors[3].a <= max(others)
+    counts[:, 4:7] = 17.0
+    made = calibrate([replace(sound, counts=counts)], PAPER, form="paper")
+    assert len(made.infrared.dead) == 4 and made.profile.infrared.bands == pytest.approx((0, 1023), abs=30)
 
 
 def _swapped(r):
@@ -362,7 +365,7 @@ def test_each_object_is_drawn_by_itself(recorded):
     names = np.repeat(["wall", "cylinder:4"], len(fit.counts))
     twice = {key: np.tile(getattr(fit, key), 2) for key in ("distance_cm", "bearing_deg")}
     model = np.concatenate([fit.model, fit.model / 2])
-    both = replace(fit, object=names, counts=np.tile(fit.counts, (2, 1)), model=model, **twice)
+    both = replace(fit, name=names, counts=np.tile(fit.counts, (2, 1)), model=model, **twice)
     panel = curves_figure(both).axes[0]
     solid, dashed = ([line for line in panel.lines if line.get_linestyle() == s] for s in ("-", "--"))
     assert len(solid) == len(dashed) == SHOWN + 1  # and one of each in the legend
@@ -371,3 +374,10 @@ def test_each_object_is_drawn_by_itself(recorded):
         assert of_cylinder.get_ydata() == pytest.approx(of_wall.get_ydata() / 2)
     titles = [axes.get_title() for axes in maps_figure(both).axes]
     assert {"sensor 0\nwall", "sensor 7\ncylinder of 4 cm"} < set(titles)
+    straight = replace(both, bearing_deg=np.zeros(len(names)), dead={3: "covered"})
+    figure = curves_figure(straight)
+    shown = [axes.get_title() for axes in figure.axes if axes.get_visible()]
+    assert shown == [f"sensor {k}" for k in (0, 1, 2, 4, 5, 6, 7)]
+    x = figure.axes[0].lines[1].get_xdata()
+    assert x.tolist() == np.unique(fit.distance_cm).tolist()
+    assert maps_figure(straight).axes[0].get_legend() is not None

@@ -204,13 +204,13 @@ def _joined(
     }
     noise = replace(profile.noise, **deviations)
     if infrared is not None:
-        low, high = np.median(infrared.span, axis=0).round().tolist()
+        low, high = np.nanmedian(infrared.span, axis=0).round().tolist()
         told = high - low > 100 * count_unit(base.infrared.top)
         bands = (low, high) if told else base.infrared.bands
         profile = replace(profile, infrared=replace(infrared.profile.infrared, bands=bands))
     if ambient is not None:
         law = ambient.profile.ambient
-        bands = (round(law.dark, 1), round(max(law.floor, float(np.median(ambient.span[:, 0]))), 1))
+        bands = (round(law.dark, 1), round(max(law.floor, float(np.nanmedian(ambient.span[:, 0]))), 1))
         profile = replace(profile, ambient=replace(law, bands=bands))
     if wheels is not None:
         profile = replace(profile, wheels=wheels.profile.wheels)

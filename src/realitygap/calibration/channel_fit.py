@@ -47,9 +47,9 @@ class ChannelFit:
         dead: sensors that told nothing, and why.
         warnings: in words.
         distance_cm, bearing_deg: [n] of all rows; NaN where poses are all that is known.
-        object: [n] what stood there: "wall", "cylinder:RADIUS_CM", "lamp".
-        counts, model: [n, S].
-        span: [S, 2] what each sensor's readings really span.
+        name: [n] of each row's recording: its object, or its file where two have the same.
+        counts, model: [n, S]; counts are NaN where a sensor told nothing.
+        span: [S, 2] what each sensor's readings really span; NaN of none.
     """
 
     kind: str
@@ -69,7 +69,7 @@ class ChannelFit:
     source: str
     distance_cm: Array = field(repr=False)
     bearing_deg: Array = field(repr=False)
-    object: NDArray[np.str_] = field(repr=False)
+    name: NDArray[np.str_] = field(repr=False)
     counts: Array = field(repr=False)
     model: Array = field(repr=False)
     span: Array = field(repr=False)

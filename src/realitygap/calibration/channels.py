@@ -196,14 +196,17 @@ def _channel(
     )
     by_form = {name: rows.rmse(one.model) for name, one in fits.items()}
     modelled = kind == "infrared" and form != LOOKUP
-    span = np.stack([np.percentile(rows.counts, q, axis=0) for q in (0.5, 99.5)], 1)
+    told = [column[np.isfinite(column)] for column in live.T]
+    span = np.array(
+        [np.percentile(column, (0.5, 99.5)) if len(column) else (np.nan, np.nan) for column in told]
+    )
     made = ChannelFit(
         kind=kind, form=form, profile=profile, fit=fit, by_form=by_form,
         held_out={name: rows.rmse(model) for name, model in held_out.items()}, judged=judged,
         misplaced=misplaced(rows, profile, fit.values, deviation) if modelled else np.nan,
         noise=tuple(noise), deviation=deviation, measured=main > 0, sensors=sensors, dead=rows.dead,
         source=source, warnings=rows.warnings,
-        distance_cm=rows.distance, bearing_deg=rows.bearing, object=rows.object, counts=rows.counts,
+        distance_cm=rows.distance, bearing_deg=rows.bearing, name=rows.name, counts=live,
         model=fit.model, span=span,
     )  # fmt: skip
     profile = _with_noise(made, rows) if form in (MEASURED, LOOKUP) and made.measured else profile

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +67,10 @@ class Rows:
         self.counts = np.nan_to_num(np.concatenate([r.counts for r in recordings]))
         self.distance = np.concatenate([r.distance_cm for r in recordings])
         self.bearing = np.concatenate([r.bearing_deg for r in recordings])
-        self.object = np.concatenate([np.full(len(r.counts), r.object) for r in recordings])
+        names = [r.object for r in recordings]
+        if len(set(names)) < len(names):
+            names = [Path(r.source).stem for r in recordings]
+        self.name = np.repeat(names, [len(r.counts) for r in recordings])
         self.scenes = [(f"turn_{i}_deg", scene_of(r, f"{REFLECTANCE}{i}")) for i, r in enumerate(recordings)]
         if all(scene.paint for _, scene in self.scenes):
             raise CalibrationError(

@@ -23,16 +23,13 @@ if TYPE_CHECKING:
 __all__ = ["beside_real", "calibration_figures", "write_calibration_page"]
 
 TITLES = {"infrared": "Infrared proximity", "ambient": "Ambient light"}
-ROOM = "the model's against what was measured, all over a room"
-GRID = (
-    "measured dots over fitted curves, four distances from the nearest to the farthest at which the "
-    "sensor answers"
-)
-OBJECTS = "; a line of its own for each object"
-LEFT_OVER = (
-    "What the model leaves over, over distance and bearing. A pattern is the model's error, a speckle is "
-    "noise."
-)
+SHOWN = {
+    "bearing": "measured dots over fitted curves, four distances from the nearest to the farthest at which "
+    "the sensor answers, a kind of line for each recording",
+    "distance": "measured dots over fitted curves, a colour for each recording",
+    "poses": "the model's against what was measured, all over a room",
+}
+LEFT_OVER = "What the model leaves over, over {}. A pattern is the model's error, a speckle is noise."
 NOISE = (
     "Left: noise against a normal of its deviation. Right: its deviation over the reading, in quarters of "
     "the data, and the 95 % interval of the whole."
@@ -105,10 +102,11 @@ def _sensors(fit: ChannelFit, figures: Figures) -> _Part:
     )
     part.tables.append(_Table(title=title, head=head, rows=rows))
     what = f"Sensors of {fit.source.split('/')[-1]}"
-    shown = GRID + (OBJECTS if len(set(fit.object)) > 1 else "") if draw.is_grid(fit) else ROOM
-    told = Words(f"{what}: measured and fitted.", f"Readings: {shown}.")
+    look = draw.look_of(fit)
+    over = "distance" if look == "distance" else "distance and bearing"
+    told = Words(f"{what}: measured and fitted.", f"Readings: {SHOWN[look]}.")
     part.cards.append(figures.add(f"{fit.kind}-curves", partial(draw.curves_figure, fit), told))
-    told = Words(f"{what}: what is left over.", LEFT_OVER)
+    told = Words(f"{what}: what is left over.", LEFT_OVER.format(over))
     part.cards.append(figures.add(f"{fit.kind}-maps", partial(draw.maps_figure, fit), told))
     if fit.measured:
         told = Words(f"{what}: noise against a normal.", NOISE)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from itertools import product
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from itertools import cycle, product
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,60 +21,73 @@ if TYPE_CHECKING:
     from realitygap.calibration.noise import NoiseEstimate
     from realitygap.calibration.wheels.fit import WheelFit
 
-__all__ = ["curves_figure", "is_grid", "maps_figure", "noise_figure", "slip_figure", "steps_figure"]
+__all__ = ["curves_figure", "look_of", "maps_figure", "noise_figure", "slip_figure", "steps_figure"]
+
+Array = NDArray[np.float64]
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 MARKS = ("o", "s", "^", "D")
 LINES = ("-", "--", ":")
-"""Of curves before the first object, the second, the third."""
+"""Of the curves of the first recording, the second, the third."""
 SHOWN = 4
 """Distances whose curves are shown."""
 
 
 def curves_figure(fit: ChannelFit) -> Figure:
-    """Measured dots over fitted curves, a panel a sensor: over bearing, or model against measured."""
-    figure, panels = _panels(len(fit.counts[0]))
-    grid = is_grid(fit)
-    for k, axes in enumerate(panels):
-        if grid:
+    """Measured dots and fitted curves over bearing or distance, or model against measured, by sensor."""
+    live = _live(fit)
+    figure, panels = _panels(len(live))
+    look = look_of(fit)
+    for k, axes in zip(live, panels, strict=True):
+        if look == "bearing":
             _curves_over_bearing(fit, k, axes)
+        elif look == "distance":
+            _curves_over_distance(fit, k, axes)
         else:
             top = fit.profile.channel(fit.kind).top
             axes.plot([0, top], [0, top], color=MUTED, lw=0.8)
             dots = axes.scatter(fit.counts[:, k], fit.model[:, k], s=3, color=COLOURS[0], lw=0, alpha=0.4)
             dots.set_rasterized(True)
             both = np.stack([fit.counts, fit.model])
-            ends = float(both.min()) - 10, float(both.max()) + 10
+            ends = float(np.nanmin(both)) - 10, float(np.nanmax(both)) + 10
             axes.set(xlim=ends, ylim=ends)
-        axes.set_title(_title(fit, k))
-    if grid:
-        objects = list(_by_object(fit)) if len(set(fit.object)) > 1 else []
-        for name, line in zip(objects, LINES, strict=False):
+        axes.set_title(f"sensor {k}")
+    if look == "bearing":
+        recordings = list(_by_recording(fit))
+        for name, line in zip(recordings if recordings[1:] else [], cycle(LINES)):
             panels[0].plot([], [], line, color=INK, lw=1.0, label=_named(name))
         handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), markerscale=2.5)
+        figure.legend(handles, labels, loc="outside upper center", ncols=SHOWN + 2, markerscale=2.5)
         _label(figure, "bearing of the object off the one that the sensor answers most to, degrees", "counts")
+    elif look == "distance":
+        _label(figure, "distance, cm", "counts")
     else:
         _label(figure, "measured, counts", "model, counts")
     return figure
 
 
 def maps_figure(fit: ChannelFit) -> Figure:
-    """Model minus measured over distance and bearing, a panel a sensor and object."""
-    objects = _by_object(fit) if is_grid(fit) else {"": np.ones(len(fit.counts), bool)}
-    figure, panels = _panels(len(fit.counts[0]) * len(objects))
-    off = fit.model - fit.counts
-    scale = max(float(np.percentile(np.abs(off), 99)), 1.0)
+    """Model minus measured over distance and bearing, a panel a sensor and recording; or over distance."""
+    look, live, off = look_of(fit), _live(fit), fit.model - fit.counts
+    recordings = _by_recording(fit) if look == "bearing" else {"": np.ones(len(off), bool)}
+    figure, panels = _panels(len(live) * len(recordings))
+    scale = max(float(np.nanpercentile(np.abs(off), 99)), 1.0)
     drawn: list[Collection] = []
-    for axes, (name, k) in zip(panels, product(objects, range(len(fit.counts[0]))), strict=True):
-        if is_grid(fit):
-            distance, bearing, table = _table(fit, off[:, k], objects[name])
+    for axes, (name, k) in zip(panels, product(recordings, live), strict=True):
+        axes.set_title(f"sensor {k}" + (f"\n{_named(name)}" if len(recordings) > 1 else ""))
+        if look == "distance":
+            _left_over_distance(fit, k, axes)
+            continue
+        if look == "bearing":
+            distance, bearing, table = _table(fit, off[:, k], recordings[name])
             drawn.append(axes.pcolormesh(bearing, distance, table, shading="nearest"))
         else:
             drawn.append(axes.scatter(fit.bearing_deg, fit.distance_cm, c=off[:, k], s=5, lw=0))
         drawn[-1].set(cmap="PuOr", clim=(-scale, scale), rasterized=True)
-        axes.set_title(_title(fit, k) + (f"\n{_named(name)}" if len(objects) > 1 else ""))
         axes.set_xticks([-180, -90, 0, 90, 180])
+    if look == "distance":
+        _label(figure, "distance, cm", "model minus measured, counts")
+        return figure
     bar = figure.colorbar(drawn[-1], ax=panels, shrink=0.8, aspect=30, pad=0.02)
     bar.set_label("model minus measured, counts")
     _label(figure, "bearing of the object, degrees", "distance, cm")
@@ -160,20 +174,32 @@ def _shown(fit: ChannelFit) -> tuple[NoiseEstimate, ...]:
     return tuple(e for e in fit.noise if e.channel != "proximity_dark")
 
 
-def _title(fit: ChannelFit, k: int) -> str:
-    return f"sensor {k}" + (" (dead)" if k in fit.dead else "")
+def _live(fit: ChannelFit) -> list[int]:
+    """The sensors that told something."""
+    return [k for k in range(len(fit.counts[0])) if k not in fit.dead]
 
 
-def is_grid(fit: ChannelFit) -> bool:
-    """Whether the same bearings were recorded at each of a few distances."""
+def look_of(fit: ChannelFit) -> Literal["bearing", "distance", "poses"]:
+    """What readings are drawn over: bearings, where the same were recorded at each of a few distances;
+    distance, where each sensor has one bearing; or nothing, all over a room."""
+    told = np.isfinite(fit.counts)
+    if all(len(np.unique(fit.bearing_deg[told[:, k]])) == 1 for k in _live(fit)):
+        return "distance"
     places = len(np.unique(np.stack([fit.distance_cm, fit.bearing_deg], 1), axis=0))
     distances, bearings = len(np.unique(fit.distance_cm)), len(np.unique(fit.bearing_deg))
-    return bool(distances > 1 and places >= 0.9 * distances * bearings)
+    return "bearing" if distances > 1 and places >= 0.9 * distances * bearings else "poses"
+
+
+def _by_recording(fit: ChannelFit) -> dict[str, NDArray[np.bool_]]:
+    """The rows of each recording by its name."""
+    return {str(name): fit.name == name for name in dict.fromkeys(fit.name)}
 
 
 def _curves_over_bearing(fit: ChannelFit, k: int, axes: Axes) -> None:
-    distances = np.unique(fit.distance_cm)
-    lively = [d for d in distances if np.ptp(fit.counts[fit.distance_cm == d, k]) > 60] or list(distances)
+    told = np.isfinite(fit.counts[:, k])
+    distances = np.unique(fit.distance_cm[told])
+    lively = [d for d in distances if np.ptp(fit.counts[told & (fit.distance_cm == d), k]) > 60]
+    lively = lively or list(distances)
     picked = [lively[i] for i in np.unique(np.linspace(0, len(lively) - 1, SHOWN).round().astype(int))]
     answer = fit.model[:, k] if fit.kind == "infrared" else fit.model[:, k].max() - fit.model[:, k]
     middle = np.degrees(np.angle(answer @ np.exp(1j * np.radians(fit.bearing_deg))))
@@ -182,21 +208,47 @@ def _curves_over_bearing(fit: ChannelFit, k: int, axes: Axes) -> None:
     for distance, colour, mark in zip(picked, COLOURS, MARKS, strict=False):
         at = fit.distance_cm == distance
         name = ("near", "", "", "far")[picked.index(distance)] if len(picked) == SHOWN else ""
-        axes.plot(
-            turned[at], fit.counts[at, k], mark, ms=1.6, mew=0, color=colour, alpha=0.7, rasterized=True,
-            label=f"{name} {distance:.1f} cm".strip(),
-        )  # fmt: skip
-        for rows, line in zip(_by_object(fit).values(), LINES, strict=False):
-            bearing, place = np.unique(turned[rows & at], return_inverse=True)
-            model = np.bincount(place, fit.model[rows & at, k]) / np.bincount(place)
-            axes.plot(bearing, model, line, color=colour, lw=1.0)
+        _dots(axes, turned[at], fit.counts[at, k], mark, colour, f"{name} {distance:.1f} cm".strip())
+        for rows, line in zip(_by_recording(fit).values(), cycle(LINES)):
+            axes.plot(*_means(turned[rows & at], fit.model[rows & at, k]), line, color=colour, lw=1.0)
     axes.set(xlim=(-reach, reach), xticks=(-reach, -reach // 2, 0, reach // 2, reach))
     axes.grid(True, color=GRID, lw=0.5)
 
 
-def _by_object(fit: ChannelFit) -> dict[str, NDArray[np.bool_]]:
-    """The rows of each object by its name."""
-    return {str(name): fit.object == name for name in dict.fromkeys(fit.object)}
+def _curves_over_distance(fit: ChannelFit, k: int, axes: Axes) -> None:
+    for name, rows, colour, mark in _series(fit, k):
+        _dots(axes, fit.distance_cm[rows], fit.counts[rows, k], mark, colour, _named(name))
+        axes.plot(*_means(fit.distance_cm[rows], fit.model[rows, k]), color=colour, lw=1.0)
+    axes.grid(True, color=GRID, lw=0.5)
+    axes.legend(fontsize=6, markerscale=2.5)
+
+
+def _left_over_distance(fit: ChannelFit, k: int, axes: Axes) -> None:
+    for name, rows, colour, mark in _series(fit, k):
+        left = fit.model[rows, k] - fit.counts[rows, k]
+        _dots(axes, fit.distance_cm[rows], left, mark, colour, _named(name))
+    axes.axhline(0, color=MUTED, lw=0.8)
+    axes.grid(True, color=GRID, lw=0.5)
+    axes.legend(fontsize=6, markerscale=2.5)
+
+
+def _series(fit: ChannelFit, k: int) -> Iterator[tuple[str, NDArray[np.bool_], str, str]]:
+    """Of each recording in which a sensor told something: name, rows, colour and mark."""
+    told = np.isfinite(fit.counts[:, k])
+    some = {name: rows & told for name, rows in _by_recording(fit).items() if (rows & told).any()}
+    for (name, rows), colour, mark in zip(some.items(), cycle(COLOURS), cycle(MARKS)):
+        yield name, rows, colour, mark
+
+
+def _dots(axes: Axes, x: Array, counts: Array, mark: str, colour: str, label: str) -> None:
+    """Single readings."""
+    axes.plot(x, counts, mark, ms=1.6, mew=0, color=colour, alpha=0.7, rasterized=True, label=label)
+
+
+def _means(x: Array, values: Array) -> tuple[Array, Array]:
+    """Each x once, and the mean of the values there."""
+    found, i = np.unique(x, return_inverse=True)
+    return found, np.bincount(i, values) / np.bincount(i)
 
 
 def _named(name: str) -> str:
@@ -205,10 +257,9 @@ def _named(name: str) -> str:
     return f"cylinder of {radius:g} cm" if radius else name
 
 
-def _table(
-    fit: ChannelFit, values: NDArray[np.float64], rows: NDArray[np.bool_]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _table(fit: ChannelFit, values: Array, rows: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
     """Distances, bearings, and the mean of `values` of those rows at each pair."""
+    rows = rows & np.isfinite(values)
     distance, i = np.unique(fit.distance_cm[rows], return_inverse=True)
     bearing, j = np.unique(fit.bearing_deg[rows], return_inverse=True)
     total, many = np.zeros((len(distance), len(bearing))), np.zeros((len(distance), len(bearing)))
