@@ -14,6 +14,7 @@ from realitygap.calibration.constants import Constant
 from realitygap.calibration.judge import judge
 from realitygap.calibration.noise import lit_noise, sample_noise
 from realitygap.calibration.recordings.files import load_recording
+from realitygap.calibration.rows import Rows
 from realitygap.calibration.solve import Fit
 from realitygap.calibration.wheels.odometry import measure_odometry
 from realitygap.errors import CalibrationError
@@ -262,6 +263,27 @@ def test_a_dead_sensor_is_named_and_mended(recorded):
     counts[:, 4:7] = 17.0
     made = calibrate([replace(sound, counts=counts)], PAPER, form="paper")
     assert len(made.infrared.dead) == 4 and made.profile.infrared.bands == pytest.approx((0, 1023), abs=30)
+
+
+def test_what_one_recording_does_not_show_another_may(recorded):
+    """A robot that backs off a wall sees it with some sensors; before another side, with others. None of
+    them is dead; the sensors that saw nothing are left out of that one recording."""
+    ring = recorded("wall", repeats=4)
+    series = [
+        replace(ring, source=name, **{
+            key: getattr(ring, key)[np.isin(ring.bearing_deg, bearings)]
+            for key in ("distance_cm", "bearing_deg", "repeat", "counts")
+        }) for name, bearings in (("front", (0.0,)), ("back", (170.0, 180.0)))
+    ]  # fmt: skip
+    rows = Rows([ring, *series], PAPER)
+    assert rows.dead == {} and "front: sensors 0, 5, 6, 7 tell nothing there: left out of it" in rows.warnings
+    assert [part.any(axis=0).tolist() for part in rows.split(rows.use)] == [
+        [True] * 8, [False, True, True, True, True, False, False, False], [False] * 6 + [True] * 2
+    ]  # fmt: skip
+    with pytest.raises(
+        CalibrationError, match=r"back: most sensors tell nothing: .*, or away from the object"
+    ):
+        Rows(series[1:], PAPER)
 
 
 def _swapped(r):

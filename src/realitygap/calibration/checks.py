@@ -17,7 +17,7 @@ from realitygap.world.profile import Profile
 from realitygap.world.sensors import AmbientSensor, ProximitySensor
 
 __all__ = [
-    "dead_sensors", "refuse_mixed", "refuse_nonsense", "refuse_other_kind",
+    "dead_sensors", "refuse_mixed", "refuse_nonsense", "refuse_other_kind", "refuse_silent",
     "refuse_swapped", "refuse_units",
 ]  # fmt: skip
 
@@ -41,30 +41,52 @@ EXPLAINED = 0.5
 
 
 def dead_sensors(recording: SensorRecording, top: float) -> dict[int, str]:
-    """Sensors that tell nothing, of a converter that counts to `top`, and why, in words."""
+    """Sensors that tell nothing in a recording, of a converter that counts to `top`, and why, in words."""
     dead = {}
-    recorded = np.isfinite(recording.counts).any(axis=0)
-    for k in np.flatnonzero(recorded).tolist():
+    looks = "it looks dead" if _all_round(recording) else "it looks dead, or away from the object"
+    for k in _recorded(recording):
         values = recording.counts[np.isfinite(recording.counts[:, k]), k]
         low, high = np.percentile(values, [0.2, 99.8])
         if np.ptp(values) == 0:
-            dead[k] = f"sensor {k} reads {values[0]:.4g} everywhere: it looks dead"
+            dead[k] = f"sensor {k} reads {values[0]:.4g} everywhere: {looks}"
         elif recording.kind == "infrared" and (values >= top).mean() > SATURATED_SHARE:
             dead[k] = f"sensor {k} is saturated in {(values >= top).mean():.0%} of its readings"
         elif high - low < STILL * count_unit(top):
-            dead[k] = f"sensor {k} hardly changes ({values.min():.4g} to {values.max():.4g}): it looks dead"
-    if len(dead) > recorded.sum() // 2:
-        reasons = "; ".join(dead.values())
-        raise CalibrationError(f"{recording.source}: most sensors tell nothing: {reasons}. Record again.")
-    lit = _signal(recording, top)[:, [k for k in np.flatnonzero(recorded).tolist() if k not in dead]]
-    middle = int(((lit > 0.06) & (lit < 0.94)).sum())
+            dead[k] = f"sensor {k} hardly changes ({values.min():.4g} to {values.max():.4g}): {looks}"
+    return dead
+
+
+def refuse_silent(
+    recordings: Sequence[SensorRecording], dead: Sequence[dict[int, str]], top: float
+) -> dict[int, str]:
+    """The sensors that are dead in every one of the recordings that has them, and why.
+
+    Args:
+        recordings: of one kind; what one of them does not show another may.
+        dead: the dead sensors of each.
+        top: the converter's highest count.
+
+    Raises:
+        CalibrationError: most sensors are; or few readings lie between dark and saturated.
+    """
+    where = ", ".join(recording.source for recording in recordings)
+    there = [set(_recorded(recording)) for recording in recordings]
+    lives = {k for has, gone in zip(there, dead, strict=True) for k in has - gone.keys()}
+    silent = {k: why for gone in dead for k, why in gone.items() if k not in lives}
+    if len(silent) > len(set().union(*there)) // 2:
+        raise CalibrationError(
+            f"{where}: most sensors tell nothing: {'; '.join(silent.values())}. Record again."
+        )
+    middle = 0
+    for recording, has, gone in zip(recordings, there, dead, strict=True):
+        lit = _signal(recording, top)[:, sorted(has - gone.keys())]
+        middle += int(((lit > 0.06) & (lit < 0.94)).sum())
     if middle < FEWEST_LIT:
         raise CalibrationError(
-            f"{recording.source}: only {middle} readings lie between dark and saturated, "
-            f"expected {FEWEST_LIT} or "
+            f"{where}: only {middle} readings lie between dark and saturated, expected {FEWEST_LIT} or "
             "more. Are the distances right, and the object near enough?"
         )
-    return dead
+    return silent
 
 
 def refuse_swapped(recording: SensorRecording, profile: Profile, dead: dict[int, str]) -> tuple[str, ...]:
@@ -186,9 +208,9 @@ def refuse_nonsense(where: str, counts: Array, model: Array, dead: dict[int, str
     spread = np.nansum((counts[:, live] - np.nanmean(counts[:, live], axis=0)) ** 2)
     if off > (1.0 - EXPLAINED) * spread:
         raise CalibrationError(
-            f"{where}: the fitted law explains only {max(0.0, 1 - off / spread):.0%} of how the "
-            f"readings change: this "
-            "is no recording of such an object, or its distances and bearings are not those of its rows."
+            f"{where}: the fitted law explains only {max(0.0, 1 - off / spread):.0%} of how the readings "
+            "change: this is no recording of such an object, or its distances (cm from the body's edge) and "
+            "bearings (degrees) are not those of its rows."
         )
 
 
@@ -215,6 +237,17 @@ def refuse_mixed(recordings: Sequence[Recording]) -> None:
             )
 
 
+def _recorded(recording: SensorRecording) -> list[int]:
+    """The sensors that a recording has readings of."""
+    return [int(k) for k in np.flatnonzero(np.isfinite(recording.counts).any(axis=0))]
+
+
+def _all_round(recording: SensorRecording) -> bool:
+    """Whether the object was seen from all sides."""
+    turned = np.unique(np.round(recording.bearing_deg % 360.0, 3))
+    return len(turned) >= 4 and float(np.diff(np.append(turned, turned[0] + 360.0)).max()) <= 100.0
+
+
 def _signal(recording: SensorRecording, top: float) -> Array:
     """[n, S] 0 in the dark, 1 saturated."""
     if recording.kind == "infrared":
@@ -227,8 +260,7 @@ def _answers(recording: SensorRecording, top: float) -> tuple[Array, NDArray[np.
     """[S] the bearing that each sensor answers to, degrees, and whether that is sure."""
     bearing, signal = np.radians(recording.bearing_deg), np.clip(_signal(recording, top), 0.0, 1.0)
     signal = np.where(signal > 0.1, signal, 0.0)
-    turned = np.unique(np.round(recording.bearing_deg % 360.0, 3))
-    if len(turned) < 4 or np.diff(np.append(turned, turned[0] + 360.0)).max() > 100.0:
+    if not _all_round(recording):
         return np.zeros(recording.sensors), np.zeros(recording.sensors, bool)
     total = signal.T @ np.exp(1j * bearing)
     sure = np.abs(total) > 0.2 * np.maximum(signal.sum(axis=0), 1e-9)

@@ -7,7 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.checks import dead_sensors, refuse_other_kind, refuse_swapped, refuse_units
+from realitygap.calibration.checks import (
+    dead_sensors,
+    refuse_other_kind,
+    refuse_silent,
+    refuse_swapped,
+    refuse_units,
+)
 from realitygap.calibration.forward import (
     Scene,
     illumination,
@@ -130,8 +136,10 @@ def _doubts(recording: SensorRecording, profile: Profile) -> tuple[dict[int, str
     try:
         refuse_other_kind(recording, top)
         refuse_units(recording, top)
-        dead = dead_sensors(recording, top)
-        said += [f"{recording.source}: {reason}" for reason in dead.values()]
+        gone = dead_sensors(recording, top)
+        said += [f"{recording.source}: {reason}" for reason in gone.values()]
+        refuse_silent([recording], [gone], top)
+        dead = gone
         said += refuse_swapped(recording, profile, dead)
     except CalibrationError as error:
         said.append(str(error))

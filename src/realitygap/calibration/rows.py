@@ -8,7 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.checks import dead_sensors, refuse_other_kind, refuse_swapped, refuse_units
+from realitygap.calibration.checks import (
+    dead_sensors,
+    refuse_other_kind,
+    refuse_silent,
+    refuse_swapped,
+    refuse_units,
+)
 from realitygap.calibration.forward import scene_of
 from realitygap.calibration.recordings.recording import SensorRecording, count_unit
 from realitygap.calibration.solve import Measured
@@ -52,17 +58,21 @@ class Rows:
 
     def __init__(self, recordings: Sequence[SensorRecording], base: Profile) -> None:
         self.recordings = recordings
-        self.dead: dict[int, str] = {}
         warned: list[str] = []
         self.top = base.channel(recordings[0].kind).top
         self.unit = count_unit(self.top)
         for recording in recordings:
             refuse_other_kind(recording, self.top)
             refuse_units(recording, self.top)
-            dead = dead_sensors(recording, self.top)
-            warned += [f"{recording.source}: {reason}" for reason in dead.values()]
-            warned += refuse_swapped(recording, base, dead)
-            self.dead |= dead
+        dead = [dead_sensors(recording, self.top) for recording in recordings]
+        self.dead = refuse_silent(recordings, dead, self.top)
+        for recording, gone in zip(recordings, dead, strict=True):
+            warned += [f"{recording.source}: {why}" for k, why in gone.items() if k in self.dead]
+            if elsewhere := [str(k) for k in gone if k not in self.dead]:
+                warned.append(
+                    f"{recording.source}: sensors {', '.join(elsewhere)} tell nothing there: left out of it"
+                )
+            warned += refuse_swapped(recording, base, gone)
         self.warnings = tuple(warned)
         self.counts = np.nan_to_num(np.concatenate([r.counts for r in recordings]))
         self.distance = np.concatenate([r.distance_cm for r in recordings])
@@ -83,10 +93,13 @@ class Rows:
             first = int(places[-1].max()) + 1
         self.place = np.concatenate(places)
         self.use = np.isfinite(np.concatenate([r.counts for r in recordings]))
+        for use, gone in zip(self.split(self.use), dead, strict=True):
+            use[:, list(gone)] = False
         for k in np.flatnonzero(~self.use.any(axis=0)).tolist():
+            if k in self.dead:
+                continue
             self.dead[k] = f"sensor {k} was not recorded"
             self.warnings += (f"{self.dead[k]}: it is taken to be like the others",)
-        self.use[:, list(self.dead)] = False
         self.block = self._blocks()
 
     def without(self, out: NDArray[np.bool_]) -> "Rows":
