@@ -56,7 +56,8 @@ def _uncounted(recording):
 
 
 def test_a_camera_alone_tells_the_wheels(driven, robot):
-    """Without counters pictures of each step give track, speeds and slip, in any unit of commands."""
+    """Without counters pictures of each step give track, speeds and slip, in any unit of commands; one that
+    may be another than the base's is doubted."""
     seen = _uncounted(driven(friction_cm_s2=0.0, each=True))
     made = calibrate([seen], PAPER)
     assert made.wheels is not None and made.profile.provenance.pulses_per_mm == ()
@@ -64,9 +65,17 @@ def test_a_camera_alone_tells_the_wheels(driven, robot):
     assert wheels.track_cm == pytest.approx(true.track_cm, rel=0.015)
     assert wheels.speed_per_unit_cm_s == pytest.approx(true.speed_per_unit_cm_s, rel=0.015)
     assert made.profile.noise.wheel == pytest.approx(0.06, rel=0.15)
-    fine = replace(PAPER, wheels=replace(PAPER.wheels, top_command=500.0, speed_per_unit_cm_s=(0.016, 0.016)))
-    finer = calibrate([replace(seen, commands=50 * seen.commands)], fine).profile.wheels
-    assert finer.speed_per_unit_cm_s == pytest.approx(np.array(wheels.speed_per_unit_cm_s) / 50, rel=1e-3)
+    fine = replace(
+        PAPER, wheels=replace(PAPER.wheels, top_command=500.0, speed_per_unit_cm_s=(0.0128, 0.0128))
+    )
+    finer = calibrate([replace(seen, commands=50 * seen.commands)], fine)
+    assert [any("written in another unit" in said for said in one.warnings) for one in (made, finer)] == [
+        0,
+        1,
+    ]
+    assert finer.profile.wheels.speed_per_unit_cm_s == pytest.approx(
+        np.array(wheels.speed_per_unit_cm_s) / 50, rel=1e-3
+    )
 
 
 @pytest.mark.parametrize(

@@ -38,6 +38,9 @@ FORMS = {
 }
 """What --form means for infrared, ambient light and wheels."""
 
+ROUGH = 1.15
+"""How many times as fast or as slow as in the base wheels may be, a command, before its unit is doubted."""
+
 UNKNOWN_LAMP = (
     "ambient: the lamp's brightness is unknown; gains are scaled as if the light which the paper's law "
     "reads half-way between floor and dark were read half-way here"
@@ -287,6 +290,14 @@ def _warnings(made: Calibration, base: Profile) -> list[str]:
         out.append(
             f"wheels: {seen}: {wheels.pulses_per_mm[0]:g} pulses per mm are assumed, track and noise of the "
             "wheels are the base profile's"
+        )
+    known, found = base.wheels.speed_per_unit_cm_s, wheels.profile.wheels.speed_per_unit_cm_s
+    shares = [a / b for a, b in zip(found, known, strict=True)]
+    if max(*shares, *(1 / share for share in shares)) > ROUGH:
+        out.append(
+            f"wheels: {found[0]:.3g} and {found[1]:.3g} cm/s a unit, where profile {base.name!r} has "
+            f"{known[0]:.3g} and {known[1]:.3g}: were commands written in another unit, as cm/s or mm/s? "
+            "Write them as the robot is given them"
         )
     better = wheels.rmse["printed"] / max(wheels.rmse["refitted"], 1e-9)
     if wheels.form == "printed" and better > 1.5:

@@ -80,6 +80,13 @@ class Wheels(Value):
     def _check(self) -> None:
         for key in ("track_cm", "top_command", "divisor"):
             require(getattr(self, key) > 0, key, "more than 0", getattr(self, key))
+        require(
+            self.command(TOP_INPUT) >= 1,
+            "top_command",
+            "1 or more, since a robot is given whole commands",
+            self.top_command,
+            "Take a smaller unit of speed, as mm/s instead of m/s.",
+        )
         for key in ("kp", "ki", "kd", "rest_speed_cm_s", "friction_cm_s2"):
             require(getattr(self, key) >= 0, key, "0 or more", getattr(self, key))
         for i, speed in enumerate(self.speed_per_unit_cm_s):

@@ -149,6 +149,7 @@ class Infrared(Value):
         check_bands(self.bands)
         far, near = self.bands
         require(far < near, "bands", "what is read far off, then what is read near by", self.bands, TURN)
+        require(near <= self.top, "bands", f"readings up to top ({self.top:g})", self.bands)
         check_radians(self.sensors)
 
 

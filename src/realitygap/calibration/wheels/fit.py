@@ -220,8 +220,10 @@ def _told(recording: WheelRecording, measured: Array) -> NDArray[np.bool_]:
 
 
 def _stable(theta: Array, keys: list[str], base: Profile) -> bool:
-    """Whether a wheel with these gains settles at all."""
+    """Whether a wheel with these gains settles, and goes no further than a radius in a step at command 1."""
     law = dict(zip(keys, theta.tolist(), strict=True))
+    if max(law[key] for key in SPEED_KEYS) * base.period_s > base.body.radius_cm:
+        return False
     kp, ki, kd = (law.get(key, getattr(base.wheels, key)) for key in ("kp", "ki", "kd"))
     return largest_pole(kp, ki, kd, base.wheels.divisor) < SETTLING
 
