@@ -141,9 +141,15 @@ def _told(place: str | Path, does: str, why: BaseException) -> str:
     where = _line(place, why)
     if isinstance(why, UsageError):
         return f"{where}: {why}"
-    if isinstance(why, OSError):
+    if isinstance(why, OSError) and why.filename is not None:
         return f"{where}: {why.strerror or why}. Check the path."
-    return f"{where}: {does} with {f'{type(why).__name__}: {why}'.rstrip(': ')}. Correct that line."
+    what = f"{where}: {does} with {f'{type(why).__name__}: {why}'.rstrip(': ')}."
+    if isinstance(why, OSError):  # a line or a device, as often as not
+        return what
+    folder = Path(place).absolute().parent
+    if isinstance(why, ModuleNotFoundError) and (folder / f"{why.name}.py").is_file():
+        return f"{what} It lies in {folder}: set PYTHONPATH={folder}."
+    return f"{what} Correct that line."
 
 
 def _line(place: str | Path, error: BaseException) -> str:

@@ -35,7 +35,9 @@ def test_facing_a_wall_is_felt_in_front(json_of):
 
 
 def test_the_text_has_a_column_a_sensor(call):
-    """Without --json the readings are a table of eight columns."""
+    """Without --json the readings are a table of eight columns; kinds that a robot lacks have none."""
     result = call("probe", "light", "--pose", 60, 35, 0)
     assert result.exit_code == 0
     assert "s7" in result.stdout
+    five = call("probe", "avoidance", "--pose", 25, 7, -90, "--profile", "examples/five_eyes.toml").stdout
+    assert "s4" in five and "s5" not in five and "ambient" not in five

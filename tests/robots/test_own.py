@@ -45,6 +45,10 @@ class Many(Three):
     def sense(self): return Readings(proximity=np.zeros(8), ambient=np.empty(0))
 class Loud(Three):
     def sense(self): return Readings(proximity=np.full(3, 5000.0), ambient=np.empty(0))
+class Listed(Three):
+    def sense(self): return Readings(proximity=[1, 2, 3], ambient=[])
+class Unplugged(Three):
+    def reset(self, pose=None): raise OSError("no such device")
 class Wordy(Three):
     def sense(self): return [1, 2, 3]
 class Broken(Three):
@@ -106,6 +110,7 @@ def test_it_is_checked_as_any_robot(file: Path) -> None:
         ("Wordy", r"sense: expected Readings, got \[1, 2, 3\]"),
         ("Broken", r"mine.py, line \d+: Broken.reset stops with ZeroDivisionError"),
         ("Late", r"mine.py, line \d+: SteppedClock.sleep_until stops with KeyError"),
+        ("Unplugged", r"mine.py, line \d+: Unplugged.reset stops with OSError: no such device\.$"),
         ("Counting", "odometry: expected, since it counts turns"),
         ("Empty", "expected channels, period_s, counts_turns, reset, sense, act, stop, close"),
         ("Odd", "channels: expected a tuple of Channel"),
@@ -120,6 +125,23 @@ def test_what_is_no_body_is_said_in_one_line(file: Path, name: str, says: str) -
         body.reset()
         body.sense()
         clock_of(body).sleep_until(1.0)
+
+
+def test_readings_may_be_lists(file: Path) -> None:
+    """They are written down and fed as arrays are."""
+    with closing(Address.parse(f"{file}:Listed").open()) as body:
+        read = body.sense()
+    assert read.proximity.tolist() == [1.0, 2.0, 3.0] and read.ambient.shape == (0,)
+
+
+def test_a_driver_beside_the_file_is_said_to_lie_there(file: Path) -> None:
+    """The folder of a user's file is none that Python looks in."""
+    (file.parent / "my_driver.py").write_text("")
+    file.write_text("import my_driver\n")
+    with pytest.raises(
+        UsageError, match=f"my_driver'. It lies in {file.parent}: set PYTHONPATH={file.parent}"
+    ):
+        Address.parse(f"{file}:Three").open()
 
 
 def test_a_robot_that_is_lost_is_no_mistake_of_its_file(file: Path) -> None:

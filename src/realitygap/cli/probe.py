@@ -38,6 +38,8 @@ def probe(seed: int, repeat: int, json_output: bool, **scene_of: Any) -> None:
         print_json({**scene.facts(seed), "proximity": proximity, "ambient": ambient})
         return
     for title, readings in (("proximity", proximity), ("ambient", ambient)):
+        if not readings.shape[1]:
+            continue
         click.echo(f"{title}, counts")
         rows = [[k, *(_count(reading) for reading in row)] for k, row in enumerate(readings.tolist())]
         print_table(["reading", *(f"s{i}" for i in range(readings.shape[1]))], rows)

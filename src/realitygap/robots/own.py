@@ -81,14 +81,18 @@ class OwnBody(Blamed):
         if not isinstance(read, Readings):
             raise self._wrong(f"sense: expected Readings, got {read!r}")
         declared = {one.name: one for one in self.channels}
+        checked = {}
         for kind in KINDS:
-            counts, one = np.asarray(getattr(read, kind), np.float64), declared.get(kind)
+            one = declared.get(kind)
+            with self._blamed("sense"):
+                counts = np.asarray(getattr(read, kind), np.float64)
             if counts.shape != (one.sensors if one else 0,):
                 wanted = f"{one.sensors} {kind} readings" if one else f"no {kind} readings"
                 raise self._wrong(f"sense: expected {wanted}, as its channels say, got {counts.shape}")
             if one and not ((counts >= one.low) & (counts <= one.high)).all():
                 raise self._wrong(f"sense: expected {kind} counts from {one.low} to {one.high}, got {counts}")
-        return read
+            checked[kind] = counts
+        return Readings(**checked)
 
     def _channels(self) -> tuple[Channel, ...]:
         channels = self._own.channels
