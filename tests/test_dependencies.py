@@ -44,6 +44,7 @@ NOT_PUBLIC = (
     ("numba.core.dispatcher", "Dispatcher.enable_caching"),
     ("numba.core.compiler", "CompileResult._reduce"),
     ("numba.core.compiler", "CompileResult._rebuild"),
+    ("numba.core.runtime", "rtsys.initialize"),
     ("numba.core.serialize", "dumps"),
 )
 """What of Numba's the project leans on though no release promises it: the reason of its upper bound."""

@@ -83,8 +83,9 @@ def place(kept: Place) -> Iterator[Place]:
 
 
 def test_what_is_on_file_is_loaded_and_nobody_else_can_write_it(place: Place) -> None:
-    """A second process compiles nothing; the folder is the user's alone."""
-    assert place.run() == ("8 2 1 1", "")
+    """A second process compiles nothing, nor loads what only that needs; the folder is the user's alone."""
+    needs = "import sys; print('numba.np.arraymath' in sys.modules)"
+    assert place.run(needs) == ("8 2 1 1\nFalse", "")
     assert place.entries()[0].parent.stat().st_mode & 0o777 == 0o700
 
 

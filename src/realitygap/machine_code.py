@@ -24,6 +24,7 @@ import llvmlite
 import numba
 import numpy as np
 from numba.core.compiler import CompileResult
+from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 
 from realitygap import temporary, whole
@@ -186,11 +187,11 @@ class _Entries:
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """What was compiled for a signature; None where it has to be compiled."""
-        target_context.refresh()
         name = self._entry(sig, target_context.codegen())
         content = self._shelf.read(name)
         if content is None:
             return None
+        rtsys.initialize(target_context)  # no more than that: all that compiling needs takes half a second
         try:
             kept, payload = pickle.loads(content)
             return CompileResult._rebuild(target_context, *payload) if kept == sig else None
