@@ -153,32 +153,32 @@ def test_the_papers_network_is_the_simulations():
 
 
 OWN = """
-WEIGHTS = 2
+WEIGHTS = 4
 MEMORY = 1
 
 
 def decide(weights, memory, inputs, outputs):
     memory[0] += 0.1
-    outputs[0] = weights[0] + {left}
+    outputs[0] = weights[0] + 0.0 * memory[{place}] * inputs[int(100 * weights[2])] / weights[3]
     outputs[1] = weights[1]
 """
 
 
 def test_a_controller_of_ones_own(tmp_path):
-    """A short file is enough; what it may not do is said by name."""
+    """A short file is enough; what it may not do is said by name, before a trial or in one."""
     file = tmp_path / "own.py"
-    file.write_text(OWN.format(left="0.0 * memory[0]"))
-    one = Problem("obstacle-avoidance", f"{file}:decide")
-    assert one.dim == 2 and one.evaluate([[0.5, 0.5]]).fitness[0] > one.evaluate([[0.5, -0.5]]).fitness[0]
-    for left, said in (
-        ("memory[7]", "index|bounds"),
-        ("inputs[int(100 * weights[0])]", "own.py, line 10: the controller stops with IndexError"),
-        ("unknown", "unknown"),
-        ("math.nan * weights[0]", "finite"),
-    ):
-        file.write_text(OWN.format(left=left).replace("WEIGHTS", "import math\n\nWEIGHTS", 1))
+    for place, said in (("7", "index|bounds"), ("unknown", "unknown")):
+        file.write_text(OWN.format(place=place))
         with pytest.raises(UsageError, match=said):
-            Problem("obstacle-avoidance", f"{file}:decide").evaluate([[0.5, 0.5]])
+            Problem("obstacle-avoidance", f"{file}:decide")
+    file.write_text(OWN.format(place="0"))
+    one = Problem("obstacle-avoidance", f"{file}:decide")
+    ahead, round = one.evaluate([[0.5, 0.5, 0.0, 1.0], [0.5, -0.5, 0.0, 1.0]]).fitness
+    assert one.dim == 4 and ahead > round
+    with pytest.raises(UsageError, match=r"own\.py, line 8: the controller stops with IndexError"):
+        one.evaluate([[0.5, 0.5, 0.5, 1.0]])
+    with pytest.raises(UsageError, match="finite"):
+        one.evaluate([[0.5, 0.5, 0.0, 0.0]])
 
 
 def test_refusals(problem):
