@@ -131,12 +131,12 @@ def track() -> list[Any]:
     """The tracker's view of drawn frames (OpenCV's filters)."""
     from realitygap.film.disk import load_disk
     from realitygap.tasks import load_task
-    from realitygap.transfer.film import calibrated
+    from realitygap.transfer.film import Watcher
 
     load_disk()
     with tempfile.TemporaryDirectory() as name:
         arena = load_task("obstacle-avoidance").arena
-        camera = calibrated(Path(name) / "camera.json", arena, unit=1, noise=1.0, radius_cm=2.75)
+        camera = Watcher(Path(name) / "camera.json", arena, unit=1, noise=1.0, radius_cm=2.75).camera
     return [repr(camera.to_dict()).encode()]
 
 

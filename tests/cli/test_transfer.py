@@ -24,7 +24,7 @@ from realitygap.study.config import StudyConfig
 from realitygap.study.parts import Condition
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
-from realitygap.transfer.film import calibrated
+from realitygap.transfer.film import Watcher
 from realitygap.twin.camera import OverheadCamera
 from realitygap.twin.process import start_twin
 from realitygap.twin.states import States
@@ -167,7 +167,7 @@ def test_a_person_is_told_where_the_camera_sees_the_robot(study, tmp_path):
     """Not seen: asked again; seen far off: asked; seen near: started from there, and filmed."""
     arena = load_task("avoidance").arena
     camera = tmp_path / "camera.json"
-    calibrated(camera, arena, unit=1, noise=1.0, radius_cm=2.9)
+    Watcher(camera, arena, unit=1, noise=1.0, radius_cm=2.9)
     with start_twin(arena.plain(), unit=1, clock="real") as twin:
         words = ["transfer", str(study), "1", "--robot", f"serial:{twin.device}", "--seconds", "0.5"]
         told = CliRunner().invoke(realitygap, words, input="")

@@ -19,7 +19,7 @@ from realitygap.film.marker import load_marker
 from realitygap.film.video import FilmReader, FilmWriter
 from realitygap.study.load import Study, load_study
 from realitygap.track import read_track
-from realitygap.transfer.film import calibrated
+from realitygap.transfer.film import Watcher
 from realitygap.transfer.run import load_transfers
 from realitygap.twin import drawing
 from realitygap.twin.camera import OverheadCamera
@@ -52,7 +52,7 @@ def arena(finished):
 def camera(arena, tmp_path_factory) -> CameraModel:
     """The camera's calibration."""
     file = tmp_path_factory.mktemp("eye") / "camera.json"
-    return calibrated(file, arena, unit=1, noise=1.0, radius_cm=2.9)
+    return Watcher(file, arena, unit=1, noise=1.0, radius_cm=2.9).camera
 
 
 @pytest.fixture(scope="module")
@@ -160,7 +160,7 @@ def test_a_robot_may_wear_a_disk_of_its_own(study, robot, camera, arena, tmp_pat
 def test_a_robot_may_wear_a_tag(study, robot, arena, tmp_path):
     """A live camera looks for a robot's AprilTag; its trial is not taken for one with another marker."""
     tag = load_marker("apriltag:16h5:4,angle=180")
-    camera = calibrated(tmp_path / "camera.json", arena, unit=1, noise=1.0, radius_cm=2.9, marker=tag)
+    camera = Watcher(tmp_path / "camera.json", arena, unit=1, noise=1.0, radius_cm=2.9, marker=tag).camera
     video = seen_from_above(tmp_path / "eye.mp4", arena, plate_of(tag))
     port, carry = robot
     settings = {"robots": (port,), "seconds": SECONDS, "carry": carry, "camera": camera, "eye": str(video)}
@@ -178,7 +178,7 @@ def test_a_robot_may_wear_a_tag(study, robot, arena, tmp_path):
 def test_why_a_robot_was_lost_is_passed_on(study, robot, arena, tmp_path):
     """Another tag in its place in the middle of the film: the gap's reason, the tracker's, is the trial's."""
     tag, other = load_marker("apriltag:16h5:4"), load_marker("apriltag:16h5:9")
-    camera = calibrated(tmp_path / "camera.json", arena, unit=1, noise=1.0, radius_cm=2.9, marker=tag)
+    camera = Watcher(tmp_path / "camera.json", arena, unit=1, noise=1.0, radius_cm=2.9, marker=tag).camera
     video = seen_from_above(tmp_path / "eye.mp4", arena, plate_of(tag), nobody=0, then=plate_of(other))
     port, carry = robot
     settings = {"robots": (port,), "seconds": 2.0, "carry": carry, "camera": camera, "eye": str(video)}

@@ -221,28 +221,45 @@ def first_look(
     while scale < largest:
         scales.append(scale)
         scale *= _SCALES
+    finders = [_flat(disk, scale, (width, height)) for scale in scales]
     few = [pictures[i] for i in np.unique(np.linspace(0, len(pictures) - 1, 4).astype(int))]
-    sums = [sum(q**4 for q, _ in _at_scale(few, disk, scale)) for scale in scales]
-    best = int(np.argmax(sums)) if sums else 0
-    looks = [_at_scale(pictures, disk, scale, report) for scale in scales[max(best - 1, 0) : best + 2]]
+    best = _likeliest(finders, few)
+    looks: list[list[tuple[float, NDArray[np.float64] | None]]] = []
+    for finder in finders[max(best - 1, 0) : best + 2]:
+        looks.append([])
+        for done, picture in enumerate(pictures):
+            looks[-1].append(_at_scale(finder, picture))
+            report(done + 1)
     chosen = [max(looks_at_one, key=lambda look: look[0]) for looks_at_one in zip(*looks, strict=True)]
     return [pixels if quality >= KNOWN_AGAIN else None for quality, pixels in chosen]
 
 
-def _at_scale(
-    pictures: list[Grey], disk: Disk, scale: float, report: Callable[[int], None] = lambda done: None
-) -> list[tuple[float, NDArray[np.float64] | None]]:
-    """The best disk of each picture at a scale (px/cm): quality and both points in pixels."""
-    height, width = pictures[0].shape
+def _likeliest(finders: list[Finder], pictures: list[Grey]) -> int:
+    """Which finds the disk best in the pictures; on one that cannot become the best no more time is spent."""
+    first = [_at_scale(finder, pictures[0])[0] ** 4 for finder in finders]
+    best, most = 0, -1.0
+    for i in sorted(range(len(finders)), key=lambda i: -first[i]):
+        found = first[i]
+        for done, picture in enumerate(pictures[1:], 1):
+            if found + len(pictures) - done < most:  # a quality is 1 at most
+                break
+            found += _at_scale(finders[i], picture)[0] ** 4
+        if found > most or (found == most and i < best):
+            best, most = i, found
+    return best
+
+
+def _flat(disk: Disk, scale: float, size: tuple[int, int]) -> Finder:
+    """Looks through a camera straight above, of so many pixels a centimetre."""
     matrix = np.diag([scale, scale, 1.0])
-    flat = CameraModel(width_px=width, height_px=height, homography=matrix, plane_cm=disk.height_cm)
-    finder = Finder(flat, disk, slack=_LOOSE)
-    looks: list[tuple[float, NDArray[np.float64] | None]] = []
-    for done, picture in enumerate(pictures):
-        seen = finder.anywhere(picture)
-        looks.append((0.0, None) if seen is None else (seen.quality, flat.to_pixels(seen.points)))
-        report(done + 1)
-    return looks
+    flat = CameraModel(width_px=size[0], height_px=size[1], homography=matrix, plane_cm=disk.height_cm)
+    return Finder(flat, disk, slack=_LOOSE)
+
+
+def _at_scale(finder: Finder, picture: Grey) -> tuple[float, NDArray[np.float64] | None]:
+    """The best disk of a picture: quality and both points in pixels."""
+    seen = finder.anywhere(picture)
+    return (0.0, None) if seen is None else (seen.quality, finder.camera.to_pixels(seen.points))
 
 
 def _sampled(picture: NDArray[Any], columns: Picture, rows: Picture) -> NDArray[Any]:

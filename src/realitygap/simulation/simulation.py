@@ -195,9 +195,10 @@ class Simulation:
         if not isinstance(pose, Pose):
             cure = "Pose.from_degrees(25, 25, 90) makes one."
             raise UsageError(f"pose: expected a Pose, got {shown(pose)}. {cure}")
-        if not all(math.isfinite(value) for value in (pose.x, pose.y, pose.heading)):
+        place = tuple(map(float, (pose.x, pose.y, pose.heading)))  # whole numbers would be compiled for apart
+        if not all(map(math.isfinite, place)):
             raise UsageError(f"pose: expected finite numbers, got {pose.x} {pose.y} {pose.heading_deg}.")
-        if not batch.is_clear(self._cores.robot, self._cores.arena, pose.x, pose.y, pose.heading):
+        if not batch.is_clear(self._cores.robot, self._cores.arena, *place):
             radius = self.profile.body.radius_cm
             arena = self.task.arena
             where = arena.obstacle_at(pose.x, pose.y, radius) or "an obstacle"

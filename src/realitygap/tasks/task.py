@@ -197,7 +197,7 @@ class Task:
         """Whether the robot's very outline is free at the start's middle."""
         from realitygap.kernels.batch import is_clear
 
-        place = (self.start.x_cm, self.start.y_cm, heading)
+        place = map(float, (self.start.x_cm, self.start.y_cm, heading))
         return bool(is_clear(profile.to_kernel(), self.arena.to_kernel(), *place))
 
     def room(self, profile: Profile) -> params.Room:

@@ -38,7 +38,6 @@ __all__ = [
     "TRACK",
     "WATCH_FPS",
     "Watcher",
-    "calibrated",
     "film_and_track",
     "keep_film",
     "known_poses",
@@ -83,47 +82,6 @@ def known_poses(arena: Arena, radius_cm: float) -> list[Pose]:
     return [Pose.from_degrees(x, y, k * GOLDEN_DEG % 360.0) for k, (x, y) in enumerate(places)]
 
 
-def calibrated(
-    file: Path, arena: Arena, *, unit: int, noise: float, radius_cm: float, marker: Marker | None = None
-) -> CameraModel:
-    """A unit's overhead camera, calibrated as a person would; done once, and kept in `file`.
-
-    Its known frames are drawn: the lens is the renderer's too, and no result hangs on a GL library.
-
-    Args:
-        file: keeps the calibration.
-        arena: of the task.
-        unit: of the twin.
-        noise: the twin's noise scale.
-        radius_cm: of the body.
-        marker: what the twin wears; the shipped disk if None.
-
-    Raises:
-        FilmError: no camera explains what is seen.
-    """
-    from realitygap.calibration.recorder.camera import plate_of
-    from realitygap.film.calibrate import KnownFrame, calibrate_camera
-    from realitygap.film.camera import load_camera
-    from realitygap.film.disk import load_disk
-    from realitygap.twin.camera import OverheadCamera
-    from realitygap.twin.states import States
-
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with locked(file.with_name(f".{file.stem}.lock"), wait=True):
-        if file.is_file():
-            return load_camera(file)
-        frames = []
-        plate = plate_of(marker or load_disk())
-        with OverheadCamera(arena.plain(), unit=unit, noise=noise, view="drawn", plate=plate) as overhead:
-            for k, pose in enumerate(known_poses(arena, radius_cm)):
-                standing = States.standing([0], [pose.x], [pose.y], [pose.heading]).pose[0]
-                grey = _grey(overhead.frame(standing, FIRST + k))
-                frames.append(KnownFrame(name=f"pose {k + 1}", picture=grey, pose=pose))
-        camera = calibrate_camera(frames, marker or load_disk()).camera
-        camera.save(file)
-    return camera
-
-
 class Watcher:
     """The camera over a unit's arena, which watches trials and keeps no film.
 
@@ -155,8 +113,30 @@ class Watcher:
         from realitygap.film.disk import load_disk
 
         self.marker = marker or load_disk()
-        self.camera = calibrated(file, arena, unit=unit, noise=noise, radius_cm=radius_cm, marker=self.marker)
         self._arena, self._unit, self._noise = arena.plain(), unit, noise
+        self.camera = self._calibrated(file, known_poses(arena, radius_cm))
+
+    def _calibrated(self, file: Path, poses: list[Pose]) -> CameraModel:
+        """As a person would do it; done once, and kept in `file`.
+
+        The known frames are drawn: the lens is the renderer's too, and no result hangs on a GL library.
+        """
+        from realitygap.film.calibrate import KnownFrame, calibrate_camera
+        from realitygap.film.camera import load_camera
+        from realitygap.twin.states import States
+
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with locked(file.with_name(f".{file.stem}.lock"), wait=True):
+            if file.is_file():
+                return load_camera(file)
+            frames = []
+            for k, pose in enumerate(poses):
+                standing = States.standing([0], [pose.x], [pose.y], [pose.heading]).pose[0]
+                grey = _grey(self._eye.frame(standing, FIRST + k))
+                frames.append(KnownFrame(name=f"pose {k + 1}", picture=grey, pose=pose))
+            camera = calibrate_camera(frames, self.marker).camera
+            camera.save(file)
+        return camera
 
     @cached_property
     def _eye(self) -> OverheadCamera:
