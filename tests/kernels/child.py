@@ -1,6 +1,7 @@
 """Run as a program: prints the hashes of a few short trials, for comparison between processes.
 
-With a folder alone: compiles into it, and keeps the code for the tests that follow, too.
+With a folder alone: compiles into it, and keeps the code for the tests that follow, too; and what many of
+them begin with, who would else compile it at the same time.
 """
 
 from __future__ import annotations
@@ -74,5 +75,10 @@ if __name__ == "__main__":
         for path in Path(sys.argv[1]).rglob("*.code"):
             if SHELF.folder is not None:
                 shutil.copy(path, SHELF.folder)
+        one = Simulation("obstacle-avoidance", "paper")
+        course, _ = one.trajectory(
+            decode(braitenberg(one.task.feeds, Layout()), Layout()), stream=0, seconds=0.1
+        )
+        one.probe(course.end)
     else:
         print("\n".join(fingerprints(float(sys.argv[1]), int(sys.argv[2]), whole=sys.argv[3] == "whole")))
