@@ -47,6 +47,16 @@ def made(finished, tmp_path_factory) -> list[Transferred]:
     return transfer(load_study(copy), starts=2, seconds=SECONDS, workers=1)
 
 
+@pytest.fixture
+def watched(study, made) -> Study:
+    """The same, its cameras calibrated already."""
+    for file in made[0].folder.parents[1].glob("camera-*.json"):
+        place = study.folder / "transfer" / file.parent.name
+        place.mkdir(parents=True, exist_ok=True)
+        shutil.copy(file, place)
+    return study
+
+
 def files(folder: Path) -> dict[str, bytes]:
     """Every file of a transfer."""
     root = folder / "transfer"
@@ -86,7 +96,7 @@ def test_the_number_of_workers_changes_no_bit(made, study):
     assert files(study.folder) == files(made[0].folder.parents[3])
 
 
-def test_an_interrupted_transfer_goes_on_to_the_same_bits(made, study, monkeypatch):
+def test_an_interrupted_transfer_goes_on_to_the_same_bits(made, watched, monkeypatch):
     """Ctrl-C keeps finished trials; only the others, a half one included, are made then."""
     monkeypatch.setattr("realitygap.work.progress.EVERY_S", 0.0)  # each trial is told, however fast
 
@@ -95,16 +105,16 @@ def test_an_interrupted_transfer_goes_on_to_the_same_bits(made, study, monkeypat
             raise KeyboardInterrupt
 
     with pytest.raises(StudyInterruptedError, match="kept"):
-        transfer(study, starts=2, seconds=SECONDS, workers=1, on_progress=stop)
-    kept = sorted((study.folder / "transfer").glob("*/*/start-*/transfer.toml"))
+        transfer(watched, starts=2, seconds=SECONDS, workers=1, on_progress=stop)
+    kept = sorted((watched.folder / "transfer").glob("*/*/start-*/transfer.toml"))
     times = [file.stat().st_mtime_ns for file in kept]
     assert len(kept) == 2
-    half = half_folder(study.folder / "transfer/twin-1/light-seeking-double-1/start-2")
+    half = half_folder(watched.folder / "transfer/twin-1/light-seeking-double-1/start-2")
     half.mkdir(parents=True, exist_ok=True)
     (half / "steps.csv").write_text("half a")
-    transfer(study, starts=2, seconds=SECONDS, workers=1)
+    transfer(watched, starts=2, seconds=SECONDS, workers=1)
     assert [file.stat().st_mtime_ns for file in kept] == times
-    assert files(study.folder) == files(made[0].folder.parents[3])
+    assert files(watched.folder) == files(made[0].folder.parents[3])
 
 
 def test_units_and_noise_and_seeds_are_different_robots(study):
@@ -124,13 +134,13 @@ def test_units_and_noise_and_seeds_are_different_robots(study):
         transfer(study, [1], seconds=2.0, workers=1)
 
 
-def test_a_film_is_tracked_to_the_truth(study, monkeypatch):
+def test_a_film_is_tracked_to_the_truth(watched, monkeypatch):
     """Without a renderer too: mean error below 0.4 mm and 0.5°; a trial is made again to be filmed."""
     monkeypatch.setattr(render, "GL_LIBRARIES", ("glory",))
-    before = transfer(study, [2], seconds=SECONDS, workers=1, watch=False)[0]
-    one = transfer(study, [2], seconds=SECONDS, workers=1, film=True)[0]
+    before = transfer(watched, [2], seconds=SECONDS, workers=1, watch=False)[0]
+    one = transfer(watched, [2], seconds=SECONDS, workers=1, film=True)[0]
     assert before.situated_from == "counters" and one.situated_from == "film" and one.filmed
-    assert transfer(study, [2], seconds=SECONDS, workers=1)[0].situated_from == "film"  # kept
+    assert transfer(watched, [2], seconds=SECONDS, workers=1)[0].situated_from == "film"  # kept
     assert one.view is not None and one.view.startswith("drawn")
     track, truth = read_track(one.folder / "track.csv"), States.from_file(one.folder / "sealed.csv")
     with FilmReader(one.folder / "film.mp4") as film:
@@ -152,15 +162,15 @@ def test_a_film_is_tracked_to_the_truth(study, monkeypatch):
     assert Recording.from_folder(one.folder).ended == "finished"
 
 
-def test_a_watched_trial_is_seen_ten_times_a_second(made, study, tmp_path):
+def test_a_watched_trial_is_seen_ten_times_a_second(made, watched, tmp_path):
     """By default the camera above sees the twin: sub-millimetre, a frame a step, no film, any library."""
     one = made[0]
     assert one.situated_from == "camera" and not one.filmed and one.view.startswith("drawn")
     assert not (one.folder / "film.mp4").exists() and one.lost_steps == 0
     assert not (one.folder / "sealed.csv").exists()
-    with closing(Stage(study)) as stage:  # the same drive, the truth of it kept
-        again = next(situations(study, Transfer(runs=[one.run], robots=["twin:1"], seconds=SECONDS)))
-        driver = study.controller(one.task, study.runs[one.run - 1].champion)
+    with closing(Stage(watched)) as stage:  # the same drive, the truth of it kept
+        again = next(situations(watched, Transfer(runs=[one.run], robots=["twin:1"], seconds=SECONDS)))
+        driver = watched.controller(one.task, watched.runs[one.run - 1].champion)
         pose, sealed = stage.simulation(again).start(again.stream), tmp_path / "sealed.csv"
         stage.rig(again).trial(driver, again.stream, pose, SECONDS, sealed=sealed)
     track, truth = read_track(one.folder / "track.csv"), States.from_file(sealed)
@@ -168,24 +178,24 @@ def test_a_watched_trial_is_seen_ten_times_a_second(made, study, tmp_path):
     path = one.situated
     off = np.hypot(path.x - 100 * truth.pose[shown, 0], path.y - 100 * truth.pose[shown, 1])
     assert len(track) == len(path.t) and off.mean() < 0.03 and off.max() < 0.1
-    counted = transfer(study, [one.run], seconds=SECONDS, workers=1, watch=False)[0]
+    counted = transfer(watched, [one.run], seconds=SECONDS, workers=1, watch=False)[0]
     assert counted.situated_from == "counters" and counted.view is None
     assert not (counted.folder / "sealed.csv").exists()
     assert counted.situated.x == pytest.approx(path.x, abs=1.0)  # the same drive
     assert (counted.folder / "steps.csv").read_bytes() == (one.folder / "steps.csv").read_bytes()
-    assert transfer(study, [one.run], seconds=SECONDS, workers=1)[0].situated_from == "camera"  # made again
+    assert transfer(watched, [one.run], seconds=SECONDS, workers=1)[0].situated_from == "camera"  # made again
 
 
-def test_a_robot_that_pushes_a_wall_is_seen_to_stand(study, monkeypatch):
+def test_a_robot_that_pushes_a_wall_is_seen_to_stand(watched, monkeypatch):
     """The counters leave the arena where wheels slip against a wall; the camera does not."""
     from realitygap.controller.handmade import constant
 
-    task = study.task("obstacle-avoidance")
-    genes = constant(8, 8, study.layout(task.name))
+    task = watched.task("obstacle-avoidance")
+    genes = constant(8, 8, watched.layout(task.name))
     monkeypatch.setattr(Study, "genotype", lambda self, run, number: genes)
     width, depth = task.arena.size_cm
     for watch in (False, True):
-        path = transfer(study, [1], seconds=8.0, workers=1, watch=watch)[0].situated
+        path = transfer(watched, [1], seconds=8.0, workers=1, watch=watch)[0].situated
         outside = max(path.x.max() - width, path.y.max() - depth, -path.x.min(),
                       -path.y.min())  # fmt: skip
         assert bool(outside < 0.0) is watch
