@@ -23,11 +23,13 @@ folder = Path(mkdtemp())
 realitygap.load_profile("paper")
 
 # %% [markdown]
-# Two short runs at each of two levels of noise. The bar says how far they are.
+# Two short runs at each of two levels of noise. The bar says how far they are; the page whose address is
+# printed shows, in a browser, the curves as they grow and the best robot as it drives.
 
 # %%
+levels = ["zero", "observed"]
 study = realitygap.evolve(
-    "obstacle-avoidance", noise=["zero", "observed"], runs=2, evaluations=150, out=folder / "study"
+    "obstacle-avoidance", noise=levels, runs=2, evaluations=150, out=folder / "study", watch=True
 )
 study
 
