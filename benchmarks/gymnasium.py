@@ -20,8 +20,9 @@ import gymnasium  # noqa: E402
 import numpy as np  # noqa: E402
 from gymnasium.utils.performance import benchmark_vector_step  # noqa: E402
 
-from realitygap.environment import register  # noqa: E402
+import realitygap.environment  # noqa: E402
 
+gymnasium.register_envs(realitygap.environment)
 NAMES = {
     "obstacle avoidance": "realitygap/ObstacleAvoidance-v0",
     "light seeking": "realitygap/LightSeeking-v0",
@@ -72,8 +73,6 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=10, help="of the figure")
     parser.add_argument("--draw", type=Path, help="draw the figure instead")
     options = parser.parse_args()
-    if NAMES["light seeking"] not in gymnasium.registry:
-        register()
     if options.draw:
         draw(options.draw, options.runs)
     else:

@@ -9,6 +9,9 @@ import sys
 import gymnasium
 import numpy as np
 
+import realitygap.environment
+
+gymnasium.register_envs(realitygap.environment)  # they have their names from its import
 ROBOTS, ELITE = 64, 8
 
 

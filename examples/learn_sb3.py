@@ -11,6 +11,9 @@ import numpy as np
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor, VecNormalize
 
+import realitygap.environment
+
+gymnasium.register_envs(realitygap.environment)  # they have their names from its import
 ROBOTS = 64
 
 

@@ -1,5 +1,9 @@
-"""The simulation, the twin, Enki and robots as Gymnasium's environments (extra `[gymnasium]`)."""
+"""The simulation, the twin, Enki and robots as Gymnasium's environments (extra `[gymnasium]`).
 
+Importing this tells Gymnasium their names: "realitygap/ObstacleAvoidance-v0" and the others.
+"""
+
+from realitygap.environment.names import register
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {
@@ -7,3 +11,5 @@ __all__, __getattr__ = names_of(__name__, {
     "robots": "RobotVectorEnv",
     "single": "RobotEnv",
 })  # fmt: skip
+
+register()

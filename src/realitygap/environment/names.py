@@ -1,5 +1,9 @@
-"""Names by which Gymnasium makes the environments, which it learns from the package's entry point.
+"""Names by which Gymnasium makes the environments, once `realitygap.environment` is imported.
 
+import gymnasium
+import realitygap.environment
+
+gymnasium.register_envs(realitygap.environment)  # which the import has done
 gymnasium.make("realitygap/ObstacleAvoidance-v0", noise="double")
 gymnasium.make_vec("realitygap/LightSeeking-v0", num_envs=64, vectorization_mode="vector_entry_point")
 gymnasium.make("realitygap/Task-v0", task="my_task.py")
@@ -8,6 +12,8 @@ gymnasium.make("realitygap/Task-v0", task="my_task.py")
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
+
+from realitygap.lazy import needed
 
 if TYPE_CHECKING:
     from realitygap.environment.robots import RobotVectorEnv
@@ -20,14 +26,16 @@ NAMES = {"ObstacleAvoidance": "obstacle-avoidance", "LightSeeking": "light-seeki
 
 
 def register() -> None:
-    """Tell Gymnasium of them; as its plug-in this is called when it is imported, under our name space."""
-    from gymnasium.envs.registration import namespace
-    from gymnasium.envs.registration import register as add
+    """Tell Gymnasium of them, if it does not know them yet.
 
+    Raises:
+        UsageError: it is not installed.
+    """
+    gymnasium = needed("gymnasium", "gymnasium")
     for name, task in NAMES.items():
-        with namespace("realitygap"):
-            add(
-                id=f"{name}-v0",
+        if f"realitygap/{name}-v0" not in gymnasium.registry:
+            gymnasium.register(
+                id=f"realitygap/{name}-v0",
                 entry_point="realitygap.environment.names:make_single",
                 vector_entry_point="realitygap.environment.names:make_vector",
                 kwargs={} if task is None else {"task": task},
