@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from realitygap.errors import UsageError
 
-__all__ = ["Closing", "Command", "Pose", "Readings", "as_stream", "fed"]
+__all__ = ["Closing", "Command", "Pose", "Readings", "as_count", "as_stream", "fed"]
 
 
 class Closing:
@@ -41,6 +41,17 @@ def as_stream(value: object, name: str = "stream") -> np.uint64:
     if not whole or not 0 <= value < 2**64:  # type: ignore[operator]
         raise UsageError(f"{name}: expected a whole number from 0 to 2**64 - 1, got {value!r}.")
     return np.uint64(value)  # type: ignore[arg-type]
+
+
+def as_count(value: object, name: str, least: int = 1) -> int:
+    """A whole number, `least` or more.
+
+    Raises:
+        UsageError: anything else, under the name it was given by.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+        raise UsageError(f"{name}: expected a whole number, {least} or more, got {value!r}.")
+    return int(value)
 
 
 @dataclass(frozen=True, kw_only=True)

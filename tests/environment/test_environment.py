@@ -16,8 +16,8 @@ from gymnasium.vector import AutoresetMode  # noqa: E402
 from realitygap.controller.handmade import braitenberg  # noqa: E402
 from realitygap.controller.layout import Layout  # noqa: E402
 from realitygap.controller.network import NetworkController, decode  # noqa: E402
-from realitygap.environment import RobotEnv, RobotVectorEnv, register  # noqa: E402
-from realitygap.errors import TaskError, UsageError  # noqa: E402
+from realitygap.environment import RobotEnv, RobotVectorEnv  # noqa: E402
+from realitygap.errors import RealityGapError, TaskError, UsageError  # noqa: E402
 from realitygap.kernels.rng import substream  # noqa: E402
 from realitygap.simulation.simulation import Simulation  # noqa: E402
 from realitygap.tasks.load import load_task  # noqa: E402
@@ -25,13 +25,6 @@ from realitygap.tasks.load import load_task  # noqa: E402
 AVOID, SEEK = "realitygap/ObstacleAvoidance-v0", "realitygap/LightSeeking-v0"
 STEPS = 200
 HEADER = Path("/usr/include/enki/PhysicalEngine.h")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def registered():
-    """As Gymnasium's plug-in does where the package is installed."""
-    if AVOID not in gymnasium.registry:
-        register()
 
 
 def vector(count: int = 3, task: str = "obstacle-avoidance", **settings) -> RobotVectorEnv:
@@ -185,20 +178,52 @@ def test_a_pose_and_noise_are_options():
         env.reset(options={"pose": (0, 0, 0)})
 
 
+def test_noise_profile_and_reality_are_options_of_a_reset(tmp_path):
+    """From then on, as if it had been made with them; the trial is the one that it would have been."""
+    env, changes = vector(noise="zero"), {"noise": 2, "profile": "khepera"}
+    env.reset(seed=3)
+    other = vector(**changes)
+    for options in (changes, None):
+        seed = None if options is None else 3
+        assert (env.reset(seed=seed, options=options)[0] == other.reset(seed=seed)[0]).all()
+    for options, said in (
+        ({"noise": 1, "reset_mask": np.array([True, False, True])}, "noise: expected a reset of all robots"),
+        ({"noise": "loud"}, "noise: expected zero"), ({"reality": "twin:1"}, "options: expected noise, pose"),
+        ({"profile": "enki-thymio2"}, "profile: expected one with 8 sensors that the task feeds, got 7"),
+    ):  # fmt: skip
+        with pytest.raises(RealityGapError, match=said):
+            env.reset(options=options)
+    one, alone = gymnasium.make(AVOID), vector(1, noise="double")
+    first = one.reset(seed=3)[0]
+    (tmp_path / "own.py").write_text(BODY.format(speeds="speeds"))
+    reality, pose = f"{tmp_path / 'own.py'}:Speedy", {"pose": (25, 25, 0)}
+    assert (one.reset(seed=3, options={"reality": reality, **pose})[0] == one.reset(options=pose)[0]).all()
+    assert one.step(np.full(2, 0.5, np.float32))[1] > 0
+    assert (one.reset(seed=3, options={"reality": "simulation"})[0] == first).all()
+    alone.reset(seed=3)
+    assert (one.reset(options={"noise": "double"})[0] == alone.reset()[0][0]).all()
+
+
 def test_refusals():
     """What would be wrong is said."""
     env = vector()
     with pytest.raises(UsageError, match="expected a reset"):
         env.step(np.zeros((3, 2)))
     env.reset(seed=0)
-    for action in (np.zeros((2, 2)), np.full((3, 2), np.nan)):
+    for action in (np.zeros((2, 2)), np.full((3, 2), np.nan), "left", None):
         with pytest.raises(UsageError, match=r"action: expected finite numbers, float\[3, 2\]"):
             env.step(action)
     for mask in (np.zeros(3, bool), np.ones(2, bool), [True, True, True]):
         with pytest.raises(UsageError, match="reset_mask: expected an array bool"):
             env.reset(options={"reset_mask": mask})
-    with pytest.raises(UsageError, match="seed: expected 3 numbers"):
-        env.reset(seed=[1, 2])
+    for seed in ([1, 2], 0.5, "abcd"):
+        with pytest.raises(UsageError, match="seed: expected a whole number, or 3 of them"):
+            env.reset(seed=seed)
+    assert (env.reset(seed=np.int64(4))[0] == env.reset(seed=np.arange(4, 7))[0]).all()
+    with pytest.raises(UsageError, match="options: expected a dictionary"):
+        env.reset(options="pose")
+    with pytest.raises(UsageError, match="autoreset_mode: expected NextStep, SameStep"):
+        vector(autoreset_mode="never")
     with pytest.raises(UsageError, match="num_envs"):
         vector(0)
 
@@ -291,13 +316,15 @@ def test_settings_that_would_be_ignored_are_refused():
         RobotEnv("obstacle-avoidance", noise="double", reality="twin:1")
     with pytest.raises(UsageError, match=r"spread: expected none with reality 'twin:1'.* got 0.1"):
         RobotEnv("obstacle-avoidance", spread=0.1, reality="twin:1")
+    with pytest.raises(UsageError, match=r"robot: expected twin, .* got '5'"):
+        RobotEnv("obstacle-avoidance", reality=5)
     with pytest.raises(UsageError, match=r"spread: expected a share from 0 to 0.9, got 'wide'"):
         vector(spread="wide")
     for env in (vector(), RobotEnv("obstacle-avoidance", reality="twin:1")):
         for options, said in (
             ({"pose": (1, 25, 0)}, "pose: expected a free place"),
             ({"pose": (1, 25)}, "pose: expected three numbers"),
-            ({"noise": 2}, "options: expected pose or reset_mask, got noise"),
+            ({"level": 2}, "options: expected noise, pose, profile, .*, got level"),
         ):
             with pytest.raises(UsageError, match=said):
                 env.reset(seed=0, options=options)

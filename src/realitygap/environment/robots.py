@@ -21,16 +21,21 @@ from realitygap.kernels.work import new_work
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
-from realitygap.values import Pose, as_stream
+from realitygap.values import Pose, as_count, as_stream
 from realitygap.world.arena import Arena
 from realitygap.world.profile import Profile
 
-__all__ = ["RobotVectorEnv", "commands_of", "observations_of", "pose_of", "spaces_of"]
+__all__ = [
+    "SETTINGS", "RobotVectorEnv", "checked_options", "commands_of", "observations_of", "pose_of",
+    "require_same", "spaces_of",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 NOWHERE, STILL = np.zeros((0, 3)), np.zeros((0, 2), np.int64)
 """No robot begins; none is commanded."""
 Info = dict[str, Any]
+SETTINGS = ("noise", "profile")
+"""What a reset may change."""
 
 
 class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
@@ -67,28 +72,33 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         spread: float = 0.0,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ) -> None:
-        if isinstance(num_envs, bool) or not isinstance(num_envs, int) or num_envs < 1:
-            raise UsageError(f"num_envs: expected a whole number, 1 or more, got {num_envs!r}.")
-        self.num_envs, self.autoreset_mode = num_envs, AutoresetMode(autoreset_mode)
+        self.num_envs = num_envs = as_count(num_envs, "num_envs")
+        known = [mode.value for mode in AutoresetMode]
+        if autoreset_mode not in [*known, *AutoresetMode]:
+            raise UsageError(f"autoreset_mode: expected {', '.join(known)}, got {autoreset_mode!r}.")
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
-        self.simulation = Simulation(load_task(task).under(spread), profile, noise, arena)
-        cores = self.simulation._cores
-        self._nobody = halves.quiet()
+        self._task, self._arena, self._nobody = load_task(task).under(spread), arena, halves.quiet()
+        self._seeds: NDArray[np.uint64] | None = None
+        self._trial = np.zeros(num_envs, np.int64)
+        self._settle(Simulation(self._task, profile, noise, arena))
+        self.single_observation_space, self.single_action_space = spaces_of(self.simulation)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+
+    def _settle(self, simulation: Simulation) -> None:
+        """Room for robots of a simulation, none of which has begun."""
+        self.simulation, cores, robots = simulation, simulation._cores, self.num_envs
         self._worlds: dict[int, tuple[World, slice, float]] = {}
         self._work = new_work(cores.robot, cores.trial, self._nobody)
         steps, sensors = cores.trial.steps, len(self._work.readings)
         self._crowd = crowd.Crowd(
-            pose=np.zeros((num_envs, 3)), wheel=np.zeros((num_envs, *self._work.wheel.shape)),
-            step=np.zeros(num_envs, np.int64), stream=np.zeros(num_envs, np.uint64),
-            path=np.zeros((num_envs, len(Path._fields), steps)), readings=np.zeros((num_envs, sensors)),
+            pose=np.zeros((robots, 3)), wheel=np.zeros((robots, *self._work.wheel.shape)),
+            step=np.zeros(robots, np.int64), stream=np.zeros(robots, np.uint64),
+            path=np.zeros((robots, len(Path._fields), steps)), readings=np.zeros((robots, sensors)),
         )  # fmt: skip
-        self._rewards = Rewards(cores.score, cores.room, num_envs, steps)
-        self._seeds: NDArray[np.uint64] | None = None
-        self._trial = np.zeros(num_envs, np.int64)
-        self._over = np.ones(num_envs, bool)
-        self.single_observation_space, self.single_action_space = spaces_of(self.simulation)
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._rewards = Rewards(cores.score, cores.room, robots, steps)
+        self._over = np.ones(robots, bool)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Info | None = None
@@ -97,13 +107,27 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
 
         Args:
             seed: of the first robot, or one of each; None: the trial after the last.
-            options: "reset_mask", bool[N]: which robots; "pose": (x cm, y cm, heading in degrees) of all.
+            options: "reset_mask", bool[N]: which robots; "pose": (x cm, y cm, heading in degrees) of all;
+                "noise", "profile": from now on, of all.
 
         Raises:
-            UsageError: a seed, mask or pose that is none, or where something stands.
+            RealityGapError: a seed, mask, pose, noise or profile that is none, or a pose where something
+                stands.
         """
-        pose = pose_of(self.simulation, options)
-        which = self._masked((options or {}).get("reset_mask"))
+        given = checked_options(options, {"pose", "reset_mask", *SETTINGS})
+        which = self._masked(given.get("reset_mask"))
+        simulation = self.simulation
+        if changed := {key: given[key] for key in SETTINGS if key in given}:
+            if len(which) < self.num_envs:
+                raise UsageError(
+                    f"{next(iter(changed))}: expected a reset of all robots. Leave the mask out."
+                )
+            kept = {"profile": simulation.profile, "noise": simulation.noise, "arena": self._arena}
+            simulation = Simulation(self._task, **{**kept, **changed})
+            require_same(simulation, self.single_observation_space)
+        pose = pose_of(simulation, given.get("pose"))
+        if changed:
+            self._settle(simulation)
         self._seed(seed, which)
         self._begin(which, pose)
         return self._seen(), {}
@@ -169,11 +193,13 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         if self._seeds is None:
             super().reset(seed=seed if isinstance(seed, int) else None)
             self._seeds = self.np_random.integers(0, 2**63, self.num_envs, np.uint64)
-        given = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
-        if given is None:
+        if seed is None:
             return
-        if len(given) != self.num_envs:
-            raise UsageError(f"seed: expected {self.num_envs} numbers, one for each robot, got {len(given)}.")
+        first = isinstance(seed, int | np.integer)
+        given = [seed + i for i in range(self.num_envs)] if first else seed  # type: ignore[operator]
+        if not isinstance(given, Sequence | np.ndarray) or len(given) != self.num_envs:
+            expected = f"a whole number, or {self.num_envs} of them, one for each robot"
+            raise UsageError(f"seed: expected {expected}, got {seed!r}.")
         for i in which:
             one = given[i]
             if one is not None:
@@ -219,22 +245,45 @@ def spaces_of(simulation: Simulation) -> tuple[Any, Any]:
     return Box(-1.0, 1.0, (sensors,), np.float32), Box(-1.0, 1.0, (2,), np.float32)
 
 
-def pose_of(simulation: Simulation, options: Info | None) -> Pose | None:
+def checked_options(options: Info | None, known: set[str]) -> Info:
+    """A reset's options, as a copy.
+
+    Raises:
+        UsageError: one that there is not.
+    """
+    if not isinstance(options, dict | None):
+        raise UsageError(f"options: expected a dictionary, got {options!r}.")
+    given = dict(options or {})
+    if strange := given.keys() - known:
+        expected = ", ".join(sorted(known))
+        raise UsageError(f"options: expected {expected}, got {', '.join(map(str, strange))}.")
+    return given
+
+
+def require_same(simulation: Simulation, space: Any) -> None:
+    """Refuse a robot whose observations are others.
+
+    Raises:
+        UsageError: it has another number of sensors that the task feeds.
+    """
+    if spaces_of(simulation)[0] != space:
+        there, had = len(simulation.task.sensors), space.shape[0]
+        raise UsageError(f"profile: expected one with {had} sensors that the task feeds, got {there}.")
+
+
+def pose_of(simulation: Simulation, given: Any) -> Pose | None:
     """Where a reset's options set the robot down, if they do.
 
     Raises:
-        UsageError: an option that there is not, no pose, or one where something stands.
+        UsageError: no pose, or one where something stands.
     """
-    given = {} if options is None else options
-    if strange := given.keys() - {"pose", "reset_mask"}:
-        raise UsageError(f"options: expected pose or reset_mask, got {', '.join(map(str, strange))}.")
-    if given.get("pose") is None:
+    if given is None:
         return None
     try:
-        pose = Pose.from_degrees(*given["pose"])
+        pose = Pose.from_degrees(*given)
     except (TypeError, ValueError):
         expected = "three numbers (x cm, y cm, heading in degrees)"
-        raise UsageError(f"pose: expected {expected}, got {given['pose']!r}.") from None
+        raise UsageError(f"pose: expected {expected}, got {given!r}.") from None
     return simulation.require_free(pose)
 
 
@@ -254,7 +303,10 @@ def commands_of(actions: object, shape: tuple[int, ...]) -> NDArray[np.int64]:
     Raises:
         UsageError: another shape, or a number that is not finite.
     """
-    given = np.asarray(actions, np.float64)
+    try:
+        given = np.asarray(actions, np.float64)
+    except (TypeError, ValueError):
+        given = np.empty(0)
     if given.shape != shape or not np.isfinite(given).all():
         raise UsageError(f"action: expected finite numbers, float{list(shape)}, got {actions!r}.")
     return np.rint(np.clip(given, -1.0, 1.0) * LIMIT).astype(np.int64)

@@ -12,10 +12,13 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from realitygap.environment.robots import (
+    SETTINGS,
     RobotVectorEnv,
+    checked_options,
     commands_of,
     observations_of,
     pose_of,
+    require_same,
     spaces_of,
 )
 from realitygap.errors import UsageError
@@ -69,20 +72,9 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
         spread: float = 0.0,
         reality: str = SIMULATION,
     ) -> None:
-        self._inner: RobotVectorEnv | _Situated
-        if reality == SIMULATION:
-            level = "observed" if noise is None else noise
-            self._inner = RobotVectorEnv(
-                task, profile=profile, noise=level, arena=arena, spread=spread,
-                autoreset_mode=AutoresetMode.DISABLED,
-            )  # fmt: skip
-        elif noise is not None or spread:
-            key, got = ("spread", spread) if noise is None else ("noise", noise)
-            raise UsageError(
-                f"{key}: expected none with reality {reality!r}, which has its own; got {got!r}."
-            )
-        else:
-            self._inner = _Situated(Simulation(task, profile, arena=arena), Address.parse(reality))
+        self._settings: Info = {"profile": profile, "noise": noise, "reality": reality}
+        self._fixed: Info = {"task": task, "arena": arena, "spread": spread}
+        self._inner = _made(**self._settings, **self._fixed)
         self.simulation = self._inner.simulation
         self.observation_space, self.action_space = spaces_of(self.simulation)
 
@@ -91,17 +83,29 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
 
         Args:
             seed: of its start and its noise; None: the trial after the last.
-            options: "pose": (x cm, y cm, heading in degrees).
+            options: "pose": (x cm, y cm, heading in degrees); "noise", "profile", "reality": from now on.
 
         Raises:
-            UsageError: a seed or a pose that is none, or where something stands.
-            RobotError: the robot does not answer.
+            RealityGapError: a seed, a pose or a setting that is none, a pose where something stands, or a
+                robot that does not answer.
         """
         super().reset(seed=seed)
+        given = checked_options(options, {"pose", "reality", *SETTINGS})
+        pose = given.pop("pose", None)
+        if given:
+            self._change(self._settings | given)
         if seed is None and self._inner._seeds is None:
             seed = int(self.np_random.integers(0, 2**62))
-        seen, info = self._inner.reset(seed=seed, options=options)
+        seen, info = self._inner.reset(seed=seed, options={"pose": pose})
         return seen[0], info
+
+    def _change(self, settings: Info) -> None:
+        """Another robot, or another noise: the next trial is the one that it would have been."""
+        inner = _made(**settings, **self._fixed)
+        require_same(inner.simulation, self.observation_space)
+        self._inner.close()
+        inner._seeds, inner._trial = self._inner._seeds, self._inner._trial
+        self._inner, self._settings, self.simulation = inner, settings, inner.simulation
 
     def step(self, action: Seen32) -> tuple[Seen32, float, bool, bool, Info]:
         """One step of the robot's period.
@@ -122,13 +126,27 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
         self._inner.close()
 
 
+def _made(
+    *, noise: str | float | None, reality: str, spread: float, **settings: Any
+) -> RobotVectorEnv | _Situated:
+    """As of `RobotEnv`."""
+    if reality == SIMULATION:
+        level = "observed" if noise is None else noise
+        mode = AutoresetMode.DISABLED
+        return RobotVectorEnv(noise=level, spread=spread, autoreset_mode=mode, **settings)
+    if noise is not None or spread:
+        key, got = ("spread", spread) if noise is None else ("noise", noise)
+        raise UsageError(f"{key}: expected none with reality {reality!r}, which has its own; got {got!r}.")
+    return _Situated(Simulation(**settings), Address.parse(str(reality)))
+
+
 class _Situated:
     """A robot that is not simulated, as a vector environment of one."""
 
     def __init__(self, simulation: Simulation, robot: Address) -> None:
         self.simulation, self.robot = simulation, robot
-        self._seeds: np.uint64 | None = None
-        self._trial = 0
+        self._seeds: NDArray[np.uint64] | None = None
+        self._trial = np.zeros(1, np.int64)
         self._body: Body | None = None
         self._moving = ExitStack()
         self._driving = False
@@ -148,14 +166,14 @@ class _Situated:
                 raise
         return self._body
 
-    def reset(self, *, seed: int | None, options: Info | None) -> tuple[Seen32, Info]:
+    def reset(self, *, seed: int | None, options: Info) -> tuple[Seen32, Info]:
         """Place it, or take it that somebody has."""
-        pose = pose_of(self.simulation, options)
+        pose = pose_of(self.simulation, options["pose"])
         self._rest()
         if seed is not None:
-            self._seeds, self._trial = as_stream(seed, "seed"), 0
+            self._seeds, self._trial[0] = np.array([as_stream(seed, "seed")]), 0
         assert self._seeds is not None
-        stream = substream(self._seeds, np.uint64(self._trial))
+        stream = substream(self._seeds[0], np.uint64(self._trial[0]))
         self._trial += 1
         self._start = pose or self.simulation.start(int(stream))
         body = self.body
