@@ -11,6 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from realitygap.errors import UsageError
+from realitygap.machine_code import Shelf
+from realitygap.user_code import run_file
 from tests.hostile.damage import KINDS, damage
 
 SMALL = """
@@ -186,3 +189,12 @@ def test_a_command_survives_a_damaged_entry_of_its_own(tmp_path: Path) -> None:
         damage(entry, "cut", entry, seed=1)
     out, err = command(cache)
     assert out == right and "was damaged" in err
+
+
+def test_a_number_outside_a_users_function_is_compiled_in(tmp_path: Path) -> None:
+    """A program that changes it gets the function with the new one, not what is on file for its text."""
+    file = tmp_path / "user.py"
+    file.write_text("GAIN = 0.0\n\n\ndef scaled(x):\n    return GAIN * x\n")
+    module, shelf = run_file(file, UsageError), Shelf(b"a test")
+    for module.GAIN in (2.0, 3.0, 2.0):
+        assert shelf.compiled(module.scaled)(1.0) == module.GAIN

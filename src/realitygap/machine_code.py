@@ -166,7 +166,11 @@ class _Entries:
         code = function.__code__
         cells = function.__closure__ or ()
         closure = dumps([cell.cell_contents for cell in cells]) if enclosed is None else enclosed
-        facts = (str(source), function.__qualname__, code.co_firstlineno, code.co_code, part)
+        facts: tuple[object, ...] = (
+            str(source), function.__qualname__, code.co_firstlineno, code.co_code, part
+        )  # fmt: skip
+        if not str(function.__module__).startswith(f"{__package__}."):
+            facts += (_frozen(function),)
         self._shelf = shelf
         self._name = function.__name__.strip("<>")
         self.of = hashlib.sha256(source.read_bytes() + repr(facts).encode() + closure).digest()
@@ -207,6 +211,15 @@ class _Entries:
     def _entry(self, sig: Any, codegen: Any) -> str:
         digest = hashlib.sha256(self.of + repr((sig, codegen.magic_tuple())).encode())
         return f"{self._name}-{digest.hexdigest()[:24]}.code"
+
+
+def _frozen(function: Callable[..., Any]) -> tuple[str, ...]:
+    """The numbers, texts and arrays outside a user's function that are compiled into it: a program may change
+    them while its text stays as it is."""
+    names = function.__code__.co_names
+    kept = {name: function.__globals__[name] for name in names if name in function.__globals__}
+    plain = (int, float, complex, str, np.generic, np.ndarray, tuple)
+    return tuple(f"{name}={dumps(one)!r}" for name, one in kept.items() if isinstance(one, plain))
 
 
 def _add_overload(made: Any, compiled: CompileResult) -> None:
