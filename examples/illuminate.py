@@ -12,7 +12,7 @@ from ribs.archives import GridArchive
 from ribs.emitters import EvolutionStrategyEmitter
 from ribs.schedulers import Scheduler
 
-from realitygap.problem import Problem
+from realitygap import Problem
 
 
 def main(generations, picture=None):

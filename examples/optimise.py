@@ -9,7 +9,7 @@ import sys
 import cma
 from scipy.optimize import differential_evolution
 
-from realitygap.problem import Problem
+from realitygap import Problem
 
 
 def by_pycma(problem, generations, seed=1):

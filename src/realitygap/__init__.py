@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from realitygap.correspondence.setting import setting_of
     from realitygap.errors import RealityGapError, UsageError
     from realitygap.evolution import make_algorithm
+    from realitygap.problem.problem import Problem
     from realitygap.report.build import build_report
     from realitygap.simulation.body import SimulatedBody, drive_simulated
     from realitygap.simulation.simulation import Simulation
@@ -50,13 +51,13 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
-    "Arena", "Command", "Layout", "NetworkController", "Pose", "Profile", "Readings", "RealityGapError",
-    "SimulatedBody", "Simulation", "Start", "StudyConfig", "Task", "Track", "Trajectory", "Transfer",
-    "UsageError", "Variation", "__version__", "braitenberg", "build_report", "calibrate", "calibrated_unit",
-    "compare", "constant", "decode", "describe", "drive", "drive_simulated", "evolve", "load_arena",
-    "load_genotype", "load_profile", "load_recording", "load_study", "load_task", "load_transfers",
-    "make_algorithm", "marks_of", "merge", "namer", "noise_level", "random_genotype", "read_trials",
-    "reproduce", "run_study", "run_transfer", "save_genotype", "setting_of",
+    "Arena", "Command", "Layout", "NetworkController", "Pose", "Problem", "Profile", "Readings",
+    "RealityGapError", "SimulatedBody", "Simulation", "Start", "StudyConfig", "Task", "Track", "Trajectory",
+    "Transfer", "UsageError", "Variation", "__version__", "braitenberg", "build_report", "calibrate",
+    "calibrated_unit", "compare", "constant", "decode", "describe", "drive", "drive_simulated", "evolve",
+    "load_arena", "load_genotype", "load_profile", "load_recording", "load_study", "load_task",
+    "load_transfers", "make_algorithm", "marks_of", "merge", "namer", "noise_level", "random_genotype",
+    "read_trials", "reproduce", "run_study", "run_transfer", "save_genotype", "setting_of",
 ]  # fmt: skip
 
 _, __getattr__ = names_of(__name__, {
@@ -74,6 +75,7 @@ _, __getattr__ = names_of(__name__, {
     "correspondence.setting": "setting_of",
     "errors": "RealityGapError UsageError",
     "evolution": "make_algorithm",
+    "problem.problem": "Problem",
     "report.build": "build_report",
     "study.config": "StudyConfig",
     "study.load": "load_study",

@@ -91,7 +91,7 @@ def test_the_command_line_takes_them(name):
 def test_a_missing_controller_is_one_message():
     """Exit code 2, and what may be named."""
     words = ["simulate", "avoidance", "--pose", "25", "25", "90", "--controller"]
-    for name, told in (("nobody", "FILE.py:NAME"), ("no.py:one", "no such file")):
+    for name, told in (("nobody", "FILE.py:NAME"), ("no.py:one", "no such file"), ("my.py", "my.py:NAME")):
         result = CliRunner().invoke(realitygap, [*words, name])
         assert result.exit_code == 2 and told in result.output and "Traceback" not in result.output
 

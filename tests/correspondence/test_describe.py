@@ -16,7 +16,7 @@ def test_each_trial_of_a_batch_is_told_as_alone(name):
     genes = [braitenberg(simulation.task.feeds, Layout()), constant(3, 2, Layout())]
     networks, streams = decode(np.stack(genes), Layout()), np.arange(6, dtype=np.uint64).reshape(2, 3)
     path = simulation.tracks(networks, streams)
-    told = describe(path, simulation.task, simulation.profile)
+    told = describe(path, name, "paper")
     assert {d.name for d in chosen(simulation.task.arena)} <= set(told)
     for n in range(2):
         alone, _ = simulation.trajectory(decode(genes[n], Layout()), stream=int(streams[n, 1]))

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numba import njit
 
+import realitygap
 from realitygap.controller.network import decode
 from realitygap.errors import UsageError
 from realitygap.problem import Problem
+from realitygap.problem.controllers import WeightedController, form_of
 from realitygap.robots.loop import drive
 from realitygap.simulation.body import SimulatedBody, drive_simulated, network_inputs
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.tasks.load import load_task
 from realitygap.transfer.paths import of_poses
 from realitygap.transfer.paths import score as of_track
+from realitygap.user_code import run_file
 
 RANDOM = np.random.default_rng(5)
 FEED, ELMAN = "feed-forward:3", "recurrent:2"
@@ -161,34 +165,63 @@ def decide(weights, memory, inputs, outputs):
     memory[0] += 0.1
     outputs[0] = weights[0] + 0.0 * memory[{place}] * inputs[int(100 * weights[2])] / weights[3]
     outputs[1] = weights[1]
+
+
+class Own:
+    WEIGHTS, MEMORY = 4, 1
+    decide = staticmethod(decide)
 """
 
 
 def test_a_controller_of_ones_own(tmp_path):
-    """A short file is enough; what it may not do is said by name, before a trial or in one."""
+    """A function or a class in a short file is enough, or itself; what it may not do is said by name, before
+    a trial or in one."""
     file = tmp_path / "own.py"
     for place, said in (("7", "index|bounds"), ("unknown", "unknown")):
         file.write_text(OWN.format(place=place))
         with pytest.raises(UsageError, match=said):
             Problem("obstacle-avoidance", f"{file}:decide")
     file.write_text(OWN.format(place="0"))
-    one = Problem("obstacle-avoidance", f"{file}:decide")
+    one = Problem("obstacle-avoidance", f"{file}:Own")
     ahead, round = one.evaluate([[0.5, 0.5, 0.0, 1.0], [0.5, -0.5, 0.0, 1.0]]).fitness
     assert one.dim == 4 and ahead > round
     with pytest.raises(UsageError, match=r"own\.py, line 8: the controller stops with IndexError"):
         one.evaluate([[0.5, 0.5, 0.5, 1.0]])
     with pytest.raises(UsageError, match="finite"):
         one.evaluate([[0.5, 0.5, 0.0, 0.0]])
+    module = run_file(file, UsageError)
+    for same in (module.Own, module.decide, njit(module.decide)):
+        form = form_of(same, 8)
+        assert (form.inputs, form.weights, form.memory) == (8, 4, 1)
+    with pytest.raises(UsageError, match=r"inputs: expected 8 numbers, got \[1, 2\]"):
+        WeightedController(form, np.ones(4)).decide([1, 2])
+    for none in (Problem, Problem.evaluate, print):
+        with pytest.raises(UsageError, match=r"expected a function decide|WEIGHTS: expected a whole number"):
+            form_of(none, 8)
 
 
 def test_refusals(problem):
     """What would be wrong is said."""
+    assert realitygap.Problem is Problem
     for name in ("feed-forward", "feed-forward:0", "recurrent:x", "transformer:8"):
         with pytest.raises(UsageError, match="controller: expected feed-forward:N"):
             Problem("obstacle-avoidance", name)
-    for solutions in (np.zeros((2, problem.dim + 1)), np.full(problem.dim, np.nan)):
-        with pytest.raises(UsageError, match="solutions: expected finite numbers"):
+    one = np.zeros((1, problem.dim))
+    for solutions, got in (
+        (np.zeros((2, problem.dim + 1)), "an array of shape"), (one + np.nan, "NaN or infinity in row 0"),
+        (one[:0], "an array of shape"), ([["a"] * problem.dim], "what is none"), (None, "what is none"),
+        ([[1, 2], [1]], "what is none"), (one + 1j, "what is none"),
+    ):  # fmt: skip
+        with pytest.raises(UsageError, match=rf"solutions: expected finite numbers .* got {got}"):
             problem.evaluate(solutions)
     for trials in (0, 1.5, True):
         with pytest.raises(UsageError, match="trials: expected a whole number"):
-            problem.evaluate(np.zeros(problem.dim), trials=trials)
+            problem.evaluate(one, trials=trials)
+    for seed in (-1, 0.5, "1"):
+        with pytest.raises(UsageError, match="seed: expected a whole number"):
+            problem.evaluate(one, seed=seed)
+    for workers in (0, -1, "two"):
+        with pytest.raises(UsageError, match="workers: expected a whole number"):
+            Problem("obstacle-avoidance", workers=workers)
+    with pytest.raises(UsageError, match="solution: expected one"):
+        problem.controller(np.zeros((2, problem.dim)))

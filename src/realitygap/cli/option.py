@@ -148,7 +148,13 @@ def controller(required: bool = True) -> Callable[[Decorated], Decorated]:
     """`--controller C`."""
     says = "A network's file (a genotype's text, or TOML), constant:L,R, braitenberg, or FILE.py:NAME: a "
     says += "function decide(inputs) of yours that returns (left, right), or a class with one."
-    return click.option("--controller", required=required, metavar="C", help=says)
+
+    def whose(_: click.Context, __: click.Parameter, said: str | None) -> str | None:
+        if said is not None and said.endswith(".py"):
+            raise click.BadParameter(f"expected a function or class of that file, {said}:NAME, got {said!r}.")
+        return said
+
+    return click.option("--controller", required=required, metavar="C", callback=whose, help=says)
 
 
 def pose(required: bool = True) -> Callable[[Decorated], Decorated]:

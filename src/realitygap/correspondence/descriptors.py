@@ -7,6 +7,7 @@ that are compared.
 """
 
 from collections.abc import Sequence
+from os import PathLike
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,10 +16,11 @@ from numpy.typing import NDArray
 from realitygap.correspondence.setting import Around, around
 from realitygap.correspondence.trials import STEP_S, Trial, resampled
 from realitygap.kernels.params import Path
+from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.track import Track
 from realitygap.world.arena import Arena
-from realitygap.world.profile import Profile
+from realitygap.world.profile import Profile, load_profile
 
 __all__ = [
     "DESCRIPTORS", "FOR_NAMES", "Descriptor", "chosen", "describe", "describe_all", "in_units", "jitter",
@@ -113,13 +115,15 @@ def describe_all(trials: Sequence[Trial], arena: Arena | None) -> dict[str, Floa
     return made
 
 
-def describe(path: Path, task: Task, profile: Profile) -> dict[str, Floats]:
+def describe(
+    path: Path, task: Task | str | PathLike[str], profile: Profile | str | PathLike[str]
+) -> dict[str, Floats]:
     """Descriptors of a batch of simulated trials, by name: of each trial, in their own units.
 
     Args:
         path: as `Simulation.tracks` gives it: arrays [..., steps] of where robots were after each step.
-        task: whose arena they were in.
-        profile: the robot's.
+        task: whose arena they were in; a Task, a name or a file.
+        profile: the robot's; a Profile, a name or a file.
 
     Returns:
         Arrays [...] by the names of `DESCRIPTORS` and `FOR_NAMES` that can be told in this arena.
@@ -127,7 +131,7 @@ def describe(path: Path, task: Task, profile: Profile) -> dict[str, Floats]:
     Raises:
         TrackError: trials shorter than two seconds.
     """
-    steps = path.x.shape[-1]
+    task, profile, steps = load_task(task), load_profile(profile), path.x.shape[-1]
     rows = (np.reshape(one, (-1, steps)) for one in (path.x, path.y, path.heading))
     t, radius_cm = np.arange(steps, dtype=np.float64) * profile.period_s, profile.body.radius_cm
     tracks = (

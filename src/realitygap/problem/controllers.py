@@ -14,7 +14,7 @@ from realitygap.kernels import policy
 from realitygap.kernels.network import LIMIT
 from realitygap.tasks.scoring import reason
 from realitygap.user_code import blamed_on, named_object, place_of
-from realitygap.values import Command
+from realitygap.values import Command, as_count
 
 __all__ = ["Form", "WeightedController", "form_of", "stopped"]
 
@@ -29,11 +29,13 @@ class Form:
     """A kind of controller with real-valued weights.
 
     Attributes:
+        inputs: how many feed it.
         weights: how many; memory: numbers that it keeps from step to step.
         decide: writes outputs, see `kernels.policy`; the compiled function, or a user's.
         run: trials under it, compiled.
     """
 
+    inputs: int
     weights: int
     memory: int
     decide: Decide
@@ -55,9 +57,12 @@ class WeightedController:
         """One step.
 
         Raises:
-            UsageError: an output is no finite number, or a user's function stops with an error.
+            UsageError: another number of inputs, an output that is no finite number, or a user's function
+                that stops with an error.
         """
         fed = np.array(inputs, np.float64) / LIMIT
+        if fed.shape != (self.form.inputs,):
+            raise UsageError(f"inputs: expected {self.form.inputs} numbers, got {inputs!r}.")
         try:
             self.form.decide(self.weights, self._memory, fed, self._outputs)
         except Exception as error:
@@ -81,60 +86,68 @@ def stopped(form: Form, error: Exception, *given: Floats) -> UsageError:
     )
 
 
-def form_of(name: str, inputs: int) -> Form:
-    """A controller by its name.
+def form_of(given: object, inputs: int) -> Form:
+    """A controller by its name, or a user's own.
 
     Args:
-        name: "feed-forward:8" or "recurrent:4", with its hidden neurons; or FILE.py:NAME, a function
-            decide(weights, memory, inputs, outputs) whose file says how many `WEIGHTS` and how much `MEMORY`
-            it needs (numbers, or functions of the inputs' number).
+        given: "feed-forward:8" or "recurrent:4", with its hidden neurons; or FILE.py:NAME, or what such a
+            name stands for: a function decide(weights, memory, inputs, outputs) whose file says how many
+            `WEIGHTS` and how much `MEMORY` it needs (numbers, or functions of the inputs' number), or a class
+            that holds all three.
         inputs: how many sensors feed it.
 
     Raises:
         UsageError: no such controller; names what was expected.
     """
-    if place_of(name) is not None:
-        return _own(name, inputs)
-    kind, _, size = str(name).partition(":")
+    if callable(given):
+        return _own(given, getattr(given, "__qualname__", repr(given)), inputs)
+    if place_of(str(given)) is not None:
+        return _own(named_object(str(given), UsageError, "controller"), str(given), inputs)
+    kind, _, size = str(given).partition(":")
     hidden = int(size) if size.isdecimal() else 0
     if kind not in ("feed-forward", "recurrent") or not 1 <= hidden <= WIDEST:
         raise UsageError(
             "controller: expected feed-forward:N or recurrent:N (hidden neurons, 1 to "
-            f"{WIDEST}), delay-network, or FILE.py:NAME, got {name!r}."
+            f"{WIDEST}), delay-network, FILE.py:NAME, or a function or class of yours, got {given!r}."
         )
     if kind == "feed-forward":
         weights, memory, decide = hidden * (inputs + 1), hidden, policy.feed_forward
     else:
         weights, memory, decide = hidden * (inputs + hidden + 1), 2 * hidden, policy.recurrent
     weights += 2 * (hidden + 1)
-    return Form(weights=weights, memory=memory, decide=decide, run=_compiled(decide, False))
+    run = _compiled(decide, False)
+    return Form(inputs=inputs, weights=weights, memory=memory, decide=decide, run=run)
 
 
-def _own(name: str, inputs: int) -> Form:
-    """A user's function, compiled."""
+def _own(given: Any, name: str, inputs: int) -> Form:
+    """A user's function, or class that has it, compiled."""
     from realitygap.kernels.jit import SHELF
 
-    plain: Any = named_object(name, UsageError, "controller")
+    plain: Any = getattr(given, "decide", None) if isinstance(given, type) else given
+    plain = getattr(plain, "py_func", plain)  # a user's own @njit
     if not hasattr(plain, "__code__"):
         raise UsageError(
-            f"{name}: expected a function decide(weights, memory, inputs, outputs), got {plain!r}."
+            f"{name}: expected a function decide(weights, memory, inputs, outputs), or a class with one and "
+            f"with WEIGHTS, got {given!r}."
         )
-    sizes = [plain.__globals__.get(key, default) for key, default in (("WEIGHTS", None), ("MEMORY", 0))]
+    parts = {key: getattr(given, key) for key in dir(given)} if isinstance(given, type) else plain.__globals__
     with blamed_on(plain.__code__.co_filename, UsageError, "the size of its controller stops"):
-        weights, memory = (size(inputs) if callable(size) else size for size in sizes)
-    for key, size, least in (("WEIGHTS", weights, 1), ("MEMORY", memory, 0)):
-        if isinstance(size, bool) or not isinstance(size, int) or size < least:
-            raise UsageError(f"{name}: {key}: expected a whole number, {least} or more, got {size!r}.")
+        weights, memory = (
+            size(inputs) if callable(size) else size
+            for size in (parts.get("WEIGHTS"), parts.get("MEMORY", 0))
+        )
+    weights, memory = as_count(weights, f"{name}: WEIGHTS"), as_count(memory, f"{name}: MEMORY", 0)
     decide = SHELF.compiled(plain, error_model="numpy", boundscheck=True)
     try:
         decide(np.zeros(weights), np.zeros(memory), np.zeros(inputs), np.zeros(2))
     except Exception as error:
-        file, why = Path(name.rpartition(":")[0]).name, reason(error).rstrip(".")
+        file, why = Path(plain.__code__.co_filename).name, reason(error).rstrip(".")
         raise UsageError(
             f"{file}: the controller cannot be carried out: {why}. It is given weights[{weights}], "
             f"memory[{memory}], inputs[{inputs}] and outputs[2]."
         ) from None
-    return Form(weights=weights, memory=memory, decide=decide, run=_compiled(decide, True))
+    run = _compiled(decide, True)
+    return Form(inputs=inputs, weights=weights, memory=memory, decide=decide, run=run)
 
 
 @lru_cache(maxsize=16)

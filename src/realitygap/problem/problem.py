@@ -5,7 +5,7 @@ batch = problem.evaluate(X, seed=generation)        # maximise batch.fitness
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from os import PathLike
 from typing import Any, NamedTuple
@@ -37,6 +37,7 @@ from realitygap.simulation.engine import Streams
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
+from realitygap.values import as_count, as_stream
 from realitygap.world.arena import Arena
 from realitygap.world.profile import Profile
 
@@ -71,8 +72,8 @@ class Problem:
     Args:
         task: one that comes with the package, a Python file of one's own, or a Task.
         controller: "feed-forward:8" or "recurrent:4" (hidden neurons; weights are real numbers),
-            "delay-network" (the paper's genotype of slots, whole numbers), or FILE.py:NAME
-            (`controllers.form_of` says what that is).
+            "delay-network" (the paper's genotype of slots, whole numbers), or a function or class of one's
+            own, itself or as FILE.py:NAME (`controllers.form_of` says what it is given).
         profile: the robot: a shipped profile's name or a TOML file.
         noise: zero, observed, double or a number.
         arena: in place of the task's.
@@ -95,7 +96,7 @@ class Problem:
     def __init__(
         self,
         task: Task | str | PathLike[str],
-        controller: str = "feed-forward:8",
+        controller: str | Callable[..., None] | type = "feed-forward:8",
         *,
         profile: Profile | str | PathLike[str] = "paper",
         noise: str | float = "observed",
@@ -104,7 +105,7 @@ class Problem:
         workers: int | None = None,
     ) -> None:
         self.simulation = Simulation(load_task(task).under(spread), profile, noise, arena)
-        self.workers = workers or os.cpu_count() or 1
+        self.workers = (os.cpu_count() or 1) if workers is None else as_count(workers, "workers")
         self._cores = self.simulation._cores
         inputs = len(self._cores.trial.channels)
         self.layout = Layout(inputs=inputs) if controller == "delay-network" else None
@@ -129,10 +130,15 @@ class Problem:
         Raises:
             UsageError: an array of another shape, or numbers that are not finite.
         """
-        given = np.atleast_2d(np.asarray(solutions, np.float64))
-        if given.ndim != 2 or given.shape[1] != self.dim or not np.isfinite(given).all():
-            expected = f"finite numbers [B, {self.dim}]"
-            raise UsageError(f"solutions: expected {expected}, got an array of shape {list(given.shape)}.")
+        expected = f"solutions: expected finite numbers [B, {self.dim}], B at least 1, got"
+        try:
+            given = np.atleast_2d(np.asarray(solutions).astype(np.float64, casting="same_kind"))
+        except (TypeError, ValueError) as error:
+            raise UsageError(f"{expected} what is none: {error}.") from None
+        if given.ndim != 2 or given.shape[1] != self.dim or not len(given):
+            raise UsageError(f"{expected} an array of shape {list(given.shape)}.")
+        if not np.isfinite(given).all():
+            raise UsageError(f"{expected} NaN or infinity in row {np.argwhere(~np.isfinite(given))[0, 0]}.")
         inside = np.clip(given, *self.bounds)
         if self.layout is None:
             return inside
@@ -140,7 +146,9 @@ class Problem:
 
     def controller(self, solution: Any) -> WeightedController | NetworkController:
         """What drives any body as one solution [dim] does."""
-        (one,) = self.decode(solution)
+        if len(found := self.decode(solution)) != 1:
+            raise UsageError(f"solution: expected one, {self.dim} numbers, got {len(found)} of them.")
+        (one,) = found
         if self.layout is not None:
             return NetworkController(one, self.layout)
         return WeightedController(self.form, one)
@@ -157,7 +165,8 @@ class Problem:
             UsageError: an array that does not fit, a seed that is none, or outputs that are no numbers.
         """
         decoded = self.decode(solutions)
-        streams = batch_streams(seed, self._trials(trials))
+        count = self.simulation.task.trials if trials is None else as_count(trials, "trials")
+        streams = batch_streams(int(as_stream(seed, "seed")), count)
         made = decode(decoded, self.layout) if self.layout is not None else decoded
         worlds = self._cores.worlds(streams)
         jobs = [part for part in np.array_split(np.arange(len(decoded)), 4 * self.workers) if len(part)]
@@ -171,13 +180,7 @@ class Problem:
     def retest(self, solutions: Any, trials: int = 100, seed: int = 0) -> Batch:
         """Fitness on trials that no `evaluate` with a seed below 2**62 has seen: of a champion, never its own
         best luck."""
-        return self.evaluate(solutions, FRESH + seed, trials)
-
-    def _trials(self, trials: int | None) -> int:
-        count = self.simulation.task.trials if trials is None else trials
-        if isinstance(count, bool) or not isinstance(count, int) or count < 1:
-            raise UsageError(f"trials: expected a whole number, 1 or more, got {trials!r}.")
-        return count
+        return self.evaluate(solutions, FRESH + int(as_stream(seed, "seed")), trials)
 
     def _part(
         self, made: Any, part: NDArray[np.int64], streams: Streams, worlds: Sequence[Any]
