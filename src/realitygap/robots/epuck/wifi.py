@@ -53,7 +53,8 @@ class PacketLine(Line):
         try:
             made = socket.create_connection((host, int(port or PORT)), CONNECT_S)
         except (OSError, OverflowError, ValueError) as error:
-            reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
+            number = getattr(error, "errno", None) or 0  # below 0: of a name that nobody knows
+            reason = os.strerror(number) if number > 0 else str(error)
             raise UsageError(
                 f"the e-puck2 at {self.device!r} cannot be reached: {reason}; check that it is switched on "
                 "with its WiFi firmware and its selector at 15, its address (HOST or HOST:PORT), and that "

@@ -57,8 +57,8 @@ def opened(place: str) -> Any:
 
         return serial.Serial(place, BAUD, timeout=0, write_timeout=0.5, exclusive=True)
     except (OSError, OverflowError) as error:  # a SerialException is one
-        number = getattr(error, "errno", None)
-        reason = os.strerror(number) if number else str(error)
+        number = getattr(error, "errno", None) or 0  # below 0: of a name that nobody knows
+        reason = os.strerror(number) if number > 0 else str(error)
         raise UsageError(
             f"{place!r} cannot be opened: {reason}; check the cable or dongle, the name (/dev/ttyACM0, or "
             "HOST:PORT of a simulator), your right to use it (group dialout), and that no other program "
