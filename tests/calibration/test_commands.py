@@ -101,6 +101,7 @@ def test_a_judge_refuses_what_belongs_to_a_fit(words):
         (("nowhere.sam", "--out", "x.html"), ".toml"),
         (("--check", "nowhere.sam"), "--check"),
         (("--check", "paper", "wall.sam"), "got the recording 'wall.sam' last. Swap them"),
+        (("--check", "thymio", "sensor02_x.csv"), "got the recording 'sensor02_x.csv' last. Swap them"),
         (("nowhere.sam", "--out", "x.toml", "--report", "x.toml"), "expected a file name ending in .html"),
         (("nowhere.sam", "--out", "no/x.toml"), "the folder 'no' does not exist"),
         (("nowhere.sam", "--out", "x.toml", "--report", "no/x.html"), "the folder 'no' does not exist"),

@@ -333,6 +333,17 @@ def test_a_profile_is_judged_on_other_data(recorded):
     assert set(good.to_dict()) >= {"rmse", "bias", "per_sensor", "noise"}
 
 
+def test_a_place_that_errs_alone_is_told_from_errors_everywhere(recorded, robot):
+    """The true robot misses one place by far, or all of them by a little: the share of near places tells."""
+    sound = recorded("wall")
+    first, lit = (np.arange(len(sound.counts)) < 4)[:, None], (sound.counts > 60) & (sound.counts < 900)
+    alone = judge(replace(sound, counts=np.where(first, 500.0, sound.counts)), robot)
+    everywhere = judge(replace(sound, counts=np.where(lit, sound.counts + 60.0, sound.counts)), robot)
+    here = judge(sound, robot)
+    assert here.ratio < 0.5 < 2 < min(alone.ratio, everywhere.ratio)
+    assert everywhere.within < 0.4 < 0.9 < alone.within < here.within
+
+
 def test_a_table_with_the_faults_of_real_ones(made_tables):
     """A turned rig, dirt before a sensor, rows a millimetre off, one reading a place: found, and named."""
     made = calibrate([load_recording(made_tables / "wall.sam", object="wall")], PAPER, form="extended")

@@ -22,7 +22,7 @@ from realitygap.calibration.forward import (
     scene_of,
     wheel_speeds,
 )
-from realitygap.calibration.misfit import LIMITS, Misfit, measure_noise, misfits
+from realitygap.calibration.misfit import LIMITS, Misfit, measure_noise, misfits, within
 from realitygap.calibration.recordings.recording import Recording, SensorRecording, WheelRecording
 from realitygap.calibration.wheels.checks import (
     refuse_camera,
@@ -54,7 +54,8 @@ class Judgement:
     """A profile against one recording: counts, or cm/s for wheels.
 
     `per_sensor` and all sums leave out sensors that tell nothing; `warnings` name them, and all else
-    that makes the recording doubtful.
+    that makes the recording doubtful. `within` is the share of lit places that the model errs on by two
+    deviations of the noise at most: where it is near 1 and `ratio` is large, single places err.
     """
 
     kind: str
@@ -66,6 +67,7 @@ class Judgement:
     turn_deg: float
     brightness: float
     reflectance: float
+    within: float
     counts: Array = field(repr=False)
     model: Array = field(repr=False)
     warnings: tuple[str, ...] = ()
@@ -74,7 +76,14 @@ class Judgement:
     def noise_fits(self) -> bool | None:
         """Whether every deviation that could be measured fits the profile's; None: none could."""
         pairs = [(m, p) for m, p in self.noise.values() if np.isfinite(m)]
-        return all(p > 0 and 1 / FITS <= m / p <= FITS for m, p in pairs) if pairs else None
+        return all(p <= FITS * m and m <= FITS * p for m, p in pairs) if pairs else None
+
+    @property
+    def ratio(self) -> float:
+        """Model error over noise of all sensors where readings are neither dark nor saturated, as a
+        calibration says it of places held out; NaN where there are none."""
+        told = [m.lit_ratio for m in self.per_sensor if np.isfinite(m.lit_ratio)]
+        return float(np.sqrt(np.mean(np.square(told)))) if told else math.nan
 
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON."""
@@ -88,6 +97,7 @@ class Judgement:
         noise = {key: {"measured": m, "profile": p} for key, (m, p) in self.noise.items()}
         return {
             "kind": self.kind, "source": self.source, "rmse": self.rmse, "bias": self.bias,
+            "error_over_noise_lit": self.ratio, "within_two_deviations": self.within,
             "per_sensor": sensors, "noise": {**noise, "fits": self.noise_fits},
             "turn_deg": self.turn_deg, "brightness": self.brightness, "reflectance": self.reflectance,
             "warnings": list(self.warnings),
@@ -116,14 +126,14 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     main = "proximity" if recording.kind == "infrared" else "ambient"
     deviation = noise.get(main, (stated[main], 0.0))[0]
     off = (model - recording.counts)[:, live]
-    found = misfits(
-        recording.counts, model, recording.place(), kind=recording.kind, top=part.top, deviation=deviation
-    )
+    of_noise: Any = {"kind": recording.kind, "top": part.top, "deviation": deviation}
+    found = misfits(recording.counts, model, recording.place(), **of_noise)
     return Judgement(
         kind=recording.kind, source=recording.source, rmse=float(np.sqrt((off**2).mean())),
         bias=float(off.mean()), per_sensor=tuple(m for m in found if m.sensor in live), noise=noise,
         turn_deg=turn, brightness=1.0 if paint else scale,
         reflectance=scale if paint else recording.reflectance,
+        within=within(known, model, recording.place(), **of_noise),
         counts=recording.counts, model=model, warnings=warnings,
     )  # fmt: skip
 
@@ -207,7 +217,7 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
         kind="wheels", source=recording.source, rmse=float(np.sqrt((rmse**2).mean())),
         bias=float(bias.mean()),
         per_sensor=sides, noise={"wheel": (odometry.slip, profile.noise.wheel)} if odometry else {},
-        turn_deg=0.0, brightness=1.0, reflectance=1.0, counts=measured, model=model,
+        turn_deg=0.0, brightness=1.0, reflectance=1.0, within=math.nan, counts=measured, model=model,
         warnings=_wheel_doubts(recording, profile, odometry),
     )  # fmt: skip
 

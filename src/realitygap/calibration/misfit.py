@@ -13,7 +13,9 @@ from realitygap.calibration.rows import Rows
 from realitygap.calibration.solve import Values
 from realitygap.world.profile import Profile
 
-__all__ = ["LIMITS", "Misfit", "contradiction", "measure_noise", "misfits", "misplaced", "pooled_noise"]
+__all__ = [
+    "LIMITS", "Misfit", "contradiction", "measure_noise", "misfits", "misplaced", "pooled_noise", "within",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -99,16 +101,11 @@ def misfits(
         top: the converter's highest count.
         deviation: of the noise, counts.
     """
-    many = np.bincount(place)
-    mean = np.stack([np.bincount(place, column) for column in counts.T], 1) / many[:, None]
-    said = np.stack([np.bincount(place, column) for column in model.T], 1) / many[:, None]
-    off = said - mean
-    low, high = (3 * deviation, top - 3 * deviation) if kind == "infrared" else (-np.inf, np.inf)
-    lit = (mean > low) & (mean < high)
+    off, lit, many = _at_places(counts, model, place, kind=kind, top=top, deviation=deviation)
     noisy = deviation**2 / many[:, None] * np.where(lit, 1.0, 0.0)
     out = []
     for k in range(counts.shape[1]):
-        known = np.isfinite(mean[:, k])
+        known = np.isfinite(off[:, k])
         if not known.any():
             continue
         error = np.sqrt(max(0.0, float((off[known, k] ** 2 - noisy[known, k]).mean())))
@@ -124,6 +121,27 @@ def misfits(
             )
         )  # fmt: skip
     return tuple(out)
+
+
+def within(
+    counts: Array, model: Array, place: NDArray[np.int64], *, kind: str, top: float, deviation: float
+) -> float:
+    """The share of mean readings that the model errs on by two deviations of the noise at most, where they
+    are neither dark nor saturated; NaN where none is. Arguments as of `misfits`."""
+    off, lit, _ = _at_places(counts, model, place, kind=kind, top=top, deviation=deviation)
+    known = lit & np.isfinite(off)
+    return float((np.abs(off[known]) <= 2.0 * deviation).mean()) if known.any() else np.nan
+
+
+def _at_places(
+    counts: Array, model: Array, place: NDArray[np.int64], *, kind: str, top: float, deviation: float
+) -> tuple[Array, NDArray[np.bool_], NDArray[np.int64]]:
+    """[m, S] model minus measured at each place, and whether it is lit there; [m] its readings."""
+    many = np.bincount(place)
+    mean = np.stack([np.bincount(place, column) for column in counts.T], 1) / many[:, None]
+    said = np.stack([np.bincount(place, column) for column in model.T], 1) / many[:, None]
+    low, high = (3 * deviation, top - 3 * deviation) if kind == "infrared" else (-np.inf, np.inf)
+    return said - mean, (mean > low) & (mean < high), many
 
 
 def misplaced(rows: Rows, profile: Profile, values: Values, deviation: float) -> float:

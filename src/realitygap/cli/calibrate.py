@@ -277,23 +277,23 @@ def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) 
 
 def _is_recording(word: str) -> bool:
     path = Path(word)
-    return path.is_dir() or path.name == "recording.toml" or path.suffix.lower() == ".sam"
+    return path.is_dir() or path.name == "recording.toml" or path.suffix.lower() in (".sam", ".csv")
 
 
 def _tell_judgement(one: Judgement) -> None:
-    unit = "cm/s" if one.kind == "wheels" else "counts"
+    what, unit, used = ("wheel", "cm/s", 3) if one.kind == "wheels" else ("sensor", "counts", 5)
     click.echo(
         f"{one.source}: {one.kind}, RMSE {one.rmse:.3g} {unit}, bias {one.bias:+.3g} (model minus measured)"
     )
     if one.turn_deg:
         click.echo(f"  rig turned by {one.turn_deg:+.1f} degrees: fitted out")
-    what = "wheel" if one.kind == "wheels" else "sensor"
     head = [what, "rmse", "bias", "error/noise where lit", "over all"]
-    rows = [
-        [m.sensor, round(m.rmse, 3), round(m.bias, 3), round(m.lit_ratio, 2), round(m.ratio, 2)]
-        for m in one.per_sensor
-    ]
-    print_table(head, rows)
+    keys = (("sensor", 0), ("rmse", 3), ("bias", 3), ("lit_ratio", 2), ("ratio", 2))
+    rows = [[round(getattr(m, key), digits) for key, digits in keys[:used]] for m in one.per_sensor]
+    print_table(head[:used], rows)
+    if isfinite(one.ratio):
+        click.echo(f"  model error over noise, neither dark nor saturated: {one.ratio:.2f}; "
+                   f"{one.within:.0%} of places err by two deviations at most")  # fmt: skip
     for channel, (measured, stated) in one.noise.items():
         click.echo(f"  noise, {channel}: measured {measured:.3g}, profile {stated:.3g}")
     if one.noise_fits is not None:
