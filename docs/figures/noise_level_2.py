@@ -1,22 +1,28 @@
 """Writes docs/noise-level-2-results.md and its figures from the arms' tables kept in docs/noise-level-2.
 
 `python docs/figures/noise_level_2.py` renders docs/noise-level-2/page.md.j2: what is said stands there, what
-is printed as a figure comes from ARM/controllers.csv, cells.csv, calibration.csv and study.toml. Arms without
-tables are named as not yet run.
+is printed as a figure comes from ARM/controllers.csv, cells.csv, calibration.csv and study.toml, and from
+docs/measure-or-randomise/ARM. Arms without tables are named as not yet run.
 """
 
 from __future__ import annotations
 
+import csv
+import statistics
 import sys
-from collections.abc import Iterator
-from dataclasses import replace
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from realitygap.errors import UsageError
 from realitygap.experiments.noise.second.verdicts import CLAIMS, PLAN
+from realitygap.experiments.randomise.plan import NOISES
+from realitygap.experiments.randomise.results import Comparison, Outcome, compared_in
 from realitygap.report.noise.arms import Arm
 from realitygap.report.noise.facts import Span
 from realitygap.report.noise.second import (
@@ -28,13 +34,51 @@ from realitygap.report.noise.second import (
     warned,
     word_of,
 )
-from realitygap.report.noise.tables import Number
+from realitygap.report.noise.tables import Number, probability
+from realitygap.report.randomise import outcomes_figure
+from realitygap.report.style import save_figure, styled
 
 DOCS = Path(__file__).resolve().parent.parent
 KEPT = DOCS / "noise-level-2"
+BOUGHT = DOCS / "measure-or-randomise"
 DRAWN_BY = DOCS / "figures" / "noise-level-2-drawn-by.txt"
 """Another version of Matplotlib draws other pixels."""
+PLACES = {"correspondence": 2, "fitness_situated": 3}
 HEAD = "<!-- Made by docs/figures/noise_level_2.py of noise-level-2/page.md.j2: change that, not this. -->\n"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bought:
+    """What measuring or randomising bought in an arm: settings, tables, median model error over noise."""
+
+    name: str
+    settings: Mapping[str, Any]
+    found: list[Outcome]
+    comparisons: list[Comparison]
+    ratios: Mapping[str, float]
+
+    def cell(self, outcome: str, known: str, randomised: bool, noise: float) -> str:
+        """A condition's mean with its interval; a dash for one that is not there."""
+        same = (known, randomised, noise)
+        one = next((one for one in self.found if (one.outcome, *one.condition) == (outcome, *same)), None)
+        places = PLACES[outcome]
+        return "–" if one is None else str(Number(span=Span(one.mean, one.low, one.high), places=places))
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """What was planned to be compared, as it is shown."""
+        return [
+            (
+                one.outcome.replace("_", " "), one.first, one.second,
+                str(Number(span=Span(*one[3:6]), places=PLACES[one.outcome], signed=True)),
+                probability(one.p_holm), one.found,
+            )
+            for one in self.comparisons
+        ]  # fmt: skip
+
+    @property
+    def known(self) -> list[str]:
+        """What simulations knew, in order."""
+        return list(dict.fromkeys(one.condition.known for one in self.found))
 
 
 def main() -> None:
@@ -43,10 +87,10 @@ def main() -> None:
         arms = read()
     except UsageError as error:
         sys.exit(str(error))
-    draw(arms, DOCS / "figures")
+    draw(arms, DOCS / "figures", bought())
     if arms:
         DRAWN_BY.write_text(f"matplotlib {matplotlib.__version__}\n", encoding="utf-8")
-    (DOCS / "noise-level-2-results.md").write_text(page(arms), encoding="utf-8")
+    (DOCS / "noise-level-2-results.md").write_text(page(arms, bought()), encoding="utf-8")
     print(f"wrote {DOCS / 'noise-level-2-results.md'}")
 
 
@@ -55,15 +99,38 @@ def read(kept: Path = KEPT) -> list[Arm]:
     return read_arms([file.parent for file in sorted(kept.glob("*/study.toml"))])
 
 
-def draw(arms: list[Arm], folder: Path) -> None:
-    """Both figures."""
+def bought(kept: Path = BOUGHT) -> list[Bought]:
+    """The experiments of measuring or randomising that have tables, by arm."""
+    made = []
+    for file in sorted(kept.glob("*/experiment.toml")):
+        fits: dict[str, list[float]] = {}
+        for row in csv.DictReader((file.parent / "calibration.csv").read_text("utf-8").splitlines()):
+            if row["channel"] == "infrared":
+                fits.setdefault(row["known"], []).append(float(row["ratio"]))
+        found, comparisons = compared_in(file.parent)
+        made.append(
+            Bought(
+                name=file.parent.name, settings=tomllib.loads(file.read_text("utf-8")), found=found,
+                comparisons=comparisons, ratios={key: statistics.median(row) for key, row in fits.items()},
+            )
+        )  # fmt: skip
+    return made
+
+
+def draw(arms: list[Arm], folder: Path, others: list[Bought]) -> None:
+    """All figures."""
+    for one in others:
+        with styled():
+            name = f"noise-level-2-bought-{one.name}"
+            save_figure(outcomes_figure(one.found), folder, name, dpi=130)
+            (folder / f"{name}.svg").unlink()
     for name, picture in answer_figures(arms).items() if arms else ():
         file = f"noise-level-2-{name}"
         replace(picture, name=file).save(folder, dpi=130)
         (folder / f"{file}.svg").unlink()
 
 
-def page(arms: list[Arm]) -> str:
+def page(arms: list[Arm], others: list[Bought]) -> str:
     """The page's text."""
     environment = Environment(
         loader=FileSystemLoader(KEPT), undefined=StrictUndefined, keep_trailing_newline=True,
@@ -75,7 +142,8 @@ def page(arms: list[Arm]) -> str:
     }
     tables = answer_tables(arms) if arms else {}
     return HEAD + environment.get_template("page.md.j2").render(
-        arms={arm.name: arm for arm in arms}, every=ARMS, missing=[n for n in ARMS if n not in said_of(arms)],
+        arms={arm.name: arm for arm in arms}, every=ARMS, bought=others,
+        percent="95 %", quiet=NOISES[0], noisy=NOISES[1], missing=[n for n in ARMS if n not in said_of(arms)],
         heads=[(claim, headline(arms, claim)) for claim in CLAIMS], warnings=list(warned(arms)),
         all=lambda key, word: bool(said[key]) and set(said[key].values()) == {word},
         some=lambda key, word: word in said[key].values(), peaks=[(arm.name, peak(arm)) for arm in arms],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import importlib
 import re
 import sys
@@ -13,7 +14,9 @@ import matplotlib
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.stats import ttest_rel
 
+from realitygap.experiments.randomise.results import compared_in
 from realitygap.report.noise.arms import Arm
 from tests.experiments.crosses import TASKS, comparison
 from tests.experiments.second import arm, write
@@ -41,7 +44,7 @@ def kept(script: ModuleType) -> list[Arm]:
 
 def test_the_page_is_made_of_its_tables_byte_for_byte(script: ModuleType, kept: list[Arm]) -> None:
     """Rendered again from the kept tables, the page is the one that is there."""
-    made = script.page(kept).splitlines()
+    made = script.page(kept, script.bought()).splitlines()
     there = (DOCS / "noise-level-2-results.md").read_text("utf-8").splitlines()
     for number, (ours, theirs) in enumerate(zip(made, there, strict=False), start=1):
         assert ours == theirs, f"line {number}: {CURE}"
@@ -56,7 +59,7 @@ def test_the_pictures_are_those_of_the_tables(script: ModuleType, kept: list[Arm
     drawn_by, here = script.DRAWN_BY.read_text().strip(), f"matplotlib {matplotlib.__version__}"
     if drawn_by != here:
         pytest.skip(f"the pictures were drawn by {drawn_by}, here is {here}")
-    script.draw(kept, tmp_path)
+    script.draw(kept, tmp_path, script.bought())
     for file in tmp_path.glob("*.png"):
         ours, theirs = (np.asarray(Image.open(one)) for one in (file, DOCS / "figures" / file.name))
         assert ours.shape == theirs.shape and (ours == theirs).all(), f"{file.name}: {CURE}"
@@ -70,10 +73,38 @@ def test_no_result_is_typed() -> None:
 
 def test_it_is_right_with_any_arms(script: ModuleType, tmp_path: Path) -> None:
     """With none it says so; with one the others are named, and what it advises is its verdict."""
-    nothing = script.page([])
+    nothing = script.page([], [])
     assert "No arm has been run yet: E, T, E5, T5, T2, S" in nothing and "Monday" not in nothing
     write(arm(comparison(1.0), runs=16, tasks=TASKS[:1]), tmp_path / "E", name="E")
-    text = script.page(script.read(tmp_path))
+    text = script.page(script.read(tmp_path), [])
+    assert "Not yet carried out as planned on any robot." in text
     assert "**Not yet run:** T, E5, T5, T2, S." in text and "no headline: T not yet run" in text
     assert "give the simulation that you judge by as much noise" in text
     assert "Do not count on the noise that you evolve under" in text and "nan" not in text
+
+
+@pytest.mark.parametrize("folder", sorted((DOCS / "measure-or-randomise").iterdir()), ids=lambda f: f.name)
+def test_what_measuring_bought_is_what_its_controllers_say(folder: Path) -> None:
+    """Of the kept controllers' figures come each condition's mean and each planned comparison."""
+    values: dict[tuple[str, ...], dict[str, list[float]]] = {}
+    for row in csv.DictReader((folder / "controllers.csv").read_text("utf-8").splitlines()):
+        for outcome in ("correspondence", "fitness_situated"):
+            runs = values.setdefault((outcome, row["known"], row["randomised"], row["noise"]), {})
+            runs.setdefault(row["unit"], []).append(float(row[outcome]))
+    units = {key: np.array([np.mean(runs[u]) for u in sorted(runs)]) for key, runs in values.items()}
+    found, compared = compared_in(folder)
+    for one in found:
+        known, randomised, noise = one.condition
+        mine = units[one.outcome, known, str(randomised).lower(), f"{noise:g}"]
+        assert one.mean == pytest.approx(mine.mean(), rel=1e-3) and one.units == len(mine)
+    assert len(found) == len(units)
+    for two in compared:
+        both = []
+        for words in (two.first, two.second):
+            known, drawn = words.removesuffix(", randomised"), str(words.endswith("randomised")).lower()
+            both.append(sum(units[two.outcome, known, drawn, noise] for noise in ("0", "1")) / 2)
+        told = ttest_rel(*both)
+        assert two.p == pytest.approx(told.pvalue, rel=0.01)
+        assert two.difference == pytest.approx((both[0] - both[1]).mean(), rel=0.01)
+        interval = told.confidence_interval()
+        assert (two.low, two.high) == pytest.approx((interval.low, interval.high), rel=0.02)

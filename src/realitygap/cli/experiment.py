@@ -73,8 +73,8 @@ def measure_or_randomise(
         consider(runs=runs, evaluations=config.evaluations, trials=runs * config.starts, workers=workers)
     with resumable(out, config.resuming(out)), ProgressLine() as progress:
         results = carry_out(out, config, workers=workers, resume=resume, on_progress=progress.show)
-        picture = draw_outcomes(out)
-    found, comparisons = compared_in(out)
+        picture = draw_outcomes(results)
+    found, comparisons = compared_in(results)
     if json_output:
         told = [
             {**one.condition._asdict(), **one._asdict(), "condition": one.condition.name} for one in found

@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import fill
 
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from realitygap.experiments.folder import RESULTS
 from realitygap.experiments.randomise.plan import KNOWN, NOISES
 from realitygap.experiments.randomise.results import HOURS, OUTCOMES, Outcome, compared_in
 from realitygap.report.style import PAGE, new_figure, noise_styles, save_figure, styled
 from realitygap.world.noise import noise_name
 
-__all__ = ["draw_outcomes"]
+__all__ = ["draw_outcomes", "outcomes_figure"]
 
 PICTURE = "outcomes"
 LABELS = {"correspondence": ("correspondence", 10.5), "fitness_situated": ("situated fitness", 1.0)}
@@ -22,20 +23,24 @@ LABELS = {"correspondence": ("correspondence", 10.5), "fitness_situated": ("situ
 NOISE_APART, RANDOMISED_APART = 0.32, 0.16
 
 
-def draw_outcomes(folder: Path) -> Path:
-    """Draw what each condition came to; the SVG of the picture (a PNG lies beside it)."""
-    found, _ = compared_in(folder)
+def draw_outcomes(results: Path) -> Path:
+    """Draw what each condition came to, beside the tables; the SVG of the picture (a PNG lies beside it)."""
     with styled():
-        figure = new_figure(PAGE, 2.9, layout="constrained")
-        for ax, outcome in zip(figure.subplots(1, len(OUTCOMES)), OUTCOMES, strict=True):
-            _draw(ax, [one for one in found if one.outcome == outcome])
-            label, top = LABELS[outcome]
-            ax.set_ylabel(label)
-            ax.set_ylim(0, top)
-        handles, labels = figure.axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
-        save_figure(figure, folder / RESULTS, PICTURE)
-    return folder / RESULTS / f"{PICTURE}.svg"
+        save_figure(outcomes_figure(compared_in(results)[0]), results, PICTURE)
+    return results / f"{PICTURE}.svg"
+
+
+def outcomes_figure(found: Sequence[Outcome]) -> Figure:
+    """Means with their intervals over hours of work, a panel an outcome."""
+    figure = new_figure(PAGE, 2.9, layout="constrained")
+    for ax, outcome in zip(figure.subplots(1, len(OUTCOMES)), OUTCOMES, strict=True):
+        _draw(ax, [one for one in found if one.outcome == outcome])
+        label, top = LABELS[outcome]
+        ax.set_ylabel(label)
+        ax.set_ylim(0, top)
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+    return figure
 
 
 def _draw(ax: Axes, found: Sequence[Outcome]) -> None:
@@ -52,5 +57,6 @@ def _draw(ax: Axes, found: Sequence[Outcome]) -> None:
                 fmt=look.marker, color=look.colour, capsize=2, markersize=4, label=name,
                 markerfacecolor="none" if randomised else look.colour,
             )  # fmt: skip
-    ax.set_xticks(range(len(places)), [f"{name}\n{HOURS[name]:g} h" for name in places], fontsize=6)
+    labels = [f"{fill(name, 9)}\n{HOURS[name]:g} h" for name in places]
+    ax.set_xticks(range(len(places)), labels, fontsize=6)
     ax.set_xlabel("what the simulation knows of the unit, hours of work")

@@ -1,6 +1,7 @@
 """The tables that come out of an experiment of measuring or randomising, and its planned comparisons."""
 
-from collections.abc import Mapping
+import csv
+from collections.abc import Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple
@@ -152,12 +153,36 @@ def compared(units: Mapping[str, Mapping[Condition, Floats]]) -> list[Comparison
     ]
 
 
-def compared_in(folder: Path) -> tuple[list[Outcome], list[Comparison]]:
-    """The outcomes and comparisons of an experiment's folder, of what is kept of its trials."""
-    config = RandomiseConfig.from_folder(folder)
-    figures = {one: _read(trial_file(folder, one)) for one in controllers(config)}
-    units = {name: _by_unit(figures, name, config) for name in OUTCOMES}
-    return [one for name in OUTCOMES for one in outcomes(name, units[name])], compared(units)
+def compared_in(results: Path) -> tuple[list[Outcome], list[Comparison]]:
+    """The outcomes and comparisons of a folder of results, to the digits that its tables have.
+
+    Raises:
+        OSError: no such tables there.
+    """
+
+    def rows(name: str) -> Iterator[dict[str, str]]:
+        yield from csv.DictReader((results / name).read_text("utf-8").splitlines())
+
+    def number(row: Mapping[str, str], key: str) -> float:
+        return float(row[key] or "nan")
+
+    found = [
+        Outcome(
+            condition=Condition(row["known"], row["randomised"] == "true", float(row["noise"])),
+            outcome=row["outcome"], units=int(row["units"]),
+            mean=number(row, "mean"), low=number(row, "low"), high=number(row, "high"),
+        )
+        for row in rows("conditions.csv")
+    ]  # fmt: skip
+    compared = [
+        Comparison(
+            outcome=row["outcome"], first=row["first"], second=row["second"], found=row["found"],
+            difference=number(row, "difference"), low=number(row, "low"), high=number(row, "high"),
+            p=number(row, "p"), p_holm=number(row, "p_holm"),
+        )
+        for row in rows("comparisons.csv")
+    ]  # fmt: skip
+    return found, compared
 
 
 def _by_unit(
