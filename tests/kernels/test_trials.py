@@ -60,7 +60,7 @@ def test_agrees_in_other_rooms_with_other_robots(feeds):
         count = len(profile.bands(feeds))
         sensors = tuple(int(s) for s in random.integers(0, count, random.integers(1, 17)))
         task = replace(
-            TASKS["obstacle-avoidance"], arena=CROWDED, feeds=feeds, sensors=sensors, seconds=8.0,
+            TASKS["obstacle-avoidance"], arena=CROWDED, feeds=feeds, sensors=sensors, seconds=4.0,
             start=replace(TASKS["obstacle-avoidance"].start, x_cm=20, y_cm=30, heading_deg=(-90, 30)),
         )  # fmt: skip
         layout = Layout(inputs=len(sensors), slots=30)

@@ -215,6 +215,7 @@ def compiler(monkeypatch):
             pytest.skip(f"cannot compile (install realitygap[cuda]): {str(error).splitlines()[0]}")
         return code.decode() if isinstance(code, bytes) else code
 
+    compiled(lambda: None)  # whether it can: a trial takes long
     return compiled
 
 
