@@ -27,7 +27,7 @@ from realitygap.work.workers import named_pool
 from tests.study.helpers import content, small
 
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning")
-KILLS = 3
+KILLS = 2
 
 
 def dask(kind: str, *words: object, log: Path) -> subprocess.Popen[bytes]:
