@@ -44,6 +44,7 @@ def test_a_task_of_ones_own_evolves(tmp_path):
     assert (tmp_path / "wall" / "report" / "index.html").is_file()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_task_that_infrared_and_light_feed_evolves(tmp_path):
     """Its networks have an input for each of the twelve sensors that it names, of both kinds."""
     words = ("--evaluations", "70", "--set", "task.seconds=2.0", "--workers", "1", "--out", tmp_path / "seek")
@@ -279,6 +280,7 @@ class TestThreads(PoolContract):
         return named_pool(f"{EXAMPLES / 'own_pool.py'}:Threads")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_pool_of_ones_own_changes_no_bit(tmp_path):
     """Its two studies, by threads and by this process, have one digest; the command line takes it, too."""
     made = subprocess.run(

@@ -31,6 +31,7 @@ def no_enki(monkeypatch):
     monkeypatch.setattr("realitygap.enki.process.LIBRARY", "libenki-missing.so")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_is_at_hand_comes_to_a_matrix(units, no_enki, json_of, call, refused, tmp_path):
     """The twin is carried through, Enki is left out and says how to get it; resumed, all is the same."""
     out = tmp_path / "study"

@@ -182,6 +182,7 @@ def test_a_wrong_setting_is_refused_by_key(refused, tmp_path, setting, named):
     assert not (tmp_path / "none" / "study.db").exists()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_evolving_from_a_configuration(study, json_of, tmp_path):
     """A study's own TOML, given to --config, makes the same runs again."""
     folder, printed = study
@@ -189,6 +190,7 @@ def test_evolving_from_a_configuration(study, json_of, tmp_path):
     assert made["runs"] == printed["runs"]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_profile_is_given_as_an_option_or_as_a_setting(json_of, study, call, tmp_path):
     """`evolve --profile FILE` evolves what `--set profile=FILE` does, and that robot's study keeps it."""
     _, printed = study
@@ -210,6 +212,7 @@ def test_resuming_with_another_robot_is_refused(study, refused):
     assert "profile.toml" in refused("evolve", "light", "--profile", "khepera", "--resume", "--out", folder)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_task_of_ones_own(json_of, call, tmp_path):
     """A user's task with two inputs evolves, and its champion is saved, driven and replayed."""
     task, champion = tmp_path / "front.py", tmp_path / "champion.txt"
@@ -228,6 +231,7 @@ def test_a_task_of_ones_own(json_of, call, tmp_path):
     assert driven["x_cm"] == json_of("replay", tmp_path / "study", 1, *words)["x_cm"]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_reproduce_runs_both_tasks_at_three_levels(json_of, refused, tmp_path):
     """`reproduce` evolves two tasks at three levels, here in the paper's simulation, and makes the page."""
     words = ("--runs", 1, "--evaluations", 66, "--workers", 1, "--no-transfer", "--profile", "paper")
@@ -260,6 +264,7 @@ def test_ctrl_c_says_how_to_go_on(tmp_path):
     assert json.loads(shown.stdout)["runs"][0]["finished"] is False
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_function_evolves_what_the_command_does(study, tmp_path):
     """From Python, with a watched page and a spread: a condition each, and the command's own fitnesses."""
     printed = study[1]
@@ -275,6 +280,7 @@ def test_the_function_evolves_what_the_command_does(study, tmp_path):
         evolve("light", spread="much", out=tmp_path / "none")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_shards_from_python_are_the_study(study, tmp_path):
     """Each makes its share, beside the study; merged they are the command's; what is no shard is refused."""
     printed = study[1]
@@ -294,6 +300,7 @@ def test_shards_from_python_are_the_study(study, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"whole", "whole-shard-1-of-2", "whole-shard-2-of-2"}
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_strangers_task_file_is_asked_about(call, refused, json_of, monkeypatch, tmp_path):
     """`show` runs nothing; `replay` refuses, or asks on a terminal; --trust and a yes are remembered."""
     from realitygap.study import sources

@@ -214,6 +214,7 @@ def test_ctrl_c_says_how_to_go_on(study):
     assert study_transfer.load_transfers(study)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_reproduce_transfers_before_it_reports(json_of, monkeypatch, tmp_path):
     """Every champion drives unit 1 from each start; the first of one run of each condition is filmed."""
     asked = []

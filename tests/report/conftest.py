@@ -8,9 +8,8 @@ from realitygap.report import build_report
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study, load_study
 from realitygap.study.runner import run_study
+from tests.conftest import FIGURE
 from tests.transfer.helpers import transfer
-
-FIGURE = '<svg width="72pt" viewBox="0 0 72 72" xmlns="http://www.w3.org/2000/svg"></svg>'
 
 
 @pytest.fixture(scope="session")
@@ -26,6 +25,6 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> Study:
     transfer(study, [1], starts=2, watch=False, workers=1)
     transfer(study, [2], watch=False, workers=1)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("realitygap.report.page.save_figure", lambda *_, **__: FIGURE)
+        patch.setattr("realitygap.report.page.Picture.save", lambda *_, **__: FIGURE)
         build_report(folder)
     return load_study(folder)

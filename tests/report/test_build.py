@@ -171,6 +171,7 @@ def test_many_runs_are_limited_to_what_a_person_can_look_at(tmp_path: Path) -> N
     )
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("finished", [0, 1])
 def test_an_unfinished_study_has_a_page_that_says_so(tmp_path: Path, monkeypatch, finished: int) -> None:
     """From before its first checkpoint on."""

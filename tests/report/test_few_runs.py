@@ -23,7 +23,6 @@ from realitygap.report.few_runs import (
 from realitygap.report.scores import ScoreTable, score_tables
 from realitygap.study.load import Study
 from realitygap.tasks import load_task
-from tests.report.conftest import FIGURE
 from tests.report.test_scores import AVOID, EXAMPLE, LEVELS, SPREAD, marks
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -99,11 +98,11 @@ def test_only_what_may_be_compared_stands_side_by_side() -> None:
     assert not any(map(shows_few, score_tables(mine, LEVELS, marks(SPREAD, task=mine.name))))
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_page_of_a_reproduction_has_it(
     played: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With its sentences, where there are scores; light seeking drove no twin here and has none."""
-    monkeypatch.setattr("realitygap.report.page.save_figure", lambda *_, **__: FIGURE)
     monkeypatch.setattr("realitygap.report.build.is_paper", lambda study, parts: True)
     monkeypatch.setattr("realitygap.report.build.marks_of", lambda study: marks(SPREAD))
     folder = shutil.copytree(played.folder, tmp_path / "study")

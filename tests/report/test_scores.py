@@ -18,6 +18,7 @@ from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
 from realitygap.transfer.score_rows import ScoreRow
 from realitygap.world.profile import load_profile
+from tests.conftest import FIGURE
 from tests.report.situations import write_transfer
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "follow_the_wall.py"
@@ -106,6 +107,7 @@ def _page(folder: Path) -> str:
     return build_report(folder).read_text("utf-8")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_page_holds_tables_1_and_2_beside_the_papers(evolved: Path, tmp_path: Path) -> None:
     """With transfers: types, scores and words; an interval needs more starts than one."""
     folder = shutil.copytree(evolved, tmp_path / "study")
@@ -127,8 +129,10 @@ def test_the_page_holds_tables_1_and_2_beside_the_papers(evolved: Path, tmp_path
 
 @pytest.fixture(scope="module")
 def bare(evolved: Path) -> str:
-    """The page of the study without transfers."""
-    return _page(evolved)
+    """The page of the study without transfers; its figures are not drawn."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("realitygap.report.page.Picture.save", lambda *_, **__: FIGURE)
+        return _page(evolved)
 
 
 def test_without_a_transfer_the_page_says_what_is_missing(bare: str) -> None:
@@ -147,6 +151,7 @@ def test_the_page_tells_of_the_calibration(bare: str) -> None:
     assert "profile khepera" in bare
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_task_without_the_papers_marks_has_a_table_of_its_own(tmp_path: Path) -> None:
     """No ideal is known for a user's task, so no behaviour score; and no paper stands beside it."""
     config = StudyConfig.single(EXAMPLE, 1.0, evaluations=66).with_settings(

@@ -26,6 +26,7 @@ from realitygap.tasks import load_task
 from realitygap.track import Track
 from realitygap.transfer.chosen import shown_runs
 from realitygap.world.profile import load_profile
+from tests.conftest import FIGURE
 from tests.report.situations import STEPS, write_transfer
 
 PAPER = load_profile("paper")
@@ -82,6 +83,7 @@ def test_pairs_stand_one_above_the_other() -> None:
     assert bodies[0].isdisjoint(bodies[1])
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_page_without_transfers_is_as_before(study: Study) -> None:
     """No word of situated robots, no picture, no table."""
     text = re.sub(r"<script.*?</script>", "", _built(study), flags=re.DOTALL)
@@ -115,7 +117,9 @@ def test_figures_3_and_5_hold_both_paths_and_films_are_shown(study: Study) -> No
     assert "counters" not in re.sub(r"data:[^\"]*", "", text)
 
 
-def test_a_report_that_is_given_away_keeps_its_films(study: Study, tmp_path: Path) -> None:
+def test_a_report_that_is_given_away_keeps_its_films(
+    study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Every link of a copied report stays within it and leads somewhere; a film made anew is copied anew."""
     _all(study)
     shown = _situated(study, AVOID).shown[0]
@@ -124,6 +128,7 @@ def test_a_report_that_is_given_away_keeps_its_films(study: Study, tmp_path: Pat
     for content in (b"a film", b"another film"):
         film.write_bytes(content)
         text = _built(study)
+        monkeypatch.setattr("realitygap.report.page.Picture.save", lambda *_, **__: FIGURE)  # drawn once
         away = shutil.copytree(study.folder / "report", tmp_path / content.decode())
         links = re.findall(r'<a href="([^"#][^"]*)"', text)
         assert all((away / link).resolve().is_relative_to(away.resolve()) for link in links)
@@ -132,6 +137,7 @@ def test_a_report_that_is_given_away_keeps_its_films(study: Study, tmp_path: Pat
         assert kept.read_bytes() == content
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_paths_from_counters_are_said_to_be_blind(study: Study) -> None:
     """Only where there are some: caption, table and its note; the table says what each path is from."""
     for k, run in enumerate(shown_runs(study)[:3]):
@@ -146,6 +152,7 @@ def test_paths_from_counters_are_said_to_be_blind(study: Study) -> None:
     assert [row["path_from"] for row in rows] == ["counters", "camera", "camera"]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_heading_reads_with_and_without_transfers(study: Study) -> None:
     """The title claims neither simulation alone nor a robot; the lead says which of them it is."""
     heading = "<h1>Jakobi, Husbands and Harvey (1995), carried out anew</h1>"

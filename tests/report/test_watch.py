@@ -27,6 +27,7 @@ def evolve(*words: str) -> str:
     return result.output
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_watching_changes_no_bit(tmp_path, monkeypatch):
     """Genotypes, scores and tests are the same; the last page fetches nothing, and looks for no more."""
     monkeypatch.setattr(watch, "EVERY_S", 0.0)
