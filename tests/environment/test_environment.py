@@ -193,15 +193,17 @@ def test_noise_profile_and_reality_are_options_of_a_reset(tmp_path):
     ):  # fmt: skip
         with pytest.raises(RealityGapError, match=said):
             env.reset(options=options)
-    one, alone = gymnasium.make(AVOID), vector(1, noise="double")
+    one, alone = gymnasium.make(AVOID, noise="double", spread=0.1), vector(1, noise="zero", spread=0.1)
     first = one.reset(seed=3)[0]
     (tmp_path / "own.py").write_text(BODY.format(speeds="speeds"))
     reality, pose = f"{tmp_path / 'own.py'}:Speedy", {"pose": (25, 25, 0)}
     assert (one.reset(seed=3, options={"reality": reality, **pose})[0] == one.reset(options=pose)[0]).all()
     assert one.step(np.full(2, 0.5, np.float32))[1] > 0
+    with pytest.raises(UsageError, match="noise: expected none with reality"):
+        one.reset(options={"noise": "zero"})
     assert (one.reset(seed=3, options={"reality": "simulation"})[0] == first).all()
     alone.reset(seed=3)
-    assert (one.reset(options={"noise": "double"})[0] == alone.reset()[0][0]).all()
+    assert (one.reset(options={"noise": "zero"})[0] == alone.reset()[0][0]).all()
 
 
 def test_refusals():

@@ -93,15 +93,20 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
         given = checked_options(options, {"pose", "reality", *SETTINGS})
         pose = given.pop("pose", None)
         if given:
-            self._change(self._settings | given)
+            self._change(given)
         if seed is None and self._inner._seeds is None:
             seed = int(self.np_random.integers(0, 2**62))
         seen, info = self._inner.reset(seed=seed, options={"pose": pose})
         return seen[0], info
 
-    def _change(self, settings: Info) -> None:
-        """Another robot, or another noise: the next trial is the one that it would have been."""
-        inner = _made(**settings, **self._fixed)
+    def _change(self, given: Info) -> None:
+        """Another robot, or another noise: the next trial is the one that it would have been.
+
+        Noise and spread of the simulation wait while another reality, which has its own, is stepped.
+        """
+        settings = self._settings | given
+        own = {} if settings["reality"] == SIMULATION else {"noise": given.get("noise"), "spread": 0.0}
+        inner = _made(**{**self._fixed, **settings, **own})
         require_same(inner.simulation, self.observation_space)
         self._inner.close()
         inner._seeds, inner._trial = self._inner._seeds, self._inner._trial
