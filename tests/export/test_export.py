@@ -370,7 +370,7 @@ def test_another_robot(tmp_path):
 def test_refusals(study, tmp_path):
     """A name that is none in C, a language that there is not, a step of no whole milliseconds."""
     one = study.runs[0]
-    for name in ("", "2fast", "Avoider", "a b", "x" * 41):
+    for name in ("", "2fast", "Avoider", "a b", "x" * 41, "class"):
         with pytest.raises(UsageError, match="name: expected a lower-case letter"):
             on_board(one, "fittest", one.fittest, name=name)
     profile = tmp_path / "robot.toml"

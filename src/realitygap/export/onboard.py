@@ -8,6 +8,7 @@ command by a table.
 import hashlib
 import re
 from dataclasses import dataclass
+from keyword import iskeyword
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,15 +118,15 @@ def on_board(run: Run, who: str, genes: Genes, *, name: str = "controller", step
         steps: length of its test vectors.
 
     Raises:
-        UsageError: a name that is none in C.
+        UsageError: a name that is none in C or Python.
         StudyError: a network or a range too large for 16 bits, or a period of no whole milliseconds.
     """
     study, profile, task = run.study, run.study.profile, run.study.facts(run.task)
     feeds, sensors = str(task["feeds"]), tuple(task["sensors"])
-    if not NAME.fullmatch(name):
+    if not NAME.fullmatch(name) or iskeyword(name):
         raise UsageError(
-            "name: expected a lower-case letter, then letters, digits and underscores (40 at most), got "
-            f"{name!r}."
+            "name: expected a lower-case letter, then letters, digits and underscores (40 at most), and no "
+            f"word of Python's own, got {name!r}."
         )
     channels = tuple(_fed(profile, kind) for kind in feeds.split("+"))
     commands = tuple(profile.wheels.command(value) for value in range(-LIMIT, LIMIT + 1))
