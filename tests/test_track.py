@@ -203,3 +203,11 @@ def test_columns_are_of_one_length():
 def test_a_step_is_the_simulations():
     """The ground knows a step's length without the kernels, which it may not import."""
     assert track_file.STEP_S == STEP_S
+
+
+@pytest.mark.parametrize("period_s", [0.02, 0.05, 0.1, 0.12, 0.2])
+def test_steps_of_any_period_keep_their_times(tmp_path, period_s):
+    """A robot's path is read back with the times of its steps, tenths of a second or not."""
+    t = period_s * np.arange(30)
+    Track(t=t, x=t, y=t, heading=t).write_csv(tmp_path / "path.csv")
+    assert np.allclose(read_track(tmp_path / "path.csv").t, t, atol=1e-9)
