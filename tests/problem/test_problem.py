@@ -129,12 +129,17 @@ def test_what_comes_back(problem):
 
 
 def test_driving_straight_and_turning_are_told_by_the_measures(problem):
-    """A controller of biases alone: both wheels forward; one back."""
+    """A controller of biases alone: both wheels forward; one back. The former is champion, by other trials
+    than those that measure it."""
     weights, hidden = np.zeros((2, problem.dim)), 3 if problem.form.memory == 3 else 2
     weights[:, -1] = 4.0  # the right wheel's bias
     weights[:, -2 - hidden] = 4.0, -4.0
     speed, turning = problem.evaluate(weights, seed=1).measures.T
     assert speed[0] > 0.05 and abs(speed[1]) < 0.05 and turning[1] > 0.8 and abs(turning[0]) < 0.2
+    best, measured = problem.champion(weights[::-1])
+    chosen_by = problem.retest(weights[0], trials=20, seed=1).info["scores"]
+    assert best == 1 and measured.fitness[0] > 0.05 and measured.info["scores"].shape == (1, 100)
+    assert not np.isin(measured.info["scores"], chosen_by).any(), "what chose it measures it"
 
 
 def test_the_papers_network_is_the_simulations():

@@ -182,6 +182,17 @@ class Problem:
         best luck."""
         return self.evaluate(solutions, FRESH + int(as_stream(seed, "seed")), trials)
 
+    def champion(self, solutions: Any, trials: int = 100, choosing: int = 20) -> tuple[int, Batch]:
+        """Which solution is best on fresh trials, and its fitness on others, which did not choose it.
+
+        Args:
+            solutions: [B, dim]: a last population, say, or an archive's elites.
+            trials: that measure the best one.
+            choosing: trials of each solution that choose it.
+        """
+        best = int(np.argmax(self.retest(solutions, choosing, seed=1).fitness))
+        return best, self.retest(np.atleast_2d(solutions)[best], trials)
+
     def _part(
         self, made: Any, part: NDArray[np.int64], streams: Streams, worlds: Sequence[Any]
     ) -> tuple[Floats, Floats]:
