@@ -49,7 +49,9 @@ def test_a_robot_of_ones_own_takes_the_twins_place(tmp_path, small, monkeypatch)
     """Five eyes are evolved for, driven and compared, at their own period; resumed, every bit is the same."""
     monkeypatch.setattr("realitygap.calibration.unit.calibrated_robot", by_hand)
     folder = tmp_path / "study"
-    results = noise_study(folder, small, workers=1)
+    phases: set[str] = set()
+    results = noise_study(folder, small, workers=1, on_progress=lambda event: phases.add(event.phase))
+    assert "on the robot" in phases and not any("twin" in phase for phase in phases)
     profile = load_profile(folder / "calibration" / "unit-1" / "robot.toml")
     assert profile.period_s == PERIOD_S
     assert len(profile.infrared.sensors) == 5

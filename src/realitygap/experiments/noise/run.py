@@ -130,7 +130,9 @@ class _Noise(Phases):
         self.phases = (
             Phase("calibrate", "calibrating to the units", "units", len(units), len(self.uncalibrated), unit),
             Phase("evolve", "evolving", "runs", len(self.runs), to_evolve, run),
-            Phase("situated", "on the twin", *jobs, len(self.to_drive), trials),
+            Phase(
+                "situated", f"on the {'robot' if config.robot else 'twin'}", *jobs, len(self.to_drive), trials
+            ),
             Phase("simulated", "comparing with the simulations", *jobs, len(self.to_compare), compared),
         )
         super().__init__(folder, pool, self.phases, on_progress)
