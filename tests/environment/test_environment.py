@@ -318,6 +318,8 @@ def test_settings_that_would_be_ignored_are_refused():
         RobotEnv("obstacle-avoidance", noise="double", reality="twin:1")
     with pytest.raises(UsageError, match=r"spread: expected none with reality 'twin:1'.* got 0.1"):
         RobotEnv("obstacle-avoidance", spread=0.1, reality="twin:1")
+    with pytest.raises(TaskError, match=r"task: expected a Task, a task's name or a .py file, got None"):
+        gymnasium.make("realitygap/Task-v0")
     with pytest.raises(UsageError, match=r"robot: expected twin, .* got '5'"):
         RobotEnv("obstacle-avoidance", reality=5)
     with pytest.raises(UsageError, match=r"spread: expected a share from 0 to 0.9, got 'wide'"):

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["NAMES", "make_single", "make_vector", "register"]
 
 NAMES = {"ObstacleAvoidance": "obstacle-avoidance", "LightSeeking": "light-seeking", "Task": None}
-"""Environments and their tasks; `Task` takes one of a user's own."""
+"""Environments and their tasks; `Task` is refused without one of a user's own."""
 
 
 def register() -> None:
@@ -38,7 +38,7 @@ def register() -> None:
                 id=f"realitygap/{name}-v0",
                 entry_point="realitygap.environment.names:make_single",
                 vector_entry_point="realitygap.environment.names:make_vector",
-                kwargs={} if task is None else {"task": task},
+                kwargs={"task": task},
             )
 
 
