@@ -73,7 +73,7 @@ def unit_profile(unit: int) -> Profile:
         name=f"unit {unit}",
         infrared=replace(
             near,
-            bands=(near.bands[0], near.bands[1] + 10.0 * (unit % 100)),
+            bands=(near.bands[0], near.bands[1] - 20.0 * (unit % 100)),
             sensors=tuple(replace(one, a=one.a * more) for one in near.sensors),
         ),
         ambient=replace(light, sensors=tuple(replace(one, gain=one.gain * more) for one in light.sensors)),
