@@ -69,6 +69,8 @@ def test_a_sensor_outside_every_closed_form_is_found(monkeypatch):
     """`auto` takes "measured" for it; an object not fitted it errs on by less than the noise, and places held
     out, each by a search that never saw them, by hardly more."""
     monkeypatch.setattr(rows, "FOLDS", 3)
+    monkeypatch.setattr(measured, "DRAWS", 300)
+    monkeypatch.setattr(measured, "DRAWS_HELD_OUT", 150)
     robot = odd()
     made = calibrate([before(robot, "wall", seed=1), before(robot, "cylinder:4", seed=2)], PAPER, form="auto")
     fit = made.infrared
