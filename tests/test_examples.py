@@ -17,7 +17,7 @@ from realitygap.calibration.recordings.files import STEP_COLUMNS, load_recording
 from realitygap.cli import realitygap
 from realitygap.controller.encoding import Encoding, controller_of, make_encoding
 from realitygap.controller.operators import Variation
-from realitygap.errors import StudyInterruptedError
+from realitygap.errors import StudyInterruptedError, UsageError
 from realitygap.evolution import make_algorithm
 from realitygap.study.config import StudyConfig
 from realitygap.study.runner import run_study
@@ -176,9 +176,7 @@ def test_settings_of_a_calibration_are_tuned(monkeypatch, tmp_path):
 @pytest.fixture
 def sb3(monkeypatch):
     """The example with Stable-Baselines3, whose packages warn of what is to come."""
-    pytest.importorskip(
-        "stable_baselines3", reason="no Stable-Baselines3 here: pip install stable-baselines3"
-    )
+    pytest.importorskip("stable_baselines3", reason="no Stable-Baselines3 here: pip install realitygap[sb3]")
     monkeypatch.syspath_prepend(EXAMPLES)
     import learn_sb3
 
@@ -191,6 +189,10 @@ def test_stable_baselines_sees_what_its_own_vector_of_single_robots_shows(sb3):
     import gymnasium
     from stable_baselines3.common.vec_env import DummyVecEnv
 
+    from realitygap.environment import RobotVectorEnv, stable_baselines
+
+    with pytest.raises(UsageError, match=r"autoreset_mode: expected SameStep .* got NextStep"):
+        stable_baselines(RobotVectorEnv("obstacle-avoidance", 2))
     single = [lambda: gymnasium.make("realitygap/ObstacleAvoidance-v0")] * 2
     random, ours, theirs = np.random.default_rng(2), sb3.make(2), DummyVecEnv(single)
     ours.seed(5), theirs.seed(5)
