@@ -115,7 +115,8 @@ class Browser:
         )
         self.call("Page.navigate", url="about:blank")  # or another fragment would not load the page anew
         self.call("Page.navigate", url=page.resolve().as_uri() + at)
-        self.until("document.readyState === 'complete'")
+        # Until the new page is there, the blank one answers, and that is complete.
+        self.until("location.protocol === 'file:' && document.readyState === 'complete'")
 
     def run(self, script: str) -> Any:
         """A JavaScript expression's value."""
