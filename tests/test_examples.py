@@ -208,6 +208,13 @@ def test_stable_baselines_sees_what_its_own_vector_of_single_robots_shows(sb3):
             if "terminal_observation" in one:
                 assert (one["terminal_observation"] == other["terminal_observation"]).all()
                 assert one["score"] == other["score"]
+    with pytest.raises(UsageError, match=r"set_attr\('noise'\): .* one compiled batch"):
+        ours.set_attr("noise", 2, 0)
+    with pytest.raises(UsageError, match=r"env_method\('render'\): .* Ask the RobotVectorEnv"):
+        ours.env_method("render")
+    ours.set_options([{"noise": 0}, {}])
+    with pytest.raises(UsageError, match="options: expected the same for all robots"):
+        ours.reset()
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -12,6 +12,8 @@ from realitygap.lazy import needed
 
 __all__ = ["stable_baselines"]
 
+SHARED = "the robots are one compiled batch and can't be {} one by one"
+
 
 def stable_baselines(env: RobotVectorEnv) -> Any:
     """A vector environment for Stable-Baselines3's learners (extra `[sb3]`).
@@ -42,6 +44,8 @@ def _adapter() -> Any:
             super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
 
         def reset(self) -> Any:
+            if any(one != self._options[0] for one in self._options):
+                raise UsageError(f"options: expected the same for all robots; {SHARED.format('reset')}.")
             seeds = None if None in self._seeds else self._seeds
             seen, _ = self.env.reset(seed=seeds, options=self._options[0])
             self._reset_seeds()
@@ -66,10 +70,12 @@ def _adapter() -> Any:
             return [getattr(self.env, attr_name) for _ in self._get_indices(indices)]
 
         def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-            setattr(self.env, attr_name, value)
+            cure = "Pass profile, noise and arena to RobotVectorEnv, or noise and profile to reset's options."
+            raise UsageError(f"set_attr({attr_name!r}): {SHARED.format('changed')}. {cure}")
 
         def env_method(self, method_name: str, *args: Any, indices: Any = None, **words: Any) -> list[Any]:
-            return [getattr(self.env, method_name)(*args, **words)]
+            why = SHARED.format("asked")
+            raise UsageError(f"env_method({method_name!r}): {why}. Ask the RobotVectorEnv.")
 
         def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
             return [False for _ in self._get_indices(indices)]

@@ -11,9 +11,10 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from realitygap.environment.robots import (
+from realitygap.environment.robots import RobotVectorEnv
+from realitygap.environment.spaces import (
     SETTINGS,
-    RobotVectorEnv,
+    Info,
     checked_options,
     commands_of,
     observations_of,
@@ -39,7 +40,6 @@ from realitygap.world.profile import Profile
 __all__ = ["RobotEnv"]
 
 SIMULATION = "simulation"
-Info = dict[str, Any]
 Seen32 = NDArray[np.float32]
 
 
