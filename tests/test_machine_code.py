@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import numba
 import pytest
 
 from realitygap.errors import UsageError
@@ -198,3 +199,16 @@ def test_a_number_outside_a_users_function_is_compiled_in(tmp_path: Path) -> Non
     module, shelf = run_file(file, UsageError), Shelf(b"a test")
     for module.GAIN in (2.0, 3.0, 2.0):
         assert shelf.compiled(module.scaled)(1.0) == module.GAIN
+
+
+def test_a_number_outside_a_function_that_a_users_function_calls_is_compiled_in(tmp_path: Path) -> None:
+    """It too may change while the text stays; here in a file of its own."""
+    file = tmp_path / "user.py"
+    file.write_text(
+        "import numba\n\nGAIN = 0.0\n\n\n@numba.njit\ndef inner(x):\n    return GAIN * x\n\n\n"
+        "def outer(x):\n    return inner(x) + 1.0\n"
+    )
+    module, shelf = run_file(file, UsageError), Shelf(b"a test")
+    for module.GAIN in (2.0, 3.0, 2.0):
+        module.inner = numba.njit(module.inner.py_func)
+        assert shelf.compiled(module.outer)(1.0) == module.GAIN + 1.0

@@ -213,13 +213,18 @@ class _Entries:
         return f"{self._name}-{digest.hexdigest()[:24]}.code"
 
 
-def _frozen(function: Callable[..., Any]) -> tuple[str, ...]:
-    """The numbers, texts and arrays outside a user's function that are compiled into it: a program may change
-    them while its text stays as it is."""
+def _frozen(function: Callable[..., Any], met: tuple[Any, ...] = ()) -> tuple[str, ...]:
+    """The numbers, texts and arrays outside a user's function, and outside the compiled ones that it calls,
+    that are compiled into it: a program may change them while its text stays as it is."""
     names = function.__code__.co_names
     kept = {name: function.__globals__[name] for name in names if name in function.__globals__}
     plain = (int, float, complex, str, np.generic, np.ndarray, tuple)
-    return tuple(f"{name}={dumps(one)!r}" for name, one in kept.items() if isinstance(one, plain))
+    found = [f"{name}={dumps(one)!r}" for name, one in kept.items() if isinstance(one, plain)]
+    for one in (getattr(value, "py_func", None) for value in kept.values()):
+        if one is not None and one not in met and not str(one.__module__).startswith(f"{__package__}."):
+            met = (*met, one)
+            found += [repr(one.__code__.co_code), *_frozen(one, met)]
+    return tuple(found)
 
 
 def _add_overload(made: Any, compiled: CompileResult) -> None:
