@@ -19,7 +19,7 @@ from realitygap.calibration.solve import Fit
 from realitygap.calibration.wheels.odometry import measure_odometry
 from realitygap.errors import CalibrationError
 from realitygap.report.calibration import write_calibration_page
-from realitygap.report.calibration_figures import SHOWN, curves_figure, maps_figure
+from realitygap.report.calibration_figures import SHOWN, curves_figure, look_of, maps_figure
 from realitygap.world.profile import load_profile
 from tests.calibration.tables import DIRTY, TURN_DEG
 from tests.calibration.written import save_recording
@@ -414,3 +414,6 @@ def test_each_object_is_drawn_by_itself(recorded):
     x = figure.axes[0].lines[1].get_xdata()
     assert x.tolist() == np.unique(fit.distance_cm).tolist()
     assert maps_figure(straight).axes[0].get_legend() is not None
+    assert look_of(replace(straight, bearing_deg=np.full(len(names), np.nan))) == "poses"
+    first, second = (replace(recorded("wall", repeats=1), source=f"{folder}/infrared.csv") for folder in "ab")
+    assert set(Rows([first, second], PAPER).name) == {"infrared (1)", "infrared (2)"}

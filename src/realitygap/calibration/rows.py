@@ -77,10 +77,7 @@ class Rows:
         self.counts = np.nan_to_num(np.concatenate([r.counts for r in recordings]))
         self.distance = np.concatenate([r.distance_cm for r in recordings])
         self.bearing = np.concatenate([r.bearing_deg for r in recordings])
-        names = [r.object for r in recordings]
-        if len(set(names)) < len(names):
-            names = [Path(r.source).stem for r in recordings]
-        self.name = np.repeat(names, [len(r.counts) for r in recordings])
+        self.name = np.repeat(_names(recordings), [len(r.counts) for r in recordings])
         self.scenes = [(f"turn_{i}_deg", scene_of(r, f"{REFLECTANCE}{i}")) for i, r in enumerate(recordings)]
         if all(scene.paint for _, scene in self.scenes):
             raise CalibrationError(
@@ -161,6 +158,16 @@ class Rows:
     def rmse(self, model: Array, rows: NDArray[np.bool_] | None = None) -> float:
         use = self.use if rows is None else self.use & rows[:, None]
         return float(np.sqrt(((model - self.counts)[use] ** 2).mean()))
+
+
+def _names(recordings: Sequence[SensorRecording]) -> list[str]:
+    """One for each: its object, or its file where objects recur, numbered where files do too."""
+    names = [r.object for r in recordings]
+    if len(set(names)) < len(names):
+        names = [Path(r.source).stem for r in recordings]
+    if len(set(names)) < len(names):
+        names = [f"{name} ({i})" for i, name in enumerate(names, 1)]
+    return names
 
 
 def means(rows: Rows) -> Array:

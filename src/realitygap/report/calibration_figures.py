@@ -182,6 +182,8 @@ def _live(fit: ChannelFit) -> list[int]:
 def look_of(fit: ChannelFit) -> Literal["bearing", "distance", "poses"]:
     """What readings are drawn over: bearings, where the same were recorded at each of a few distances;
     distance, where each sensor has one bearing; or nothing, all over a room."""
+    if not np.isfinite(fit.bearing_deg).all():
+        return "poses"
     told = np.isfinite(fit.counts)
     if all(len(np.unique(fit.bearing_deg[told[:, k]])) == 1 for k in _live(fit)):
         return "distance"
