@@ -19,7 +19,7 @@ from realitygap.calibration.forms import Tick
 from realitygap.calibration.recordings.body import as_recorded, tells_heights
 from realitygap.calibration.recordings.recording import Recording, SensorRecording, WheelRecording, count_unit
 from realitygap.calibration.rows import REFLECTANCE
-from realitygap.calibration.wheels.fit import WheelFit, fit_wheels
+from realitygap.calibration.wheels.fit import WheelFit, doubts, fit_wheels
 from realitygap.errors import CalibrationError
 from realitygap.lazy import above
 from realitygap.text import must_be
@@ -37,9 +37,6 @@ FORMS = {
     "auto": ("auto", "auto", "refitted"),
 }
 """What --form means for infrared, ambient light and wheels."""
-
-ROUGH = 1.15
-"""How many times as fast or as slow as in the base wheels may be, a command, before its unit is doubted."""
 
 UNKNOWN_LAMP = (
     "ambient: the lamp's brightness is unknown; gains are scaled as if the light which the paper's law "
@@ -285,24 +282,4 @@ def _warnings(made: Calibration, base: Profile) -> list[str]:
         driven = any(isinstance(r, WheelRecording) for r in made.recordings)
         unseen = f"wheels: no counters recorded, nor pictures of each step: their constants stay {kept}"
         return [*out, unseen] if driven else out
-    if wheels.odometry is None:
-        seen = "a camera saw too little" if wheels.camera else "no camera saw the robot"
-        out.append(
-            f"wheels: {seen}: {wheels.pulses_per_mm[0]:g} pulses per mm are assumed, track and noise of the "
-            "wheels are the base profile's"
-        )
-    known, found = base.wheels.speed_per_unit_cm_s, wheels.profile.wheels.speed_per_unit_cm_s
-    shares = [a / b for a, b in zip(found, known, strict=True)]
-    if max(*shares, *(1 / share for share in shares)) > ROUGH:
-        out.append(
-            f"wheels: {found[0]:.3g} and {found[1]:.3g} cm/s a unit, where profile {base.name!r} has "
-            f"{known[0]:.3g} and {known[1]:.3g}: were commands written in another unit, as cm/s or mm/s? "
-            "Write them as the robot is given them"
-        )
-    better = wheels.rmse["printed"] / max(wheels.rmse["refitted"], 1e-9)
-    if wheels.form == "printed" and better > 1.5:
-        out.append(
-            f"wheels: the printed gains leave {wheels.rmse['printed']:.2f} cm/s, refitted ones "
-            f"{wheels.rmse['refitted']:.2f}: this misfit is no noise"
-        )
-    return out
+    return out + doubts(wheels, base)

@@ -33,7 +33,7 @@ from realitygap.calibration.wheels.odometry import (
 )
 from realitygap.world.profile import Profile, largest_pole
 
-__all__ = ["WHEEL_FORMS", "WheelFit", "fit_wheels"]
+__all__ = ["WHEEL_FORMS", "WheelFit", "doubts", "fit_wheels"]
 
 Array = NDArray[np.float64]
 
@@ -46,6 +46,8 @@ PRINTED = {"kp": 3800.0, "ki": 800.0, "kd": 100.0, "divisor": 50000.0, "lag": 0.
 """§3.2.2, whatever the base has; lag and play are beyond the paper."""
 ROBUST_AT, SETTLING = 0.5, 0.999
 """cm/s from which on a step counts less than its square; the largest pole that is tried."""
+ROUGH = 1.15
+"""How many times as fast or as slow as in the base wheels may be, a command, before its unit is doubted."""
 FIRST_STEPS = 2
 """A wheel's first start in a trial, from the rest before which nothing is known, shows for so many steps."""
 
@@ -120,6 +122,32 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
         pulses_per_mm=tuple(0.1 / length for length in per_pulse if recording.counted),
         measured=measured, model=model,
     )  # fmt: skip
+
+
+def doubts(wheels: WheelFit, base: Profile) -> list[str]:
+    """What a person should know of wheels that were fitted."""
+    out = []
+    if wheels.odometry is None:
+        seen = "a camera saw too little" if wheels.camera else "no camera saw the robot"
+        out.append(
+            f"wheels: {seen}: {wheels.pulses_per_mm[0]:g} pulses per mm are assumed, track and noise of the "
+            "wheels are the base profile's"
+        )
+    known, found = base.wheels.speed_per_unit_cm_s, wheels.profile.wheels.speed_per_unit_cm_s
+    shares = [a / b for a, b in zip(found, known, strict=True)]
+    if max(*shares, *(1 / share for share in shares)) > ROUGH:
+        out.append(
+            f"wheels: {found[0]:.3g} and {found[1]:.3g} cm/s a unit, where profile {base.name!r} has "
+            f"{known[0]:.3g} and {known[1]:.3g}: were commands written in another unit, as cm/s or mm/s? "
+            "Write them as the robot is given them"
+        )
+    better = wheels.rmse["printed"] / max(wheels.rmse["refitted"], 1e-9)
+    if wheels.form == "printed" and better > 1.5:
+        out.append(
+            f"wheels: the printed gains leave {wheels.rmse['printed']:.2f} cm/s, refitted ones "
+            f"{wheels.rmse['refitted']:.2f}: this misfit is no noise"
+        )
+    return out
 
 
 def _measured_alone(base: Profile, odometry: Odometry | None, friction: Friction | None) -> Profile:
@@ -220,7 +248,8 @@ def _told(recording: WheelRecording, measured: Array) -> NDArray[np.bool_]:
 
 
 def _stable(theta: Array, keys: list[str], base: Profile) -> bool:
-    """Whether a wheel with these gains settles, and goes no further than a radius in a step at command 1."""
+    """Whether a wheel with these gains settles, and goes no further than a radius in a step at command 1:
+    of one that does, no profile could be made."""
     law = dict(zip(keys, theta.tolist(), strict=True))
     if max(law[key] for key in SPEED_KEYS) * base.period_s > base.body.radius_cm:
         return False
