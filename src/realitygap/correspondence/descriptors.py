@@ -134,11 +134,8 @@ def describe(
     task, profile, steps = load_task(task), load_profile(profile), path.x.shape[-1]
     rows = (np.reshape(one, (-1, steps)) for one in (path.x, path.y, path.heading))
     t, radius_cm = np.arange(steps, dtype=np.float64) * profile.period_s, profile.body.radius_cm
-    tracks = (
-        Track(t=t, x=x, y=y, heading=turn, seen_by="simulation") for x, y, turn in zip(*rows, strict=True)
-    )
-    trials = [resampled(track, radius_cm=radius_cm) for track in tracks]
-    told = describe_all(trials, task.arena)
+    tracks = (Track(t=t, x=x, y=y, heading=h, seen_by="simulation") for x, y, h in zip(*rows, strict=True))
+    told = describe_all([resampled(track, radius_cm=radius_cm) for track in tracks], task.arena)
     return {name: values.reshape(path.x.shape[:-1]) for name, values in told.items()}
 
 
@@ -227,9 +224,7 @@ def _turn_events(calm: Floats) -> dict[str, Floats]:
 def _ground(x: Floats, y: Floats) -> dict[str, Floats]:
     """How far robots came about; a place is new 4 cm from all others."""
     px, py = x[:, ::3], y[:, ::3]
-    left = np.ones(px.shape, bool)
-    places = np.zeros(len(px))
-    every = np.arange(len(px))
+    left, places, every = np.ones(px.shape, bool), np.zeros(len(px)), np.arange(len(px))
     while left.any():
         places += left.any(axis=1)
         first = left.argmax(axis=1)

@@ -87,9 +87,10 @@ def _apart(a_deg: float, b_deg: float) -> float:
     return abs((a_deg - b_deg + 180.0) % 360.0 - 180.0)
 
 
-def check_bands(bands: tuple[float, float]) -> None:
-    """Refuse an input range without extent."""
+def check_bands(bands: tuple[float, float]) -> tuple[float, float]:
+    """An input range; one without extent is refused."""
     if bands[0] == bands[1]:
         raise ConfigError(
             f"bands: expected two different readings (they become inputs -10 and +10), got {list(bands)}."
         )
+    return bands

@@ -146,8 +146,7 @@ class Infrared(Value):
             require(getattr(self, key) >= 0, key, "0 or more", getattr(self, key))
         require(0 <= self.dead < self.top, "dead", "counts from 0 to below top", self.dead)
         require(self.matt in (0.0, 1.0), "matt", "0 (as in the paper) or 1", self.matt)
-        check_bands(self.bands)
-        far, near = self.bands
+        far, near = check_bands(self.bands)
         require(far < near, "bands", "what is read far off, then what is read near by", self.bands, TURN)
         require(near <= self.top, "bands", f"readings up to top ({self.top:g})", self.bands)
         check_radians(self.sensors)
@@ -221,8 +220,7 @@ class Ambient(Value):
         require(self.top >= self.dark, "top", f"at least dark ({self.dark:g})", self.top)
         require(self.reflectance >= 0, "reflectance", "0 or more", self.reflectance)
         require(self.exponent >= 0, "exponent", "0 or more", self.exponent)
-        check_bands(self.bands)
-        dark, bright = self.bands
+        dark, bright = check_bands(self.bands)
         require(dark > bright, "bands", "what is read in the dark, then what is read near a lamp",
                 self.bands, TURN)  # fmt: skip
         check_radians(self.sensors)
