@@ -1,13 +1,12 @@
 """A study's folder is worked on by one process at a time, and holds nothing else."""
 
 import os
-import sqlite3
+import platform
 from collections.abc import Collection, Iterator
-from contextlib import ExitStack, closing, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from realitygap.errors import StudyBusyError, StudyError
-from realitygap.study.reader import DATABASE
 from realitygap.study.schema import told
 from realitygap.study.sources import refuse_links
 
@@ -30,10 +29,10 @@ def lock(folder: Path) -> Iterator[None]:
             folder.mkdir(parents=True, exist_ok=True)
             refuse_links(file)
             try:
-                held.enter_context(locked(file, wait=False))
+                held.enter_context(locked(file))
             except BlockingIOError:
                 raise StudyBusyError(
-                    f"{folder}: {_holder(folder)} is working on this study. Wait until it ends, stop it, "
+                    f"{folder}: {_holder(file)} is working on this study. Wait until it ends, stop it, "
                     "or choose another --out."
                 ) from None
         try:
@@ -47,20 +46,20 @@ def lock(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def locked(file: Path, *, wait: bool) -> Iterator[None]:
+def locked(file: Path, *, within_s: float = 0.0) -> Iterator[None]:
     """Hold a file against other processes.
 
     Args:
         file: made if need be.
-        wait: for whoever holds it, instead of an error.
+        within_s: how long whoever holds it is waited for.
 
     Raises:
         BlockingIOError: another process holds it.
         OSError: it cannot be made, or its file system has no locks.
     """
-    from filelock import FileLock, Timeout
+    from filelock import FileLock, SoftFileLock, Timeout
 
-    held = FileLock(file, timeout=-1 if wait else 0)
+    held = FileLock(file, timeout=within_s)
     try:
         held.acquire()
     except Timeout:
@@ -68,20 +67,23 @@ def locked(file: Path, *, wait: bool) -> Iterator[None]:
     except NotImplementedError as error:
         raise OSError(95, f"this file system has no locks ({error})", str(file)) from None
     try:
+        if not isinstance(held, SoftFileLock):  # where a file system has no locks: that writes its own
+            with suppress(OSError):
+                file.write_text(f"{os.getpid()}\n{platform.node()}\n", "utf-8")
         yield
     finally:
         held.release()
 
 
-def _holder(folder: Path) -> str:
-    """The process that holds the lock, as far as it has said so."""
+def _holder(file: Path) -> str:
+    """The process that holds a lock, as it has written there."""
     try:
-        uri = f"{(folder / DATABASE).resolve().as_uri()}?mode=ro"
-        with closing(sqlite3.connect(uri, uri=True)) as database:
-            pid = database.execute("SELECT pid FROM session ORDER BY id DESC LIMIT 1").fetchone()[0]
-    except (sqlite3.Error, OSError, TypeError):
+        pid, node = file.read_text("utf-8").split()
+    except (OSError, ValueError):
         return "another process"
-    return f"another process (pid {pid})" if pid != os.getpid() else "this very process"
+    if node != platform.node():
+        return f"another process (pid {pid} on {node})"
+    return f"another process (pid {pid})" if pid != str(os.getpid()) else "this very process"
 
 
 def refuse_strangers(folder: Path, what: str, ours: Collection[str] = ()) -> None:
