@@ -6,6 +6,7 @@ import resource
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -19,7 +20,7 @@ from realitygap.transfer.merge import _copy_cameras, merge_trials
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.packed import PACKED, Packed, unpacked
 from realitygap.transfer.replay import Replays
-from realitygap.transfer.run import WORK, run_transfer
+from realitygap.transfer.run import WORK, _facts, run_transfer
 from realitygap.transfer.score_rows import jobs_of
 from realitygap.values import Pose
 from realitygap.work.shard import Mark, Shard
@@ -90,6 +91,13 @@ def test_a_trial_of_two_shards_is_taken_once(finished, tmp_path):
     assert [one.folder for one in made] == [study / again.relative_to(folders[1]), study / real]
     assert (study / real / "situated.csv").read_text() == other
     assert (half.with_name("start-1.stopped-1") / "steps.csv").read_text() == "recorded"
+
+
+def test_single_films_are_facts_of_a_shard():
+    """Runs and single trials, in whatever order they were named."""
+    study = SimpleNamespace(digest=str)
+    told = [_facts(study, Transfer(film=some), [])["film"] for some in ([2, (3, 1)], [(3, 1), 2])]
+    assert told[0] == told[1] == [(3, 1), 2]
 
 
 def test_a_camera_is_copied_whole_or_not_at_all(tmp_path):

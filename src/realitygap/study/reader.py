@@ -147,12 +147,14 @@ class Reader:
         return {name: _column(values) for name, values in zip(names, columns, strict=True)}
 
     def digest(self) -> str:
-        """Of every row of every run, as it was written; "" in the oldest format, which keeps none."""
+        """Of every row of every run but genotypes and checkpoints, which follow from the others and whose bytes
+        are zlib's affair; of the oldest format, which keeps no digests, of its runs."""
         with self.reading() as database:
-            if check_format(database, self._path) < SEALED:
-                return ""
-            rows = database.execute("SELECT run, part, value FROM digest WHERE run > 0 ORDER BY run, part")
-            return blake2b(repr(rows.fetchall()).encode(), digest_size=16).hexdigest()
+            query = "SELECT name, evaluations, best_fitness, champion_fitness FROM run ORDER BY id"
+            if check_format(database, self._path) >= SEALED:
+                query = "SELECT run, part, value FROM digest WHERE run > 0 "
+                query += "AND part NOT IN ('checkpoint', 'genotypes') ORDER BY run, part"
+            return blake2b(repr(database.execute(query).fetchall()).encode(), digest_size=16).hexdigest()
 
     def versions(self) -> dict[str, list[str]]:
         """What has worked on the study, by name, each version once."""

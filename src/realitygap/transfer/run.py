@@ -132,7 +132,7 @@ def _facts(study: Study, options: Transfer, requested: Sequence[Situation]) -> d
         "study": study.digest(),
         "runs": list(dict.fromkeys(one.run for one in requested)),
         "robots": [str(robot) for robot in options.bodies],
-        "film": options.film if isinstance(options.film, bool) else sorted(options.film),
+        "film": options.film if isinstance(options.film, bool) else sorted(options.film, key=str),
         "marker": str(options.worn),
         **{key: getattr(options, key) for key in keys},
     }
