@@ -57,7 +57,7 @@ def locked(file: Path, *, within_s: float = 0.0) -> Iterator[None]:
         BlockingIOError: another process holds it.
         OSError: it cannot be made, or its file system has no locks.
     """
-    from filelock import FileLock, SoftFileLock, Timeout
+    from filelock import FileLock, Timeout
 
     held = FileLock(file, timeout=within_s)
     try:
@@ -67,7 +67,7 @@ def locked(file: Path, *, within_s: float = 0.0) -> Iterator[None]:
     except NotImplementedError as error:
         raise OSError(95, f"this file system has no locks ({error})", str(file)) from None
     try:
-        if not isinstance(held, SoftFileLock):  # where a file system has no locks: that writes its own
+        if type(held).__name__ != "SoftFileLock":  # where a file system has no locks: that writes its own
             with suppress(OSError):
                 file.write_text(f"{os.getpid()}\n{platform.node()}\n", "utf-8")
         yield
