@@ -35,6 +35,7 @@ def lock(folder: Path) -> Iterator[None]:
                     f"{folder}: {_holder(file)} is working on this study. Wait until it ends, stop it, "
                     "or choose another --out."
                 ) from None
+            _sign(file)
         try:
             yield
         except Exception:
@@ -67,12 +68,17 @@ def locked(file: Path, *, within_s: float = 0.0) -> Iterator[None]:
     except NotImplementedError as error:
         raise OSError(95, f"this file system has no locks ({error})", str(file)) from None
     try:
-        if type(held).__name__ != "SoftFileLock":  # where a file system has no locks: that writes its own
-            with suppress(OSError):
-                file.write_text(f"{os.getpid()}\n{platform.node()}\n", "utf-8")
         yield
     finally:
         held.release()
+
+
+def _sign(file: Path) -> None:
+    """Write into a lock who holds it, unless it says so already, as where a file system has no locks."""
+    pid = str(os.getpid())
+    with suppress(OSError, ValueError):
+        if file.read_text("utf-8").split()[:1] != [pid]:
+            file.write_text(f"{pid}\n{platform.node()}\n", "utf-8")
 
 
 def _holder(file: Path) -> str:

@@ -147,8 +147,8 @@ class Reader:
         return {name: _column(values) for name, values in zip(names, columns, strict=True)}
 
     def digest(self) -> str:
-        """Of every row of every run but genotypes and checkpoints: they follow from the others, and their bytes
-        are zlib's affair; of the oldest format, which keeps no digests, of its runs."""
+        """Of every row of every run but genotypes and checkpoints, which follow from the others and which
+        each zlib packs in its way. Of the oldest format, which keeps no digests, of its runs."""
         with self.reading() as database:
             query = "SELECT name, evaluations, best_fitness, champion_fitness FROM run ORDER BY id"
             if check_format(database, self._path) >= SEALED:
