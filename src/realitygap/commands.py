@@ -119,6 +119,7 @@ def merge(
     Raises:
         StudyError: a shard that is missing, not finished or of another study; or `out` exists.
     """
+    from realitygap.cli.estimate import note_versions
     from realitygap.cli.progress import ProgressLine
     from realitygap.cli.studies import reported
     from realitygap.study.folder import agree
@@ -135,8 +136,9 @@ def merge(
             raise StudyError(f"{folder}: expected a shard of a study. {cure}.")
         if trust:
             agree(folder)
-    target = whole_of(folder) if out is None else Path(out)
+    target = whole_of(Path(several[0])) if out is None else Path(out)
     study = merge_runs(found, target)
+    note_versions([study.versions()])
     with _stopping(), ProgressLine() as progress:
         return reported(target, study, workers, progress, {}).study
 

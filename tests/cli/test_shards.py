@@ -1,9 +1,14 @@
 """`--shard`, `merge` and `slurm` as they are typed."""
 
+import json
 import os
+import shlex
 import subprocess
+import sys
 
 import pytest
+
+from realitygap.cli.estimate import note_versions
 
 WORDS = (
     "evolve", "light", "--noise", "double", "--seed", "7", "--runs", "2", "--evaluations", "70",
@@ -45,8 +50,58 @@ def test_an_array_job_is_the_study(call, json_of, refused, monkeypatch, tmp_path
         (("slurm", "--shards", "2", "evolve", "light", "--runs", "0"), "'--runs': expected 1 or more"),
         (("slurm", "--shards", "2", "evolve", "light", "--workers", "2"), "--workers: the script sets it"),
         (("slurm", "--shards", "2", "evolve", "light", "--noise", "loud"), "'--noise'"),
+        (("slurm", "--shards", "2", "evolve", "light", "--watch"), "--watch: expected none with shards"),
+        (
+            (
+                "slurm",
+                "--shards",
+                "2",
+                "transfer",
+                "out/x",
+                "--robot",
+                "twin:1",
+                "--controller",
+                "constant:5,5",
+            ),
+            "--controller: expected none with shards",
+        ),
+        (
+            ("slurm", "--shards", "2", "experiment", "measure-or-randomise"),
+            "(evolve, transfer, experiment noise), got 'experiment measure-or-randomise'",
+        ),
+        (("slurm", "--shards", "2", "experiment"), "(evolve, transfer, experiment noise), got 'experiment'"),
     ],
 )
 def test_what_cannot_be_done_in_shards_is_refused(refused, words, said):
     """Before any job is queued."""
     assert said in refused(*words)
+
+
+@pytest.mark.parametrize(
+    ("words", "merged"),
+    [
+        (("evolve", "--runs", "4", "light"), "out/light-seeking-shard-*-of-2"),
+        (("evolve", "light", "--out", "a b's/many/"), "'a b'\"'\"'s/many'-shard-*-of-2"),
+        (("transfer", "out/many/", "--robot", "twin:1"), "out/many-transfer-shard-*-of-2"),
+        (("experiment", "noise"), "out/noise-shard-*-of-2"),
+    ],
+)
+def test_a_script_names_the_folders_of_its_shards(call, monkeypatch, tmp_path, words, merged):
+    """Wherever the task stands, and however the folder is typed; from a folder that a shell has to quote."""
+    here = tmp_path / "it's here"
+    here.mkdir()
+    monkeypatch.chdir(here)
+    told = json.loads(call("slurm", "--json", "--shards", 2, "--cores", 3, "--hours", 5, *words).stdout)
+    assert told["merge"] == f"realitygap merge {merged}"
+    line = next(line for line in told["script"].splitlines() if "--dependency" in line).removeprefix("# ")
+    sbatch = shlex.split(line)
+    assert sbatch[1:-2] == ["--dependency=afterok:$jobs", "--cpus-per-task=3", "--time=5:00:00"]
+    there, command = sbatch[-1].split(" && ")
+    assert shlex.split(there) == ["cd", str(here)]
+    assert command == f"{shlex.quote(sys.executable)} -m {told['merge']}"
+
+
+def test_shards_of_different_machines_are_told(capsys):
+    """By what differs, each version once; the system's name tells nothing about bits."""
+    note_versions([{"numpy": ["2.1"], "platform": ["a"]}, {"numpy": ["2.1", "2.2"], "platform": ["b"]}])
+    assert capsys.readouterr().err == "note: the shards were made with different numpy: 2.1, 2.2\n"

@@ -8,12 +8,12 @@ import pytest
 
 from realitygap.calibration.unit_folder import PROFILE
 from realitygap.errors import StudyError
-from realitygap.experiments.noise.folder import merge_noise
+from realitygap.experiments.noise.folder import merge_noise, open_folder
 from realitygap.experiments.noise.plan import calibration_folder, controllers, share
-from realitygap.experiments.noise.run import noise_study
+from realitygap.experiments.noise.run import WORK, noise_study
 from realitygap.study.merge import all_shards
 from realitygap.work.pool import Here
-from realitygap.work.shard import Shard
+from realitygap.work.shard import Mark, Shard, read_mark
 from tests.experiments.noise_parts import quick_units, tables, tiny
 
 
@@ -63,10 +63,28 @@ def test_what_does_not_belong_together_is_not_merged(made, tmp_path):
     with pytest.raises(StudyError, match="differ: the twin was recorded on different kinds of machine"):
         merge_noise(all_shards(folders), tmp_path / "whole")
     profile.write_text(text)
-    file = next(folders[0].glob("simulated/*.json"))
-    kept = file.read_bytes()
-    file.unlink()
-    with pytest.raises(StudyError, match=f"no shard has the controller {file.stem}"):
-        merge_noise(all_shards(folders), tmp_path / "whole")
-    file.write_bytes(kept)
-    assert not (tmp_path / "whole").exists()
+    for files in ("simulated/*.json", "situated/*.npz"):
+        file = next(folders[0].glob(files))
+        kept = file.read_bytes()
+        file.unlink()
+        with pytest.raises(StudyError, match=f"no shard has the controller {file.stem}"):
+            merge_noise(all_shards(folders), tmp_path / "whole")
+        file.write_bytes(kept)
+    assert not [*tmp_path.iterdir()]
+
+
+def test_a_shard_that_is_refused_is_left_as_it_is(tmp_path):
+    """Among other files no mark is left; begun once more without `resume`, a finished one stays finished."""
+    design, shard = tiny(tasks=("obstacle-avoidance",), units=1), Shard(1, 2)
+    (tmp_path / "thesis.txt").touch()
+    with pytest.raises(StudyError, match=r"other files \(thesis\.txt\)"):
+        noise_study(tmp_path, design, workers=1, shard=shard)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
+    folder = tmp_path / "finished"
+    folder.mkdir()
+    open_folder(folder, design, resume=False)
+    Mark(shard=shard, work=WORK).write(folder, finished=True)
+    with pytest.raises(StudyError, match=r"Resume it \(--resume\)"):
+        noise_study(folder, design, workers=1, shard=shard)
+    mark = read_mark(folder)
+    assert mark is not None and mark.finished

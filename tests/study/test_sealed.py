@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
+import zlib
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -119,6 +120,21 @@ def test_every_table_is_sealed(copy, change, command, read):
     change(command)
     with pytest.raises(StudyError, match="does not hold what was written there"):
         read(load_study(copy))
+
+
+def test_a_digest_is_of_what_came_of_the_runs(copy, finished):
+    """Not of how often it was kept, nor of how another zlib packs it."""
+    genes, before = load_study(copy).genotypes(1), finished.digest()
+    with closing(sqlite3.connect(copy / DATABASE)) as database, database:
+        database.execute("DELETE FROM genotypes WHERE run = 1")
+        database.execute("INSERT INTO genotypes VALUES (1, 0, ?)", (zlib.compress(genes.tobytes(), 1),))
+        seal(database, 1, "genotypes")
+    study = load_study(copy)
+    assert (study.genotypes(1) == genes).all() and study.digest() == before
+    with closing(sqlite3.connect(copy / DATABASE)) as database, database:
+        database.execute("UPDATE test SET score = 0.25 WHERE run = 1 AND trial = 1")
+        seal(database, 1, "test")
+    assert load_study(copy).digest() != before
 
 
 def half_done(folder: Path) -> None:

@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from realitygap.errors import ConfigError, StudyError
+from realitygap.errors import ConfigError, StudyBusyError, StudyError
 from realitygap.study.load import load_study
-from realitygap.study.merge import all_shards, merge_runs
+from realitygap.study.lock import LOCK
+from realitygap.study.merge import all_shards, merge_runs, new_folder
 from realitygap.study.runner import run_study
 from realitygap.work.shard import MARK, Shard, read_mark, whole_of
 from tests.study.helpers import content, small
@@ -34,11 +35,24 @@ def copies(shards, tmp_path) -> list[Path]:
     return [Path(shutil.copytree(folder, tmp_path / folder.name)) for folder in shards]
 
 
+def stop(event) -> None:
+    """Ctrl-C when a run is under way."""
+    if event.done:
+        raise KeyboardInterrupt
+
+
 @pytest.mark.parametrize("text", ["4/3", "0/3", "1/0", "1", "a/b", "1/3/2", "-1/3", "1/1000000"])
 def test_what_is_no_shard_is_refused(text):
     """From 1/N to N/N."""
     with pytest.raises(ConfigError, match=r"shard: expected I/N, share I \(from 1 to N\) of N"):
         Shard.parse(text)
+
+
+@pytest.mark.parametrize("pair", [(4, 3), (0, 3), (-1, 3)])
+def test_what_is_no_shard_is_refused_in_python(pair):
+    """Its share would be that of another, or none."""
+    with pytest.raises(ConfigError, match=r"shard: expected I/N, .*, got '-?\d/3'"):
+        Shard(*pair)
 
 
 def test_shards_share_everything_once():
@@ -107,4 +121,54 @@ def test_shards_of_different_studies_are_not_merged(copies, tmp_path):
         database.execute("UPDATE retest SET score = 0.5 WHERE run = 2 AND trial = 1")
     with pytest.raises(StudyError, match=r"study-shard-2-of-3/study\.db: run 2: table 'retest'"):
         merge_runs(all_shards(copies), tmp_path / "whole")
-    assert not (tmp_path / "whole").exists()
+    assert not [*tmp_path.glob("*whole*")]
+
+
+def test_a_shard_that_was_copied_while_it_was_worked_on_is_not_merged(copies, finished, tmp_path):
+    """Its database is older than its mark: a run is not finished. The copy can be finished."""
+    shutil.rmtree(copies[1])
+    with pytest.raises(KeyboardInterrupt):
+        run_study(copies[1], small(), shard=Shard(2, 3), workers=1, on_progress=stop)
+    mark = copies[1] / MARK
+    mark.write_text(mark.read_text().replace("false", "true"))
+    with pytest.raises(StudyError, match=r"study-shard-2-of-3: run 2 of shard 2/3 is not finished, .*copied"):
+        merge_runs(all_shards(copies), tmp_path / "whole")
+    run_study(copies[1], small(), resume=True, workers=1)
+    assert content(merge_runs(all_shards(copies), tmp_path / "whole").folder) == content(finished.folder)
+
+
+def test_one_process_merges_into_a_folder(shards, tmp_path):
+    """A second one is told who does; what a kill left is begun anew; a folder is not put into itself."""
+    half = tmp_path / ".whole.half"
+    half.mkdir()
+    (half / "study.db").write_text("left by a kill")
+    with new_folder(tmp_path / "whole") as filled:
+        assert filled == half and [path.name for path in half.iterdir()] == [LOCK]
+        (filled / "theirs").touch()
+        with pytest.raises(
+            StudyBusyError, match=r"\.whole\.half: this very process is working on this study"
+        ):
+            merge_runs(all_shards(shards), tmp_path / "whole")
+        assert (filled / "theirs").exists()
+    assert (tmp_path / "whole" / "theirs").exists()
+    with pytest.raises(StudyError, match=r"exists already, and is not overwritten"):
+        merge_runs(all_shards(shards), Path())
+
+
+def test_shards_that_cannot_be_written_are_merged(shards, finished, tmp_path, monkeypatch):
+    """On a medium that is only read SQLite finds no room for its own side files."""
+    connect = sqlite3.connect
+
+    class Blind(sqlite3.Connection):
+        """Opens, and fails at the first statement, as SQLite does there."""
+
+        def execute(self, *words):
+            raise sqlite3.OperationalError("unable to open database file")
+
+    def opened(path, *words, **options):
+        blind = "-shard-" in str(path) and "immutable" not in str(path)
+        return connect(path, *words, **options, **({"factory": Blind} if blind else {}))
+
+    monkeypatch.setattr(sqlite3, "connect", opened)
+    merged = merge_runs(all_shards(shards), tmp_path / "whole")
+    assert content(merged.folder) == content(finished.folder)

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+import resource
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from realitygap.errors import StudyError
+from realitygap.robots.address import Address
 from realitygap.study.load import load_study
 from realitygap.study.merge import all_shards
+from realitygap.toml import to_toml
 from realitygap.transfer.load import load_transfers
-from realitygap.transfer.merge import merge_trials
+from realitygap.transfer.merge import _copy_cameras, merge_trials
 from realitygap.transfer.options import Transfer
-from realitygap.transfer.packed import PACKED
+from realitygap.transfer.packed import PACKED, Packed, unpacked
 from realitygap.transfer.replay import Replays
-from realitygap.transfer.run import run_transfer
+from realitygap.transfer.run import WORK, _facts, run_transfer
 from realitygap.transfer.score_rows import jobs_of
-from realitygap.work.shard import Shard
+from realitygap.values import Pose
+from realitygap.work.shard import Mark, Shard
 
 
 def drive(study: Path, *, shard: Shard | None = None, starts: int = 2) -> list[Path]:
@@ -49,6 +54,76 @@ def test_shards_of_a_transfer_are_the_whole(finished, tmp_path):
     drive(parts, shard=shards[1], starts=1)
     with pytest.raises(StudyError, match=r"the trials were made with starts = 2, not 1\. .*one transfer"):
         merge_trials(all_shards(folders), parts)
+
+
+def trial(place: Path, robot: str) -> Path:
+    """A finished trial as its folder has it, its first start."""
+    folder = place / "transfer" / robot.replace(":", "-").replace("/dev/", "") / "run" / "start-1"
+    folder.mkdir(parents=True)
+    facts = {"run": 1, "name": "run", "task": "light-seeking", "noise": 1.0, "individual": "champion"}
+    facts |= {"start": 1, "seconds": 1.0, "situated_from": "counters", "late_steps": 0, "film": False}
+    facts |= {"robot": robot, "unit": Address.parse(robot).unit, "fitness": {"simulated": 1, "situated": 1}}
+    text = to_toml({**facts, "pose": Pose(x=1.0, y=1.0, heading=0.0).to_dict()})
+    for name, content in (("transfer.toml", text), ("simulated.csv", "s"), ("situated.csv", robot)):
+        (folder / name).write_text(content)
+    return folder
+
+
+def test_a_trial_of_two_shards_is_taken_once(finished, tmp_path):
+    """As they have one after other numbers of starts; if they differ nothing is taken. What a robot recorded
+    before it was stopped is kept."""
+    study = Path(shutil.copytree(finished.folder, tmp_path / "study"))
+    shards = [Shard(number, 2) for number in (1, 2)]
+    folders = [shard.folder(tmp_path / "study-transfer") for shard in shards]
+    for shard, folder in zip(shards, folders, strict=True):
+        Mark(shard=shard, work=WORK, facts={"study": finished.digest()}).write(folder, finished=True)
+    _, again, other = trial(folders[0], "twin:1"), trial(folders[1], "twin:1"), "serial:/dev/ttyUSB0"
+    real = trial(folders[1], other).relative_to(folders[1])
+    (again / "situated.csv").write_text("another")
+    with pytest.raises(StudyError, match=r"shard-1-of-2/.*: a trial other than .*shard-2-of-2/.* is there"):
+        merge_trials(all_shards(folders), study)
+    assert not (study / "transfer").exists()
+    (again / "situated.csv").write_text("twin:1")
+    half = study / real.with_name("start-1.half")
+    half.mkdir(parents=True)
+    (half / "steps.csv").write_text("recorded")
+    made = merge_trials(all_shards(folders), study)
+    assert [one.folder for one in made] == [study / again.relative_to(folders[1]), study / real]
+    assert (study / real / "situated.csv").read_text() == other
+    assert (half.with_name("start-1.stopped-1") / "steps.csv").read_text() == "recorded"
+
+
+def test_single_films_are_facts_of_a_shard():
+    """Runs and single trials, in whatever order they were named."""
+    study = SimpleNamespace(digest=str)
+    told = [_facts(study, Transfer(film=some), [])["film"] for some in ([2, (3, 1)], [(3, 1), 2])]
+    assert told[0] == told[1] == [(3, 1), 2]
+
+
+def test_a_camera_is_copied_whole_or_not_at_all(tmp_path):
+    """What a full disk or a kill leaves is not taken for it the next time."""
+    there, here = tmp_path / "there", tmp_path / "here"
+    there.mkdir()
+    (there / "camera-light.json").write_bytes(bytes(10_000))
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (5_000, before[1]))
+    try:
+        with pytest.raises(OSError, match=r"camera-light\.json"):
+            _copy_cameras(there, here)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert not [*here.iterdir()]
+    _copy_cameras(there, here)
+    assert (here / "camera-light.json").read_bytes() == bytes(10_000)
+
+
+@pytest.mark.parametrize("name", ["../../../evil/start-1/transfer.toml", "/etc/evil", "a/b/transfer.toml"])
+def test_an_archive_of_others_writes_nowhere_else(tmp_path, name):
+    """A name that leads out of its place is refused, whoever would unpack it."""
+    with Packed(tmp_path) as archive:
+        archive._database.execute("INSERT INTO sqlar VALUES (?, 0, 0, 1, x'00')", (name,))
+    with pytest.raises(StudyError, match=rf"trials\.sqlar: .*{name}.* Restore the file"), unpacked(tmp_path):
+        pass
 
 
 def test_packed_trials_are_the_same(finished, tmp_path):

@@ -14,13 +14,16 @@ from hypothesis import strategies as st
 from realitygap.controller.handmade import braitenberg
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import decode
+from realitygap.errors import StudyError
 from realitygap.kernels.trial import scale_input
 from realitygap.report.gather import chosen, parts_of
 from realitygap.simulation.simulation import Simulation
+from realitygap.study.lock import locked
 from realitygap.tasks import load_task
 from realitygap.track import Track, read_track
+from realitygap.transfer import film
 from realitygap.transfer.chosen import shown_runs
-from realitygap.transfer.film import known_poses
+from realitygap.transfer.film import Watcher, known_poses
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.paths import (
     of_counters,
@@ -178,3 +181,14 @@ def test_single_trials_are_filmed() -> None:
     some = Transfer(film=[2, (3, 1)])
     filmed = [(run, start) for run in (1, 2, 3) for start in (1, 2) if some.films(run, start)]
     assert filmed == [(2, 1), (2, 2), (3, 1)]
+
+
+def test_no_camera_is_waited_for_without_end(tmp_path, monkeypatch):
+    """Who calibrates it may hang: one message says so."""
+    monkeypatch.setattr(film, "WAIT_S", 0.05)
+    arena = load_arena("obstacle-avoidance")
+    with (
+        locked(tmp_path / ".camera.lock"),
+        pytest.raises(StudyError, match=r"camera\.json: another process .* for 0\.05 s\. End it"),
+    ):
+        Watcher(tmp_path / "camera.json", arena, unit=1, noise=1.0, radius_cm=2.9)

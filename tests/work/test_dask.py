@@ -23,6 +23,7 @@ from realitygap.transfer.options import Transfer
 from realitygap.transfer.run import run_transfer
 from realitygap.work import cluster
 from realitygap.work.cluster import Dask
+from realitygap.work.pool import Setup
 from realitygap.work.workers import named_pool
 from tests.study.helpers import content, small
 
@@ -149,3 +150,96 @@ def test_what_is_no_cluster_is_refused(address, monkeypatch):
         StudyError, match=r"the Dask worker on .* has numba \S+, this process 0\.1: .*the same"
     ):
         Dask(address)
+
+
+class Future:
+    """What a scheduler promises: an error, an answer, or nothing ever."""
+
+    def __init__(self, outcome) -> None:
+        self.outcome = outcome
+
+    def add_done_callback(self, call) -> None:
+        if self.outcome is not None:
+            call(self)
+
+    def result(self, timeout):
+        assert timeout > 0
+        if isinstance(self.outcome, Exception):
+            raise self.outcome
+        return self.outcome
+
+
+class Client:
+    """A cluster that carries a job out when it has lost it so often, or none that `ends`."""
+
+    status = "running"
+
+    def __init__(self, losses: int = 0, threads: int = 1, *, ends: bool = True, gone: bool = False) -> None:
+        self.losses, self.threads, self.ends, self.gone = losses, threads, ends, gone
+        self.lost: dict[int, int] = {}
+
+    def submit(self, carry_out, setup, job, theirs, *, pure):
+        if not self.ends:
+            return Future(None)
+        self.lost[job[0]] = self.lost.get(job[0], 0) + 1
+        if self.lost[job[0]] <= self.losses:
+            return Future(OSError("the worker is gone"))
+        return Future(carry_out(setup, job, theirs))
+
+    def nthreads(self):
+        if self.gone:
+            raise OSError("no route to host")
+        return {"worker": self.threads} if self.threads else {}
+
+    def cancel(self, futures, force):
+        raise OSError("nobody there to cancel")
+
+
+class Bench:
+    """Tells a job's number; a negative one is refused after that."""
+
+    def carry_out(self, job, tell):
+        tell(job[0])
+        if job[0] < 0:
+            raise ConfigError(f"{job[0]} is refused")
+
+    def close(self):
+        pass
+
+
+def worked(client: Client, jobs: range = range(60)) -> list[int]:
+    """What is heard of jobs, each an object of its own that is soon forgotten."""
+    pool = object.__new__(Dask)
+    pool._client = client
+    heard: list[int] = []
+    pool.work(Setup(Bench), ([number] for number in jobs), heard.append)
+    return heard
+
+
+def test_losses_are_counted_job_by_job():
+    """Sixty jobs that are each lost twice are all made; one that is lost three times ends the work."""
+    assert sorted(worked(Client(losses=2))) == [*range(60)]
+    with pytest.raises(StudyError, match="a worker process died again and again at one job"):
+        worked(Client(losses=3))
+
+
+def test_what_was_told_before_an_error_is_heard():
+    """As by processes: what a trial recorded until it failed is kept."""
+    heard: list[int] = []
+    pool = object.__new__(Dask)
+    pool._client = Client()
+    with pytest.raises(ConfigError, match=r"^-1 is refused$"):
+        pool.work(Setup(Bench), [[-1]], heard.append)
+    assert heard == [-1]
+
+
+def test_no_wait_for_a_cluster_is_without_end(monkeypatch):
+    """Without workers, or without a scheduler, for a while: one message with the cure."""
+    monkeypatch.setattr(cluster, "WAIT_S", 0.01)
+    monkeypatch.setattr(cluster, "PATIENCE_S", 0.05)
+    with pytest.raises(StudyError, match=r"no Dask worker for 0\.05 s\. .*start workers .*and resume"):
+        worked(Client(threads=0, ends=False))
+    with pytest.raises(
+        StudyError, match=r"scheduler does not answer any more \(no route to host\)\. .*resume"
+    ):
+        worked(Client(gone=True))

@@ -11,9 +11,11 @@ import click
 from realitygap.cli.output import at_terminal
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
     from realitygap.work.workers import Workers
 
-__all__ = ["ask_trust", "consider", "note"]
+__all__ = ["ask_trust", "consider", "note", "note_versions"]
 
 EVALUATIONS_A_SECOND = 650
 """Of one core: two trials of twenty seconds each, tests included (docs/noise-level.md)."""
@@ -29,6 +31,21 @@ LONG_S = DAY_S / 2
 def note(text: str) -> None:
     """One line on stderr about something that is taken literally."""
     click.echo(f"note: {text}", err=True)
+
+
+def note_versions(found: Iterable[Mapping[str, Iterable[str]]]) -> None:
+    """Say what differed between the machines that shards were made on, as bits may.
+
+    Args:
+        found: the versions of each part, by name.
+    """
+    seen: dict[str, dict[str, None]] = {}
+    for one in found:
+        for name, values in one.items():
+            seen.setdefault(name, {}).update(dict.fromkeys(values))
+    for name, values in seen.items():
+        if len(values) > 1 and name != "platform":
+            note(f"the shards were made with different {name}: {', '.join(map(str, values))}")
 
 
 def consider(

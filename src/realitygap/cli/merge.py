@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from realitygap.cli import option
-from realitygap.cli.estimate import ask_trust, note
+from realitygap.cli.estimate import ask_trust, note_versions
 from realitygap.cli.experiment import show_noise
 from realitygap.cli.output import print_json
 from realitygap.cli.progress import ProgressLine
@@ -16,7 +16,9 @@ from realitygap.cli.studies import reported, show_study
 from realitygap.cli.transfer import print_transfers
 
 if TYPE_CHECKING:
-    from realitygap.study.load import Study
+    from collections.abc import Mapping
+
+    from realitygap.work.shard import Shard
     from realitygap.work.workers import Workers
 
 __all__ = ["merge"]
@@ -49,8 +51,8 @@ def merge(
     """
     from realitygap.experiments.noise.folder import merge_noise
     from realitygap.experiments.noise.run import noise_study
+    from realitygap.study.load import load_study
     from realitygap.study.merge import all_shards, merge_runs
-    from realitygap.transfer.merge import merge_trials
     from realitygap.work.shard import read_mark, whole_of
 
     found = all_shards(shards)
@@ -58,16 +60,12 @@ def merge(
     mark = read_mark(shards[0])
     if mark is not None and mark.work == "transfer":
         target = target if out is not None else target.with_name(target.name.removesuffix(f"-{mark.work}"))
-        made = merge_trials(found, target)
-        if json_output:
-            print_json({"study": str(target), "transfers": [one.to_dict() for one in made]})
-            return
-        print_transfers(made)
-        click.echo(f"\ntransfers {target / 'transfer'}")
+        _merge_transfer(found, target, json_output=json_output)
         return
     told = {"shards": list(map(str, found.values()))}
     if mark is not None and mark.work == "experiment noise":
         merge_noise(found, target)
+        note_versions(load_study(place).versions() for place in sorted((target / "evolved").iterdir()))
         with ProgressLine() as progress:
             results = noise_study(target, workers=workers, resume=True, on_progress=progress.show)
         show_noise(target, results, told, json_output=json_output)
@@ -75,14 +73,23 @@ def merge(
     for folder in found.values():
         ask_trust(str(folder), trust)
     study = merge_runs(found, target)
-    _note_versions(study)
+    note_versions([study.versions()])
     with ProgressLine() as progress:
         carried = reported(target, study, workers, progress, told)
     show_study(carried, json_output=json_output)
 
 
-def _note_versions(study: Study) -> None:
-    """Say what differed between the machines, as bits may."""
-    for name, values in study.versions().items():
-        if len(values) > 1 and name != "platform":
-            note(f"the shards were made with different {name}: {', '.join(values)}")
+def _merge_transfer(shards: Mapping[Shard, Path], study: Path, *, json_output: bool) -> None:
+    """Put the trials of shards into the folder of the study that drove, and print them."""
+    from realitygap.transfer.load import read_trial
+    from realitygap.transfer.merge import merge_trials
+    from realitygap.transfer.trial import TRIAL
+
+    made = merge_trials(shards, study)
+    tables = (read_trial(one.folder / TRIAL).get("versions", {}) for one in made)
+    note_versions({name: [value] for name, value in table.items()} for table in tables)
+    if json_output:
+        print_json({"study": str(study), "transfers": [one.to_dict() for one in made]})
+        return
+    print_transfers(made)
+    click.echo(f"\ntransfers {study / 'transfer'}")

@@ -2,7 +2,9 @@
 
 import shlex
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -12,14 +14,21 @@ from realitygap.cli.output import tell
 
 __all__ = ["slurm"]
 
-SHARED = ("evolve", "transfer", "experiment")
+SHARED = "evolve, transfer, experiment noise"
 """Commands that take --shard."""
 OURS = ("--shard", "--workers", "--resume")
 """Options that the script gives."""
+ALONE = {"evolve": "watch", "transfer": "controller"}
+"""Options that no shard takes."""
 
 
 @click.command(context_settings={"ignore_unknown_options": True, "allow_interspersed_args": False})
-@click.option("--shards", type=Whole(1, 10**5), required=True, help="Jobs in the array, one shard each.")
+@click.option(
+    "--shards",
+    type=Whole(1, 10**5),
+    required=True,
+    help="Jobs in the array, one shard each; clusters often allow 1000.",
+)
 @click.option("--cores", type=Whole(1, 1024), default=4, help="Cores per job, one worker each.")
 @click.option("--hours", type=Whole(1, 10**4, "H"), default=24, help="Time limit of a job.")
 @option.as_json
@@ -38,8 +47,7 @@ def slurm(
         realitygap slurm --shards 20 evolve light-seeking --runs 400 --out out/many > many.sh
     """
     given = _checked(ctx, list(command))
-    out = f"{given['study']}-transfer" if "study" in given else given.get("out") or f"out/{_task(command)}"
-    merging = f"realitygap merge {shlex.quote(str(out))}-shard-*-of-{shards}"
+    merging = f"realitygap merge {shlex.quote(str(_whole(given)))}-shard-*-of-{shards}"
     here, python = shlex.quote(str(Path.cwd())), shlex.quote(sys.executable)
     script = Path(__file__).with_name("slurm.sh").read_text("utf-8").format(
         command=shlex.join(["realitygap", *command]), words=shlex.join(command), shards=shards, cores=cores,
@@ -49,7 +57,7 @@ def slurm(
     tell(json_output, {"script": script, "merge": merging}, script.rstrip("\n"))
 
 
-def _checked(ctx: click.Context, words: list[str]) -> dict[str, object]:
+def _checked(ctx: click.Context, words: list[str]) -> dict[str, Any]:
     """A command's options, read as it will read them in every job.
 
     Raises:
@@ -59,21 +67,26 @@ def _checked(ctx: click.Context, words: list[str]) -> dict[str, object]:
         if word.partition("=")[0] in OURS:
             raise click.UsageError(f"{word}: the script sets it; leave it out.", ctx)
     assert ctx.parent is not None
-    group, above = ctx.parent.command, ctx.parent
-    assert isinstance(group, click.Group)
-    if words[0] not in SHARED:
-        raise click.UsageError(
-            f"expected a command that can be sharded ({', '.join(SHARED)}), got {words[0]!r}.", ctx
-        )
-    while isinstance(group, click.Group):
+    group, above, typed = ctx.parent.command, ctx.parent, " ".join(words[:2])
+    while isinstance(group, click.Group) and words:
         name, found, words = group.resolve_command(above, words)
         assert found is not None
         above, group = click.Context(found, parent=above, info_name=name), found
-    return dict(group.make_context(group.name, words, parent=above.parent).params)
+    if not any(param.name == "shard" for param in group.params):
+        raise click.UsageError(f"expected a command that can be sharded ({SHARED}), got {typed!r}.", ctx)
+    given = dict(group.make_context(group.name, words, parent=above.parent).params)
+    alone = ALONE.get(str(group.name))
+    if alone is not None and given[alone]:
+        raise click.UsageError(f"--{alone}: expected none with shards. Leave it out.", ctx)
+    return given
 
 
-def _task(command: tuple[str, ...]) -> str:
-    """The name of `evolve`'s task: its usual folder."""
-    from realitygap.tasks import load_task
+def _whole(given: Mapping[str, Any]) -> Path:
+    """What the shards' folders are named after, before -shard-I-of-N: the study, or its transfer."""
+    from realitygap.cli.evolve import folder_of
+    from realitygap.transfer.run import shard_folder
+    from realitygap.work.shard import Shard, whole_of
 
-    return load_task(command[1]).name
+    if "study" in given:
+        return whole_of(shard_folder(Path(given["study"]), Shard(1, 1)))
+    return whole_of(Shard(1, 1).folder(given["out"] or folder_of(given["task"])))

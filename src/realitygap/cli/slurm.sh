@@ -3,7 +3,8 @@
 # as {shards} jobs of a Slurm array:
 #     jobs=$(sbatch --parsable THIS_FILE)
 # and, when all of them are done, put together:
-#     sbatch --dependency=afterok:$jobs --wrap {wrapped}
+#     sbatch --dependency=afterok:$jobs --cpus-per-task={cores} --time={hours}:00:00 --wrap {wrapped}
+# What the cluster asks for besides (--account, --partition, --mem) is given to both.
 #SBATCH --job-name=realitygap
 #SBATCH --array=1-{shards}
 #SBATCH --ntasks=1

@@ -1,13 +1,12 @@
 """A study's folder is worked on by one process at a time, and holds nothing else."""
 
 import os
-import sqlite3
+import platform
 from collections.abc import Collection, Iterator
-from contextlib import ExitStack, closing, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from realitygap.errors import StudyBusyError, StudyError
-from realitygap.study.reader import DATABASE
 from realitygap.study.schema import told
 from realitygap.study.sources import refuse_links
 
@@ -30,12 +29,13 @@ def lock(folder: Path) -> Iterator[None]:
             folder.mkdir(parents=True, exist_ok=True)
             refuse_links(file)
             try:
-                held.enter_context(locked(file, wait=False))
+                held.enter_context(locked(file))
             except BlockingIOError:
                 raise StudyBusyError(
-                    f"{folder}: {_holder(folder)} is working on this study. Wait until it ends, stop it, "
+                    f"{folder}: {_holder(file)} is working on this study. Wait until it ends, stop it, "
                     "or choose another --out."
                 ) from None
+            _sign(file)
         try:
             yield
         except Exception:
@@ -47,12 +47,12 @@ def lock(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def locked(file: Path, *, wait: bool) -> Iterator[None]:
+def locked(file: Path, *, within_s: float = 0.0) -> Iterator[None]:
     """Hold a file against other processes.
 
     Args:
         file: made if need be.
-        wait: for whoever holds it, instead of an error.
+        within_s: how long whoever holds it is waited for.
 
     Raises:
         BlockingIOError: another process holds it.
@@ -60,7 +60,7 @@ def locked(file: Path, *, wait: bool) -> Iterator[None]:
     """
     from filelock import FileLock, Timeout
 
-    held = FileLock(file, timeout=-1 if wait else 0)
+    held = FileLock(file, timeout=within_s)
     try:
         held.acquire()
     except Timeout:
@@ -73,15 +73,23 @@ def locked(file: Path, *, wait: bool) -> Iterator[None]:
         held.release()
 
 
-def _holder(folder: Path) -> str:
-    """The process that holds the lock, as far as it has said so."""
+def _sign(file: Path) -> None:
+    """Write into a lock who holds it, unless it says so already, as where a file system has no locks."""
+    pid = str(os.getpid())
+    with suppress(OSError, ValueError):
+        if file.read_text("utf-8").split()[:1] != [pid]:
+            file.write_text(f"{pid}\n{platform.node()}\n", "utf-8")
+
+
+def _holder(file: Path) -> str:
+    """The process that holds a lock, as it has written there."""
     try:
-        uri = f"{(folder / DATABASE).resolve().as_uri()}?mode=ro"
-        with closing(sqlite3.connect(uri, uri=True)) as database:
-            pid = database.execute("SELECT pid FROM session ORDER BY id DESC LIMIT 1").fetchone()[0]
-    except (sqlite3.Error, OSError, TypeError):
+        pid, node = file.read_text("utf-8").split()
+    except (OSError, ValueError):
         return "another process"
-    return f"another process (pid {pid})" if pid != os.getpid() else "this very process"
+    if node != platform.node():
+        return f"another process (pid {pid} on {node})"
+    return f"another process (pid {pid})" if pid != str(os.getpid()) else "this very process"
 
 
 def refuse_strangers(folder: Path, what: str, ours: Collection[str] = ()) -> None:

@@ -10,7 +10,8 @@ from realitygap.errors import StudyError
 from realitygap.study.digest import OF_RUN, seal, verify_all
 from realitygap.study.folder import refuse_other
 from realitygap.study.load import Study, load_study
-from realitygap.study.reader import DATABASE, Reader
+from realitygap.study.lock import LOCK, lock
+from realitygap.study.reader import DATABASE, Reader, open_to_read
 from realitygap.study.schema import told
 from realitygap.whole import move
 from realitygap.work.shard import MARK, Mark, Shard, read_mark
@@ -60,17 +61,30 @@ def new_folder(out: Path) -> Iterator[Path]:
 
     Raises:
         StudyError: there is something already.
+        StudyBusyError: another process is filling it.
     """
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+    if not out.name.strip(".") or (out.exists() and (not out.is_dir() or any(out.iterdir()))):
         raise StudyError(f"{out} exists already, and is not overwritten. Choose another --out.")
-    with told(out):
-        half = out.with_name(f".{out.name}.half")
-        shutil.rmtree(half, ignore_errors=True)
-        half.mkdir(parents=True)
-        yield half
-        if out.exists():
-            out.rmdir()
-        move(half, out)
+    half = out.with_name(f".{out.name}.half")
+    with lock(half), told(out):
+        _empty(half)
+        try:
+            yield half
+            if out.exists():
+                out.rmdir()
+            move(half, out)
+        except BaseException:
+            _empty(half)
+            raise
+
+
+def _empty(half: Path) -> None:
+    """Remove all that is in a folder but its lock."""
+    for path in half.iterdir() if half.exists() else ():
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path, ignore_errors=True)
+        elif path.name != LOCK:
+            path.unlink(missing_ok=True)
 
 
 def merge_runs(shards: Mapping[Shard, Path], out: Path) -> Study:
@@ -81,55 +95,60 @@ def merge_runs(shards: Mapping[Shard, Path], out: Path) -> Study:
         out: the study's, made whole or not at all.
 
     Raises:
-        StudyError: shards of different studies, a damaged one, or `out` exists.
+        StudyError: shards of different studies, a damaged one, one whose runs are not finished, or `out`
+            exists.
     """
-    first, *others = shards.values()
-    for other in others:
-        refuse_other(first, other)
+    first = next(iter(shards.values()))
+    for folder in shards.values():
+        refuse_other(first, folder)
     sources = Reader(first / DATABASE).sources() or {}
     with new_folder(out) as half:
         for name, content in sources.items():
             (half / name).parent.mkdir(parents=True, exist_ok=True)
             (half / name).write_bytes(content)
-        with closing(_opened(first)) as source, closing(sqlite3.connect(half / DATABASE)) as database:
-            source.backup(database)
-            database.execute("PRAGMA journal_mode = DELETE")
-        for shard, folder in [*shards.items()][1:]:
-            with closing(_opened(half, write=True)) as database:
-                _take(database, folder, shard)
+        with closing(sqlite3.connect(half / DATABASE, isolation_level=None)) as database:
+            for shard, folder in shards.items():
+                with told(folder), closing(open_to_read(folder / DATABASE)) as source:
+                    verify_all(source, folder / DATABASE)
+                    runs = _finished(source, folder, shard)
+                    if folder is first:
+                        source.backup(database)
+                        database.execute("PRAGMA journal_mode = DELETE")
+                    else:
+                        _take(database, source, runs)
     return load_study(out)
 
 
-def _opened(folder: Path, *, write: bool = False) -> sqlite3.Connection:
-    """A study's database, which holds what was written there."""
-    path = folder / DATABASE
-    uri = f"{path.resolve().as_uri()}?mode={'rw' if write else 'ro'}"
-    database = sqlite3.connect(uri, uri=True, isolation_level=None)
-    try:
-        if not write:
-            verify_all(database, path)
-    except BaseException:
-        database.close()
-        raise
-    return database
+def _finished(source: sqlite3.Connection, folder: Path, shard: Shard) -> list[int]:
+    """Ids of a shard's runs.
+
+    Raises:
+        StudyError: one is not finished, whatever the shard's mark says.
+    """
+    own = shard.own(source.execute("SELECT id, finished FROM run ORDER BY id"))
+    left = [run for run, finished in own if not finished]
+    if left:
+        raise StudyError(
+            f"{folder}: run {left[0]} of shard {shard} is not finished, though the shard is marked so: it "
+            "was copied while it was worked on. Copy it once more, or finish the copy (--resume)."
+        )
+    return [run for run, _ in own]
 
 
-def _take(database: sqlite3.Connection, folder: Path, shard: Shard) -> None:
+def _take(database: sqlite3.Connection, source: sqlite3.Connection, runs: Sequence[int]) -> None:
     """Copy all rows of a shard's runs."""
-    with told(folder), closing(_opened(folder)) as source:
-        runs = shard.own(row[0] for row in source.execute("SELECT id FROM run ORDER BY id"))
-        database.execute("BEGIN")
-        for part, key in (
-            *((part, "run") for part in OF_RUN if part != "run"),
-            ("digest", "run"),
-            ("run", "id"),
-        ):
-            for run in runs:
-                database.execute(f"DELETE FROM {part} WHERE {key} = ?", (run,))
-                rows = source.execute(f"SELECT * FROM {part} WHERE {key} = ?", (run,))
-                insert = f"INSERT INTO {part} VALUES ({', '.join('?' * len(rows.description))})"
-                database.executemany(insert, rows)
-        rows = source.execute("SELECT began, pid, versions FROM session ORDER BY id")
-        database.executemany("INSERT INTO session (began, pid, versions) VALUES (?, ?, ?)", rows)
-        seal(database, 0, "session")
-        database.execute("COMMIT")
+    database.execute("BEGIN")
+    for part, key in (
+        *((part, "run") for part in OF_RUN if part != "run"),
+        ("digest", "run"),
+        ("run", "id"),
+    ):
+        for run in runs:
+            database.execute(f"DELETE FROM {part} WHERE {key} = ?", (run,))
+            rows = source.execute(f"SELECT * FROM {part} WHERE {key} = ?", (run,))
+            insert = f"INSERT INTO {part} VALUES ({', '.join('?' * len(rows.description))})"
+            database.executemany(insert, rows)
+    rows = source.execute("SELECT began, pid, versions FROM session ORDER BY id")
+    database.executemany("INSERT INTO session (began, pid, versions) VALUES (?, ?, ?)", rows)
+    seal(database, 0, "session")
+    database.execute("COMMIT")

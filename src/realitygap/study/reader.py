@@ -16,7 +16,7 @@ from realitygap.errors import StudyError
 from realitygap.study.digest import verify
 from realitygap.study.schema import BLOCKS, NAMES, SEALED, check_format, told, views
 
-__all__ = ["DATABASE", "Reader", "Table"]
+__all__ = ["DATABASE", "Reader", "Table", "open_to_read"]
 
 DATABASE = "study.db"
 Table = dict[str, NDArray[Any]]
@@ -40,7 +40,7 @@ class Reader:
         Raises:
             StudyError: it is broken, or no study's, or holds something else than was written.
         """
-        with told(self._path), closing(_open(self._path)) as database:
+        with told(self._path), closing(open_to_read(self._path)) as database:
             database.execute("BEGIN")
             if check_format(database, self._path) >= SEALED and part:
                 runs = [row[0] for row in database.execute("SELECT id FROM run")] if run is None else [run]
@@ -147,12 +147,14 @@ class Reader:
         return {name: _column(values) for name, values in zip(names, columns, strict=True)}
 
     def digest(self) -> str:
-        """Of every row of every run, as it was written; "" in the oldest format, which keeps none."""
+        """Of every row of every run but genotypes and checkpoints, which follow from the others and which
+        each zlib packs in its way. Of the oldest format, which keeps no digests, of its runs."""
         with self.reading() as database:
-            if check_format(database, self._path) < SEALED:
-                return ""
-            rows = database.execute("SELECT run, part, value FROM digest WHERE run > 0 ORDER BY run, part")
-            return blake2b(repr(rows.fetchall()).encode(), digest_size=16).hexdigest()
+            query = "SELECT name, evaluations, best_fitness, champion_fitness FROM run ORDER BY id"
+            if check_format(database, self._path) >= SEALED:
+                query = "SELECT run, part, value FROM digest WHERE run > 0 "
+                query += "AND part NOT IN ('checkpoint', 'genotypes') ORDER BY run, part"
+            return blake2b(repr(database.execute(query).fetchall()).encode(), digest_size=16).hexdigest()
 
     def versions(self) -> dict[str, list[str]]:
         """What has worked on the study, by name, each version once."""
@@ -193,7 +195,7 @@ def _column(values: Sequence[Any]) -> NDArray[Any]:
     return np.array([*values, None], object)[:-1]
 
 
-def _open(path: Path) -> sqlite3.Connection:
+def open_to_read(path: Path) -> sqlite3.Connection:
     """Read-only; on a medium that cannot be written even SQLite's own side files are done without."""
     uri = f"{path.resolve().as_uri()}?mode=ro"
     database = sqlite3.connect(uri, uri=True, isolation_level=None)

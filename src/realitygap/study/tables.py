@@ -82,7 +82,7 @@ class Tables:
         return above("export.tables").frame(self, table)
 
     def digest(self) -> str:
-        """Of every row of every run: studies with the same runs have the same, however they were made."""
+        """Of what came of every run: studies with the same runs have the same, however they were made."""
         return self._reader.digest()
 
     def versions(self) -> dict[str, list[str]]:

@@ -7,6 +7,7 @@ into a film that is tracked as a person's is.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from realitygap import whole
+from realitygap.errors import StudyError
 from realitygap.study.lock import locked
 from realitygap.toml import to_toml
 from realitygap.values import Pose
@@ -54,6 +56,9 @@ LEAST_POSES, GRIDS = 16, range(4, 10)
 
 GOLDEN_DEG = 222.4922
 """Turn from one known pose to the next: headings all round, no two alike."""
+
+WAIT_S = 300.0
+"""How long another process may take to calibrate a camera, which takes some seconds."""
 
 MARGIN_CM = 0.5
 TOUCH_CM = 1e-6
@@ -120,13 +125,22 @@ class Watcher:
         """As a person would do it; done once, and kept in `file`.
 
         The known frames are drawn: the lens is the renderer's too, and no result hangs on a GL library.
+
+        Raises:
+            StudyError: another process has been calibrating it for too long.
         """
         from realitygap.film.calibrate import KnownFrame, calibrate_camera
         from realitygap.film.camera import load_camera
         from realitygap.twin.states import States
 
         file.parent.mkdir(parents=True, exist_ok=True)
-        with locked(file.with_name(f".{file.stem}.lock"), wait=True):
+        with ExitStack() as held:
+            try:
+                held.enter_context(locked(file.with_name(f".{file.stem}.lock"), within_s=WAIT_S))
+            except BlockingIOError:
+                raise StudyError(
+                    f"{file}: another process has been at this for {WAIT_S:g} s. End it, and begin again."
+                ) from None
             if file.is_file():
                 return load_camera(file)
             frames = []

@@ -1,22 +1,22 @@
 """Put the trials of a transfer's shards into the folder of the study that drove."""
 
-import shutil
 from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
+from realitygap import whole
 from realitygap.errors import StudyError
+from realitygap.robots.address import Address
 from realitygap.study.load import load_study
 from realitygap.study.lock import lock
 from realitygap.study.schema import told
 from realitygap.study.settings import refuse_difference
 from realitygap.study.sources import refuse_links
-from realitygap.transfer.folder import files_in, half_folder
-from realitygap.transfer.load import Transferred, load_transfer, load_transfers
+from realitygap.transfer.folder import files_in, keep
+from realitygap.transfer.load import Transferred, load_transfer, load_transfers, read_trial
 from realitygap.transfer.packed import Packed, content, placed
 from realitygap.transfer.plan import FOLDER
 from realitygap.transfer.trial import SIMULATED, SITUATED, TRIAL
-from realitygap.whole import move
 from realitygap.work.shard import Shard, read_mark
 
 __all__ = ["merge_trials"]
@@ -33,18 +33,18 @@ def merge_trials(shards: Mapping[Shard, Path], folder: Path) -> list[Transferred
         The shards' trials, where they are now.
 
     Raises:
-        StudyError: shards of different transfers or of another study, or other trials are there.
+        StudyError: shards of different transfers or of another study, or other trials are there, or in
+            another shard.
     """
     _refuse_other(shards, folder)
     with lock(folder), ExitStack() as opened:
-        todo = [
-            (trial, folder / trial.relative_to(shard))
-            for shard in shards.values()
-            for trial in _trials(shard)
-        ]
-        for trial, place in todo:
-            _refuse_overwriting(trial, place)
-        left = [(trial, place) for trial, place in todo if content(place / TRIAL) is None]
+        todo: dict[Path, Path] = {}
+        for shard in shards.values():
+            for trial in _trials(shard):
+                place = folder / trial.relative_to(shard)
+                for there in {place, todo.setdefault(place, trial)} - {trial}:
+                    _refuse_overwriting(trial, there)
+        left = [(trial, place) for place, trial in todo.items() if content(place / TRIAL) is None]
         home = folder / FOLDER
         with told(home):
             home.mkdir(exist_ok=True)
@@ -53,15 +53,13 @@ def merge_trials(shards: Mapping[Shard, Path], folder: Path) -> list[Transferred
         for trial, place in left:
             with told(place):
                 _copy_cameras(trial.parent.parent, place.parent.parent)
+                with placed(trial) as here:
+                    files = files_in(here)
                 if archive is not None and not trial.is_dir():
-                    with placed(trial) as here:
-                        archive.keep(place.relative_to(home).as_posix(), files_in(here))
+                    archive.keep(place.relative_to(home).as_posix(), files)
                 else:
-                    half = half_folder(place)
-                    shutil.rmtree(half, ignore_errors=True)
-                    shutil.copytree(trial, half)
-                    move(half, place)
-    return [load_transfer(place) for _, place in todo]
+                    keep(place, Address.parse(read_trial(trial / TRIAL)["robot"]), files, finished=True)
+    return [load_transfer(place) for place in todo]
 
 
 def _trials(shard: Path) -> list[Path]:
@@ -75,7 +73,7 @@ def _copy_cameras(there: Path, here: Path) -> None:
     for camera in there.glob("camera-*.json"):
         if not (here / camera.name).exists():
             here.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(camera, here / camera.name)
+            whole.write(here / camera.name, camera.read_bytes())
 
 
 def _refuse_other(shards: Mapping[Shard, Path], folder: Path) -> None:

@@ -134,6 +134,11 @@ def _rows(home: Path, which: str, values: tuple[str, ...]) -> Iterator[tuple[Pat
         query = f"SELECT name, sz, data FROM sqlar WHERE {which} ORDER BY name"
         rows = database.execute(query, values).fetchall()
     for name, size, data in rows:
+        parts = name.split("/")
+        if len(parts) != DEPTH or not all(part.strip(".") for part in parts):
+            raise StudyError(
+                f"{path}: it holds {name!r}, which is no trial's file. Restore the file from a copy."
+            )
         try:
             found = data if len(data) == size else zlib.decompress(data)
         except zlib.error as error:

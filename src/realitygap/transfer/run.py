@@ -99,11 +99,11 @@ def run_transfer(
             raise UsageError(
                 "carry: expected a function that asks a person to carry the real robot to its starts."
             )
+        real, twins = _left(place, requested)  # what is refused leaves the mark as it is
         with told(place / FOLDER):
             (place / FOLDER).mkdir(exist_ok=True)
             if mark is not None:
                 mark.write(place, finished=False)
-        real, twins = _left(place, requested)
         with _interrupted(place, real=bool(real)):
             _on_ports(study, place, real, options, attendant)
             done = len(requested) - len(twins)
@@ -132,7 +132,7 @@ def _facts(study: Study, options: Transfer, requested: Sequence[Situation]) -> d
         "study": study.digest(),
         "runs": list(dict.fromkeys(one.run for one in requested)),
         "robots": [str(robot) for robot in options.bodies],
-        "film": options.film if isinstance(options.film, bool) else sorted(options.film),
+        "film": options.film if isinstance(options.film, bool) else sorted(options.film, key=str),
         "marker": str(options.worn),
         **{key: getattr(options, key) for key in keys},
     }

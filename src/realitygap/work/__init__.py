@@ -1,1 +1,1 @@
-"""Who carries out work (`pool`, `processes`), how far it is (`progress`), and who may (`lock`)."""
+"""Who carries out work (`pool`, `processes`, `cluster`), in shares (`shard`), how far it is (`progress`)."""

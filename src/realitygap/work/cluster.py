@@ -9,16 +9,18 @@ A job's messages come when it is done. The scheduler gives the jobs of a lost wo
 
 import logging
 import platform
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from hashlib import blake2b
 from importlib.metadata import PackageNotFoundError, version
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from queue import Empty, SimpleQueue
+from typing import Any, NamedTuple
 
 from realitygap.errors import ConfigError, RealityGapError, StudyError
-from realitygap.work.pool import Setup, Tell, messages_of
+from realitygap.work.pool import Setup, Tell, bench_of
 
 __all__ = ["Dask"]
 
@@ -27,8 +29,24 @@ PACKAGES = ("realitygap", "numpy", "scipy", "numba", "mujoco-core", "opencv-pyth
 TRIES = 3
 """How often a job is given up by the scheduler, which tries more than once itself, until it is here too."""
 WAIT_S = 10.0
+PATIENCE_S = 600.0
+"""How long there may be no worker at all."""
 AHEAD = 3
 """Jobs that are sent for each thread of the cluster, so that none waits and new workers find some."""
+
+
+class _Answer(NamedTuple):
+    """A job's messages, and the error that it ended with: what was told before it is heard too."""
+
+    messages: list[Any]
+    error: RealityGapError | None = None
+
+
+class _Task:
+    """A job, and how often it was given up."""
+
+    def __init__(self, job: Any) -> None:
+        self.job, self.lost = job, 0
 
 
 class Dask:
@@ -68,30 +86,54 @@ class Dask:
             raise
 
     def work(self, setup: Setup, jobs: Iterable[Any], tell: Tell) -> None:
-        """Carry out all jobs; see `pool.Pool`."""
-        from distributed import as_completed
+        """Carry out all jobs; see `pool.Pool`.
 
-        source, lost = iter(jobs), dict[Any, int]()
-        sent: dict[Any, Any] = {}
-        done = as_completed(loop=self._client.loop)
+        Raises:
+            StudyError: also: there has been no worker for a while, or the scheduler is gone.
+        """
+        source, sent, done = map(_Task, jobs), dict[Any, _Task](), SimpleQueue[Any]()
 
-        def send(job: Any) -> None:
-            future = self._client.submit(_answer, setup, job, versions(), pure=False)
-            sent[future] = job
-            done.add(future)
+        def send(tasks: Iterable[_Task]) -> None:
+            for task in tasks:
+                with _reached():
+                    future = self._client.submit(_answer, setup, task.job, versions(), pure=False)
+                    sent[future] = task
+                    future.add_done_callback(done.put)
 
         try:
-            for job in islice(source, self._most()):
-                send(job)
-            for future in done:
-                job = sent.pop(future)
-                for message in self._heard(future, lost, job, send):
+            send(islice(source, self._most()))
+            while sent:
+                future = self._next(done)
+                task = sent.pop(future)
+                answer = self._heard(future, task)
+                if answer is None:
+                    send([task])
+                    continue
+                for message in answer.messages:
                     tell(message)
-                for following in islice(source, max(0, self._most() - len(sent))):
-                    send(following)
+                if answer.error is not None:
+                    raise answer.error
+                send(islice(source, max(0, self._most() - len(sent))))
         except BaseException:
-            self._client.cancel(list(sent), force=True)
+            with suppress(Exception):  # a scheduler that is gone has nothing to cancel
+                self._client.cancel(list(sent), force=True)
             raise
+
+    def _next(self, done: SimpleQueue[Any]) -> Any:
+        """A job that is over, however long that takes while there are workers.
+
+        Raises:
+            StudyError: there has been none for a while.
+        """
+        alone_s = 0.0
+        while alone_s < PATIENCE_S:
+            with suppress(Empty):
+                return done.get(timeout=WAIT_S)
+            alone_s = 0.0 if self._threads() else alone_s + WAIT_S
+        raise StudyError(
+            f"there has been no Dask worker for {PATIENCE_S:g} s. What was saved is kept: start workers "
+            "(`dask worker`, with the scheduler's address), and resume."
+        )
 
     def close(self) -> None:
         """Leave the cluster; its workers stay."""
@@ -99,33 +141,35 @@ class Dask:
 
     def _most(self) -> int:
         """Jobs to be under way."""
-        threads: int = sum(self._client.nthreads().values())
-        return AHEAD * max(8, threads)
+        return AHEAD * max(8, self._threads())
 
-    def _heard(self, future: Any, lost: dict[Any, int], job: Any, send: Callable[[Any], None]) -> list[Any]:
-        """What came of a job; nothing if it is made again.
+    def _threads(self) -> int:
+        """Of all workers that are there."""
+        with _reached():
+            return sum(self._client.nthreads().values())
+
+    def _heard(self, future: Any, task: _Task) -> _Answer | None:
+        """What came of a job; None if it is to be made again.
 
         Raises:
-            RealityGapError: as the job raised it.
             StudyError: its workers are lost again and again, or cannot make it.
         """
         from distributed import KilledWorker
         from distributed.client import FutureCancelledError
 
         try:
-            messages: list[Any] = future.result()
-            return messages
+            answer: _Answer = future.result(timeout=PATIENCE_S)
+            return answer
         except RealityGapError:
             raise
         except (KilledWorker, FutureCancelledError, OSError) as error:
-            lost[id(job)] = lost.get(id(job), 0) + 1
-            if lost[id(job)] >= TRIES or self._client.status != "running":
+            task.lost += 1
+            if task.lost >= TRIES or self._client.status != "running":
                 raise StudyError(
                     f"a worker process died again and again at one job, or the scheduler did ({error}). "
                     "What was saved is kept: resume, with workers that have more memory if that ran out."
                 ) from None
-            send(job)
-            return []
+            return None
         except Exception as error:
             raise _strange(error) from error
 
@@ -139,6 +183,20 @@ class Dask:
                 raise _strange(answer)
 
 
+@contextmanager
+def _reached() -> Iterator[None]:
+    """What is wrong with the scheduler as one StudyError."""
+    from distributed.client import ClosedClientError
+
+    try:
+        yield
+    except (OSError, ClosedClientError) as error:
+        raise StudyError(
+            f"the Dask scheduler does not answer any more ({error}). What was saved is kept: start it and "
+            "its workers, and resume."
+        ) from None
+
+
 def _strange(error: Exception) -> StudyError:
     """What a worker says that cannot even begin."""
     return StudyError(
@@ -147,10 +205,15 @@ def _strange(error: Exception) -> StudyError:
     )
 
 
-def _answer(setup: Setup, job: Any, theirs: dict[str, str]) -> list[Any]:
-    """In a worker: all messages of a job."""
+def _answer(setup: Setup, job: Any, theirs: dict[str, str]) -> _Answer:
+    """In a worker: what comes of a job."""
     _refuse_other(theirs)
-    return messages_of(setup, job)
+    messages: list[Any] = []
+    try:
+        bench_of(setup).carry_out(job, messages.append)
+    except RealityGapError as error:
+        return _Answer(messages, error)
+    return _Answer(messages)
 
 
 def _refuse_other(theirs: dict[str, str]) -> None:

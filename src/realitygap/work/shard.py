@@ -27,10 +27,18 @@ One = TypeVar("One")
 
 @dataclass(frozen=True)
 class Shard:
-    """Share `number` (from 1) of `of`."""
+    """Share `number` (from 1) of `of`.
+
+    Raises:
+        ConfigError: there is no such share.
+    """
 
     number: int
     of: int
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.number <= self.of <= MOST:
+            raise _no_shard(str(self))
 
     @classmethod
     def parse(cls, text: str) -> Self:
@@ -40,10 +48,8 @@ class Shard:
             ConfigError: no shard, or one that there is not.
         """
         found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", str(text).strip())
-        if found is None or not 1 <= int(found[1]) <= int(found[2]) <= MOST:
-            raise ConfigError(
-                f"shard: expected I/N, share I (from 1 to N) of N up to {MOST}, such as 2/3, got {text!r}."
-            )
+        if found is None:
+            raise _no_shard(text)
         return cls(int(found[1]), int(found[2]))
 
     def __str__(self) -> str:
@@ -58,6 +64,12 @@ class Shard:
         out = out if out.name.strip(".") else out.resolve()
         suffix = f"-shard-{self.number}-of-{self.of}"
         return out if out.name.endswith(suffix) else out.with_name(out.name + suffix)
+
+
+def _no_shard(text: str) -> ConfigError:
+    return ConfigError(
+        f"shard: expected I/N, share I (from 1 to N) of N up to {MOST}, such as 2/3, got {text!r}."
+    )
 
 
 def whole_of(folder: Path) -> Path:

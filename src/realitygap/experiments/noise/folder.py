@@ -9,7 +9,7 @@ from typing import Any
 from realitygap.calibration.unit_folder import PROFILE
 from realitygap.errors import StudyError
 from realitygap.experiments import folder as any_folder
-from realitygap.experiments.folder import Seconds, missing
+from realitygap.experiments.folder import Seconds
 from realitygap.experiments.noise.config import CONFIG, NoiseConfig
 from realitygap.experiments.noise.plan import (
     calibration_folder,
@@ -92,12 +92,12 @@ def merge_noise(shards: Mapping[Shard, Path], out: Path) -> None:
         for one in controllers(config):
             for file_of in (situated_file, simulated_file):
                 there = [file for folder in shards.values() if (file := file_of(folder, one)).is_file()]
-                if there:
-                    file_of(half, one).parent.mkdir(parents=True, exist_ok=True)
-                    shutil.copyfile(there[0], file_of(half, one))
-        lost = missing({one: simulated_file(half, one) for one in controllers(config)})
-        if lost:
-            raise StudyError(f"{first}: no shard has the controller {lost[0].name}. Finish the shards first.")
+                if not there:
+                    raise StudyError(
+                        f"{first}: no shard has the controller {one.name}. Finish the shards first."
+                    )
+                file_of(half, one).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(there[0], file_of(half, one))
         for folder in shards.values():
             for phase, seconds in Seconds(folder).read().items():
                 Seconds(half).add(phase, seconds)

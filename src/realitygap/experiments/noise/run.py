@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from realitygap.calibration.unit_folder import PROFILE
+from realitygap.errors import RealityGapError
 from realitygap.experiments.folder import missing
 from realitygap.experiments.noise.config import CONFIG, NoiseConfig
 from realitygap.experiments.noise.folder import open_folder
@@ -34,7 +35,7 @@ from realitygap.study.folder import exists
 from realitygap.study.schema import told
 from realitygap.work.pool import Pool, Setup
 from realitygap.work.progress import OnProgress
-from realitygap.work.shard import Shard, marked
+from realitygap.work.shard import MARK, Mark, Shard, marked
 from realitygap.work.workers import Workers, far, near
 
 __all__ = ["WORK", "noise_study"]
@@ -89,16 +90,27 @@ def noise_study(
         check_robot(config)
     with session(folder, workers) as pool:
         mark = marked(folder, shard, WORK, begun=(folder / CONFIG).is_file())
-        if mark is not None:
-            with told(folder):
-                mark.write(folder, finished=False)
-        made = open_folder(folder, config, resume=resume)
+        made = _opened(folder, config, mark, resume=resume)
         own = None if mark is None else mark.shard
         _Noise(folder.resolve(), made, pool, own, on_progress).carry_out(near(workers), engine)
         if mark is None:
             return write_results(Stage(folder, made))
         mark.write(folder, finished=True)
         return folder
+
+
+def _opened(folder: Path, config: NoiseConfig | None, mark: Mark | None, *, resume: bool) -> NoiseConfig:
+    """The study in the folder, marked as a shard before it is made; what is refused changes nothing."""
+    new = not (folder / CONFIG).is_file()
+    if mark is not None and new:
+        with told(folder):
+            mark.write(folder, finished=False)
+    try:
+        return open_folder(folder, config, resume=resume)
+    except RealityGapError:
+        if mark is not None and new:
+            (folder / MARK).unlink(missing_ok=True)
+        raise
 
 
 class _Noise(Phases):
