@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from realitygap.correspondence.statistics import correlation
 
-__all__ = ["SUBSTITUTE", "Order", "means", "order_of"]
+__all__ = ["SUBSTITUTE", "Order", "mean", "means", "order_of"]
 
 Floats = NDArray[np.float64]
 
@@ -97,6 +97,12 @@ def _rho(first: Floats, second: Floats) -> float:
     if both.sum() < LEAST:
         return math.nan
     return correlation(first[both], second[both], resamples=0).rho
+
+
+def mean(values: Sequence[float]) -> float:
+    """Of those that are known; NaN of none."""
+    known = [value for value in values if math.isfinite(value)]
+    return math.fsum(known) / len(known) if known else math.nan
 
 
 def means(values: Floats, weights: Floats | None = None) -> Floats:

@@ -16,12 +16,12 @@ from realitygap.correspondence.setting import setting_of
 from realitygap.correspondence.trials import resampled
 from realitygap.errors import TrackError
 from realitygap.evolution.algorithm import Genes
-from realitygap.experiments.folder import mean
 from realitygap.experiments.phases import Made
 from realitygap.experiments.randomise.plan import Controller, RandomiseConfig, Spread, evolution
 from realitygap.simulation.simulation import Simulation
 from realitygap.streams import named_stream
 from realitygap.track import Track
+from realitygap.transfer.order import mean
 from realitygap.transfer.paths import score
 from realitygap.transfer.rig import Rig
 from realitygap.values import Pose
