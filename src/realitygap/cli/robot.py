@@ -9,7 +9,7 @@ import click
 from click.core import ParameterSource
 
 from realitygap.cli import option
-from realitygap.cli.kinds import Finite, RobotKind
+from realitygap.cli.kinds import ROBOT, Finite
 from realitygap.cli.output import print_json, print_table
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def robot() -> None:
 @click.option(
     "--robot",
     "address",
-    type=RobotKind(),
+    type=ROBOT,
     help="khepera:PORT, epuck:PORT, epuck2:HOST, thymio:PORT, twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, "
     "or a body of your own, file.py:Class.",
 )
