@@ -152,7 +152,7 @@ def fit_lookup(rows: Rows, base: Profile) -> tuple[Profile, Fit, Array, list[str
     read, held_out = without(rows, places, nobody), np.zeros(rows.counts.shape)
     for out in rows.held_out(lambda: None):
         held_out[out] = without(rows, places, out)[out]
-    fit = Fit(values={}, constants=(), alike=(), model=read, evaluations=0, theta=np.zeros(0))
+    fit = Fit(values={}, constants=(), alike=(), model=read)
     profile = _profile(rows, base, places)
     return profile, fit, held_out, _beyond(places, profile)
 

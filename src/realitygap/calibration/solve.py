@@ -8,7 +8,7 @@ neighbouring places share the model's error, so that rows are not independent.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -59,8 +59,6 @@ class Fit:
     constants: tuple[Constant, ...]
     alike: tuple[tuple[str, str, float], ...]
     model: Array
-    evaluations: int
-    theta: Array = field(repr=False)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,21 +99,18 @@ def solve(
     theta = packed.pack({**{f.key: f.start for f in frees}, **(start or {})})
     low, high = packed.bounds()
     inside = np.clip(theta, low + 1e-9 * (1 + np.abs(low)), high - 1e-9 * (1 + np.abs(high)))
-    theta, evaluations = _descend(packed, inside, measured.use, careful=intervals)
+    theta = _descend(packed, inside, measured.use, careful=intervals)
     values = packed.unpack(theta)
     constants: tuple[Constant, ...] = ()
     alike: tuple[tuple[str, str, float], ...] = ()
     if intervals:
         constants = packed.constants(theta, packed.covariance(theta, measured.clusters))
         alike = blind_pairs(packed.names(), packed.curvature(theta))
-    return Fit(
-        values=values, constants=constants, alike=alike, model=model(values), evaluations=evaluations,
-        theta=theta,
-    )  # fmt: skip
+    return Fit(values=values, constants=constants, alike=alike, model=model(values))
 
 
-def _descend(packed: _Packed, inside: Array, use: NDArray[np.bool_], *, careful: bool) -> tuple[Array, int]:
-    """The vector that least squares end at, and how often the last of them looked.
+def _descend(packed: _Packed, inside: Array, use: NDArray[np.bool_], *, careful: bool) -> Array:
+    """The vector that least squares end at.
 
     Most rows move with few constants or with none (0, saturated): what does not move is left out
     until it does. Soft L1 keeps single wild readings from deciding.
@@ -136,7 +131,7 @@ def _descend(packed: _Packed, inside: Array, use: NDArray[np.bool_], *, careful:
         if packed.use.sum() <= 1.005 * before:
             break
     packed.use = use
-    return inside, int(found.nfev)
+    return inside
 
 
 class _Packed:
