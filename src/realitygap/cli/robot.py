@@ -165,22 +165,17 @@ def _sensors(body: Body, seconds: float, *, live: bool) -> dict[str, Any]:
 
 def _drive(body: Body, units: int, seconds: float, live: bool = False) -> Recording:
     """Straight on; 0: stand."""
-    from realitygap.robots.loop import drive
+    from realitygap.robots.loop import Steady, drive
     from realitygap.values import Command
 
-    class Steady:
-        def reset(self) -> None:
-            """Nothing to forget."""
-
-        def decide(self, inputs: Sequence[int]) -> Command:
-            return Command(left=units, right=units)
+    steady = Steady(Command(left=units, right=units))
 
     def run(show: Callable[[Readings], object]) -> Recording:
         def look(readings: Readings) -> list[int]:
             show(readings)
             return []
 
-        return drive(body, Steady(), seconds=seconds, inputs=look)
+        return drive(body, steady, seconds=seconds, inputs=look)
 
     if not live:
         return run(lambda readings: None)
