@@ -7,13 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.correspondence.statistics import correlation
+from realitygap.values import Floats
 
 __all__ = ["SUBSTITUTE", "Order", "mean", "means", "order_of"]
-
-Floats = NDArray[np.float64]
 
 SUBSTITUTE = 0.8
 """Spearman's rho above which one measure may stand for another (`docs/noise-level-2.md`)."""

@@ -21,7 +21,6 @@ from os import PathLike
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.errors import StudyError
 from realitygap.robots.recording import Recording
@@ -36,12 +35,10 @@ from realitygap.transfer.order import Order, mean, order_of
 from realitygap.transfer.replay import Replay, Replays
 from realitygap.transfer.score_row import Job
 from realitygap.transfer.score_rows import jobs_of
-from realitygap.values import as_stream
+from realitygap.values import Floats, as_stream
 from realitygap.world.profile import Profile
 
 __all__ = ["Lived", "WithoutCamera", "without_camera"]
-
-Floats = NDArray[np.float64]
 
 SEEN = ("robot", "camera", "film")
 """Where a path is from that shows slip."""

@@ -17,6 +17,7 @@ from realitygap.experiments.noise.crossed import Crossed
 from realitygap.report import style
 from realitygap.report.noise.facts import PAPER, Curve, FitnessRow, NoiseFacts, Scope, Span, heat, points
 from realitygap.report.style import INK, MUTED, PAGE, new_figure, noise_styles
+from realitygap.values import Floats
 
 if TYPE_CHECKING:
     from matplotlib.typing import LineStyleType
@@ -25,8 +26,6 @@ __all__ = [
     "SETS", "claims_figure", "fitness_figure", "legend", "levels_axis", "map_figure", "noisiness_figure",
     "panel", "titled",
 ]  # fmt: skip
-
-Floats = NDArray[np.float64]
 
 SETS = ((0, (4, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)), (0, (8, 2)))
 """Line styles of seed sets; more sets go round again."""
