@@ -42,6 +42,9 @@ def test_every_import_is_declared():
 NOT_PUBLIC = (
     ("numba.core.options", "DefaultOptions._nrt"),
     ("numba.core.dispatcher", "Dispatcher.enable_caching"),
+    ("numba.core.codegen", "JITCodeLibrary._optimize_final_module"),
+    ("numba.core.codegen", "JITCodeLibrary._finalize_final_module"),
+    ("numba.core.compiler", "Compiler.compile_extra"),
     ("numba.core.compiler", "CompileResult._reduce"),
     ("numba.core.compiler", "CompileResult._rebuild"),
     ("numba.core.runtime", "rtsys.initialize"),

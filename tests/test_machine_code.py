@@ -136,6 +136,35 @@ def test_a_part_is_called_by_compiled_code_and_by_python(tmp_path: Path) -> None
     assert place.run() == ("half whole 3.0 1.5 2.5 5.0", "")
 
 
+HALF, TWICE = (
+    """
+from realitygap.machine_code import Shelf
+
+shelf = Shelf(b"a test")
+def half(a): return a / 2
+half = shelf.compiled(half, part=True, fastmath={"nnan"}, _nrt=False)
+""",
+    """
+from halves import half, shelf
+def whole(a): return half(a) + half(a)
+whole = shelf.compiled(whole)
+
+def told():
+    return whole(3.0), sum(half.stats.cache_hits.values())
+""",
+)
+
+
+def test_a_part_on_file_is_linked_into_what_is_compiled_later(tmp_path: Path) -> None:
+    """It is no machine code of its own: what calls it is, whether or not both were compiled at once."""
+    place = Place(tmp_path)
+    (tmp_path / "halves.py").write_text(HALF)
+    (tmp_path / "small.py").write_text(TWICE)
+    assert place.run() == ("3.0 0", "")
+    (tmp_path / "small.py").write_text(TWICE.replace("half(a) + half(a)", "half(a) + half(half(a))"))
+    assert place.run() == ("2.25 1", "")
+
+
 def test_a_folder_that_others_can_write_is_not_used(place: Place) -> None:
     """Code that somebody else may have put there is not loaded, and that is said."""
     folder = place.entries()[0].parent

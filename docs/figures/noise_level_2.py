@@ -17,18 +17,22 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from realitygap.errors import UsageError
-from realitygap.experiments.noise.second.verdicts import CLAIMS, PLAN
+from realitygap.experiments.noise.second import arms as planned
+from realitygap.experiments.noise.second.verdicts import CLAIMS, PLAN, Comparison, Peak, peak_of
 from realitygap.experiments.randomise.plan import NOISES
-from realitygap.experiments.randomise.results import Comparison, Outcome, compared_in
+from realitygap.experiments.randomise.results import Comparison as Bargain
+from realitygap.experiments.randomise.results import Outcome, compared_in
 from realitygap.report.noise.arms import Arm
 from realitygap.report.noise.facts import Span
 from realitygap.report.noise.second import (
     ARMS,
     answer_figures,
     answer_tables,
+    estimate,
     headline,
     read_arms,
     warned,
@@ -44,6 +48,10 @@ BOUGHT = DOCS / "measure-or-randomise"
 DRAWN_BY = DOCS / "figures" / "noise-level-2-drawn-by.txt"
 """Another version of Matplotlib draws other pixels."""
 PLACES = {"correspondence": 2, "fitness_situated": 3}
+REALITIES = {None: "the twin", "enki:khepera": "Enki's Khepera", "stranger": "the stranger"}
+"""By the robot of an arm's design."""
+LEVELS = sorted({PLAN.robot, *PLAN.against})
+"""That every arm has."""
 HEAD = "<!-- Made by docs/figures/noise_level_2.py of noise-level-2/page.md.j2: change that, not this. -->\n"
 
 
@@ -54,7 +62,7 @@ class Bought:
     name: str
     settings: Mapping[str, Any]
     found: list[Outcome]
-    comparisons: list[Comparison]
+    comparisons: list[Bargain]
     ratios: Mapping[str, float]
 
     def cell(self, outcome: str, known: str, randomised: bool, noise: float) -> str:
@@ -136,31 +144,34 @@ def page(arms: list[Arm], others: list[Bought]) -> str:
         loader=FileSystemLoader(KEPT), undefined=StrictUndefined, keep_trailing_newline=True,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
-    said = {
-        f"{claim.key} {claim.by}": {arm.name: word_of(arm, claim) for arm in arms if not arm.void}
-        for claim in CLAIMS
-    }
+    judged = [arm for arm in arms if not arm.void]
+    said = {f"{c.key} {c.by}": {arm.name: word_of(arm, c) for arm in judged} for c in CLAIMS}
     tables = answer_tables(arms) if arms else {}
+    less = list(small(judged))
     return HEAD + environment.get_template("page.md.j2").render(
-        arms={arm.name: arm for arm in arms}, every=ARMS, bought=others,
+        arms={arm.name: arm for arm in arms}, bought=others, judged=judged, said=said, agree=PLAN.agree,
         percent="95 %", quiet=NOISES[0], noisy=NOISES[1], missing=[n for n in ARMS if n not in said_of(arms)],
         heads=[(claim, headline(arms, claim)) for claim in CLAIMS], warnings=list(warned(arms)),
         all=lambda key, word: bool(said[key]) and set(said[key].values()) == {word},
-        some=lambda key, word: word in said[key].values(), peaks=[(arm.name, peak(arm)) for arm in arms],
+        some=lambda key, word: word in said[key].values(),
+        peaks=[f"{arm.name} {shown(arm.judged.peak)}" for arm in arms], coarse=list(coarse(judged)),
+        firm=all(told.endswith("supported") for arm in judged for told in estimates(arm).values()),
+        levels=LEVELS, estimates={arm.name: estimates(arm) for arm in judged},
+        design=planned.arm, reality=reality, alike=alike(judged),
         signed=lambda *span: Number(span=Span(*span), signed=True),
-        small=list(small(arms)), first_rule=[(arm.name, arm.judged.peak) for arm in arms],
+        small=[told for _, told in less], little=any((one.key, one.against) == ("a", "2") for one, _ in less),
         captions={name: one.caption for name, one in answer_figures(arms).items()},
         verdicts=tables.pop("verdicts", None), tables=tables,
     )  # fmt: skip
 
 
-def small(arms: list[Arm]) -> Iterator[str]:
+def small(arms: list[Arm]) -> Iterator[tuple[Comparison, str]]:
     """What was found, and is less than the smallest difference of means that was called of interest."""
     for arm in arms:
         for one in (one for verdict in arm.judged.verdicts for one in verdict.comparisons):
-            if one.found == "for" and 0 < one.difference[0] < PLAN.bound:
+            if one.found in ("for", "against") and abs(one.difference[0]) < PLAN.bound:
                 span = Number(span=Span(*one.difference))
-                yield f"{arm.name}, ({one.key}) by {one.by} against level {one.against}: {span}"
+                yield one, f"{arm.name}, ({one.key}) by {one.by} against level {one.against}: {span}"
 
 
 def said_of(arms: list[Arm]) -> set[str]:
@@ -168,9 +179,37 @@ def said_of(arms: list[Arm]) -> set[str]:
     return {arm.name for arm in arms}
 
 
-def peak(arm: Arm) -> str:
+def reality(name: str) -> str:
+    """What an arm's controllers were carried over to."""
+    design = planned.arm(name)
+    louder = f" at noise scale {design.twin_noise:g}" if design.twin_noise != 1 else ""
+    return REALITIES[design.robot] + louder
+
+
+def alike(arms: list[Arm]) -> dict[str, list[str]]:
+    """Names of arms by the reality that they share."""
+    made: dict[str, list[str]] = {}
+    for arm in arms:
+        made.setdefault(reality(arm.name), []).append(arm.name)
+    return made
+
+
+def estimates(arm: Arm) -> dict[str, str]:
+    """The peak and the word on (e) by each analysis that decides nothing."""
+    return {name: estimate(made) for name, made in arm.robust.items() if name != "fitness"}
+
+
+def coarse(arms: list[Arm]) -> Iterator[str]:
+    """The peaks of arms with more levels than all have, by those alone."""
+    for arm in arms:
+        some = np.isin(arm.data.levels, LEVELS)
+        if not some.all():
+            top = peak_of(replace(arm.data, levels=arm.data.levels[some], score=arm.data.score[:, some]))
+            yield f"{arm.name} {shown(top)}, not {shown(arm.judged.peak)}"
+
+
+def shown(top: Peak) -> str:
     """The level at which tracks agree best, with its interval."""
-    top = arm.judged.peak
     return str(Number(span=Span(top.value, top.low, top.high)))
 
 

@@ -23,7 +23,9 @@ from typing import Any
 import llvmlite
 import numba
 import numpy as np
-from numba.core.compiler import CompileResult
+from llvmlite.binding import Linkage, parse_assembly
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler, CompileResult
 from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 
@@ -34,10 +36,41 @@ __all__ = ["Shelf"]
 SPARE = "REALITYGAP_SPARE_CACHE"
 """Tells the processes that this one starts which temporary folder they share."""
 _SIZE = hashlib.sha256().digest_size
-_NO_WAY_IN = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-"""Python's way into a function, which takes its arguments apart, and C's."""
 _log = logging.getLogger("realitygap")
 _said: set[str] = set()
+
+
+class _PartsCode(JITCodeLibrary):  # type: ignore[misc]
+    """Code that is only ever linked into other code, and optimized and made into the machine's there: here
+    only the variables are, which Numba fills in."""
+
+    _final_module: Any
+
+    def _optimize_final_module(self) -> None:
+        """Nothing is gained by doing it twice."""
+
+    def _finalize_final_module(self) -> None:
+        linked = self._final_module
+        names = [v.name for v in linked.global_variables if v.linkage is Linkage.common]
+        self._final_module = parse_assembly(
+            "\n".join(f'@"{name}" = common global ptr null' for name in names)
+        )
+        super()._finalize_final_module()
+        self._final_module = linked
+
+
+class _PartsCompiler(Compiler):  # type: ignore[misc]
+    """Numba's own, into such code."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        codegen = self.state.targetctx.codegen()
+        self.state.library = _PartsCode(codegen, "part")
+        self.state.library.enable_object_caching()
+
+
+_PART = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": _PartsCompiler}
+"""Numba's options: without Python's way into a function, which takes its arguments apart, and C's."""
 
 
 class Shelf:
@@ -64,7 +97,7 @@ class Shelf:
                 and only where Python does call it.
             options: Numba's.
         """
-        made = numba.njit(**options, **_NO_WAY_IN if part else {})(function)
+        made = numba.njit(**options, **_PART if part else {})(function)
         if not numba.config.DISABLE_JIT:
             with suppress(OSError, TypeError, AttributeError):
                 made._cache = _Entries(function, self, None if like is None else like._cache.of, part=part)

@@ -146,19 +146,22 @@ def test_broken_arms_are_refused(folder: Path, tmp_path: Path, file: str, change
 
 def test_an_order_without_a_camera_is_read_from_its_table(tmp_path):
     """Where distances follow the camera's score it is a substitute, where they are drawn it is none."""
-    draw, rows = np.random.default_rng(3), []
+    draw, rows, homes = np.random.default_rng(3), [], {}
     for task, tell in (("obstacle-avoidance", 0.0), ("light-seeking", 30.0)):
         for run in range(1, 61):
+            homes[task, 1 + run % 2, run, 1.0, "champion"] = 101 + run % 4
             for unit in range(101 + run % 4, 105 + run % 4):
                 score = 10.0 * run / 60
                 far = 10.0 - score + tell * draw.random()
                 rows.append([task, 1 + run % 2, run, 1.0, "champion", unit, *5 * [far], score, *3 * [score]])
     head = ["task", "seed_set", "run", "evolved_level", "individual", "unit", *LIVED, *BY_CAMERA]
     (tmp_path / FILE).write_text("\n".join(",".join(map(str, row)) for row in [head, *rows]) + "\n")
-    avoidance, light = read_orders(tmp_path, "twin", "")
+    avoidance, light = read_orders(tmp_path, "twin", "", homes)
     assert (avoidance.task, avoidance.controllers, avoidance.units) == ("obstacle-avoidance", 60, 7)
     assert avoidance.rho == pytest.approx(1.0) and avoidance.verdict == "a substitute"
-    assert 0.0 < light.rho < 0.8 and light.verdict == "no substitute"
+    assert 0.0 < light.low < light.rho < light.high < 0.8 and light.verdict == "no substitute"
     table = order_tables("E", (avoidance, light))[0].markdown()
     assert "no substitute" in table and "+1.00" in table
-    assert order_tables("E", ()) == [] == list(read_orders(tmp_path / "none", "twin", ""))
+    assert order_tables("E", ()) == [] == list(read_orders(tmp_path / "none", "twin", "", {}))
+    with pytest.raises(StudyError, match="expected a champion of controllers"):
+        read_orders(tmp_path, "twin", "", {})

@@ -7,6 +7,7 @@ import importlib
 import re
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -81,6 +82,29 @@ def test_it_is_right_with_any_arms(script: ModuleType, tmp_path: Path) -> None:
     assert "**Not yet run:** T, E5, T5, T2, S." in text and "no headline: T not yet run" in text
     assert "give the simulation that you judge by as much noise" in text
     assert "Do not count on the noise that you evolve under" in text and "nan" not in text
+
+
+def test_arms_of_other_levels_and_realities_are_told_apart(script: ModuleType, tmp_path: Path) -> None:
+    """An arm of fewer levels in the first one's reality is no second reality; one without a model is mute."""
+    data = arm(comparison(1.0), runs=16, tasks=TASKS[:1])
+    few, some = data.only(np.isin(data.evolved, script.LEVELS)), np.isin(data.levels, script.LEVELS)
+    columns = ("score", "behaviour", "layout", "home_score", "noisiness", "responsiveness")
+    few = replace(few, levels=few.levels[some], **{name: getattr(few, name)[:, some] for name in columns})
+    for name, made, error in (("E", data, 20.0), ("E5", few, 20.0), ("S", few, 60.0)):
+        write(made, tmp_path / name, name=name, error=error)
+    arms = script.read(tmp_path)
+    text = script.page(arms, [])
+    assert "rests on one simulated reality (Enki's Khepera: arms E, E5); a headline waits for arm T." in text
+    assert "Arms E and E5 are one reality" in text and "**Out of order.**" in text
+    assert "S (the stranger, 1000 evaluations, 96 champions" in text and "(e) in arm S" not in text
+    assert "| S | proximity | 16 | 3.00" in text and "supports no claim" in text
+    (told,) = re.findall(
+        r"Read off levels 0, 1 and 2 alone, which every arm has, it is: E ([^,]+), not", text
+    )
+    three = replace(data, levels=data.levels[some], score=data.score[:, some])
+    assert told == script.shown(script.peak_of(three)) and "nan" not in text
+    assert "| (d) | slopes | all levels |" in text.split("Arm E5: level 1 against")[1]
+    script.draw(arms, tmp_path, [])
 
 
 @pytest.mark.parametrize("folder", sorted((DOCS / "measure-or-randomise").iterdir()), ids=lambda f: f.name)

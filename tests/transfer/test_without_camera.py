@@ -87,6 +87,18 @@ def test_one_order_is_a_substitute_and_chance_is_none():
     assert other.verdict == "no substitute"
 
 
+def test_units_with_controllers_of_their_own_are_drawn_with_them():
+    """The interval lies about rho though each controller drove few units, each of which says little."""
+    draw, home = np.random.default_rng(1), np.repeat(np.arange(16), 20)
+    true, score = draw.normal(size=320), np.full((320, 16), np.nan)
+    drove = (home[:, None] + np.arange(4)) % 16
+    np.put_along_axis(score, drove, true[:, None] + draw.normal(size=(320, 4)), axis=1)
+    far = np.where(np.isfinite(score), -true[:, None] + draw.normal(size=(320, 16)), np.nan)
+    own, crossed = (order_of(("t", "champion", "twin"), far, score, columns(320), h) for h in (home, None))
+    assert own.low < own.rho - 0.01 and own.rho + 0.01 < own.high
+    assert crossed.low + crossed.high < own.low + own.high  # units drawn among a controller's own few blur it
+
+
 def test_too_few_controllers_have_no_order():
     """Of two controllers, or without a camera's score, nothing is said."""
     few = order_of(("t", "champion", "twin"), np.ones((2, 1)), np.ones((2, 1)), columns(2))

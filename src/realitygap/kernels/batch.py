@@ -21,7 +21,6 @@ from realitygap.kernels.trial import (
     note,
     read,
     run_trial,
-    sense,
     stand,
     wheels_speed,
 )
@@ -43,20 +42,29 @@ def run_trials(world, nets, which, streams, paths, work):
 
 
 @step
-def sense_aside(world, stream, k, work, aside):
-    """Readings of the sensors that feed nobody in this trial, with noise of their own stream."""
-    feed = world.task.feed
-    if feed == BOTH:
-        return
-    if feed == AMBIENT:
-        infrared(world.robot, world.arena, work, aside.readings)
-    else:
-        ambient(world.robot, world.arena, work, aside.readings)
-    if world.level > 0.0:
-        blocks = noise_blocks(aside.readings.shape[0])
-        normals(substream(stream, ASIDE), DRAWS * blocks * k, aside.noise)
-    other = PROXIMITY + AMBIENT - feed
-    read(world.robot, other, world.level, wheels_speed(work), aside.noise, aside.readings)
+def sense_both(world, stream, k, whole, work, aside):
+    """As `sense`, and if `whole` the sensors that feed nobody in this trial, with noise of their own stream.
+
+    A kind at a time, so that its laws are compiled once, and not for either place that they may be read into.
+    """
+    robot, feed, level = world.robot, world.task.feed, world.level
+    near = near_fed(robot, feed)
+    for kind in range(BOTH):
+        fed = feed == BOTH or feed == kind
+        first = near if kind == AMBIENT else 0
+        last = work.readings.shape[0] if kind == AMBIENT else near
+        readings = work.readings[first:last] if fed else aside.readings[:]
+        noise = work.noise[first:] if fed else aside.noise[:]
+        if not fed and not whole:
+            continue
+        if kind == PROXIMITY:
+            infrared(robot, world.arena, work, readings)
+        else:
+            ambient(robot, world.arena, work, readings)
+        if not fed and level > 0.0:
+            blocks = noise_blocks(readings.shape[0])
+            normals(substream(stream, ASIDE), DRAWS * blocks * k, noise)
+        read(robot, kind, level, wheels_speed(work), noise, readings)
 
 
 @step
@@ -85,8 +93,7 @@ def record_trial(world, nets, stream, work, aside, record):
     begin(nets, 0, work.start, work)
     for k in range(task.steps):
         draw_noise(level, stream, k, work.readings.shape[0], work)
-        sense(robot, world.arena, task.feed, level, work)
-        sense_aside(world, stream, k, work, aside)
+        sense_both(world, stream, k, True, work, aside)
         feed_network(robot, task, work)
         keep_readings(near_fed(robot, task.feed), aside.readings, work, record, k)
         think(nets, 0, work)

@@ -5,10 +5,10 @@ The wheels' commands lie where a network of no neurons would have its outputs (`
 
 import numpy as np
 
-from realitygap.kernels.batch import sense_aside
+from realitygap.kernels.batch import sense_both
 from realitygap.kernels.jit import kernel
 from realitygap.kernels.params import Networks
-from realitygap.kernels.trial import act, begin, draw_noise, move, sense
+from realitygap.kernels.trial import act, begin, draw_noise, move
 
 
 def quiet() -> Networks:
@@ -35,9 +35,7 @@ def sense_now(world, stream, k, both, work, aside):
     A function of the trial's stream, the step and where the robot is: the bits of record_trial.
     """
     draw_noise(world.level, stream, k, work.readings.shape[0], work)
-    sense(world.robot, world.arena, world.task.feed, world.level, work)
-    if both:
-        sense_aside(world, stream, k, work, aside)
+    sense_both(world, stream, k, both, work, aside)
 
 
 @kernel

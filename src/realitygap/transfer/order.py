@@ -1,4 +1,4 @@
-"""Whether two measures put controllers into the same order, with a bootstrap over units and controllers."""
+"""Whether two measures put controllers into the same order, with a bootstrap over units."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from realitygap.correspondence.statistics import correlation
 from realitygap.values import Floats
@@ -59,8 +60,9 @@ class Order:
 
 
 def order_of(
-    names: tuple[str, str, str], distance: Floats, score: Floats, columns: Mapping[str, Floats]
-) -> Order:
+    names: tuple[str, str, str], distance: Floats, score: Floats, columns: Mapping[str, Floats],
+    home: NDArray[np.int64] | None = None,
+) -> Order:  # fmt: skip
     """Hold all measures of a group of controllers against each other.
 
     Args:
@@ -68,8 +70,10 @@ def order_of(
         distance: [controllers, units] without a camera, NaN where one did not drive.
         score: [controllers, units] by the camera, NaN where none saw it.
         columns: [controllers] of each other measure, by name.
+        home: [controllers] calibration units, where each has controllers of its own; None where all
+            controllers drove the same units.
     """
-    low, high = _interval(distance, score)
+    low, high = _interval(distance, score) if home is None else _interval_by_home(distance, score, home)
     verdict = "a substitute" if low > SUBSTITUTE else "no substitute" if high < SUBSTITUTE else "open"
     task, individual, kind = names
     seen, situated = columns["correspondence"], columns["fitness_situated"]
@@ -113,13 +117,31 @@ def means(values: Floats, weights: Floats | None = None) -> Floats:
 
 
 def _interval(distance: Floats, score: Floats) -> tuple[float, float]:
-    """95 % of rho: units drawn with replacement, and controllers likewise."""
+    """95 % of rho: units, which all controllers drove, drawn with replacement, and controllers likewise."""
     draw, made = np.random.default_rng(0), []
     controllers, units = distance.shape
     for _ in range(RESAMPLES):
         times = np.bincount(draw.integers(0, units, units), minlength=units).astype(float)
         rows = draw.integers(0, controllers, controllers)
         made.append(_rho(-means(distance, times)[rows], means(score, times)[rows]))
+    return _middle(made)
+
+
+def _interval_by_home(distance: Floats, score: Floats, home: NDArray[np.int64]) -> tuple[float, float]:
+    """95 % of rho: calibration units drawn with replacement, each with its controllers.
+
+    Those keep all units that they drove: to draw among a controller's few would blur its measures, and rho
+    with them.
+    """
+    draw, own = np.random.default_rng(0), [np.flatnonzero(home == unit) for unit in np.unique(home)]
+    far, near = -means(distance), means(score)
+    drawn = (draw.integers(0, len(own), len(own)) for _ in range(RESAMPLES))
+    rows = (np.concatenate([own[k] for k in units]) for units in drawn)
+    return _middle([_rho(far[some], near[some]) for some in rows])
+
+
+def _middle(made: list[float]) -> tuple[float, float]:
+    """The middle 95 % of what is known."""
     known = np.array(made)[np.isfinite(made)]
     low, high = np.quantile(known, [0.025, 0.975]) if len(known) else (np.nan, np.nan)
     return float(low), float(high)

@@ -15,7 +15,7 @@ from realitygap.twin.arena import WALL_HALF
 from realitygap.twin.arithmetic import cos_sin, hypot
 from realitygap.twin.lens import HEIGHT, WIDTH, Lens
 from realitygap.twin.model import BODY_RADIUS, BODY_TOP, WALL_HEIGHT
-from realitygap.twin.painting import Look, Still, paint_robot
+from realitygap.twin.painting import SUB, Look, Still, paint_robot
 from realitygap.twin.plate import Plate
 
 __all__ = [
@@ -33,7 +33,6 @@ DISK_RADIUS, MIDDLE_RADIUS, FRONT_RADIUS, FRONT_AHEAD = 0.0275, 0.007, 0.0045, 0
 DISK_HEIGHT = 0.0305
 """On top of the robot: half a millimetre of card above its body (m)."""
 
-SUB = 2  # samples along a pixel's side
 FLOOR = np.array([199, 196, 189], np.float32)
 WALL = np.array([237, 235, 230], np.float32)
 OUTSIDE = np.array([120, 118, 115], np.float32)
@@ -143,7 +142,7 @@ class Drawing:
         c, s = cos_sin(heading)
         ahead = x + FRONT_AHEAD * float(c), y + FRONT_AHEAD * float(s)
         corner = window[0].start, window[1].start
-        still = Still(self._floor, self._slope, self._fine, self._over, SUB, self._samples)
+        still = Still(self._floor, self._slope, self._fine, self._over, self._samples)
         box = self._about(x, y, window)
         paint_robot(picture, corner, box, still, (x, y, *ahead), self._look)
         if self._plate is not None and all(low < high for low, high in box):

@@ -12,19 +12,21 @@ import numpy as np
 
 from realitygap.twin.arithmetic import jit, routine, step
 
-__all__ = ["Look", "Still", "expose", "paint_robot"]
+__all__ = ["SUB", "Look", "Still", "expose", "paint_robot"]
+
+SUB = 2
+"""Samples along a pixel's side."""
 
 
 class Still(NamedTuple):
     """What a camera sees without the robot, a value a sample: [2, ...] x and y where its ray meets the
-    floor and their change with height, [3, ...] colours, [...] whether something higher stands there;
-    `sub` samples along a pixel's side, `samples` a metre."""
+    floor and their change with height, [3, ...] colours, [...] whether something higher stands there; so
+    many `samples` a metre."""
 
     floor: Any
     slope: Any
     fine: Any
     over: Any
-    sub: int
     samples: float
 
 
@@ -137,23 +139,26 @@ def paint_robot(picture: Any, corner: Any, about: Any, still: Any, place: Any, l
         look: `drawing.LOOK`.
     """
     rows, columns = about
-    sub = still.sub
-    first, count = columns[0] * sub, max(columns[1] - columns[0], 0) * sub
-    part, shown = np.float32(1.0 / sub**2), np.empty((sub, 3, count), np.float32)
+    first, wide = columns[0] * SUB, max(columns[1] - columns[0], 0)
+    count, part = wide * SUB, np.float32(1.0 / SUB**2)
+    shown, total = np.empty((SUB, 3, count), np.float32), np.empty(wide, np.float32)
     offs, shares = np.empty((2, count), np.float32), np.empty((3, count), np.float32)
     body, exact = np.empty(count, np.uint8), np.empty((2, count))
     for row in range(rows[0], rows[1]):
-        for k in range(sub):
-            _cover_body(row * sub + k, first, still, place, look, body)
-            _cover_marks(row * sub + k, first, still, place, look, (offs, exact, shares))
-            _colour(row * sub + k, first, still, look.colours, (body, shares), shown[k])
-        for column in range(count // sub):
-            for colour in range(3):
-                total = np.float32(0.0)
-                for k in range(sub):
-                    for sample in range(column * sub, column * sub + sub):
-                        total += shown[k, colour, sample]
-                picture[row - corner[0], columns[0] + column - corner[1], colour] = total * part
+        for k in range(SUB):
+            _cover_body(row * SUB + k, first, still, place, look, body)
+            _cover_marks(row * SUB + k, first, still, place, look, (offs, exact, shares))
+            _colour(row * SUB + k, first, still, look.colours, (body, shares), shown[k])
+        into = picture[row - corner[0], columns[0] - corner[1] :]
+        for colour in range(3):
+            total[:] = 0.0
+            for k in range(SUB):
+                samples = shown[k, colour]
+                for column in range(wide):
+                    for sample in range(SUB):
+                        total[column] += samples[column * SUB + sample]
+            for column in range(wide):
+                into[column, colour] = total[column] * part
 
 
 @jit

@@ -153,13 +153,14 @@ def read_arm(folder: str | Path) -> Arm:
     of_fitness = _fitness(whole.only(kept))
     calm = replace(whole, score=parts["without_jitter"], home_score=parts["without_jitter_home"])
     rooms = replace(whole, score=whole.layout, home_score=parts["layout_home"])
+    homes = dict(zip(keys, whole.home.tolist(), strict=True))
     at_home = np.isfinite(whole.home_score).all(axis=1) & (individual == "fittest")
     return Arm(
         name=str(settings.get("arm")), folder=folder, settings=settings, data=whole.only(kept),
         fittest=replace(whole, score=whole.home_score).only(at_home),
         others={"without jitter": calm.only(kept), "layout alone": rooms.only(kept), "fitness": of_fitness},
         lost=int((champion & ~seen).sum()), calibration=tuple(read_calibration(folder / "calibration.csv")),
-        orders=read_orders(folder, settings.get("robot", "twin"), AGAIN),
+        orders=read_orders(folder, settings.get("robot", "twin"), AGAIN, homes),
     )  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,13 +22,16 @@ KEY = ("seed_set", "run", "evolved_level")
 BY_CAMERA = ("correspondence", "fitness_simulated", "fitness_situated", "fitness_pseudo")
 
 
-def read_orders(folder: Path, kind: str, cure: str) -> tuple[Order, ...]:
+def read_orders(
+    folder: Path, kind: str, cure: str, homes: Mapping[tuple[object, ...], int]
+) -> tuple[Order, ...]:
     """The orders of an arm's champions in each task; () where it does not know what robots read and did.
 
     Args:
         folder: with the tables.
         kind: of robot.
         cure: of a broken table.
+        homes: the calibration unit of each controller: task, seed set, run, evolved level, individual.
 
     Raises:
         StudyError: the table is broken.
@@ -37,19 +40,23 @@ def read_orders(folder: Path, kind: str, cure: str) -> tuple[Order, ...]:
         return ()
     table = read_table(folder / FILE, StudyError, needs=("task", *KEY, "unit", *LIVED, *BY_CAMERA), cure=cure)
     tasks, unit = np.array(table.texts("task")), table.whole("unit")
+    known = list(zip(table.texts("task"), *(table.numbers(key) for key in KEY), strict=True))
+    unknown = np.array([(*key, "champion") not in homes for key in known])
+    table.refuse(unknown, "run", "a champion of controllers.csv", [" ".join(map(str, k)) for k in known])
     who = np.stack([table.numbers(key) for key in KEY], axis=1)
     values = {name: table.numbers(name, empty=True) for name in (*LIVED, *BY_CAMERA)}
     made = []
     for task in dict.fromkeys(tasks.tolist()):
         own = tasks == task
-        _, row = np.unique(who[own], axis=0, return_inverse=True)
+        keys, row = np.unique(who[own], axis=0, return_inverse=True)
         units, column = np.unique(unit[own], return_inverse=True)
         grids = {name: np.full((row.max() + 1, len(units)), np.nan) for name in values}
         for name, grid in grids.items():
             grid[row, column] = values[name][own]
         columns = {name: means(grid) for name, grid in grids.items()}
+        home = np.array([homes[task, *key, "champion"] for key in keys.tolist()])
         names = task, "champion", kind
-        made.append(order_of(names, grids["distance"], grids["correspondence"], columns))
+        made.append(order_of(names, grids["distance"], grids["correspondence"], columns, home))
     return tuple(made)
 
 
@@ -69,9 +76,10 @@ def order_tables(name: str, orders: Sequence[Order]) -> list[NoiseTable]:
     table = NoiseTable(
         name=f"{name}-order",
         title=f"Arm {name}, without a camera: Spearman's rho, with the camera's score over champions, of the "
-        "Wasserstein distances of what the robot and the simulation at level 1 read and did (95 % over units "
-        "and controllers), and of their parts; Pearson's r of simulated and situated fitness (Kadian et al. "
-        "2020); rho of situated fitness with simulated fitness and with that in pseudo-realities.",
+        "Wasserstein distances of what the robot and the simulation at level 1 read and did (95 % over "
+        "calibration units with their controllers), and of their parts; Pearson's r of simulated and "
+        "situated fitness (Kadian et al. 2020); rho of situated fitness with simulated fitness and with that "
+        "in pseudo-realities.",
         head=("task", "champions", "without a camera", "is", "readings", "commands", "speeds",
               "replayed commands", "r of fitness", "simulated", "pseudo-realities"),
         rows=tuple(rows),

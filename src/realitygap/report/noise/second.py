@@ -13,7 +13,14 @@ import numpy as np
 
 from realitygap.errors import StudyError
 from realitygap.experiments.noise.second.arms import arm_names
-from realitygap.experiments.noise.second.verdicts import CLAIMS, PLAN, Comparison, StatedClaim, Verdict
+from realitygap.experiments.noise.second.verdicts import (
+    CLAIMS,
+    PLAN,
+    Comparison,
+    Judgement,
+    StatedClaim,
+    Verdict,
+)
 from realitygap.report.noise.arms import BEYOND, Arm, arm_folder, read_arm
 from realitygap.report.noise.asides import calibration_table, split_table
 from realitygap.report.noise.facts import Span
@@ -24,8 +31,8 @@ from realitygap.report.noise.tables import NoiseTable, Number, Row, probability
 from realitygap.report.page import Figures, OnProgress, Steps, Words, report_folder, write_page
 
 __all__ = [
-    "ARMS", "answer_figures", "answer_summary", "answer_tables", "build_answer", "headline", "read_arms",
-    "strays", "warned", "word_of",
+    "ARMS", "answer_figures", "answer_summary", "answer_tables", "build_answer", "estimate", "headline",
+    "read_arms", "strays", "warned", "word_of",
 ]  # fmt: skip
 
 ARMS = arm_names()
@@ -107,6 +114,12 @@ def _asked(name: str, one: Comparison) -> bool:
     return one.key != "d" or name == BEYOND
 
 
+def estimate(made: Judgement) -> str:
+    """The level at which tracks agree best, with its interval, and the word on (e)."""
+    top, word = made.peak, next(v.word for v in made.verdicts if v.claim.key == "e")
+    return f"{Number(span=Span(top.value, top.low, top.high))}, {word}"
+
+
 def _effect(one: Comparison) -> Number:
     return Number(span=Span(one.tested.effect), signed=True)
 
@@ -165,10 +178,8 @@ def _robust(arm: Arm) -> NoiseTable:
         cells = [again.get(name, ("–", 0.0)) for name in names]
         marked = [("▲ " if sign * one.tested.statistic < 0 else "") + text for text, sign in cells]
         rows.append((f"({one.key}) {one.by}", one.against, f"{_effect(one)}, {one.found}", *marked))
-    tops = [arm.judged.peak, *(made.peak for name, made in arm.robust.items() if name != "fitness")]
-    told = [str(Number(span=Span(top.value, top.low, top.high))) for top in tops]
-    told.insert(1 + names.index("fitness"), "–")
-    rows.append(("(e) peak", "", *told, "–"))
+    told = {name: estimate(made) for name, made in arm.robust.items() if name != "fitness"}
+    rows.append(("(e) peak", "", estimate(arm.judged), *(told.get(name, "–") for name in names)))
     return NoiseTable(
         name=f"{arm.name}-robust",
         title=f"Arm {arm.name}, again by other scores and other individuals: effect, and what would have "
@@ -247,8 +258,8 @@ def warned(arms: Sequence[Arm]) -> Iterator[str]:
             yield f"Arm {arm.name}: model error exceeds its limit in unit {units}; see the claims without."
         if arm.lost:
             yield f"Arm {arm.name}: the camera lost {arm.lost} controllers, which are not judged."
-        if not arm.mixed:
-            yield "Mixed models are left out: statsmodels is not installed (pip install 'realitygap[mixed]')."
+    if not all(arm.mixed for arm in arms):
+        yield "Mixed models are left out: statsmodels is not installed (pip install 'realitygap[mixed]')."
 
 
 def answer_summary(arms: Sequence[Arm]) -> dict[str, Any]:

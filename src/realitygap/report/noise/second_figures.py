@@ -45,6 +45,9 @@ def peaks_figure(arms: Sequence[Arm]) -> Figure:
                     zorder=5)  # fmt: skip
         ax.set_title(f"arm {arm.name}", fontsize=8)
         ax.set_xlabel("noise compared with")
+    widest = np.array([ax.get_xlim() for ax in axes.ravel()[: len(arms)]])
+    for ax in axes.ravel()[: len(arms)]:
+        ax.set_xlim(widest[:, 0].min(), widest[:, 1].max())
     for ax in axes[:, 0]:
         ax.set_ylabel("correspondence score")
     legend(figure, axes)

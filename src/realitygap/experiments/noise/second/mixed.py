@@ -1,6 +1,7 @@
 """Mixed models beside claims (b) and (d): random intercepts of unit and run, by statsmodels.
 
-They decide nothing; without statsmodels, an optional extra, there are none.
+Each run has one champion, so what is its own is the residual; runs that share a number at different levels
+share nothing else. They decide nothing; without statsmodels, an optional extra, there are none.
 """
 
 from __future__ import annotations
@@ -53,14 +54,9 @@ def _fitted(data: Crossed, values: Floats, level: NDArray[np.generic]) -> Tested
 
     tasks = np.array([data.task == task for task in data.tasks], np.float64)
     across = np.column_stack([level.astype(np.float64), tasks.T])
-    runs = np.array([f"{t}/{s}/{r}" for t, s, r in zip(data.task, data.seed_set, data.run, strict=True)])
-    units = np.array(sorted(set(data.home.tolist())))
-    columns = [np.unique(runs[data.home == unit]) for unit in units]
-    matrices = [
-        (runs[data.home == unit][:, None] == own).astype(np.float64)
-        for unit, own in zip(units, columns, strict=True)
-    ]
-    spec = VCSpec(["run"], [[list(map(str, own)) for own in columns]], [matrices])
+    units, sizes = np.unique(data.home, return_counts=True)
+    intercepts = [np.ones((size, 1)) for size in sizes]  # a component may vanish; a group's variance may not
+    spec = VCSpec(["unit"], [[["unit"] for _ in units]], [intercepts])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of variances at zero, where a random intercept has nothing to do
         try:

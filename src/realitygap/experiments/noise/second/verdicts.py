@@ -17,7 +17,9 @@ from realitygap.experiments.noise.second import stratified
 from realitygap.experiments.noise.second.stratified import Groups, Tested
 from realitygap.values import Floats
 
-__all__ = ["CLAIMS", "PLAN", "Comparison", "Judgement", "Peak", "Plan", "StatedClaim", "Verdict", "judge"]
+__all__ = [
+    "CLAIMS", "PLAN", "Comparison", "Judgement", "Peak", "Plan", "StatedClaim", "Verdict", "judge", "peak_of",
+]  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +128,7 @@ def judge(data: Crossed, plan: Plan = PLAN) -> Judgement:
     twelve = [c for c in every if (c.key, c.by) in stated]
     corrected = holm([c.tested.p for c in twelve])
     told = [_found(c, p, plan) for c, p in zip(twelve, corrected, strict=True)]
-    top, verdicts = _peak(data, plan), []
+    top, verdicts = peak_of(data, plan), []
     for claim in CLAIMS:
         own = tuple(c for c in told if (c.key, c.by) == (claim.key, claim.by))
         word = _estimate(top, plan) if claim.key == "e" else _word([c.found for c in own])
@@ -214,7 +216,7 @@ def _estimate(top: Peak, plan: Plan) -> str:
     return "reversed" if top.high < low or top.low > high else "open"
 
 
-def _peak(data: Crossed, plan: Plan) -> Peak:
+def peak_of(data: Crossed, plan: Plan = PLAN) -> Peak:
     """The peak of (a)'s curve; units are drawn again, and of each its controllers, cell by cell."""
     draw, homes = np.random.default_rng(plan.seed), sorted(set(data.home.tolist()))
     chosen = draw.multinomial(len(homes), np.full(len(homes), 1 / len(homes)), size=plan.resamples)
