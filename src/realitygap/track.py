@@ -23,11 +23,9 @@ from realitygap import whole
 from realitygap.errors import TrackError, UsageError
 from realitygap.table import Table, read_table
 from realitygap.text import to_csv
-from realitygap.values import Pose
+from realitygap.values import Floats, Pose
 
 __all__ = ["COLUMNS", "Track", "Trajectory", "read_track", "read_tracks", "settled"]
-
-Floats = NDArray[np.float64]
 
 LATE_S = 0.015
 """How far from a tenth of a second a step's row is still written as that."""

@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from realitygap.errors import UsageError
 
-__all__ = ["Closing", "Command", "Pose", "Readings", "as_count", "as_stream", "fed"]
+__all__ = ["Closing", "Command", "Floats", "Pose", "Readings", "as_count", "as_stream", "fed"]
+
+Floats = NDArray[np.float64]
 
 
 class Closing:
@@ -81,11 +83,11 @@ class Pose:
 class Readings:
     """What a robot's sensors say, in its own counts: [P] proximity, [A] ambient."""
 
-    proximity: NDArray[np.float64]
-    ambient: NDArray[np.float64]
+    proximity: Floats
+    ambient: Floats
 
 
-def fed(sensed: Any, feeds: str) -> NDArray[np.float64]:
+def fed(sensed: Any, feeds: str) -> Floats:
     """The readings [..., S] that a task feeds, of Readings, a Trajectory or a Recording: "proximity" or
     "ambient" alone, or "proximity+ambient" in this order."""
     return np.concatenate([getattr(sensed, kind) for kind in feeds.split("+")], axis=-1)

@@ -73,8 +73,7 @@ def test_a_reflectance_that_hangs_on_the_form_is_not_believed():
 
     def fit(value: float) -> Fit:
         at = Constant(key="reflectance_1", value=value, low=value - 0.01, high=value + 0.01)
-        one = np.zeros(1)
-        return Fit(values={}, constants=(at,), alike=(), model=one, evaluations=0, theta=one)
+        return Fit(values={}, constants=(at,), alike=(), model=np.zeros(1))
 
     found, said = agreed("measured", {"extended": fit(0.5), "measured": fit(0.62)})
     assert not found.constants[0].told and "0.620 by measured, 0.500 by extended" in said[0]

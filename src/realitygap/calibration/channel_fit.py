@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from realitygap.calibration.misfit import LIMITS, Misfit
 from realitygap.calibration.noise import NoiseEstimate
 from realitygap.calibration.solve import Fit
+from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
 __all__ = ["LOOKUP", "MEASURED", "UNLIT", "ChannelFit", "doubts", "unmeasured"]
-
-Array = NDArray[np.float64]
 
 MEASURED = "measured"
 """The form of curves: measured.py, light_measured.py."""
@@ -67,12 +66,12 @@ class ChannelFit:
     dead: dict[int, str]
     warnings: tuple[str, ...]
     source: str
-    distance_cm: Array = field(repr=False)
-    bearing_deg: Array = field(repr=False)
+    distance_cm: Floats = field(repr=False)
+    bearing_deg: Floats = field(repr=False)
     name: NDArray[np.str_] = field(repr=False)
-    counts: Array = field(repr=False)
-    model: Array = field(repr=False)
-    span: Array = field(repr=False)
+    counts: Floats = field(repr=False)
+    model: Floats = field(repr=False)
+    span: Floats = field(repr=False)
 
     @property
     def rmse(self) -> float:

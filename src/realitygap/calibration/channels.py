@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.calibration.channel_fit import LOOKUP, MEASURED, ChannelFit, doubts
 from realitygap.calibration.checks import refuse_nonsense
@@ -22,12 +21,11 @@ from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import FOLDS, PROXIMITY_COUNTS, REFLECTANCE, Rows
 from realitygap.calibration.solve import Fit
 from realitygap.errors import CalibrationError, ConfigError
+from realitygap.values import Floats
 from realitygap.world.look_up import LookUp
 from realitygap.world.profile import Profile
 
 __all__ = ["AUTO", "agreed", "contradicted", "fit_infrared", "fit_light", "ticks"]
-
-Array = NDArray[np.float64]
 
 AUTO = "auto"
 """The form that errs least on places held out, where readings are neither dark nor saturated."""
@@ -174,7 +172,7 @@ def fit_light(
 
 
 def _channel(
-    kind: str, form: str, rows: Rows, fits: dict[str, Fit], held_out: dict[str, Array], profile: Profile
+    kind: str, form: str, rows: Rows, fits: dict[str, Fit], held_out: dict[str, Floats], profile: Profile
 ) -> ChannelFit:
     """The form that was taken, with what is said of all: `held_out` [n, S] by form."""
     fit = fits[form]

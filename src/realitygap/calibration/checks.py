@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.recordings.recording import Recording, SensorRecording, count_unit
 from realitygap.errors import CalibrationError
+from realitygap.values import Floats
 from realitygap.world.profile import Profile
 from realitygap.world.sensors import AmbientSensor, ProximitySensor
 
@@ -20,8 +21,6 @@ __all__ = [
     "dead_sensors", "refuse_mixed", "refuse_nonsense", "refuse_other_kind", "refuse_silent",
     "refuse_swapped", "refuse_units",
 ]  # fmt: skip
-
-Array = NDArray[np.float64]
 
 DARKEST = 10.0
 """Ambient light reads more, counts of the paper's robot, however bright: its sensors end at about 50."""
@@ -120,7 +119,7 @@ def refuse_swapped(recording: SensorRecording, profile: Profile, dead: dict[int,
     )
 
 
-def _expected(sensors: Sequence[ProximitySensor] | Sequence[AmbientSensor]) -> Array:
+def _expected(sensors: Sequence[ProximitySensor] | Sequence[AmbientSensor]) -> Floats:
     """[S] the bearing that each sensor should answer to: between its direction and that of its place."""
     there = np.array([math.degrees(math.atan2(s.y_cm, s.x_cm)) for s in sensors])
     looks = np.array([s.direction_deg for s in sensors])
@@ -128,7 +127,7 @@ def _expected(sensors: Sequence[ProximitySensor] | Sequence[AmbientSensor]) -> A
 
 
 def _refuse_exchanged(
-    recording: SensorRecording, answers: Array, expected: Array, live: NDArray[np.bool_]
+    recording: SensorRecording, answers: Floats, expected: Floats, live: NDArray[np.bool_]
 ) -> tuple[str, ...]:
     """Warnings about two sensors that seem to be exchanged: each answers on the other's side of the other.
 
@@ -192,7 +191,7 @@ def refuse_other_kind(recording: SensorRecording, top: float) -> None:
         )
 
 
-def refuse_nonsense(where: str, counts: Array, model: Array, dead: dict[int, str]) -> None:
+def refuse_nonsense(where: str, counts: Floats, model: Floats, dead: dict[int, str]) -> None:
     """Refuse a fit that explains less than half of what the sensors did.
 
     Args:
@@ -248,7 +247,7 @@ def _all_round(recording: SensorRecording) -> bool:
     return len(turned) >= 4 and float(np.diff(np.append(turned, turned[0] + 360.0)).max()) <= 100.0
 
 
-def _signal(recording: SensorRecording, top: float) -> Array:
+def _signal(recording: SensorRecording, top: float) -> Floats:
     """[n, S] 0 in the dark, 1 saturated."""
     if recording.kind == "infrared":
         return np.nan_to_num(recording.counts) / top
@@ -256,7 +255,7 @@ def _signal(recording: SensorRecording, top: float) -> Array:
     return np.asarray((high - recording.counts) / max(high - low, 1.0))
 
 
-def _answers(recording: SensorRecording, top: float) -> tuple[Array, NDArray[np.bool_]]:
+def _answers(recording: SensorRecording, top: float) -> tuple[Floats, NDArray[np.bool_]]:
     """[S] the bearing that each sensor answers to, degrees, and whether that is sure."""
     bearing, signal = np.radians(recording.bearing_deg), np.clip(_signal(recording, top), 0.0, 1.0)
     signal = np.where(signal > 0.1, signal, 0.0)
@@ -267,10 +266,10 @@ def _answers(recording: SensorRecording, top: float) -> tuple[Array, NDArray[np.
     return np.degrees(np.angle(total)), np.asarray(sure)
 
 
-def _turn(degrees: Array) -> Array:
+def _turn(degrees: Floats) -> Floats:
     """The same turn the shorter way round."""
     return np.asarray((degrees + 180.0) % 360.0 - 180.0)
 
 
-def _apart(a: Array, b: Array) -> Array:
+def _apart(a: Floats, b: Floats) -> Floats:
     return np.abs(_turn(a - b))

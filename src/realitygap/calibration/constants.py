@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SIGMAS", "Constant", "blind_pairs", "filling", "moved"]
+from realitygap.values import Floats
 
-Array = NDArray[np.float64]
+__all__ = ["SIGMAS", "Constant", "blind_pairs", "filling", "moved"]
 
 SIGMAS = 1.96
 """Intervals hold 95 %."""
@@ -27,7 +27,7 @@ class Constant:
     told: bool = True
 
 
-def moved(constant: Constant, values: Mapping[str, Array]) -> Constant:
+def moved(constant: Constant, values: Mapping[str, Floats]) -> Constant:
     """A constant with the value that was kept in the end, its interval about that."""
     key, _, number = constant.key.rstrip("]").partition("[")
     value = float(values[key][int(number or 0)])
@@ -35,7 +35,7 @@ def moved(constant: Constant, values: Mapping[str, Array]) -> Constant:
     return replace(constant, value=value, low=constant.low + by, high=constant.high + by)
 
 
-def filling(scores: Array, clusters: NDArray[np.int64]) -> Array:
+def filling(scores: Floats, clusters: NDArray[np.int64]) -> Floats:
     """[p, p] a sandwich covariance's filling of scores [n, p]: rows of one cluster [n] err together.
 
     Liang and Zeger, "Longitudinal data analysis using generalized linear models" (Biometrika 73, 1986).
@@ -46,7 +46,7 @@ def filling(scores: Array, clusters: NDArray[np.int64]) -> Array:
     return np.asarray(sums.T @ sums * (len(sums) / max(len(sums) - 1, 1)))
 
 
-def blind_pairs(names: Sequence[str], curvature: Array) -> tuple[tuple[str, str, float], ...]:
+def blind_pairs(names: Sequence[str], curvature: Floats) -> tuple[tuple[str, str, float], ...]:
     """Pairs of constants whose estimates hang together by `|ρ| ≥ 0.95`: of two kinds the closest pair."""
     size = np.sqrt(np.diag(curvature))
     moves = np.flatnonzero(size > 1e-9 * size.max(initial=1e-300))

@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.values import Floats
+
 __all__ = ["STEPS", "Curves", "Seen", "on_curves", "smoothness"]
 
-Array = NDArray[np.float64]
 Use = NDArray[np.bool_]
 
 STEPS = 80
@@ -28,7 +29,7 @@ SMOOTH = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
 """Weights of bends that are tried on places held out."""
 
 
-def _bends(at: Array) -> Array:
+def _bends(at: Floats) -> Floats:
     """[3, STEPS + 1] bands of the sum of squared second differences of a curve over `at`; at equal steps
     these are the plain ones."""
     gap = np.diff(at)
@@ -54,10 +55,10 @@ class Seen:
     Readings below `dead` are 0; `smooth` weighs bends over the share, or over the light if `linear`.
     """
 
-    counts: Array
+    counts: Floats
     use: Use
     top: float
-    most: Array | float
+    most: Floats | float
     noise: float
     dead: float = 0.0
     smooth: float = SMOOTH[1]
@@ -69,7 +70,7 @@ class Seen:
         return float(np.sqrt(np.mean(low**2))) if len(low) else 0.0
 
 
-def on_curves(curves: Array, u: Array) -> Array:
+def on_curves(curves: Floats, u: Floats) -> Floats:
     """Counts [n, S] of sensors on their curves [S, STEPS + 1] at shares u [n, S]."""
     at = np.clip(u, 0.0, 1.0) * STEPS
     j = np.minimum(at.astype(np.int64), STEPS - 1)
@@ -81,7 +82,7 @@ class Curves:
     """The fit at shares u [n, S]: the normal equations are gathered once, their right side as often as
     readings at the ends are taken anew."""
 
-    def __init__(self, seen: Seen, u: Array) -> None:
+    def __init__(self, seen: Seen, u: Floats) -> None:
         self._seen, self._u = seen, u
         at = np.clip(u, 0.0, 1.0) * STEPS
         j = np.minimum(at.astype(np.int64), STEPS - 1)
@@ -98,14 +99,14 @@ class Curves:
         self._bread = np.zeros((3, sensors, STEPS + 1))
         self._bread[2], self._bread[1, :, 1:] = diagonal, beside[:, :-1]
 
-    def _sum(self, here: Array, there: Array | None) -> Array:
+    def _sum(self, here: Floats, there: Floats | None) -> Floats:
         """[S, STEPS + 1] sums over the readings of each cell."""
         total = np.bincount(self._cell.ravel(), here.ravel(), self._size + 1)
         if there is not None:
             total += np.bincount(self._cell.ravel() + 1, there.ravel(), self._size + 1)
         return np.asarray(total[: self._size].reshape(-1, STEPS + 1))
 
-    def fitted(self) -> Array:
+    def fitted(self) -> Floats:
         """The curves [S, STEPS + 1], from 0 to where each saturates, never falling."""
         common = self._solved(self._bread.sum(axis=1, keepdims=True), np.zeros((1, STEPS + 1)), pooled=True)
         curves = self._solved(self._bread, np.repeat(common, self._bread.shape[1], 0), pooled=False)
@@ -113,7 +114,7 @@ class Curves:
         # Below half a count there is nothing: so that a sensor's reach ends.
         return np.where(curves < curves[:, :1] + 0.5, curves[:, :1], curves)
 
-    def _solved(self, bread: Array, towards: Array, *, pooled: bool) -> Array:
+    def _solved(self, bread: Floats, towards: Floats, *, pooled: bool) -> Floats:
         seen, held = self._seen, self._held(bread, None if pooled else towards)
         size, matrix, pulled = bread[2].mean(), bread + held, _times(held, towards)
         curves, falls = towards.copy(), np.zeros((len(towards), STEPS))
@@ -133,14 +134,14 @@ class Curves:
             falls = np.maximum(falls, fell)
         return curves
 
-    def _held(self, bread: Array, common: Array | None) -> Array:
+    def _held(self, bread: Floats, common: Floats | None) -> Floats:
         """What holds curves where readings do not: little bends, and the curve of all, if there is one."""
         bends = OVER_LIGHT if self._seen.linear else OVER_SHARE
         held = np.repeat(bends[:, None] * (self._seen.smooth * STEPS**3 * bread[2].mean()), bread.shape[1], 1)
         held[2] += 1e-12 if common is None else (ALIKE * np.maximum(common, self._seen.top)) ** -2.0
         return held
 
-    def deviations(self, curves: Array) -> Array:
+    def deviations(self, curves: Floats) -> Floats:
         """[S, STEPS + 1] standard errors of fitted curves' values, counts; infinite where no reading is near.
 
         The light is taken as it is; what the curves leave over counts as noise.
@@ -156,7 +157,7 @@ class Curves:
         size = np.sqrt(np.diagonal(np.linalg.inv(dense), axis1=1, axis2=2))
         return np.where(self._bread[2] > 0, size * left[:, None], np.inf)
 
-    def _full(self, curves: Array) -> Array:
+    def _full(self, curves: Floats) -> Floats:
         """Readings, with what is expected beyond where one ends at 0, in the dead zone or at the top."""
         from scipy.special import ndtr
 
@@ -170,13 +171,13 @@ class Curves:
         out[low] = np.minimum(model, self._seen.dead)
         return out.reshape(counts.shape)
 
-    def _at(self, curves: Array, where: NDArray[np.int64]) -> Array:
+    def _at(self, curves: Floats, where: NDArray[np.int64]) -> Floats:
         """What curves read there, by the number of a reading."""
         values, cell, share = curves.ravel(), self._cell.ravel()[where], self._share.ravel()[where]
         return np.asarray(values[cell] + share * (values[cell + 1] - values[cell]))
 
 
-def _solve(bands: Array, right: Array) -> Array:
+def _solve(bands: Floats, right: Floats) -> Floats:
     """[S, n] what symmetric matrices of these bands take to the right sides: all as one long matrix."""
     from scipy.linalg.lapack import dpbsv
 
@@ -186,7 +187,7 @@ def _solve(bands: Array, right: Array) -> Array:
     return np.asarray(found.reshape(right.shape))
 
 
-def _times(bands: Array, vectors: Array) -> Array:
+def _times(bands: Floats, vectors: Floats) -> Floats:
     """[S, n] symmetric matrices of these bands times vectors."""
     out = bands[2] * vectors
     for k in (1, 2):
@@ -195,7 +196,7 @@ def _times(bands: Array, vectors: Array) -> Array:
     return np.asarray(out)
 
 
-def smoothness(seen: Seen, u: Array, folds: NDArray[np.int64]) -> Seen:
+def smoothness(seen: Seen, u: Floats, folds: NDArray[np.int64]) -> Seen:
     """The same, with the bends with which curves err least on places held out.
 
     Args:

@@ -5,18 +5,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.calibration.forms import FINE_DEG, free_directions, free_reflectances, free_turns, scan
 from realitygap.calibration.optics import SHARES, Optics, about_rig, shift_of
 from realitygap.calibration.rows import Rows
 from realitygap.calibration.search import search
 from realitygap.calibration.solve import Fit, Free, Measured, Values, solve
+from realitygap.values import Floats
 from realitygap.world.sensors import ProximitySensor
 
 __all__ = ["ENDS_CM", "PLAIN", "Descent"]
-
-Array = NDArray[np.float64]
 
 PLAIN = 1.02
 """What is less plain has to be so much better: where readings do not tell, one beam without an end."""
@@ -72,14 +70,14 @@ class Descent:
 
     def stage(
         self, optics: Optics, values: Values, noise: float, reach: float
-    ) -> tuple[Optics, dict[str, Array]]:
+    ) -> tuple[Optics, dict[str, Floats]]:
         """Directions, then where rays end, then all else: nearer, as if readings were good to `noise`."""
         values = self.turned(optics, values, noise, reach)
         optics = optics.centred(values)
         values = self.ended(optics, values, ENDS_CM)
         return optics, self.solved(optics, values, noise).values
 
-    def searched(self, optics: Optics, values: Values) -> dict[str, Array]:
+    def searched(self, optics: Optics, values: Values) -> dict[str, Floats]:
         """Better values: at random first, and then by least squares."""
         if not self.straight:
             use = optics.seen.use
@@ -94,21 +92,21 @@ class Descent:
                 values = self.turned(optics, values, self._noise, reach)
         return self.mended(optics, values, self.solved(optics, values, self._noise).values)
 
-    def mended(self, optics: Optics, values: Values, solved: Values) -> dict[str, Array]:
+    def mended(self, optics: Optics, values: Values, solved: Values) -> dict[str, Floats]:
         """The values that least squares led to, with rays that end where they should; or those before."""
         found = self.turned(optics, solved, self._noise, FINE_DEG[-1])
         tried: tuple[Values, ...] = (values, self.ended(optics, found))
         best = min(tried, key=lambda v: self.left(optics, v))
         return dict(best)
 
-    def turned(self, optics: Optics, values: Values, noise: float, reach: float) -> dict[str, Array]:
+    def turned(self, optics: Optics, values: Values, noise: float, reach: float) -> dict[str, Floats]:
         """The values with each sensor looking where that leaves least over."""
         if self.straight:
             return dict(values)
         use = optics.seen.use
         return scan(lambda tried: optics.readings(tried, use), values, self._seen(optics, noise), reach)
 
-    def ended(self, optics: Optics, values: Values, ends: Sequence[float] = ()) -> dict[str, Array]:
+    def ended(self, optics: Optics, values: Values, ends: Sequence[float] = ()) -> dict[str, Floats]:
         """The values with rays that end where that leaves least over: nowhere, unless it is much better."""
         if self.straight:  # a dead zone says as much
             return dict(values)

@@ -11,6 +11,7 @@ from realitygap.calibration.forward import Scene
 from realitygap.calibration.rows import Rows
 from realitygap.calibration.search import DRAWS, search
 from realitygap.calibration.solve import Fit, Free, Measured, Model, Values, solve
+from realitygap.values import Floats
 from realitygap.world.arena import WHITEST
 from realitygap.world.profile import Profile
 from realitygap.world.sensors import AmbientSensor, ProximitySensor
@@ -19,8 +20,6 @@ __all__ = [
     "FINE_DEG", "Problem", "Tick", "columns_of", "fit_forms", "free_directions", "free_reflectances",
     "free_turns", "mend_dead", "mended", "nominal", "scan", "solve_form", "with_columns",
 ]  # fmt: skip
-
-Array = NDArray[np.float64]
 
 Tick = Callable[[], None]
 S = TypeVar("S", ProximitySensor, AmbientSensor)
@@ -103,7 +102,7 @@ def with_columns(sensors: Sequence[S], columns: Mapping[str, Sequence[Any]]) -> 
 
 def fit_forms(
     rows: Rows, problems: Mapping[str, Problem], form: str, noise: float, tick: Tick
-) -> tuple[dict[str, Fit], Array, list[tuple[NDArray[np.bool_], Values]]]:
+) -> tuple[dict[str, Fit], Floats, list[tuple[NDArray[np.bool_], Values]]]:
     """Every form's fit; what the form that was asked for reads [n, S] on places held out; and those places
     [n] with the values that were fitted without them.
 
@@ -186,7 +185,7 @@ def _searched(problem: Problem, measured: Measured, start: Values, *, draws: int
     return solve(problem.frees, problem.model, measured, start=values, intervals=last)
 
 
-def scan(model: Model, values: Values, measured: Measured, reach: float) -> dict[str, Array]:
+def scan(model: Model, values: Values, measured: Measured, reach: float) -> dict[str, Floats]:
     """The values, with each sensor's direction where it leaves least over within `reach` degrees.
 
     Where direct light is bright, or a ray ends, a sensor's reading drops within a degree, and no derivative
@@ -203,7 +202,7 @@ def scan(model: Model, values: Values, measured: Measured, reach: float) -> dict
     return {**values, "direction_deg": chosen}
 
 
-def mend_dead(values: dict[str, Array], frees: Sequence[Free], dead: dict[int, str]) -> dict[str, Array]:
+def mend_dead(values: dict[str, Floats], frees: Sequence[Free], dead: dict[int, str]) -> dict[str, Floats]:
     """A sensor that told nothing gets the others' median, and its own direction."""
     start = {f.key: f.start for f in frees}
     out = {}
@@ -216,7 +215,7 @@ def mend_dead(values: dict[str, Array], frees: Sequence[Free], dead: dict[int, s
     return out
 
 
-def mended(fit: Fit, values: dict[str, Array], dead: Collection[int]) -> Fit:
+def mended(fit: Fit, values: dict[str, Floats], dead: Collection[int]) -> Fit:
     """The fit with dead sensors' constants as the profile has them: no reading told them."""
     at = {f"{key}[{k}]": float(value[k]) for key, value in values.items() if len(value) > 1 for k in dead}
     constants = tuple(

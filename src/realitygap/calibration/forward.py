@@ -18,12 +18,11 @@ from realitygap.calibration.recordings.recording import SensorRecording, WheelRe
 from realitygap.kernels.params import Arena as KernelArena
 from realitygap.kernels.params import Networks, Robot, Trial
 from realitygap.kernels.work import Work, new_work
+from realitygap.values import Floats
 from realitygap.world.arena import Arena, Cylinder, Lamp
 from realitygap.world.profile import Profile
 
 __all__ = ["Scene", "illumination", "light_readings", "proximity", "received", "scene_of", "wheel_speeds"]
-
-Array = NDArray[np.float64]
 
 ROOM_CM = 1000.0
 """A room so large that its other walls are out of everything's reach."""
@@ -38,7 +37,7 @@ class Scene:
     """
 
     arena: KernelArena
-    poses: Array
+    poses: Floats
     row: NDArray[np.int64]
     bare: bool = False
     paint: str = ""
@@ -48,11 +47,11 @@ class Scene:
         surfaces = np.full(1 + len(self.arena.cylinders), reflectance)
         return replace(self, arena=self.arena._replace(reflectance=surfaces))
 
-    def tried(self, values: Mapping[str, Array]) -> Scene:
+    def tried(self, values: Mapping[str, Floats]) -> Scene:
         """The same with the reflectance that a fit tries, if it tries one."""
         return self.painted(float(values[self.paint][0])) if self.paint in values else self
 
-    def turned(self, degrees: float, away_cm: float = 0.0) -> Array:
+    def turned(self, degrees: float, away_cm: float = 0.0) -> Floats:
         """The poses, if the rig stood this much further counter-clockwise than it was thought to, or away."""
         return np.asarray(self.poses + np.array([-away_cm, 0.0, math.radians(degrees)]))
 
@@ -86,7 +85,7 @@ def scene_of(recording: SensorRecording, paint: str = "") -> Scene:
     return scene.painted(recording.reflectance) if known and recording.reflectance != 1.0 else scene
 
 
-def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0, away_cm: float = 0.0) -> Array:
+def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0, away_cm: float = 0.0) -> Floats:
     """Noise-free proximity readings [n, P] of a recording's rows, counts."""
     from realitygap.kernels.sweep import sweep_infrared
 
@@ -96,7 +95,7 @@ def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0, away_cm: fl
     return np.where(out < profile.infrared.dead, 0.0, out)[scene.row]
 
 
-def received(robot: Robot, rigs: Sequence[tuple[Scene, float, float]]) -> Array:
+def received(robot: Robot, rigs: Sequence[tuple[Scene, float, float]]) -> Floats:
     """What reaches measured proximity sensors [m, P] before their curves, at several scenes' places.
 
     Args:
@@ -113,7 +112,7 @@ def received(robot: Robot, rigs: Sequence[tuple[Scene, float, float]]) -> Array:
     return np.concatenate(parts)
 
 
-def illumination(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Array:
+def illumination(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Floats:
     """Illumination A [n, A] of the ambient sensors, before their gains."""
     from realitygap.kernels import sweep
 
@@ -124,7 +123,7 @@ def illumination(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Array
     return out[scene.row]
 
 
-def light_readings(profile: Profile, light: Array, gain: Array | None = None) -> Array:
+def light_readings(profile: Profile, light: Floats, gain: Floats | None = None) -> Floats:
     """Noise-free ambient readings of an illumination [n, A], counts: the kernels' law for arrays.
 
     `gain` [A]: the profile's own if None.
@@ -143,7 +142,7 @@ def light_readings(profile: Profile, light: Array, gain: Array | None = None) ->
         return np.asarray(np.minimum(floor + 1.0 / np.sqrt(np.maximum(total, 0.0)), dark))
 
 
-def wheel_speeds(profile: Profile, recording: WheelRecording) -> Array:
+def wheel_speeds(profile: Profile, recording: WheelRecording) -> Floats:
     """Speeds [n, 2] (cm/s) of noise-free wheels in the step that follows each row."""
     from realitygap.kernels.sweep import sweep_wheels
 

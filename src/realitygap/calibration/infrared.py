@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.calibration.forms import (
     Problem,
@@ -21,11 +20,10 @@ from realitygap.calibration.forward import Scene, proximity
 from realitygap.calibration.recordings.recording import count_unit
 from realitygap.calibration.rows import PROXIMITY_COUNTS, Rows
 from realitygap.calibration.solve import ROBUST_AT, Fit, Free, Values
+from realitygap.values import Floats
 from realitygap.world.profile import Profile, load_profile
 
 __all__ = ["INFRARED_FORMS", "infrared_problems", "with_infrared"]
-
-Array = NDArray[np.float64]
 
 INFRARED_FORMS = ("paper", "individual", "extended")
 """Common a and b; a and b for each sensor; also directions, distance offset, exponent of the cosine, and
@@ -115,7 +113,7 @@ def with_infrared(profile: Profile, values: Values) -> Profile:
     return replace(profile, infrared=replace(law, sensors=fitted, exponent=exponent))
 
 
-def infrared_model(profile: Profile, values: Values, scenes: Sequence[tuple[str, Scene]]) -> Array:
+def infrared_model(profile: Profile, values: Values, scenes: Sequence[tuple[str, Scene]]) -> Floats:
     """Noise-free readings [n, P] of several recordings, one after another, at each rig's turn."""
     made = with_infrared(profile, values)
     return np.concatenate(

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.calibration.checks import (
     dead_sensors,
@@ -39,11 +38,10 @@ from realitygap.calibration.wheels.odometry import (
     measured_speeds,
 )
 from realitygap.errors import CalibrationError
+from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
 __all__ = ["LIMITS", "Judgement", "judge"]
-
-Array = NDArray[np.float64]
 
 FITS = 1.25
 """A measured noise deviation within this factor of the profile's fits it."""
@@ -68,8 +66,8 @@ class Judgement:
     brightness: float
     reflectance: float
     within: float
-    counts: Array = field(repr=False)
-    model: Array = field(repr=False)
+    counts: Floats = field(repr=False)
+    model: Floats = field(repr=False)
     warnings: tuple[str, ...] = ()
 
     @property
@@ -158,7 +156,7 @@ def _doubts(recording: SensorRecording, profile: Profile) -> tuple[dict[int, str
 
 def _fitted_out(
     recording: SensorRecording, profile: Profile, scene: Scene, live: list[int]
-) -> tuple[float, float, Array]:
+) -> tuple[float, float, Floats]:
     """The rig's turn (degrees), an unknown lamp's brightness or surface's reflectance, and the model's
     readings with both."""
     from scipy.optimize import least_squares
@@ -167,7 +165,7 @@ def _fitted_out(
     lamp = recording.kind == "ambient" and not known
     paint = math.isnan(recording.reflectance)
 
-    def readings(theta: Array) -> Array:
+    def readings(theta: Floats) -> Floats:
         turn = 0.0 if known else float(theta[0])
         if recording.kind == "infrared":
             return proximity(profile, scene.painted(math.exp(theta[1])) if paint else scene, turn)
@@ -183,7 +181,7 @@ def _fitted_out(
     scales = np.linspace(-14, 14, 15) if lamp else np.linspace(-3, 2, 11) if paint else (0.0,)
     starts = [np.array([0.0, s])[:size] for s in scales]
 
-    def residuals(theta: Array) -> Array:
+    def residuals(theta: Floats) -> Floats:
         return np.asarray((readings(theta) - recording.counts)[:, live].ravel())
 
     start = min(starts, key=lambda theta: float((residuals(theta) ** 2).sum()))

@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.calibration.forms import columns_of, free_directions, free_turns, with_columns
 from realitygap.calibration.forward import Scene, illumination, light_readings
 from realitygap.calibration.recordings.recording import count_unit
 from realitygap.calibration.solve import Free, Values
+from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
 __all__ = [
@@ -26,7 +26,6 @@ __all__ = [
     "with_light",
 ]
 
-Array = NDArray[np.float64]
 Scenes = Sequence[tuple[str, Scene]]
 
 GAIN = "log_gain"
@@ -50,7 +49,7 @@ LAMP_JUMP_CM = 0.4
 centimetre beside it, and a search with steps of 0.1 cm stayed there."""
 
 
-def light_frees(form: str, profile: Profile, scenes: Scenes, counts: Array, *, room: bool) -> list[Free]:
+def light_frees(form: str, profile: Profile, scenes: Scenes, counts: Floats, *, room: bool) -> list[Free]:
     """The constants that a form leaves free.
 
     Args:
@@ -120,7 +119,7 @@ def _extended(profile: Profile, room: bool) -> list[Free]:
     return frees
 
 
-def _first_gains(form: str, profile: Profile, scenes: Scenes, counts: Array) -> Array:
+def _first_gains(form: str, profile: Profile, scenes: Scenes, counts: Floats) -> Floats:
     """Gains [S] with which the law is right in the middle of each sensor's range."""
     light = np.concatenate([illumination(profile, scene) for _, scene in scenes])
     floor, dark = profile.ambient.floor, profile.ambient.dark
@@ -174,7 +173,7 @@ def _moved(profile: Profile, values: Values) -> dict[str, list[float]]:
     return {"x_cm": x_cm, "y_cm": y_cm}
 
 
-def light_model(profile: Profile, values: Values, scenes: Scenes, form: str, memory: LightMemory) -> Array:
+def light_model(profile: Profile, values: Values, scenes: Scenes, form: str, memory: LightMemory) -> Floats:
     """Noise-free readings [n, A] of several recordings, one after another, at each rig's turn.
 
     Args:
@@ -194,7 +193,7 @@ class LightMemory:
     gains alone do not change."""
 
     def __init__(self) -> None:
-        self._kept: dict[tuple[object, ...], Array] = {}
+        self._kept: dict[tuple[object, ...], Floats] = {}
         self._last: tuple[Values, Profile] | None = None
 
     def profile(self, base: Profile, values: Values, form: str) -> Profile:
@@ -207,7 +206,7 @@ class LightMemory:
             )
         return last[1]
 
-    def light(self, profile: Profile, values: Values, scenes: Scenes) -> Array:
+    def light(self, profile: Profile, values: Values, scenes: Scenes) -> Floats:
         """[n, A] illumination, taken anew only where what it depends on has changed."""
         law = profile.ambient
         turns = tuple(float(values[name][0]) if name in values else 0.0 for name, _ in scenes)

@@ -15,11 +15,11 @@ from realitygap.calibration.forms import with_columns
 from realitygap.calibration.light import LightMemory, with_light
 from realitygap.calibration.rows import Rows
 from realitygap.calibration.solve import Values
+from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
 __all__ = ["LightCurves"]
 
-Array = NDArray[np.float64]
 EXTENDED = "extended"
 
 
@@ -37,11 +37,11 @@ class LightCurves:
         self._seen = smoothness(seen, self._share(light), rows.folds())
         self._values = values
 
-    def model(self) -> Array:
+    def model(self) -> Floats:
         """[n, A] what they read, counts."""
         return self._read(self._values, np.zeros(len(self._rows.counts), bool))
 
-    def held_out(self, folds: Sequence[tuple[NDArray[np.bool_], Values]]) -> Array:
+    def held_out(self, folds: Sequence[tuple[NDArray[np.bool_], Values]]) -> Floats:
         """[n, A] what they read on places held out, by the extended form's fits without each.
 
         Args:
@@ -63,20 +63,20 @@ class LightCurves:
         measured = replace(law, response="measured", curve_light=self._knee * scale, sensors=sensors)
         return replace(extended, ambient=measured)
 
-    def _light(self, values: Values) -> Array:
+    def _light(self, values: Values) -> Floats:
         """[n, A] the light that reaches each sensor, times its gain."""
         made = with_light(self._base, values, EXTENDED)
         light = LightMemory().light(made, values, self._rows.scenes)
         return np.asarray(light * np.array([sensor.gain for sensor in made.ambient.sensors]))
 
-    def _share(self, light: Array) -> Array:
+    def _share(self, light: Floats) -> Floats:
         """[n, A] how far along its curve each reading lies."""
         root = np.sqrt(light)
         return np.asarray(root / (root + np.sqrt(self._knee)))
 
-    def _curves(self, values: Values, without: NDArray[np.bool_]) -> Array:
+    def _curves(self, values: Values, without: NDArray[np.bool_]) -> Floats:
         seen = replace(self._seen, use=self._seen.use & ~without[:, None])
         return Curves(seen, self._share(self._light(values))).fitted()
 
-    def _read(self, values: Values, without: NDArray[np.bool_]) -> Array:
+    def _read(self, values: Values, without: NDArray[np.bool_]) -> Floats:
         return self._seen.top - on_curves(self._curves(values, without), self._share(self._light(values)))

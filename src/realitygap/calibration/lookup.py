@@ -14,12 +14,11 @@ from realitygap.calibration.forms import with_columns
 from realitygap.calibration.rows import LIT_SHARE, Rows, dead_zone
 from realitygap.calibration.solve import Fit
 from realitygap.errors import CalibrationError
+from realitygap.values import Floats
 from realitygap.world.look_up import LookUp
 from realitygap.world.profile import Profile
 
 __all__ = ["Ring", "fit_lookup", "rings", "without"]
-
-Array = NDArray[np.float64]
 
 FEWEST_BEARINGS, FEWEST_DISTANCES = 8, 2
 EVEN_DEG = 0.01
@@ -37,12 +36,12 @@ class Ring:
     `rows` [m] are those of the recordings that were read there, `node` [m] the place of each, row after row.
     """
 
-    at: Array
+    at: Floats
     bearings: int
     rows: NDArray[np.int64]
     node: NDArray[np.int64]
 
-    def table(self, counts: Array, use: NDArray[np.bool_]) -> Array:
+    def table(self, counts: Floats, use: NDArray[np.bool_]) -> Floats:
         """[D · B, S] mean readings [n, S] of each place; of those without any of `use` [n] by lines between
         their neighbours, or the nearest where there are none on two sides."""
         there = use[self.rows]
@@ -53,7 +52,7 @@ class Ring:
         mean = (sums / np.maximum(many, 1)[:, None]).reshape(len(self.at), self.bearings, -1)
         return np.asarray(self._filled(mean, (many > 0).reshape(mean.shape[:2])).reshape(size, -1))
 
-    def _filled(self, mean: Array, known: NDArray[np.bool_]) -> Array:
+    def _filled(self, mean: Floats, known: NDArray[np.bool_]) -> Floats:
         """[D, B, S] at places [D, B] that are not known what lines along distances and along bearings say,
         the shorter one louder."""
         if known.all():
@@ -72,7 +71,7 @@ class Ring:
         return np.where(known[..., None], mean, said / weights)
 
 
-def _line(at: Array, values: Array, known: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _line(at: Floats, values: Floats, known: NDArray[np.bool_]) -> tuple[Floats, Floats]:
     """[n, S] what is on lines between the known ones of values [n, S] at some places [n], beyond the last of
     them that one; and its weight [n, 1]: one over the line's length, hardly anything beyond the last."""
     there = np.flatnonzero(known)
@@ -121,7 +120,7 @@ def _ring(rows: Rows, there: NDArray[np.int64]) -> Ring:
     return Ring(at=at, bearings=many, rows=there, node=node)
 
 
-def without(rows: Rows, round_object: Mapping[str, Ring], out: NDArray[np.bool_]) -> Array:
+def without(rows: Rows, round_object: Mapping[str, Ring], out: NDArray[np.bool_]) -> Floats:
     """[n, S] what tables of all rows but `out` [n] read at every row's place."""
     read = np.zeros(rows.counts.shape)
     for ring in round_object.values():
@@ -129,7 +128,7 @@ def without(rows: Rows, round_object: Mapping[str, Ring], out: NDArray[np.bool_]
     return read
 
 
-def fit_lookup(rows: Rows, base: Profile) -> tuple[Profile, Fit, Array, list[str]]:
+def fit_lookup(rows: Rows, base: Profile) -> tuple[Profile, Fit, Floats, list[str]]:
     """The profile, what it reads [n, S], the same on places held out, and in words what is not in the table.
 
     Raises:
@@ -152,7 +151,7 @@ def fit_lookup(rows: Rows, base: Profile) -> tuple[Profile, Fit, Array, list[str
     read, held_out = without(rows, places, nobody), np.zeros(rows.counts.shape)
     for out in rows.held_out(lambda: None):
         held_out[out] = without(rows, places, out)[out]
-    fit = Fit(values={}, constants=(), alike=(), model=read, evaluations=0, theta=np.zeros(0))
+    fit = Fit(values={}, constants=(), alike=(), model=read)
     profile = _profile(rows, base, places)
     return profile, fit, held_out, _beyond(places, profile)
 

@@ -19,13 +19,13 @@ from realitygap.calibration.forms import Tick, with_columns
 from realitygap.calibration.optics import SHARES, Optics
 from realitygap.calibration.rows import Rows, dead_zone, means, repeated_noise, saturation
 from realitygap.calibration.solve import Fit, Values
+from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
 __all__ = ["Measured", "fit_measured"]
 
-Array = NDArray[np.float64]
 Use = NDArray[np.bool_]
-Begun = tuple[float, int, Optics, dict[str, Array]]
+Begun = tuple[float, int, Optics, dict[str, Floats]]
 """A start: what it leaves over, its number, and where it got to."""
 
 ONE_BEAM = {"aperture_deg": 60.0, "share_1": 0.28, "share_2": 0.22, "share_3": 0.14, "share_4": 0.06}
@@ -84,12 +84,12 @@ class Measured:
         fit = replace(fit, values=values, constants=(*constants, *self._points(values, use)))
         return self.profile(values, use), replace(fit, model=self.optics.shown(values, use))
 
-    def read(self) -> Array:
+    def read(self) -> Floats:
         """[n, S] readings at all places, those of no use to the fit too, by the search alone."""
         _, values = self._promising()
         return self.optics.shown(values, self._rows.use)
 
-    def _promising(self) -> tuple[Optics, dict[str, Array]]:
+    def _promising(self) -> tuple[Optics, dict[str, Floats]]:
         """Where the start ends that promises most; `optics` has it with curves fitted to all readings."""
         found = [self._start_at(i, *self._nearer(*one[2:])) for i, one in enumerate(self._begun())]
         places, values = self._nearer(*min(found, key=itemgetter(0, 1))[2:])
@@ -109,7 +109,7 @@ class Measured:
             for j in POINTS for k, value in enumerate(curves[:, j].tolist()) if k not in self._rows.dead
         ]  # fmt: skip
 
-    def _nearer(self, optics: Optics, values: Values) -> tuple[Optics, dict[str, Array]]:
+    def _nearer(self, optics: Optics, values: Values) -> tuple[Optics, dict[str, Floats]]:
         """The curves as smooth as suits the optics, which shows only where that is right; then that."""
         folds, seen = self._rows.folds()[self._first_of], replace(optics.seen, noise=self._noise)
         seen = smoothness(seen, optics.share(optics.profile(values), values), folds)
@@ -148,7 +148,7 @@ class Measured:
         best = (one for kind in kinds for one in kind[:many] if one[0] <= most)
         return sorted(best, key=itemgetter(0, 1))
 
-    def _start_at(self, number: int, optics: Optics, values: dict[str, Array]) -> Begun:
+    def _start_at(self, number: int, optics: Optics, values: dict[str, Floats]) -> Begun:
         """A start that got there."""
         plain = 1.0 if optics.lobe == tuple(ONE_BEAM) else PLAIN
         return self._step.left(optics, values) * plain, number, optics, values
@@ -165,14 +165,14 @@ class Measured:
         sensors = with_columns(law.sensors, {"curve": [tuple(row) for row in curves.round(3).tolist()]})
         return replace(made, infrared=replace(law, sensors=sensors))
 
-    def _start(self, lobe: dict[str, float], width: float) -> dict[str, Array]:
+    def _start(self, lobe: dict[str, float], width: float) -> dict[str, Floats]:
         start = {free.key: free.start for free in self._step.frees(())}
         start["direction_deg"] = np.array([s.direction_deg for s in self._first.base.infrared.sensors])
         none = dict.fromkeys((*SHARES, "range_cm"), 0.0)
         return start | {key: np.array([value]) for key, value in (none | lobe | {"width_cm": width}).items()}
 
 
-def fit_measured(rows: Rows, base: Profile, tick: Tick) -> tuple[Profile, Fit, Array]:
+def fit_measured(rows: Rows, base: Profile, tick: Tick) -> tuple[Profile, Fit, Floats]:
     """The profile, its constants, and what it reads [n, S] on places held out."""
 
     def form(rows: Rows, *, judging: bool) -> Measured:

@@ -11,13 +11,12 @@ from realitygap.calibration.noise import NoiseEstimate, Sample, dark_noise, lit_
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import Rows
 from realitygap.calibration.solve import Values
+from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
 __all__ = [
     "LIMITS", "Misfit", "contradiction", "measure_noise", "misfits", "misplaced", "pooled_noise", "within",
 ]  # fmt: skip
-
-Array = NDArray[np.float64]
 
 PLACED_CM = 0.1
 """How far off places may be that were set up by hand."""
@@ -42,7 +41,7 @@ class Misfit:
 
 
 def measure_noise(
-    recordings: Sequence[SensorRecording], models: Sequence[Array], top: float, dead: float = 0.0
+    recordings: Sequence[SensorRecording], models: Sequence[Floats], top: float, dead: float = 0.0
 ) -> list[NoiseEstimate]:
     """Noise of recordings of one kind, pooled: lit and dark proximity, or ambient.
 
@@ -65,7 +64,7 @@ def measure_noise(
     return [estimate for estimate in found if estimate is not None]
 
 
-def pooled_noise(recordings: Sequence[SensorRecording], models: Sequence[Array], top: float) -> Sample:
+def pooled_noise(recordings: Sequence[SensorRecording], models: Sequence[Floats], top: float) -> Sample:
     """The noise that recordings of one kind show beside the models' readings; rows count through them all."""
     samples, first = [], 0
     for recording, model in zip(recordings, models, strict=True):
@@ -90,7 +89,7 @@ def pooled_noise(recordings: Sequence[SensorRecording], models: Sequence[Array],
 
 
 def misfits(
-    counts: Array, model: Array, place: NDArray[np.int64], *, kind: str, top: float, deviation: float
+    counts: Floats, model: Floats, place: NDArray[np.int64], *, kind: str, top: float, deviation: float
 ) -> tuple[Misfit, ...]:
     """Each sensor's misfit; the noise of a place's mean is taken out of the model's error.
 
@@ -124,7 +123,7 @@ def misfits(
 
 
 def within(
-    counts: Array, model: Array, place: NDArray[np.int64], *, kind: str, top: float, deviation: float
+    counts: Floats, model: Floats, place: NDArray[np.int64], *, kind: str, top: float, deviation: float
 ) -> float:
     """The share of mean readings that the model errs on by two deviations of the noise at most, where they
     are neither dark nor saturated; NaN where none is. Arguments as of `misfits`."""
@@ -134,8 +133,8 @@ def within(
 
 
 def _at_places(
-    counts: Array, model: Array, place: NDArray[np.int64], *, kind: str, top: float, deviation: float
-) -> tuple[Array, NDArray[np.bool_], NDArray[np.int64]]:
+    counts: Floats, model: Floats, place: NDArray[np.int64], *, kind: str, top: float, deviation: float
+) -> tuple[Floats, NDArray[np.bool_], NDArray[np.int64]]:
     """[m, S] model minus measured at each place, and whether it is lit there; [m] its readings."""
     many = np.bincount(place)
     mean = np.stack([np.bincount(place, column) for column in counts.T], 1) / many[:, None]

@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.recordings.recording import count_unit
+from realitygap.values import Floats
 
 __all__ = ["NoiseEstimate", "Sample", "dark_noise", "lit_noise", "noise_tables", "sample_noise"]
-
-Array = NDArray[np.float64]
 
 CLEAR = 3.0
 """Noise is taken where readings stay this many deviations away from the converter's ends."""
@@ -44,9 +43,9 @@ class Sample:
     readings still have.
     """
 
-    z: Array
-    level: Array
-    model: Array
+    z: Floats
+    level: Floats
+    model: Floats
     group: NDArray[np.int64]
     tails: float = 1.0
     row: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -74,7 +73,7 @@ class NoiseEstimate:
     kurtosis: float
     beyond: float
     count: int
-    values: Array = field(repr=False)
+    values: Floats = field(repr=False)
 
     @property
     def depends(self) -> bool:
@@ -91,7 +90,7 @@ class NoiseEstimate:
 
 
 def sample_noise(
-    counts: Array, model: Array, place: NDArray[np.int64], *, distance: Array, bearing: Array, top: float
+    counts: Floats, model: Floats, place: NDArray[np.int64], *, distance: Floats, bearing: Floats, top: float
 ) -> Sample:
     """Noise [m, S] of readings [n, S] at places [n]: from repeats, or from neighbouring bearings.
 
@@ -113,7 +112,7 @@ def sample_noise(
     return _from_neighbours(counts, model, distance, bearing, top)
 
 
-def _from_neighbours(counts: Array, model: Array, distance: Array, bearing: Array, top: float) -> Sample:
+def _from_neighbours(counts: Floats, model: Floats, distance: Floats, bearing: Floats, top: float) -> Sample:
     """Fourth differences over bearings, of what the model leaves over, where readings are not steep.
 
     Where too few bearings were read at a distance, over the distances of each bearing.
@@ -140,15 +139,15 @@ def _from_neighbours(counts: Array, model: Array, distance: Array, bearing: Arra
     )  # fmt: skip
 
 
-def _rows_of(same: Array, by: Array, fewest: int) -> list[NDArray[np.int64]]:
+def _rows_of(same: Floats, by: Floats, fewest: int) -> list[NDArray[np.int64]]:
     """The rows of each value of one column, sorted by another, where there are enough of them."""
     found = (np.flatnonzero(same == one) for one in np.unique(same[np.isfinite(same)]))
     return [rows[np.argsort(by[rows], kind="stable")] for rows in found if len(rows) >= fewest]
 
 
 def noise_tables(
-    sample: Sample, counts: Array, model: Array, speed: Array, top: float, *, kind: str
-) -> tuple[Array, Array]:
+    sample: Sample, counts: Floats, model: Floats, speed: Floats, top: float, *, kind: str
+) -> tuple[Floats, Floats]:
     """Each sensor's deviation at equal steps of the reading [S, KNOTS of the kind], and its rise with
     speed [S], s/cm.
 
@@ -180,7 +179,7 @@ def noise_tables(
     return np.minimum(table, top), rise
 
 
-def _table_of(sample: Sample, use: NDArray[np.bool_], top: float, knots: int) -> Array:
+def _table_of(sample: Sample, use: NDArray[np.bool_], top: float, knots: int) -> Floats:
     """[S, knots] deviations: squares averaged under a triangle about each step."""
     at = np.where(use, np.clip(sample.level / top, 0.0, 1.0), 0.0) * (knots - 1)
     near = np.maximum(0.0, 1.0 - np.abs(at[..., None] - np.arange(knots))) * use[..., None]
@@ -192,7 +191,7 @@ def _table_of(sample: Sample, use: NDArray[np.bool_], top: float, knots: int) ->
     return np.asarray(np.sqrt((sums + FEWEST * pooled) / (many + FEWEST)))
 
 
-def _at(table: Array, share: Array) -> Array:
+def _at(table: Floats, share: Floats) -> Floats:
     """[m, S] each sensor's table at a share of its range."""
     steps = np.linspace(0.0, 1.0, table.shape[1])
     return np.stack([np.interp(share[:, k], steps, row) for k, row in enumerate(table)], 1)
@@ -219,7 +218,7 @@ def lit_noise(sample: Sample, channel: str, top: float, dead: float = 0.0) -> No
     return _estimate(sample, use, channel)
 
 
-def dark_noise(counts: Array, model: Array, place: NDArray[np.int64], top: float) -> NoiseEstimate | None:
+def dark_noise(counts: Floats, model: Floats, place: NDArray[np.int64], top: float) -> NoiseEstimate | None:
     """Noise of proximity sensors where nothing is in reach: how their readings [n, S] spread there.
 
     Args:
@@ -260,7 +259,7 @@ def _estimate(sample: Sample, use: NDArray[np.bool_], channel: str) -> NoiseEsti
     )
 
 
-def _bins(level: Array, z: Array) -> tuple[tuple[float, float], ...]:
+def _bins(level: Floats, z: Floats) -> tuple[tuple[float, float], ...]:
     order = np.argsort(level, kind="stable")
     parts = [part for part in np.array_split(order, BINS) if len(part) >= FEWEST]
     return tuple((float(level[part].mean()), float(np.sqrt(np.mean(z[part] ** 2)))) for part in parts)

@@ -14,11 +14,11 @@ from realitygap.calibration.forms import columns_of, with_columns
 from realitygap.calibration.forward import Scene, received
 from realitygap.calibration.solve import Values
 from realitygap.kernels.params import Robot
+from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
 __all__ = ["SHARES", "Optics", "about_rig", "shift_of"]
 
-Array = NDArray[np.float64]
 Use = NDArray[np.bool_]
 
 SHARES = ("share_1", "share_2", "share_3", "share_4")
@@ -53,7 +53,7 @@ class Optics:
         )  # fmt: skip
         return replace(self.base, infrared=law)
 
-    def share(self, profile: Profile, values: Values) -> Array:
+    def share(self, profile: Profile, values: Values) -> Floats:
         """[n, S] how far up its curve each reading lies."""
         robot = self._robot._replace(**profile.infrared.to_kernel())
         rigs = []
@@ -63,17 +63,17 @@ class Optics:
         root = np.sqrt(np.maximum(received(robot, rigs), 0.0))
         return np.asarray(root / (root + 1.0 / profile.infrared.curve_cm))[self.place]
 
-    def curves(self, values: Values, use: Use) -> tuple[Array, Array]:
+    def curves(self, values: Values, use: Use) -> tuple[Floats, Floats]:
         """The curves [S, n] that suit the optics, and each reading's share."""
         u = self.share(self.profile(values), values)
         return Curves(replace(self.seen, use=use), u).fitted(), u
 
-    def readings(self, values: Values, use: Use) -> Array:
+    def readings(self, values: Values, use: Use) -> Floats:
         """Noise-free readings [n, S] by curves fitted to those in `use`; in the dead zone what exceeds it."""
         model, dead = on_curves(*self.curves(values, use)), self.seen.dead
         return np.where((self.seen.counts <= 0) & (dead > 0), np.maximum(model - dead, 0.0), model)
 
-    def shown(self, values: Values, use: Use) -> Array:
+    def shown(self, values: Values, use: Use) -> Floats:
         """Noise-free readings [n, S] as the robot shows them."""
         model = on_curves(*self.curves(values, use))
         return np.where(model < self.seen.dead, 0.0, model)
@@ -95,7 +95,7 @@ def shift_of(turn: str) -> str:
     return turn.replace("turn", "shift").replace("deg", "cm")
 
 
-def about_rig(values: Values, sign: float) -> dict[str, Array]:
+def about_rig(values: Values, sign: float) -> dict[str, Floats]:
     """The values with directions, and other rigs' turns, counted from how the first rig stands; by -1 back.
 
     Robot and rig turned by as much against each other is what readings tell least about.

@@ -19,6 +19,7 @@ from realitygap.calibration.forward import scene_of
 from realitygap.calibration.recordings.recording import SensorRecording, count_unit
 from realitygap.calibration.solve import Measured
 from realitygap.errors import CalibrationError
+from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
 __all__ = [
@@ -31,8 +32,6 @@ __all__ = [
     "repeated_noise",
     "saturation",
 ]
-
-Array = NDArray[np.float64]
 
 FOLDS = 4
 REFLECTANCE = "reflectance_"
@@ -105,11 +104,11 @@ class Rows:
         some.use = self.use & ~out[:, None]
         return some
 
-    def live(self) -> Array:
+    def live(self) -> Floats:
         """[n, S] readings; NaN of sensors that tell nothing."""
         return np.where(self.use, self.counts, np.nan)
 
-    def split(self, table: Array) -> list[Array]:
+    def split(self, table: Floats) -> list[Floats]:
         """A table's rows [n, …] by recording."""
         return np.split(table, np.cumsum([len(r.counts) for r in self.recordings])[:-1])
 
@@ -149,13 +148,13 @@ class Rows:
             if out.any() and not out.all():
                 yield out
 
-    def rmse_lit(self, model: Array) -> float:
+    def rmse_lit(self, model: Floats) -> float:
         """The same where readings are neither dark nor saturated; of all, where none are."""
         edge = LIT * self.unit
         lit = self.use & (self.counts > edge) & (self.counts < self.top - edge)
         return float(np.sqrt(((model - self.counts)[lit if lit.any() else self.use] ** 2).mean()))
 
-    def rmse(self, model: Array, rows: NDArray[np.bool_] | None = None) -> float:
+    def rmse(self, model: Floats, rows: NDArray[np.bool_] | None = None) -> float:
         use = self.use if rows is None else self.use & rows[:, None]
         return float(np.sqrt(((model - self.counts)[use] ** 2).mean()))
 
@@ -170,10 +169,10 @@ def _names(recordings: Sequence[SensorRecording]) -> list[str]:
     return names
 
 
-def means(rows: Rows) -> Array:
+def means(rows: Rows) -> Floats:
     """[m, S] what was read at each place: the mean, or the sensor's end where half of its readings lie."""
 
-    def of_places(values: Array) -> Array:
+    def of_places(values: Floats) -> Floats:
         return np.stack([np.bincount(rows.place, column) for column in values.T], 1)
 
     many = np.maximum(of_places(np.where(rows.use, 1.0, 0.0)), 1.0)
@@ -194,7 +193,7 @@ def repeated_noise(rows: Rows) -> float:
     return float(np.sqrt(np.median(off) / MEDIAN / spread)) if len(off) else PROXIMITY_COUNTS * rows.unit
 
 
-def saturation(rows: Rows) -> Array:
+def saturation(rows: Rows) -> Floats:
     """[S] counts that each sensor does not exceed: where its readings pile up, else the full scale."""
     most, noise = np.full(rows.counts.shape[1], rows.top), repeated_noise(rows)
     for k in np.flatnonzero(rows.use.any(axis=0)).tolist():

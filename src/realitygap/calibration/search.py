@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.solve import ROBUST_AT, Free, Measured, Model, Values
+from realitygap.values import Floats
 
 __all__ = ["DRAWS", "search"]
-
-Array = NDArray[np.float64]
 
 DRAWS = 2000
 """So many looks at all places. With 3000 the error on fresh places of three twin units was the same."""
@@ -32,13 +31,13 @@ GAIN, LITTLE = "log_gain", 1e-3
 class _Best:
     """The best values so far, and what each sensor's misfit and priors cost there, [S]."""
 
-    values: dict[str, Array]
-    cost: Array
+    values: dict[str, Floats]
+    cost: Floats
 
 
 def search(
     frees: Sequence[Free], model: Model, measured: Measured, values: Values, *, draws: int = DRAWS
-) -> dict[str, Array]:
+) -> dict[str, Floats]:
     """Better values of the constants that have a `jump`, and of gains, if any; never worse ones.
 
     Args:
@@ -82,7 +81,7 @@ class _Cost:
         self._own, self._model = own, model
         self._counts, self._noise, self._use = measured.counts, measured.noise, measured.use
 
-    def of(self, values: dict[str, Array]) -> _Best:
+    def of(self, values: dict[str, Floats]) -> _Best:
         """Cost [S] as least squares count it (soft L1, priors), after one step towards the best gains."""
         if GAIN in values:
             values = values | {GAIN: self._gains(values)}
@@ -93,7 +92,7 @@ class _Cost:
                 cost = cost + ((values[free.key] - free.start) / free.prior) ** 2
         return _Best(values=values, cost=cost)
 
-    def _gains(self, values: dict[str, Array]) -> Array:
+    def _gains(self, values: dict[str, Floats]) -> Floats:
         """One step towards the best gains [S]."""
         gain = np.broadcast_to(values[GAIN], self._counts.shape[1:])
         off = self._off(values | {GAIN: gain})
@@ -102,15 +101,15 @@ class _Cost:
         curvature = (weight * slope * slope).sum(axis=0)
         return np.asarray(gain - (weight * slope * off).sum(axis=0) / np.maximum(curvature, 1e-12))
 
-    def _off(self, values: dict[str, Array]) -> Array:
+    def _off(self, values: dict[str, Floats]) -> Floats:
         return np.where(self._use, (self._model(values) - self._counts) / self._noise, 0.0)
 
 
-def _near(free: Free, best: _Best, step: Array, draw: np.random.Generator) -> Array:
+def _near(free: Free, best: _Best, step: Floats, draw: np.random.Generator) -> Floats:
     """About the best."""
     moved = best.values[free.key] + draw.standard_normal(len(free.start)) * free.jump * step
     return np.clip(moved, free.low, free.high)
 
 
-def _stepped(step: Array, better: NDArray[np.bool_]) -> Array:
+def _stepped(step: Floats, better: NDArray[np.bool_]) -> Floats:
     return np.asarray(np.clip(np.where(better, step * WIDER, step * NARROWER), NARROWEST, WIDEST))

@@ -8,19 +8,19 @@ neighbouring places share the model's error, so that rows are not independent.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.constants import SIGMAS, Constant, blind_pairs, filling
+from realitygap.values import Floats
 
 __all__ = ["ROBUST_AT", "Fit", "Free", "Measured", "Values", "solve"]
 
-Array = NDArray[np.float64]
-Values = Mapping[str, Array]
-Model = Callable[[Values], Array]
+Values = Mapping[str, Floats]
+Model = Callable[[Values], Floats]
 
 ROUNDS = 4
 ROBUST_AT = 5.0
@@ -42,7 +42,7 @@ class Free:
     """
 
     key: str
-    start: Array
+    start: Floats
     low: float
     high: float
     prior: float | None = None
@@ -55,12 +55,10 @@ class Free:
 class Fit:
     """Fitted values by name, their intervals, and what the data cannot tell apart."""
 
-    values: dict[str, Array]
+    values: dict[str, Floats]
     constants: tuple[Constant, ...]
     alike: tuple[tuple[str, str, float], ...]
-    model: Array
-    evaluations: int
-    theta: Array = field(repr=False)
+    model: Floats
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,7 +72,7 @@ class Measured:
         clusters: [n] places whose errors hang together carry the same number.
     """
 
-    counts: Array
+    counts: Floats
     noise: float
     use: NDArray[np.bool_]
     clusters: NDArray[np.int64]
@@ -101,21 +99,18 @@ def solve(
     theta = packed.pack({**{f.key: f.start for f in frees}, **(start or {})})
     low, high = packed.bounds()
     inside = np.clip(theta, low + 1e-9 * (1 + np.abs(low)), high - 1e-9 * (1 + np.abs(high)))
-    theta, evaluations = _descend(packed, inside, measured.use, careful=intervals)
+    theta = _descend(packed, inside, measured.use, careful=intervals)
     values = packed.unpack(theta)
     constants: tuple[Constant, ...] = ()
     alike: tuple[tuple[str, str, float], ...] = ()
     if intervals:
         constants = packed.constants(theta, packed.covariance(theta, measured.clusters))
         alike = blind_pairs(packed.names(), packed.curvature(theta))
-    return Fit(
-        values=values, constants=constants, alike=alike, model=model(values), evaluations=evaluations,
-        theta=theta,
-    )  # fmt: skip
+    return Fit(values=values, constants=constants, alike=alike, model=model(values))
 
 
-def _descend(packed: _Packed, inside: Array, use: NDArray[np.bool_], *, careful: bool) -> tuple[Array, int]:
-    """The vector that least squares end at, and how often the last of them looked.
+def _descend(packed: _Packed, inside: Floats, use: NDArray[np.bool_], *, careful: bool) -> Floats:
+    """The vector that least squares end at.
 
     Most rows move with few constants or with none (0, saturated): what does not move is left out
     until it does. Soft L1 keeps single wild readings from deciding.
@@ -136,7 +131,7 @@ def _descend(packed: _Packed, inside: Array, use: NDArray[np.bool_], *, careful:
         if packed.use.sum() <= 1.005 * before:
             break
     packed.use = use
-    return inside, int(found.nfev)
+    return inside
 
 
 class _Packed:
@@ -146,19 +141,19 @@ class _Packed:
         self.frees, self.model = frees, model
         self.counts, self.noise, self.use = measured.counts, measured.noise, measured.use
         self.ends = np.cumsum([len(f.start) for f in frees])
-        self._last: tuple[Array, Array] | None = None
-        self._slopes: tuple[Array, Array] | None = None
+        self._last: tuple[Floats, Floats] | None = None
+        self._slopes: tuple[Floats, Floats] | None = None
 
-    def pack(self, values: Values) -> Array:
+    def pack(self, values: Values) -> Floats:
         return np.concatenate([np.broadcast_to(values[f.key], f.start.shape) for f in self.frees]).astype(
             float
         )
 
-    def unpack(self, theta: Array) -> dict[str, Array]:
+    def unpack(self, theta: Floats) -> dict[str, Floats]:
         parts = np.split(theta, self.ends[:-1])
         return {f.key: part for f, part in zip(self.frees, parts, strict=True)}
 
-    def bounds(self) -> tuple[Array, Array]:
+    def bounds(self) -> tuple[Floats, Floats]:
         low = np.concatenate([np.full(len(f.start), f.low) for f in self.frees])
         return low, np.concatenate([np.full(len(f.start), f.high) for f in self.frees])
 
@@ -167,16 +162,16 @@ class _Packed:
             f.key if len(f.start) == 1 else f"{f.key}[{i}]" for f in self.frees for i in range(len(f.start))
         ]
 
-    def readings(self, theta: Array) -> Array:
+    def readings(self, theta: Floats) -> Floats:
         if self._last is None or not np.array_equal(self._last[0], theta):
             self._last = theta.copy(), self.model(self.unpack(theta))
         return self._last[1]
 
-    def residuals(self, theta: Array) -> Array:
+    def residuals(self, theta: Floats) -> Floats:
         off = (self.readings(theta) - self.counts)[self.use] / self.noise
         return np.concatenate([off, *self._priors(theta)])
 
-    def _priors(self, theta: Array) -> list[Array]:
+    def _priors(self, theta: Floats) -> list[Floats]:
         values, out = self.unpack(theta), []
         for f in self.frees:
             off = values[f.key] - f.start
@@ -186,13 +181,13 @@ class _Packed:
                 out.append(np.array([off.mean() / f.tie]))
         return out
 
-    def _columns(self, theta: Array) -> Array:
+    def _columns(self, theta: Floats) -> Floats:
         """[n, S, constants] derivatives of the readings over the noise; the last ones are kept."""
         if self._slopes is None or not np.array_equal(self._slopes[0], theta):
             self._slopes = theta.copy(), self._differences(theta)
         return self._slopes[1]
 
-    def _differences(self, theta: Array) -> Array:
+    def _differences(self, theta: Floats) -> Floats:
         base, (_, high) = self.readings(theta), self.bounds()
         out = np.zeros((*base.shape, len(theta)))
         first = 0
@@ -211,22 +206,22 @@ class _Packed:
             first += size
         return out
 
-    def moving(self, theta: Array) -> NDArray[np.bool_]:
+    def moving(self, theta: Floats) -> NDArray[np.bool_]:
         """[n, S] readings in use that any constant moves here."""
         return np.asarray(self.use & (self._columns(theta) != 0).any(axis=2)) | (
             self.use & (np.abs(self.readings(theta) - self.counts) > ROBUST_AT * self.noise)
         )
 
-    def jacobian(self, theta: Array) -> Array:
+    def jacobian(self, theta: Floats) -> Floats:
         rows = self._columns(theta)[self.use]
         return np.concatenate([rows, *self._prior_rows(len(theta))])
 
-    def sparse_jacobian(self, theta: Array) -> Any:
+    def sparse_jacobian(self, theta: Floats) -> Any:
         from scipy.sparse import csr_matrix
 
         return csr_matrix(self.jacobian(theta))
 
-    def _prior_rows(self, n: int, *, ties_only: bool = False) -> list[Array]:
+    def _prior_rows(self, n: int, *, ties_only: bool = False) -> list[Floats]:
         rows, first = [], 0
         for f in self.frees:
             size = len(f.start)
@@ -239,14 +234,14 @@ class _Packed:
             first += size
         return rows
 
-    def curvature(self, theta: Array) -> Array:
+    def curvature(self, theta: Floats) -> Floats:
         """JᵀJ of the data alone."""
         from scipy.sparse import csr_matrix
 
         rows = csr_matrix(self._columns(theta)[self.use])
         return np.asarray((rows.T @ rows).toarray())
 
-    def covariance(self, theta: Array, clusters: NDArray[np.int64]) -> Array:
+    def covariance(self, theta: Floats, clusters: NDArray[np.int64]) -> Floats:
         """Sandwich covariance: bread from the Jacobian and the priors, filling from the clusters."""
         columns, off = self._columns(theta), (self.readings(theta) - self.counts) / self.noise
         scores = np.einsum("ns,nsp->np", np.where(self.use, off, 0.0), columns)
@@ -254,7 +249,7 @@ class _Packed:
         bread = np.linalg.pinv(self.curvature(theta) + held.T @ held)
         return np.asarray(bread @ (filling(scores, clusters) + held.T @ held) @ bread)
 
-    def constants(self, theta: Array, covariance: Array) -> tuple[Constant, ...]:
+    def constants(self, theta: Floats, covariance: Floats) -> tuple[Constant, ...]:
         deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         ties = np.concatenate([np.zeros((1, len(theta))), *self._prior_rows(len(theta), ties_only=True)])
         curvature = self.curvature(theta) + ties.T @ ties

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from realitygap.cli import option
-from realitygap.cli.kinds import RobotKind, Whole
+from realitygap.cli.kinds import ROBOT, Whole
 from realitygap.cli.output import print_json, print_table, shown
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ __all__ = ["drive"]
 @click.argument("task")
 @option.controller()
 @click.option(
-    "--robot", type=RobotKind(), default="twin:1", metavar="R",
+    "--robot", type=ROBOT, default="twin:1", metavar="R",
     help="One that places itself: twin:UNIT, stranger:UNIT, enki:khepera (epuck, thymio2), or FILE.py:CLASS.",
 )  # fmt: skip
 @option.pose(required=False)

@@ -1,6 +1,8 @@
 """Kinds of value that options take; a value that is refused names its option and what was expected."""
 
 import math
+from importlib import import_module
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +11,8 @@ import click
 from realitygap.errors import UsageError
 
 __all__ = [
-    "FILM", "MOST", "PICTURE", "SECONDS", "SEED", "FileToWrite", "Finite", "Noise", "Reflectance",
-    "RobotKind", "ShardKind", "Whole",
+    "FILM", "MOST", "NOISE", "PICTURE", "ROBOT", "SECONDS", "SEED", "SHARD", "FileToWrite", "Finite",
+    "NumberOrPool", "Reflectance", "Whole",
 ]  # fmt: skip
 
 STEP_S = 0.1
@@ -83,18 +85,21 @@ class NumberOrPool(Whole):
         return pool
 
 
-class ShardKind(click.ParamType):
-    """A share of the work, "2/3"."""
+class Parsed(click.ParamType):
+    """What a function reads from a word, "module:name", loaded when there is one.
 
-    name = "I/N"
+    Its refusal names the option instead of beginning with `says`.
+    """
+
+    def __init__(self, name: str, reader: str, says: str = "") -> None:
+        self.name, self._reader, self._says = name, reader, says
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        from realitygap.work.shard import Shard
-
+        module, _, name = self._reader.partition(":")
         try:
-            return value if isinstance(value, Shard) else Shard.parse(value)
+            return attrgetter(name)(import_module(module))(str(value))
         except UsageError as error:
-            self.fail(str(error).removeprefix("shard: "), param, ctx)
+            self.fail(str(error).removeprefix(self._says), param, ctx)
 
 
 class Seconds(Finite):
@@ -110,20 +115,6 @@ class Seconds(Finite):
         if abs(seconds / STEP_S - round(seconds / STEP_S)) > 1e-6:
             self.fail(f"expected a multiple of {STEP_S:g} s (one step), got {value}.", param, ctx)
         return seconds
-
-
-class Noise(click.ParamType):
-    """A noise level by name or as a number."""
-
-    name = "level"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        from realitygap.world.noise import noise_level
-
-        try:
-            return noise_level(value)
-        except UsageError as error:
-            self.fail(str(error), param, ctx)
 
 
 class FileToWrite(click.ParamType):
@@ -148,17 +139,6 @@ SEED = Whole(0, MOST, "S")
 PICTURE = FileToWrite(".png", ".svg", ".pdf")
 SECONDS = Seconds()
 FILM = FileToWrite(".gif", ".mp4")
-
-
-class RobotKind(click.ParamType):
-    """A robot by its address, as `robots/address.py` has it."""
-
-    name = "R"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        from realitygap.robots.address import Address
-
-        try:
-            return Address.parse(str(value))
-        except UsageError as error:
-            self.fail(str(error).removeprefix("robot: "), param, ctx)
+NOISE = Parsed("level", "realitygap.world.noise:noise_level")
+ROBOT = Parsed("R", "realitygap.robots.address:Address.parse", "robot: ")
+SHARD = Parsed("I/N", "realitygap.work.shard:Shard.parse", "shard: ")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from realitygap.cli.kinds import PICTURE, SECONDS, SEED, Finite, Noise, NumberOrPool, ShardKind, Whole
+from realitygap.cli.kinds import NOISE, PICTURE, SECONDS, SEED, SHARD, Finite, NumberOrPool, Whole
 from realitygap.robots.address import BAUD_RATES
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ trust = click.option(
 )
 shard = click.option(
     "--shard",
-    type=ShardKind(),
+    type=SHARD,
     help="Do only share I of N of the work, in a folder of its own, DIR-shard-I-of-N (`realitygap merge`).",
 )
 spread = click.option(
@@ -125,7 +125,7 @@ def noise(
 ) -> Callable[[Decorated], Decorated]:
     """`--noise LEVEL`; with `several` it may be repeated."""
     says = f"Noise level: zero, observed, double or a number.{says}"
-    return click.option("--noise", type=Noise(), default=default, multiple=several, help=says)
+    return click.option("--noise", type=NOISE, default=default, multiple=several, help=says)
 
 
 def seed(default: int | None = 0, says: str = "") -> Callable[[Decorated], Decorated]:

@@ -11,7 +11,7 @@ import click
 
 from realitygap.cli import option
 from realitygap.cli.failure import StoppedError
-from realitygap.cli.kinds import Reflectance, RobotKind, Whole
+from realitygap.cli.kinds import ROBOT, Reflectance, Whole
 from realitygap.cli.output import print_json
 from realitygap.cli.progress import ProgressLine
 
@@ -27,7 +27,7 @@ PLANS = ("infrared", "ambient", "wheels", "all")
 @click.command()
 @click.option(
     "--robot",
-    type=RobotKind(),
+    type=ROBOT,
     required=True,
     help="twin:UNIT, stranger:UNIT or enki:MODEL:UNIT (placed by the program), serial:PORT, epuck:PORT, "
     "epuck2:HOST or thymio:PORT (placed by you), or a body of your own, file.py:Class.",

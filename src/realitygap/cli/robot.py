@@ -9,7 +9,7 @@ import click
 from click.core import ParameterSource
 
 from realitygap.cli import option
-from realitygap.cli.kinds import Finite, RobotKind
+from realitygap.cli.kinds import ROBOT, Finite
 from realitygap.cli.output import print_json, print_table
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def robot() -> None:
 @click.option(
     "--robot",
     "address",
-    type=RobotKind(),
+    type=ROBOT,
     help="khepera:PORT, epuck:PORT, epuck2:HOST, thymio:PORT, twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, "
     "or a body of your own, file.py:Class.",
 )
@@ -165,22 +165,17 @@ def _sensors(body: Body, seconds: float, *, live: bool) -> dict[str, Any]:
 
 def _drive(body: Body, units: int, seconds: float, live: bool = False) -> Recording:
     """Straight on; 0: stand."""
-    from realitygap.robots.loop import drive
+    from realitygap.robots.loop import Steady, drive
     from realitygap.values import Command
 
-    class Steady:
-        def reset(self) -> None:
-            """Nothing to forget."""
-
-        def decide(self, inputs: Sequence[int]) -> Command:
-            return Command(left=units, right=units)
+    steady = Steady(Command(left=units, right=units))
 
     def run(show: Callable[[Readings], object]) -> Recording:
         def look(readings: Readings) -> list[int]:
             show(readings)
             return []
 
-        return drive(body, Steady(), seconds=seconds, inputs=look)
+        return drive(body, steady, seconds=seconds, inputs=look)
 
     if not live:
         return run(lambda readings: None)

@@ -7,7 +7,7 @@ from realitygap.environment.names import register
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {
-    "names": "make_single make_vector register",
+    "names": "register",
     "robots": "RobotVectorEnv",
     "sb3": "stable_baselines",
     "single": "RobotEnv",

@@ -9,17 +9,9 @@ gymnasium.make_vec("realitygap/LightSeeking-v0", num_envs=64, vectorization_mode
 gymnasium.make("realitygap/Task-v0", task="my_task.py")
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
-
 from realitygap.lazy import needed
 
-if TYPE_CHECKING:
-    from realitygap.environment.robots import RobotVectorEnv
-    from realitygap.environment.single import RobotEnv
-
-__all__ = ["NAMES", "make_single", "make_vector", "register"]
+__all__ = ["NAMES", "register"]
 
 NAMES = {"ObstacleAvoidance": "obstacle-avoidance", "LightSeeking": "light-seeking", "Task": None}
 """Environments and their tasks; `Task` is refused without one of a user's own."""
@@ -36,21 +28,7 @@ def register() -> None:
         if f"realitygap/{name}-v0" not in gymnasium.registry:
             gymnasium.register(
                 id=f"realitygap/{name}-v0",
-                entry_point="realitygap.environment.names:make_single",
-                vector_entry_point="realitygap.environment.names:make_vector",
+                entry_point="realitygap.environment.single:RobotEnv",
+                vector_entry_point="realitygap.environment.robots:RobotVectorEnv",
                 kwargs={"task": task},
             )
-
-
-def make_single(**settings: Any) -> RobotEnv:
-    """One robot."""
-    from realitygap.environment.single import RobotEnv
-
-    return RobotEnv(**settings)
-
-
-def make_vector(**settings: Any) -> RobotVectorEnv:
-    """Many simulated robots."""
-    from realitygap.environment.robots import RobotVectorEnv
-
-    return RobotVectorEnv(**settings)

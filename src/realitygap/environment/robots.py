@@ -29,13 +29,12 @@ from realitygap.kernels.work import new_work
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
-from realitygap.values import Pose, as_count, as_stream
+from realitygap.values import Floats, Pose, as_count, as_stream
 from realitygap.world.arena import Arena
 from realitygap.world.profile import Profile
 
 __all__ = ["RobotVectorEnv"]
 
-Floats = NDArray[np.float64]
 NOWHERE, STILL = np.zeros((0, 3)), np.zeros((0, 2), np.int64)
 """No robot begins; none is commanded."""
 

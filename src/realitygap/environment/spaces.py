@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 from realitygap.errors import UsageError
 from realitygap.kernels.network import LIMIT
 from realitygap.simulation.simulation import Simulation
-from realitygap.values import Pose
+from realitygap.values import Floats, Pose
 
 __all__ = [
     "SETTINGS", "Info", "checked_options", "commands_of", "observations_of", "pose_of", "require_same",
     "spaces_of",
 ]  # fmt: skip
 
-Floats = NDArray[np.float64]
 Info = dict[str, Any]
 SETTINGS = ("noise", "profile")
 """What a reset may change."""

@@ -20,7 +20,7 @@ from realitygap.toml import read_toml, to_toml
 from realitygap.work.shard import MARK
 from realitygap.world.files import Value, build
 
-__all__ = ["RESULTS", "Seconds", "Settings", "kept", "mean", "missing", "open_folder", "write_table"]
+__all__ = ["RESULTS", "Seconds", "Settings", "kept", "missing", "open_folder", "write_table"]
 
 T = TypeVar("T")
 S = TypeVar("S", bound="Settings")
@@ -165,12 +165,6 @@ class Seconds:
         table = self.read()
         table[phase] = round(table.get(phase, 0.0) + seconds, 1)
         whole.write(self._file, json.dumps(table, indent=1) + "\n")
-
-
-def mean(values: Sequence[float]) -> float:
-    """Of those that are known; NaN of none."""
-    known = [value for value in values if math.isfinite(value)]
-    return math.fsum(known) / len(known) if known else math.nan
 
 
 def write_table(file: Path, head: Iterable[str], rows: Iterable[Sequence[object]]) -> None:

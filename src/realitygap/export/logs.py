@@ -17,6 +17,7 @@ from realitygap.errors import UsageError
 from realitygap.export.trial import Lived, Side
 from realitygap.film.video import FilmReader
 from realitygap.lazy import needed
+from realitygap.values import Floats
 from realitygap.world.arena import Arena
 
 __all__ = ["FORMATS", "write_log"]
@@ -29,8 +30,6 @@ TIMELINE = "trial"
 WIDE = 60
 """A network's cm on Rerun's canvas."""
 JPEG_QUALITY = 80
-
-Floats = NDArray[np.float64]
 
 
 def write_log(one: Lived, kind: str, folder: Path) -> Path:

@@ -5,8 +5,6 @@ docs/tables-and-logs.md says what each column is.
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -18,6 +16,7 @@ from realitygap.errors import UsageError
 from realitygap.lazy import needed
 from realitygap.study.load import Study
 from realitygap.study.reader import Table
+from realitygap.text import to_csv
 from realitygap.transfer.load import load_transfers
 from realitygap.transfer.score_rows import ScoreRow, kind_of, marks_of
 
@@ -142,9 +141,5 @@ def _arrow(columns: Table) -> Any:
 
 def _csv(columns: Table) -> str:
     """Comma-separated, a line of names first; nothing where there is no number or no text."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    for row in zip(*(values.tolist() for values in columns.values()), strict=True):
-        writer.writerow("" if value is None or value != value else value for value in row)
-    return text.getvalue()
+    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+    return to_csv([columns, *(["" if v is None or v != v else v for v in row] for row in rows)])

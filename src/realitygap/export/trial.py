@@ -21,11 +21,10 @@ from realitygap.transfer.load import Transferred, load_transfers, read_trial
 from realitygap.transfer.packed import placed
 from realitygap.transfer.replay import Replays
 from realitygap.transfer.trial import SIMULATED, SITUATED, TRIAL
+from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
 __all__ = ["Lived", "Side", "lived"]
-
-Floats = NDArray[np.float64]
 
 
 class Side(NamedTuple):

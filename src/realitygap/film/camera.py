@@ -22,10 +22,9 @@ from numpy.typing import ArrayLike, NDArray
 from realitygap import whole
 from realitygap.errors import FilmError
 from realitygap.text import read_json, refuse_unknown
+from realitygap.values import Floats
 
 __all__ = ["OUTSIDE", "CameraModel", "load_camera", "turning_point"]
-
-Array = NDArray[np.float64]
 
 FORMAT = "realitygap camera 1"
 KEYS = ("format", "width_px", "height_px", "homography", "radial", "plane_cm", "lens_cm")
@@ -54,7 +53,7 @@ class CameraModel:
 
     width_px: int
     height_px: int
-    homography: Array
+    homography: Floats
     radial: tuple[float, float] = (0.0, 0.0)
     plane_cm: float = 0.0
     lens_cm: tuple[float, float, float] | None = None
@@ -92,12 +91,12 @@ class CameraModel:
         """The unit of the radial terms, px."""
         return math.hypot(self.width_px, self.height_px) / 2
 
-    def to_pixels(self, places: ArrayLike, height_cm: float | None = None) -> Array:
+    def to_pixels(self, places: ArrayLike, height_cm: float | None = None) -> Floats:
         """Where places [..., 2] (cm) at a height (default: the plane's) are in the picture, [..., 2] px."""
         points = np.asarray(places, float)
         return np.stack(self.columns_rows(points[..., 0], points[..., 1], height_cm), -1)
 
-    def columns_rows(self, x: Array, y: Array, height_cm: float | None = None) -> tuple[Array, Array]:
+    def columns_rows(self, x: Floats, y: Floats, height_cm: float | None = None) -> tuple[Floats, Floats]:
         """The same of x and y apart, which are broadcast: a grid is quicker so."""
         (x, y), h = self._moved((x, y), height_cm, self.plane_cm), self.homography
         depth = h[2, 0] * x + h[2, 1] * y + h[2, 2]
@@ -116,7 +115,7 @@ class CameraModel:
             columns, rows = (np.where(seen, side, OUTSIDE) for side in (columns, rows))
         return columns, rows
 
-    def to_floor(self, pixels: ArrayLike, height_cm: float | None = None) -> Array:
+    def to_floor(self, pixels: ArrayLike, height_cm: float | None = None) -> Floats:
         """The places [..., 2] (cm) at a height (default: the plane's) that pixels [..., 2] show."""
         v = _straightened((np.asarray(pixels, float) - self.middle) / self.half_diagonal, *self.radial)
         ideal = self.middle + self.half_diagonal * v
@@ -175,8 +174,8 @@ class CameraModel:
         whole.write(path, json.dumps(self.to_dict(), indent=2) + "\n")
 
     def _moved(
-        self, sides: tuple[Array, Array], from_cm: float | None, to_cm: float | None
-    ) -> tuple[Array, Array]:
+        self, sides: tuple[Floats, Floats], from_cm: float | None, to_cm: float | None
+    ) -> tuple[Floats, Floats]:
         """x and y of places at one height, moved along the rays to the lens to another height."""
         low, high = (self.plane_cm if height is None else height for height in (from_cm, to_cm))
         if abs(low - high) <= 1e-9:
@@ -190,7 +189,7 @@ class CameraModel:
         )
 
 
-def _can_be_inverted(matrix: Array) -> bool:
+def _can_be_inverted(matrix: Floats) -> bool:
     size = np.abs(matrix).max()
     return bool(np.isfinite(size) and size > 0 and np.linalg.cond(matrix / size) < WORST)
 
@@ -224,14 +223,14 @@ def load_camera(path: str | Path) -> CameraModel:
         raise FilmError(f"{path}: a value of the wrong kind ({error}). {cure}") from None
 
 
-def _bend(square: Array, k1: float, k2: float) -> Array:
+def _bend(square: Floats, k1: float, k2: float) -> Floats:
     """What the lens multiplies points with whose squared distances these are; NaN beyond its fold."""
     factor = 1 + k1 * square + k2 * square * square
     limit = turning_point(k1, k2)
     return np.asarray(factor if math.isinf(limit) else np.where(square < limit, factor, np.nan))
 
 
-def _straightened(v: Array, k1: float, k2: float) -> Array:
+def _straightened(v: Floats, k1: float, k2: float) -> Floats:
     """The ideal points that the lens puts at points [..., 2]: Newton's steps on the distance."""
     far = np.sqrt(np.einsum("...i,...i->...", v, v))
     limit = math.sqrt(min(turning_point(k1, k2), 1e6))

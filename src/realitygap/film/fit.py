@@ -14,18 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.film.camera import CameraModel
+from realitygap.values import Floats
 
 __all__ = ["fit_camera", "lens_place"]
-
-Array = NDArray[np.float64]
 
 _PRIOR_PX = 0.2
 """Radial terms of size 1 cost as much as one point being this far off: only points can call for them."""
 
 
 def fit_camera(
-    places: Array,
-    pixels: Array,
+    places: Floats,
+    pixels: Floats,
     size: tuple[int, int],
     *,
     plane_cm: float,
@@ -80,7 +79,7 @@ def lens_place(camera: CameraModel, height_cm: float) -> tuple[float, float, flo
     return float(x), float(y), float(height_cm)
 
 
-def _pinhole(camera: CameraModel, focal: float) -> Array:
+def _pinhole(camera: CameraModel, focal: float) -> Floats:
     """The lens above the plane, if the focal length (px) is this."""
     middle = np.array([[focal, 0, camera.middle[0]], [0, focal, camera.middle[1]], [0, 0, 1.0]])
     a = np.linalg.solve(middle, camera.homography)
@@ -91,7 +90,7 @@ def _pinhole(camera: CameraModel, focal: float) -> Array:
     return np.array([place[0], place[1], abs(place[2])])
 
 
-def _vote(p: Array, q: Array, tolerance: float) -> tuple[Array, NDArray[np.bool_]]:
+def _vote(p: Floats, q: Floats, tolerance: float) -> tuple[Floats, NDArray[np.bool_]]:
     """The first eight numbers of the homography that most points agree on, and which do; maybe none."""
     cv2.setRNGSeed(1)
     matrix, votes = cv2.findHomography(p, q, cv2.RANSAC, tolerance, maxIters=5000)
@@ -100,13 +99,13 @@ def _vote(p: Array, q: Array, tolerance: float) -> tuple[Array, NDArray[np.bool_
     return np.asarray(matrix, float).ravel()[:8] / matrix[2, 2], votes.ravel() > 0
 
 
-def _parts(values: Array) -> tuple[Array, float, float]:
+def _parts(values: Floats) -> tuple[Floats, float, float]:
     """Homography and radial terms, which are 0 where they are not fitted."""
     k1, k2 = [*values[8:].tolist(), 0.0, 0.0][:2]
     return np.append(values[:8], 1.0).reshape(3, 3), k1, k2
 
 
-def _seen(values: Array, p: Array) -> Array:
+def _seen(values: Floats, p: Floats) -> Floats:
     """Where the places are in the picture, both in the units of the fit."""
     h, k1, k2 = _parts(values)
     ideal = (p @ h[:2, :2].T + h[:2, 2]) / (p @ h[2, :2] + h[2, 2])[:, None]
@@ -114,12 +113,12 @@ def _seen(values: Array, p: Array) -> Array:
     return np.asarray(ideal * (1 + k1 * square + k2 * square * square))
 
 
-def _misses(values: Array, p: Array, q: Array, half: float) -> Array:
+def _misses(values: Floats, p: Floats, q: Floats, half: float) -> Floats:
     """How far off each point is (px), and what the radial terms cost."""
     return np.append((_seen(values, p) - q).ravel() * half, _PRIOR_PX * values[8:])
 
 
-def _least_squares(misses: Callable[[Array], Array], values: Array, rounds: int = 60) -> Array:
+def _least_squares(misses: Callable[[Floats], Floats], values: Floats, rounds: int = 60) -> Floats:
     """The values whose misses have the least sum of squares (Levenberg 1944, Marquardt 1963)."""
     damping, off = 1e-3, misses(values)
     for _ in range(rounds):

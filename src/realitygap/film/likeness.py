@@ -17,13 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.film.pattern import Grey
+from realitygap.values import Floats
 
 if TYPE_CHECKING:
     from realitygap.film.camera import CameraModel
 
 __all__ = ["cells_seen", "fitted", "likeliest"]
-
-Array = NDArray[np.float64]
 
 STEPS, HEADINGS, CHOSEN = 3, 40, 3
 """Steps of the laid out floor along a cell, headings tried, and places that are looked at closely."""
@@ -54,8 +53,8 @@ class Printed(Protocol):
 
 
 def likeliest(
-    window: Grey, corner: Array, camera: CameraModel, tag: Printed, around: tuple[Array, float]
-) -> list[Array]:
+    window: Grey, corner: Floats, camera: CameraModel, tag: Printed, around: tuple[Floats, float]
+) -> list[Floats]:
     """Rough corners of what looks most like the tag about a place, [4, 2] px of the window, the likeliest
     first.
 
@@ -74,7 +73,7 @@ def likeliest(
     square = np.array([(first, first), (last, first), (last, last), (first, last)])
     side = np.arange(-half, half + 1)
     grid = np.stack(np.meshgrid(side, side), -1)
-    found: list[tuple[float, Array]] = []
+    found: list[tuple[float, Floats]] = []
     for turn in np.arange(HEADINGS) * (math.tau / HEADINGS):
         # Columns go to the right and rows back, as the tag's cells do while its upper side looks to `turn`.
         across = step * np.array([(math.sin(turn), -math.cos(turn)), (-math.cos(turn), -math.sin(turn))])
@@ -89,7 +88,7 @@ def likeliest(
     return [pixels for _, pixels in found[:CHOSEN]]
 
 
-def fitted(picture: Grey, tag: Printed, rough: list[Array]) -> Iterator[tuple[Array, float]]:
+def fitted(picture: Grey, tag: Printed, rough: list[Floats]) -> Iterator[tuple[Floats, float]]:
     """The tag's corners [4, 2] px, and its correlation up to 1, where rough ones lie: its own picture is
     moved over the film's until the two are most alike."""
     cells = np.pad(tag.cells, 1, constant_values=1).astype(np.float32)
@@ -107,7 +106,7 @@ def fitted(picture: Grey, tag: Printed, rough: list[Array]) -> Iterator[tuple[Ar
         yield square @ onto.T.astype(float), float(quality)
 
 
-def cells_seen(picture: Grey, tag: Printed, corners: Array) -> float:
+def cells_seen(picture: Grey, tag: Printed, corners: Floats) -> float:
     """How well the brightness of what lies between corners [4, 2] px follows the tag's cells within its rim,
     a correlation up to 1: of another number's cells it is far less, the rim being the same."""
     n = len(tag.cells)

@@ -21,11 +21,9 @@ from realitygap.film.finder import REACH_CM, Look, Sighting
 from realitygap.film.likeness import cells_seen, fitted, likeliest
 from realitygap.film.pattern import Grey
 from realitygap.text import refuse_unknown
-from realitygap.values import Pose
+from realitygap.values import Floats, Pose
 
 __all__ = ["BELIEVED", "Tag", "TagFinder", "on_floor", "seen_in", "why_not"]
-
-Array = NDArray[np.float64]
 
 USUAL = {"aruco": "4x4_50", "apriltag": "36h11"}
 """The families, and the dictionary that is meant if none is named."""
@@ -135,12 +133,12 @@ class Tag:
         return float(np.hypot(*self.points.T).max())
 
     @property
-    def points(self) -> Array:
+    def points(self) -> Floats:
         """Its corners, clockwise from the upper left one, [4, 2] cm ahead and to the left of the centre."""
         corners = self.size / 20 * np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)])
         return on_floor(corners, Pose.from_degrees(self.x / 10, self.y / 10, self.angle))
 
-    def pose_of(self, points: Array) -> Pose:
+    def pose_of(self, points: Floats) -> Pose:
         """The pose of a robot whose marker's corners are seen at these places, [4, 2] cm (least squares)."""
         mine, middle = self.points, self.points.mean(0)
         (ax, ay), (bx, by) = (mine - middle).T, (points - points.mean(0)).T
@@ -178,7 +176,7 @@ class TagFinder:
             )
         self._enlarged = math.ceil(_FINE_PX / cell)
 
-    def near(self, picture: Grey | Look, place: Array, reach_cm: float = REACH_CM) -> Sighting | None:
+    def near(self, picture: Grey | Look, place: Floats, reach_cm: float = REACH_CM) -> Sighting | None:
         """The marker of a robot whose centre lies within `reach_cm` of a place (cm), or None."""
         reach = reach_cm + 1.5 * self.tag.radius_cm
         square = place + reach * np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])
@@ -217,7 +215,7 @@ class TagFinder:
         return why_not(picture, self.tag, self.camera)
 
     def _sightings(
-        self, picture: Grey, corner: Array, rough: list[Array], cells: float = -1.0
+        self, picture: Grey, corner: Floats, rough: list[Floats], cells: float = -1.0
     ) -> Iterator[Sighting]:
         """What is of its size, and its cells; `corner` is where the picture begins in the whole one, px."""
         for pixels, quality in fitted(picture, self.tag, rough):
@@ -227,14 +225,14 @@ class TagFinder:
                 yield Sighting(points, self.tag.pose_of(points), quality)
 
 
-def on_floor(points: Array, pose: Pose) -> Array:
+def on_floor(points: Floats, pose: Pose) -> Floats:
     """Where points [n, 2] (cm ahead and to the left of a robot's centre) are if it has a pose, [n, 2] cm."""
     c, s = math.cos(pose.heading), math.sin(pose.heading)
     ahead, left = points.T
     return np.stack([pose.x + (c * ahead - s * left), pose.y + (s * ahead + c * left)], 1)
 
 
-def seen_in(picture: Grey, tag: Tag, enlarged: int) -> list[tuple[Array, float]]:
+def seen_in(picture: Grey, tag: Tag, enlarged: int) -> list[tuple[Floats, float]]:
     """Corners [4, 2] px, and correlation up to 1, of all markers of the tag's number in a picture.
 
     `enlarged` is by how much the picture is enlarged to be read.
@@ -266,7 +264,7 @@ def why_not(picture: Grey, tag: Tag, camera: CameraModel | None = None) -> str:
     return ""
 
 
-def _read(picture: Grey, tag: Tag, enlarged: int, *, bold: bool = False) -> list[tuple[int, Array]]:
+def _read(picture: Grey, tag: Tag, enlarged: int, *, bold: bool = False) -> list[tuple[int, Floats]]:
     """Numbers and rough corners [4, 2] px of all markers of the tag's dictionary; `bold`: with as many cells
     misread as lie between two numbers."""
     larger = cv2.resize(picture, None, fx=enlarged, fy=enlarged, interpolation=cv2.INTER_CUBIC)
@@ -281,6 +279,6 @@ def _only(seen: list[Sighting]) -> Sighting | None:
     return seen[0] if len(seen) == 1 else None
 
 
-def _size(points: Array) -> float:
+def _size(points: Floats) -> float:
     """The side of a square of which these are the corners (cm), mm."""
     return 10 * float(np.hypot(*(points - np.roll(points, 1, 0)).T).mean())

@@ -7,18 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.errors import UsageError
 from realitygap.kernels import policy
 from realitygap.kernels.network import LIMIT
 from realitygap.tasks.scoring import reason
 from realitygap.user_code import blamed_on, named_object, place_of
-from realitygap.values import Command, as_count
+from realitygap.values import Command, Floats, as_count
 
 __all__ = ["Form", "WeightedController", "form_of", "stopped"]
 
-Floats = NDArray[np.float64]
 Decide = Callable[[Floats, Floats, Floats, Floats], None]
 WIDEST = 256
 """Hidden neurons at most."""

@@ -37,13 +37,12 @@ from realitygap.simulation.engine import Streams
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
-from realitygap.values import as_count, as_stream
+from realitygap.values import Floats, as_count, as_stream
 from realitygap.world.arena import Arena
 from realitygap.world.profile import Profile
 
 __all__ = ["Batch", "Problem"]
 
-Floats = NDArray[np.float64]
 REACH = 4.0
 """Weights lie in ±4, as the paper's do (§5.3); nothing but the bounds says so."""
 FRESH = 2**62

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.recordings.recording import WheelRecording, cylinder_radius
 from realitygap.report.style import GRID, INK, MUTED, PAGE, new_figure
+from realitygap.values import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
     from realitygap.calibration.wheels.fit import WheelFit
 
 __all__ = ["curves_figure", "look_of", "maps_figure", "noise_figure", "slip_figure", "steps_figure"]
-
-Array = NDArray[np.float64]
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 MARKS = ("o", "s", "^", "D")
@@ -242,12 +241,12 @@ def _series(fit: ChannelFit, k: int) -> Iterator[tuple[str, NDArray[np.bool_], s
         yield name, rows, colour, mark
 
 
-def _dots(axes: Axes, x: Array, counts: Array, mark: str, colour: str, label: str) -> None:
+def _dots(axes: Axes, x: Floats, counts: Floats, mark: str, colour: str, label: str) -> None:
     """Single readings."""
     axes.plot(x, counts, mark, ms=1.6, mew=0, color=colour, alpha=0.7, rasterized=True, label=label)
 
 
-def _means(x: Array, values: Array) -> tuple[Array, Array]:
+def _means(x: Floats, values: Floats) -> tuple[Floats, Floats]:
     """Each x once, and the mean of the values there."""
     found, i = np.unique(x, return_inverse=True)
     return found, np.bincount(i, values) / np.bincount(i)
@@ -259,7 +258,7 @@ def _named(name: str) -> str:
     return f"cylinder of {radius:g} cm" if radius else name
 
 
-def _table(fit: ChannelFit, values: Array, rows: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+def _table(fit: ChannelFit, values: Floats, rows: NDArray[np.bool_]) -> tuple[Floats, Floats, Floats]:
     """Distances, bearings, and the mean of `values` of those rows at each pair."""
     rows = rows & np.isfinite(values)
     distance, i = np.unique(fit.distance_cm[rows], return_inverse=True)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from realitygap.controller.layout import Genes, Layout
 from realitygap.controller.network import NetworkController
 from realitygap.track import Track
+from realitygap.values import Floats
 
 __all__ = ["LOST", "Inside", "activity", "pack", "poses_of", "track"]
 
@@ -22,8 +23,6 @@ TURN = 100.0
 """Headings are packed in hundredths of a degree."""
 DIGITS = 9
 """More than a file has, fewer than a heading loses on its way from degrees and back."""
-
-Floats = NDArray[np.float64]
 
 
 def pack(values: ArrayLike, kind: str) -> str:

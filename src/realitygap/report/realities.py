@@ -13,8 +13,9 @@ from realitygap.calibration.unit_folder import PROFILE
 from realitygap.experiments.folder import RESULTS
 from realitygap.experiments.noise.plan import calibration_folder
 from realitygap.experiments.realities import ASKED, Place
+from realitygap.report.noise.asides import CHANNELS
 from realitygap.report.noise.facts import NoiseFacts, Span, gather_facts, points
-from realitygap.report.noise.figures import curve_of, dots, legend, levels_axis
+from realitygap.report.noise.figures import legend, panel
 from realitygap.report.noise.report import build_noise_report
 from realitygap.report.noise.results import read_results
 from realitygap.report.noise.tables import NoiseTable, Number, Row
@@ -26,7 +27,6 @@ from realitygap.world.profile import load_profile
 
 __all__ = ["Reality", "build_realities_report", "matrix", "read_realities", "realities_summary"]
 
-CHANNELS = {"infrared": "proximity", "ambient": "light"}
 CAPTION = (
     "A column a reality. Error / noise: what the calibrated model is off by, on readings not fitted, where "
     "they are neither dark nor saturated, over the noise's deviation there; below it the error in "
@@ -159,13 +159,8 @@ def levels_figure(realities: Sequence[Reality]) -> Figure:
     for (above, below), one in zip(axes.T, realities, strict=True):
         scope, data = one.facts.headline, one.facts.data
         level, score = points(data, "a")
-        sets = np.repeat(data.seed_set, len(data.levels))
-        for ax, values, curve in (
-            (above, score, scope.curves["a"]), (below, data.noisiness.ravel(), scope.noisiness),
-        ):  # fmt: skip
-            dots(ax, data, level, values, sets)
-            levels_axis(ax, data.levels, data.robot)
-            curve_of(ax, curve)
+        panel(above, data, level, score, scope.curves["a"])
+        panel(below, data, level, data.noisiness.ravel(), scope.noisiness)
         above.set_title(one.name, fontsize=8)
         above.set_ylim(-0.3, 10.3)
         below.axhline(0, color=INK, linewidth=0.8)

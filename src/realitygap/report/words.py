@@ -143,21 +143,7 @@ def about(pairs: Sequence[Pair]) -> str:
 
 
 def pair_words(part: TaskPart, shown: Sequence[Pair]) -> Words:
-    """The words of figure 3 or 5."""
-    return Words(f"Paths. {_seen(part, shown)}.", _caption(part, shown))
-
-
-def transfer_sheet_words(many: int, where: str, *, counted: bool) -> Words:
-    """Of the sheet with every transferred run's paths; `counted`: some are reckoned from its wheels."""
-    alt = f"Simulated and situated paths of {many} runs, each from its first start."
-    caption = f"{alt} Simulated above, {where} below; the number is the path’s score."
-    if counted:
-        caption += " A path that leaves the room is reckoned from wheels that slipped at a wall."
-    return Words(alt, caption)
-
-
-def _caption(part: TaskPart, shown: Sequence[Pair]) -> str:
-    """What stands under figure 3 or 5."""
+    """The words of figure 3 or 5: the paths' ends for those who cannot see them, and what stands under it."""
     where, unit = shown[0].where, part.task.fitness_unit
     kind = "physics stand-in" if shown[0].kind.startswith(("twin", "stranger")) else "stand-in"
     stood_in = shown[0].stand_in is not None
@@ -168,7 +154,7 @@ def _caption(part: TaskPart, shown: Sequence[Pair]) -> str:
     names = {who.get(pair.individual, pair.individual) for pair in shown}
     name = names.pop() if len(names) == 1 else "individual"
     many = any(len(c.rows) > 1 for c in part.conditions)
-    return (
+    caption = (
         f"Above: simulated (thin solid strokes, open body), at the noise that each {name} evolved under. "
         f"Below: situated (broad dashed strokes, filled body), on {what}; the path is {source}. "
         + ("For each noise level the median run on fresh trials, where it was transferred. " if many else "")
@@ -176,13 +162,19 @@ def _caption(part: TaskPart, shown: Sequence[Pair]) -> str:
         + (f" in {unit}. " if unit else ". ")
         + "Each stroke of the tail joins the robot’s centre to its leading edge, every 0.1 s; none is erased."
     )
-
-
-def _seen(part: TaskPart, shown: Sequence[Pair]) -> str:
-    """The paths' ends, for those who cannot see them."""
-    return "; ".join(
+    ends = "; ".join(
         f"{part.names[p.level]}: from ({p.simulated.x[0]:.0f}, {p.simulated.y[0]:.0f}) simulated to "
         f"({p.simulated.x[-1]:.0f}, {p.simulated.y[-1]:.0f}), on {p.where} to "
         f"({p.situated.x[-1]:.0f}, {p.situated.y[-1]:.0f}) cm"
         for p in shown
     )
+    return Words(f"Paths. {ends}.", caption)
+
+
+def transfer_sheet_words(many: int, where: str, *, counted: bool) -> Words:
+    """Of the sheet with every transferred run's paths; `counted`: some are reckoned from its wheels."""
+    alt = f"Simulated and situated paths of {many} runs, each from its first start."
+    caption = f"{alt} Simulated above, {where} below; the number is the path’s score."
+    if counted:
+        caption += " A path that leaves the room is reckoned from wheels that slipped at a wall."
+    return Words(alt, caption)

@@ -11,7 +11,7 @@ from realitygap.robots.recording import Recorder, Recording, Step
 from realitygap.robots.signals import MOVING, NUMBERS, Stopping
 from realitygap.values import Command, Readings
 
-__all__ = ["Controller", "drive"]
+__all__ = ["Controller", "Steady", "drive"]
 
 
 class Controller(Protocol):
@@ -22,6 +22,20 @@ class Controller(Protocol):
 
     def decide(self, inputs: Sequence[int]) -> Command:
         """One step."""
+
+
+class Steady:
+    """A controller that gives the same command at each step."""
+
+    def __init__(self, command: Command) -> None:
+        self.command = command
+
+    def reset(self) -> None:
+        """Nothing to forget."""
+
+    def decide(self, inputs: Sequence[int]) -> Command:
+        """The command, whatever is read."""
+        return self.command
 
 
 def drive(

@@ -25,6 +25,7 @@ from realitygap.kernels.params import Networks, Path
 from realitygap.kernels.work import Work, new_work
 from realitygap.simulation.engine import Cores, Streams
 from realitygap.tasks.task import Task
+from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
 __all__ = ["SIMULATED", "Batch", "Cuda", "device", "require_gpu", "scoring", "trials", "unfused"]
@@ -38,7 +39,6 @@ SHARED = ("fan", "all_fans", "span")
 """What of a trial's scratch nobody writes."""
 INSTALL = 'Install it: pip install "realitygap[cuda]".'
 CURE = "Leave out --engine, which takes the processor's cores, or see docs/machines.md."
-Floats = NDArray[np.float64]
 
 
 class Batch(NamedTuple):

@@ -20,13 +20,13 @@ from realitygap.kernels.work import Work, farthest_notice, new_work, spread_fan
 from realitygap.simulation.spread import drawn
 from realitygap.tasks.scoring import CompiledScore
 from realitygap.tasks.task import Task
+from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
 __all__ = ["Cores", "Engine", "Streams"]
 
 CHUNK = 64
 """Trials carried out before their scores are taken: bounds the memory of a batch."""
-Floats = NDArray[np.float64]
 Streams = NDArray[np.uint64]
 
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 from os import PathLike
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.controller.layout import shown
 from realitygap.controller.network import check_networks
@@ -18,7 +17,7 @@ from realitygap.simulation.engine import Cores, Engine, Streams
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.track import Trajectory
-from realitygap.values import Pose, as_stream
+from realitygap.values import Floats, Pose, as_stream
 from realitygap.world.arena import Arena, load_arena
 from realitygap.world.noise import noise_level
 from realitygap.world.profile import Profile, load_profile
@@ -28,7 +27,6 @@ __all__ = ["Simulation", "engine_named"]
 LONGEST_S = 100_000
 MOST_READINGS = 10**6
 """Limits on a trajectory's length and on one probe's repetitions."""
-Floats = NDArray[np.float64]
 MakeEngine = Callable[[Task, Profile, float], Engine]
 
 

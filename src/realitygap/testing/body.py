@@ -1,6 +1,5 @@
 """What every body does, wherever its wheels are."""
 
-from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from unittest import SkipTest
 
@@ -9,8 +8,8 @@ from numpy.typing import NDArray
 
 from realitygap.robots.body import KINDS, Body, attend, odometry_of
 from realitygap.robots.clock import Clock
-from realitygap.robots.loop import drive
-from realitygap.values import Command, Pose, Readings
+from realitygap.robots.loop import Steady, drive
+from realitygap.values import Command, Pose
 
 __all__ = ["BodyContract"]
 
@@ -94,23 +93,6 @@ class BodyContract:
         return Command(left=self.scale * left, right=self.scale * right)
 
 
-class _Constant:
-    """A controller that gives the same command at each step."""
-
-    def __init__(self, command: Command) -> None:
-        self.command = command
-
-    def reset(self) -> None:
-        pass
-
-    def decide(self, inputs: Sequence[int]) -> Command:
-        return self.command
-
-
-def _no_inputs(readings: Readings) -> list[int]:
-    return []
-
-
 def _counters(body: Body) -> NDArray[np.int64]:
     """[2] pulses, as read with the last `sense`; the test is skipped where a body does not count."""
     counters = odometry_of(body).counters
@@ -123,7 +105,7 @@ def _pace(body: Body, clock: Clock, command: Command, seconds: float) -> tuple[f
     """Pulses a second, left and right: the median, so that one late step of the computer does not count."""
     body.sense()
     _counters(body)
-    recording = drive(body, _Constant(command), seconds=seconds, clock=clock, inputs=_no_inputs)
+    recording = drive(body, Steady(command), seconds=seconds, clock=clock, inputs=lambda readings: [])
     taken = np.diff(recording.t)[:, None]
     left, right = np.median(np.diff(recording.counters, axis=0)[1:] / taken[1:], axis=0)
     return float(left), float(right)

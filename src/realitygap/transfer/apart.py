@@ -19,12 +19,10 @@ from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.streams import PSEUDO
 from realitygap.tasks.task import Task
 from realitygap.track import Track, Trajectory
-from realitygap.values import Command, Pose
+from realitygap.values import Command, Floats, Pose
 from realitygap.world.profile import TOP_INPUT, Profile
 
 __all__ = ["PSEUDO_REALITIES", "PSEUDO_SPREAD", "apart", "in_pseudo_realities", "replayed"]
-
-Floats = NDArray[np.float64]
 
 PSEUDO_REALITIES, PSEUDO_SPREAD = 200, 0.1
 """Trials of each controller, each in a robot whose constants are drawn anew within ±10 % of the profile's."""

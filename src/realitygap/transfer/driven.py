@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.errors import UsageError
 from realitygap.robots.body import Body, Paced, Seen, attend, odometry_of
@@ -14,15 +13,13 @@ from realitygap.robots.recording import Recorder, Recording
 from realitygap.tasks.task import Task
 from realitygap.track import Track
 from realitygap.transfer.paths import of_counters, of_poses
-from realitygap.values import Command, Pose, Readings, fed
+from realitygap.values import Command, Floats, Pose, Readings, fed
 from realitygap.world.profile import Profile
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
 __all__ = ["Driven", "driven", "turned"]
-
-Floats = NDArray[np.float64]
 
 
 class Driven(NamedTuple):

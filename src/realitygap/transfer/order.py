@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.correspondence.statistics import correlation
+from realitygap.values import Floats
 
-__all__ = ["SUBSTITUTE", "Order", "means", "order_of"]
-
-Floats = NDArray[np.float64]
+__all__ = ["SUBSTITUTE", "Order", "mean", "means", "order_of"]
 
 SUBSTITUTE = 0.8
 """Spearman's rho above which one measure may stand for another (`docs/noise-level-2.md`)."""
@@ -100,6 +99,12 @@ def _rho(first: Floats, second: Floats) -> float:
     if both.sum() < LEAST:
         return math.nan
     return correlation(first[both], second[both], resamples=0).rho
+
+
+def mean(values: Sequence[float]) -> float:
+    """Of those that are known; NaN of none."""
+    known = [value for value in values if math.isfinite(value)]
+    return math.fsum(known) / len(known) if known else math.nan
 
 
 def means(values: Floats, weights: Floats | None = None) -> Floats:

@@ -10,21 +10,18 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.kernels import batch
 from realitygap.kernels.params import STEP_S
 from realitygap.kernels.params import Path as Ground
 from realitygap.track import Track, settled
-from realitygap.values import Pose
+from realitygap.values import Floats, Pose
 
 if TYPE_CHECKING:
     from realitygap.tasks.task import Task
     from realitygap.world.profile import Profile
 
 __all__ = ["of_counters", "of_poses", "of_track", "score"]
-
-Floats = NDArray[np.float64]
 
 TOUCH_CM = 0.1
 """A body nearer than this to something touches it: as exactly as a film shows."""

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap import temporary
 from realitygap.errors import UsageError
@@ -36,8 +35,6 @@ if TYPE_CHECKING:
     from realitygap.twin.states import States
 
 __all__ = ["Rig"]
-
-Floats = NDArray[np.float64]
 
 
 class Rig(Closing):

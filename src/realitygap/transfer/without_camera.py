@@ -21,7 +21,6 @@ from os import PathLike
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.errors import StudyError
 from realitygap.robots.recording import Recording
@@ -32,16 +31,14 @@ from realitygap.track import Trajectory
 from realitygap.transfer.apart import apart, in_pseudo_realities, replayed
 from realitygap.transfer.chosen import number_of
 from realitygap.transfer.load import Transferred
-from realitygap.transfer.order import Order, order_of
+from realitygap.transfer.order import Order, mean, order_of
 from realitygap.transfer.replay import Replay, Replays
 from realitygap.transfer.score_row import Job
 from realitygap.transfer.score_rows import jobs_of
-from realitygap.values import as_stream
+from realitygap.values import Floats, as_stream
 from realitygap.world.profile import Profile
 
 __all__ = ["Lived", "WithoutCamera", "without_camera"]
-
-Floats = NDArray[np.float64]
 
 SEEN = ("robot", "camera", "film")
 """Where a path is from that shows slip."""
@@ -150,13 +147,13 @@ def _controller(study: Study, job: Job, replays: Replays) -> tuple[Lived, list[_
         ours = [row["distance"] for row, (one, _) in zip(rows, known, strict=True) if one.robot == robot]
         seen = tuple(one for one, _ in known if one.robot == robot and one.situated_from in SEEN)
         score = replace(job, transfers=seen).correspondence if seen else math.nan
-        units.append(_Unit(robot, _mean(ours), score))
+        units.append(_Unit(robot, mean(ours), score))
     made = Lived(
         run=run.id, name=run.name, task=run.task, noise=run.noise, individual=job.individual, kind=job.kind,
-        units=len(units), trials=len(known), **{key: _mean([row[key] for row in rows]) for key in rows[0]},
-        correspondence=_mean([one.correspondence for one in units]),
-        fitness_simulated=_mean([one.fitness_simulated for one, _ in known]),
-        fitness_situated=_mean([one.fitness_situated for one, _ in known]),
+        units=len(units), trials=len(known), **{key: mean([row[key] for row in rows]) for key in rows[0]},
+        correspondence=mean([one.correspondence for one in units]),
+        fitness_simulated=mean([one.fitness_simulated for one, _ in known]),
+        fitness_situated=mean([one.fitness_situated for one, _ in known]),
         fitness_pseudo=_in_pseudo_realities(study, run, job.individual),
         left_out=len(job.transfers) - len(known),
     )  # fmt: skip
@@ -182,7 +179,7 @@ def _trial(one: Transferred, both: _Both, task: Task, profile: Profile) -> dict[
     """One trial's distances."""
     far = apart(both.simulated, both.situated, profile, task)
     error = replayed(Simulation(task, profile, 0.0), both.situated, one.situated, one.pose)
-    return {**far, "distance": _mean(list(far.values())), "replay_cm": error}
+    return {**far, "distance": mean(list(far.values())), "replay_cm": error}
 
 
 def _in_pseudo_realities(study: Study, run: Run, individual: str) -> float:
@@ -207,9 +204,3 @@ def _order(names: tuple[str, str, str], group: Sequence[tuple[Lived, list[_Unit]
                     "fitness_simulated", "fitness_situated", "fitness_pseudo")
     }  # fmt: skip
     return order_of(names, values[0], values[1], columns)
-
-
-def _mean(values: Sequence[float]) -> float:
-    """Of those that are known; NaN of none."""
-    known = [value for value in values if math.isfinite(value)]
-    return math.fsum(known) / len(known) if known else math.nan

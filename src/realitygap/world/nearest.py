@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.values import Floats
+
 __all__ = ["MANY", "nearest"]
 
 MANY = 20
@@ -15,7 +17,6 @@ ENTRIES = 400_000
 """The most cells of a grid, and the most obstacles in all its cells: some megabytes."""
 SPARE_CM = 1e-6
 """Bounds are lower by this: no rounding makes a distance less than its bound."""
-Floats = NDArray[np.float64]
 
 
 @lru_cache(maxsize=8)

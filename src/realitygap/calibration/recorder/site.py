@@ -123,18 +123,23 @@ class PersonSite:
         self._ask = ask
 
     def prepare(self, says: str) -> bool:
-        """Tell what a plan needs."""
-        return self._go_on(says)
+        """Tell what a plan needs, and ask whether it is there."""
+        while True:
+            answer = self._ask(f"{says} [Enter: ready, s: leave out, q: stop here]").strip().lower()
+            if answer in ("", "s"):
+                return not answer
+            if answer == "q":
+                raise EnoughError
 
     def stand(self, place: Place) -> bool:
         """Tell where the robot has to stand."""
-        return self._go_on(f"Place: {place.says}.")
+        return self.prepare(f"Place: {place.says}.")
 
     def begin(self, trial: Trial) -> bool:
         """Tell how much room a trial needs, and ask where it starts."""
         self._start: Pose | None = None
         name = f"Trial {trial.number} ({trial.kind})"
-        if not self._go_on(f"{name}: the robot will move; it needs {trial.says}."):
+        if not self.prepare(f"{name}: the robot will move; it needs {trial.says}."):
             return False
         if trial.filmed:
             self._start = self._measured("Where does it stand?")
@@ -146,14 +151,6 @@ class PersonSite:
             return {}
         end = self._measured("Where does it stand now?")
         return {0: self._start} if end is None else {0: self._start, len(trial.commands) - 1: end}
-
-    def _go_on(self, says: str) -> bool:
-        while True:
-            answer = self._ask(f"{says} [Enter: ready, s: leave out, q: stop here]").strip().lower()
-            if answer in ("", "s"):
-                return not answer
-            if answer == "q":
-                raise EnoughError
 
     def _measured(self, says: str) -> Pose | None:
         """A pose as a person measures it or reads it off the camera's track."""

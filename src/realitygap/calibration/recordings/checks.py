@@ -4,15 +4,13 @@ import math
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.calibration.recordings.recording import count_unit
 from realitygap.errors import RecordingError
 from realitygap.table import Table, read_table
+from realitygap.values import Floats
 
 __all__ = ["FACTS", "check_readings", "check_steps", "read_rows"]
-
-Array = NDArray[np.float64]
 
 FACTS = "recording.toml"
 """What is known of a recording's robot, and how it was made."""
@@ -46,9 +44,9 @@ def check_readings(
     table: Table,
     *,
     kind: str,
-    distance_cm: Array,
-    bearing_deg: Array,
-    counts: Array,
+    distance_cm: Floats,
+    bearing_deg: Floats,
+    counts: Floats,
     full_scale: float | None,
 ) -> tuple[str, ...]:
     """Warnings about sensor readings [n, S] at [n] distances and bearings in a table's rows.
@@ -84,7 +82,7 @@ def check_readings(
     return tuple(warned)
 
 
-def check_steps(commands: Array, counters: Array) -> tuple[str, ...]:
+def check_steps(commands: Floats, counters: Floats) -> tuple[str, ...]:
     """Warnings about wheels [n, 2]: a counter that stands although its wheel was driven."""
     out = []
     for side, name in enumerate(("left", "right")):

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.calibration.recordings.checks import FACTS, check_readings, check_steps, read_rows
 from realitygap.calibration.recordings.facts import (
@@ -32,14 +31,13 @@ from realitygap.calibration.recordings.thymio import NAME, read_thymio
 from realitygap.errors import RecordingError
 from realitygap.table import Table
 from realitygap.text import as_path, refuse_unknown
+from realitygap.values import Floats
 from realitygap.world.arena import Arena, load_arena
 
 __all__ = [
     "READINGS", "STEPS", "STEP_COLUMNS", "UNITS", "WHEEL_COUNTS",
     "find_recordings", "load_recording", "read_folder",
 ]  # fmt: skip
-
-Array = NDArray[np.float64]
 
 READINGS, STEPS = "readings.csv", "steps.csv"
 POLAR = ("distance_cm", "bearing_deg")
@@ -186,7 +184,7 @@ def _wheels(folder: Path, facts: Mapping[str, Any]) -> WheelRecording:
     back = np.concatenate([[False], (np.diff(t) <= 0) & (np.diff(trial) == 0)])
     table.refuse(back, "t_s", "a time after the row's before", t, "A trial's rows follow each other.")
 
-    def pair(name: str) -> Array:
+    def pair(name: str) -> Floats:
         return np.stack([table.numbers(f"{name}_{side}") for side in ("left", "right")], 1)
 
     unknown = np.full((len(t), 2), math.nan)
@@ -231,14 +229,14 @@ def _sensor_columns(table: Table, facts: Mapping[str, Any]) -> list[str]:
     return [f"s{i}" for i in range(expected)]
 
 
-def _pose(table: Table, *, empty: bool) -> Array:
+def _pose(table: Table, *, empty: bool) -> Floats:
     """[n, 3] x, y (cm), heading (rad)."""
     pose = np.stack([table.numbers(name, empty=empty) for name in POSE], 1)
     pose[:, 2] = np.radians(pose[:, 2])
     return pose
 
 
-def _from_object(table: Table) -> tuple[Array, Array]:
+def _from_object(table: Table) -> tuple[Floats, Floats]:
     """How far the object is from the body's edge (cm), and its bearing (degrees)."""
     if "x_cm" in table.columns and "distance_cm" not in table.columns:
         where = table.path.with_name(FACTS)
@@ -250,7 +248,7 @@ def _from_object(table: Table) -> tuple[Array, Array]:
     return distance, bearing
 
 
-def _from_lamp(pose: Array, arena: Arena, body_radius_cm: float) -> tuple[Array, Array]:
+def _from_lamp(pose: Floats, arena: Arena, body_radius_cm: float) -> tuple[Floats, Floats]:
     """How far the arena's first lamp is from the body's edge (cm), and its bearing (degrees)."""
     if not arena.lamps:
         return np.full(len(pose), math.nan), np.full(len(pose), math.nan)

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import RecordingError
+from realitygap.values import Floats
 from realitygap.world.arena import Arena
 from realitygap.world.body import Body
 from realitygap.world.profile import Profile, load_profile
@@ -39,8 +40,6 @@ __all__ = [
     "BODY_RADIUS_CM", "HEIGHTS_CM", "KINDS", "PULSES_PER_MM", "STEP_KINDS", "Recording", "SensorRecording",
     "WheelRecording", "check_object", "count_unit", "cylinder_radius",
 ]  # fmt: skip
-
-Array = NDArray[np.float64]
 
 KINDS = ("infrared", "ambient", "wheels")
 STEP_KINDS = ("step", "start", "straight", "turn")
@@ -103,17 +102,17 @@ class SensorRecording(Recorded):
 
     kind: str
     object: str
-    distance_cm: Array
-    bearing_deg: Array
+    distance_cm: Floats
+    bearing_deg: Floats
     repeat: NDArray[np.int64]
-    counts: Array
-    pose: Array | None = None
+    counts: Floats
+    pose: Floats | None = None
     arena: Arena | None = None
     body_radius_cm: float = BODY_RADIUS_CM
     body_outline_cm: tuple[tuple[float, float], ...] = ()
     body_said: bool = True
     full_scale: float | None = None
-    speed_cm_s: Array | None = None
+    speed_cm_s: Floats | None = None
     reflectance: float = 1.0
     from_sensor: int | None = None
 
@@ -182,7 +181,7 @@ class SensorRecording(Recorded):
         """Of a cylinder; None for other objects."""
         return cylinder_radius(self.object)
 
-    def reach_cm(self) -> Array:
+    def reach_cm(self) -> Floats:
         """[n] how far the body's edge stands out from its axle's middle, towards the object."""
         round_cm = 0.0 if self.object == "lamp" else self.radius_cm
         gap = None if round_cm is None else self.distance_cm + round_cm
@@ -215,13 +214,13 @@ class WheelRecording(Recorded):
         period_s: of a step.
     """
 
-    t_s: Array
-    commands: Array
-    counters: Array
-    speeds: Array
+    t_s: Floats
+    commands: Floats
+    counters: Floats
+    speeds: Floats
     trial: NDArray[np.int64]
     kind: NDArray[np.str_]
-    pose: Array | None = None
+    pose: Floats | None = None
     pulses_per_mm: float = PULSES_PER_MM
     told: bool = False
     period_s: float = 0.1

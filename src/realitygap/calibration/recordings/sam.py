@@ -9,15 +9,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, SensorRecording, check_object
 from realitygap.errors import RecordingError
 from realitygap.text import read_text
+from realitygap.values import Floats
 
 __all__ = ["LIGHT_STEP", "read_sam"]
-
-Array = NDArray[np.float64]
 
 SENSORS, FULL = 8, 1023
 """The tables are a Khepera's, of its eight sensors and its converter of 10 bits: other robots have none."""
@@ -118,7 +116,7 @@ def _header(path: Path, lines: list[str]) -> Header:
     return header
 
 
-def _table(path: Path, lines: list[str], header: Header) -> Array:
+def _table(path: Path, lines: list[str], header: Header) -> Floats:
     """[distances · bearings, sensors] the readings as they stand there."""
     out: list[list[int]] = []
     many, expected = header.distances * header.bearings, header.bearings + 1
@@ -163,13 +161,13 @@ def _readings(path: Path, number: int, line: str, sensors: int) -> list[int]:
     return out
 
 
-def _looks_like_light(table: Array) -> bool:
+def _looks_like_light(table: Floats) -> bool:
     """Every reading lies on the steps of light tables, cut to whole numbers."""
     steps = np.rint(table / LIGHT_STEP) * LIGHT_STEP
     return bool((np.abs(table - steps) < 1.0).all() and len(np.unique(table)) > 3)
 
 
-def _refuse_other_kind(path: Path, kind: str, light: bool, table: Array) -> None:
+def _refuse_other_kind(path: Path, kind: str, light: bool, table: Floats) -> None:
     if kind == "infrared" and light:
         raise RecordingError(
             f"{path}: every reading lies on a step of {LIGHT_STEP}, as in tables of ambient light. "

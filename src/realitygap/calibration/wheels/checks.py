@@ -1,19 +1,17 @@
 """Recordings of wheels that cannot be what they say: swapped counters, another unit, no robot's at all."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.calibration.recordings.recording import WheelRecording
 from realitygap.calibration.wheels.odometry import Odometry
 from realitygap.errors import CalibrationError
+from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
 __all__ = [
     "refuse_camera", "refuse_counters", "refuse_fast", "refuse_few_steps", "refuse_lengths", "refuse_still",
     "refuse_wheels",
 ]  # fmt: skip
-
-Array = NDArray[np.float64]
 
 SIDES = ("left", "right")
 FEWEST_STEPS = 30
@@ -52,7 +50,7 @@ def refuse_fast(recording: WheelRecording, base: Profile) -> None:
         )
 
 
-def refuse_few_steps(recording: WheelRecording, measured: Array) -> None:
+def refuse_few_steps(recording: WheelRecording, measured: Floats) -> None:
     """Refuse a recording with too few speeds [n, 2] to tell anything."""
     if np.isfinite(measured).sum() < 2 * FEWEST_STEPS:
         raise CalibrationError(
@@ -126,7 +124,7 @@ def refuse_lengths(recording: WheelRecording, odometry: Odometry, base: Profile)
 
 
 def refuse_wheels(
-    recording: WheelRecording, measured: Array, model: Array, bounded: dict[str, float]
+    recording: WheelRecording, measured: Floats, model: Floats, bounded: dict[str, float]
 ) -> None:
     """Refuse a fit that explains less than half of what the wheels did, or that ended at a bound.
 

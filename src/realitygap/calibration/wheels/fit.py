@@ -31,11 +31,10 @@ from realitygap.calibration.wheels.odometry import (
     measure_odometry,
     measured_speeds,
 )
+from realitygap.values import Floats
 from realitygap.world.profile import Profile, largest_pole
 
 __all__ = ["WHEEL_FORMS", "WheelFit", "doubts", "fit_wheels"]
-
-Array = NDArray[np.float64]
 
 WHEEL_FORMS = ("printed", "refitted")
 """The paper's gains; gains of one's own, a lag, and play at turning round. Both fit the speed per unit."""
@@ -78,8 +77,8 @@ class WheelFit:
     odometry: Odometry | None
     camera: bool
     pulses_per_mm: tuple[float, ...]
-    measured: Array = field(repr=False)
-    model: Array = field(repr=False)
+    measured: Floats = field(repr=False)
+    model: Floats = field(repr=False)
 
 
 def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tick = lambda: None) -> WheelFit:
@@ -188,7 +187,7 @@ class _Fitted(NamedTuple):
     alike: tuple[tuple[str, str, float], ...]
 
 
-def _fit(form: str, base: Profile, recording: WheelRecording, measured: Array) -> _Fitted:
+def _fit(form: str, base: Profile, recording: WheelRecording, measured: Floats) -> _Fitted:
     """Speed per unit of each wheel, and in the form "refitted" the gains, the lag and the play too."""
     from scipy.optimize import least_squares
 
@@ -201,10 +200,10 @@ def _fit(form: str, base: Profile, recording: WheelRecording, measured: Array) -
     use = _told(recording, measured)
     speeds = _steady(recording, measured)
 
-    def made(theta: Array) -> Profile:
+    def made(theta: Floats) -> Profile:
         return _with(base, dict(zip(keys, theta.tolist(), strict=True)))
 
-    def residuals(theta: Array) -> Array:
+    def residuals(theta: Floats) -> Floats:
         if not _stable(theta, keys, base):
             return np.full(int(use.sum()), 1e3)
         off = (wheel_speeds(made(theta), recording) - measured)[use]
@@ -233,7 +232,7 @@ def _speed_bounds(base: Profile) -> tuple[float, float]:
     return SPEED_BOUNDS[0] * usual, SPEED_BOUNDS[1] * usual
 
 
-def _told(recording: WheelRecording, measured: Array) -> NDArray[np.bool_]:
+def _told(recording: WheelRecording, measured: Floats) -> NDArray[np.bool_]:
     """[n, 2] speeds that are known and follow from the trial's commands alone.
 
     Not a wheel's first start in a trial: which way it turned before, nobody wrote down.
@@ -247,7 +246,7 @@ def _told(recording: WheelRecording, measured: Array) -> NDArray[np.bool_]:
     return np.asarray(use)
 
 
-def _stable(theta: Array, keys: list[str], base: Profile) -> bool:
+def _stable(theta: Floats, keys: list[str], base: Profile) -> bool:
     """Whether a wheel with these gains settles, and goes no further than a radius in a step at command 1:
     of one that does, no profile could be made."""
     law = dict(zip(keys, theta.tolist(), strict=True))
@@ -266,7 +265,7 @@ def _with(base: Profile, values: dict[str, float]) -> Profile:
     return replace(base, wheels=replace(wheels, speed_per_unit_cm_s=speeds, top_command=top, **gains))
 
 
-def _steady(recording: WheelRecording, measured: Array) -> list[float]:
+def _steady(recording: WheelRecording, measured: Floats) -> list[float]:
     """Speed per unit of each wheel where its command has stood for half a second, cm/s."""
     out = []
     for w in range(2):
@@ -280,5 +279,5 @@ def _steady(recording: WheelRecording, measured: Array) -> list[float]:
     return out
 
 
-def _rmse(off: Array) -> float:
+def _rmse(off: Floats) -> float:
     return float(np.sqrt(np.nanmean(off**2)))

@@ -3,14 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.calibration.recordings.recording import WheelRecording
 from realitygap.kernels.params import STEP_S
+from realitygap.values import Floats
 
 __all__ = ["Friction", "measure_friction"]
-
-Array = NDArray[np.float64]
 
 MOVING_SHARE = 0.1
 """A wheel has started when it goes faster than this share of the speed asked for."""
@@ -25,7 +23,7 @@ class Friction(NamedTuple):
     starts: int
 
 
-def measure_friction(recording: WheelRecording, measured: Array) -> Friction | None:
+def measure_friction(recording: WheelRecording, measured: Floats) -> Friction | None:
     """Between which thresholds the wheels' delays at standing starts lie.
 
     A wheel that rests under a command of speed v adds v/0.1 s to I each step: if it starts in its

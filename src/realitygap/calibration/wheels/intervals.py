@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.constants import SIGMAS, Constant, blind_pairs, filling
 from realitygap.calibration.wheels.odometry import Odometry
+from realitygap.values import Floats
 
 __all__ = ["ASSUMED", "at_bound", "intervals", "with_lengths"]
-
-Array = NDArray[np.float64]
 
 ASSUMED = 0.02
 """Relative deviation of pulses per mm where nobody measured them: sources say 12 or 12.5."""
@@ -25,9 +24,9 @@ FEWEST_TRIALS, ROWS = 10, 20
 
 def intervals(
     names: Sequence[str],
-    theta: Array,
-    bounds: tuple[Array, Array],
-    residuals: Callable[[Array], Array],
+    theta: Floats,
+    bounds: tuple[Floats, Floats],
+    residuals: Callable[[Floats], Floats],
     trial: NDArray[np.int64],
     *,
     robust_at: float,
@@ -99,8 +98,8 @@ def _groups(trial: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _columns(
-    theta: Array, bounds: tuple[Array, Array], residuals: Callable[[Array], Array], off: Array
-) -> Array:
+    theta: Floats, bounds: tuple[Floats, Floats], residuals: Callable[[Floats], Floats], off: Floats
+) -> Floats:
     """[n, p] derivatives within the bounds; of both ways the flatter: gains may be next to unstable ones."""
     low, high = bounds
     out = np.empty((len(off), len(theta)))

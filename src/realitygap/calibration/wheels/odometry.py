@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.constants import SIGMAS, Constant
 from realitygap.calibration.recordings.recording import WheelRecording
+from realitygap.values import Floats
 
 __all__ = ["Odometry", "enough_pictures", "measure_odometry", "measured_speeds"]
-
-Array = NDArray[np.float64]
 
 SLIP, CAMERA_CM, WILD = 0.06, 0.1, 6.0
 """Where the estimate of slip and of the camera's own error begins; deviations beyond which a way is wild."""
@@ -52,8 +51,8 @@ class Odometry:
     slip: float
     drift_deg_per_m: float
     constants: tuple[Constant, ...]
-    ways: Array = field(repr=False)
-    beyond: Array = field(repr=False)
+    ways: Floats = field(repr=False)
+    beyond: Floats = field(repr=False)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,10 +60,10 @@ class _Ways:
     """Ways between two pictures: pulses [m, 2], Σ of the steps' squares [m, 2], camera's way and turn [m],
     whether both wheels were told the same [m], and whether it is one step of a steady drive [m]."""
 
-    pulses: Array
-    squares: Array
-    way: Array
-    turn: Array
+    pulses: Floats
+    squares: Floats
+    way: Floats
+    turn: Floats
     straight: NDArray[np.bool_]
     steady: NDArray[np.bool_]
 
@@ -77,7 +76,7 @@ class _Ways:
 
 def measured_speeds(
     recording: WheelRecording, odometry: Odometry | None, cm_per_pulse: tuple[float, float]
-) -> Array:
+) -> Floats:
     """[n, 2] mean speed of the wheels in the step that follows each row, cm/s; NaN where nothing tells it.
 
     Args:
@@ -145,7 +144,7 @@ def enough_pictures(recording: WheelRecording, track_cm: float) -> bool:
     return _between_pictures(recording, track_cm, apart=APART) is not None
 
 
-def _of_one_step(recording: WheelRecording, theta: Array) -> tuple[float, float] | None:
+def _of_one_step(recording: WheelRecording, theta: Floats) -> tuple[float, float] | None:
     """Slip over one step, and its relative deviation.
 
     From pictures of a steady drive at every step; None without enough of them. Slip hangs together
@@ -168,7 +167,7 @@ def _between_pictures(recording: WheelRecording, track_cm: float, *, apart: int)
     """Ways between pictures that are so many steps apart, or more."""
     if recording.pose is None:
         return None
-    found: list[tuple[Array, Array, float, float, bool, bool]] = []
+    found: list[tuple[Floats, Floats, float, float, bool, bool]] = []
     for rows in recording.trials():
         seen = _thinned(rows[np.isfinite(recording.pose[rows]).all(axis=1)], apart)
         for a, b in pairwise(seen):
@@ -192,7 +191,7 @@ def _between_pictures(recording: WheelRecording, track_cm: float, *, apart: int)
     return _Ways(**dict(zip(("pulses", "squares", "way", "turn", "straight", "steady"), each, strict=True)))
 
 
-def _moved(a: Array, b: Array, guess: float) -> tuple[float, float]:
+def _moved(a: Floats, b: Floats, guess: float) -> tuple[float, float]:
     """Turn (rad), nearest to a guess, and signed way (cm) of the arc from one pose to another."""
     (x0, y0, h0), (x1, y1, h1) = a, b
     turn = guess + math.remainder(h1 - h0 - guess, math.tau)
@@ -202,7 +201,7 @@ def _moved(a: Array, b: Array, guess: float) -> tuple[float, float]:
     return turn, chord * (half / math.sin(half) if abs(half) > 1e-6 else 1.0)
 
 
-def _alike(commands: Array, a: int) -> bool:
+def _alike(commands: Floats, a: int) -> bool:
     """Whether wheels were told the same before row `a` of a trial (0: they stood) and at the end."""
     before, last = commands[max(a - SETTLED_STEPS, 0) : a], commands[-SETTLED_STEPS:]
     stood = a == 0 or (a >= SETTLED_STEPS and bool((before == before[0]).all()))
@@ -220,7 +219,7 @@ def _thinned(rows: NDArray[np.int64], apart: int) -> list[int]:
     return kept
 
 
-def _lengths(ways: _Ways, weight: Array) -> tuple[Array, Array]:
+def _lengths(ways: _Ways, weight: Floats) -> tuple[Floats, Floats]:
     """(cm per pulse left, right, track) by weighted least squares, and their covariance.
 
     What a wheel covered is way ∓ turn·track/2, and is its pulses' length.
@@ -237,13 +236,13 @@ def _lengths(ways: _Ways, weight: Array) -> tuple[Array, Array]:
     return np.asarray(theta), np.asarray(inverse * float((off**2).sum() / max(2 * m - 3, 1)))
 
 
-def _beyond(ways: _Ways, theta: Array) -> Array:
+def _beyond(ways: _Ways, theta: Floats) -> Floats:
     """[m, 2] how much further each wheel came than its pulses say, cm."""
     seen = np.stack([ways.way - ways.turn * theta[2] / 2, ways.way + ways.turn * theta[2] / 2], 1)
     return np.asarray(seen - ways.pulses * theta[:2])
 
 
-def _slip(beyond: Array, squares: Array) -> tuple[float, float]:
+def _slip(beyond: Floats, squares: Floats) -> tuple[float, float]:
     """Deviation of a step's way as a share of it, and the camera's own (cm): error² = s²·Σd² + c²."""
     x, y = squares.ravel(), beyond.ravel() ** 2
     slip2, camera2 = 0.06**2, 0.05**2

@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 
 from realitygap.experiments.noise.contrasts import Effect, holm, paired, unpaired
 from realitygap.experiments.noise.crossed import Crossed
+from realitygap.values import Floats
 
 __all__ = [
     "ALPHA", "CLAIMS", "VERDICTS", "Claim", "Contrast", "Finding", "SetEffect", "Split", "coarse_levels",
     "judge_claims", "judge_home", "split_diagonal",
 ]  # fmt: skip
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

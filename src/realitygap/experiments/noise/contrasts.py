@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from realitygap.correspondence.statistics import ranks
+from realitygap.values import Floats
 
 __all__ = ["Effect", "crossing", "holm", "interval", "paired", "peak", "unpaired"]
 
-Floats = NDArray[np.float64]
 Interval = tuple[float, float]
 
 

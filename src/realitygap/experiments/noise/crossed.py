@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import StudyError
+from realitygap.values import Floats
 
 __all__ = ["FEWEST", "Crossed", "robot_level"]
 
-Floats = NDArray[np.float64]
 Weights = NDArray[np.float64]
 
 FEWEST = 5

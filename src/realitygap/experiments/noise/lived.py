@@ -4,13 +4,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from realitygap.experiments.folder import mean
 from realitygap.experiments.noise.plan import Controller, Pair, stream
 from realitygap.experiments.noise.situated import Situated
 from realitygap.experiments.noise.stage import Stage
 from realitygap.robots.recording import Recording
 from realitygap.track import Trajectory
 from realitygap.transfer.apart import apart, in_pseudo_realities, replayed
+from realitygap.transfer.order import mean
 
 __all__ = ["AS_MEASURED", "LIVED", "lived_apart"]
 

@@ -8,7 +8,7 @@ from typing import Any
 from realitygap import whole
 from realitygap.calibration.unit_folder import PROFILE
 from realitygap.errors import StudyError
-from realitygap.experiments.folder import RESULTS, Seconds, mean, write_table
+from realitygap.experiments.folder import RESULTS, Seconds, write_table
 from realitygap.experiments.noise.config import CONFIG, NoiseConfig
 from realitygap.experiments.noise.folder import begun_by, command_of
 from realitygap.experiments.noise.lived import AS_MEASURED, LIVED
@@ -17,6 +17,7 @@ from realitygap.experiments.noise.simulated import read_compared
 from realitygap.experiments.noise.stage import Stage
 from realitygap.study.versions import versions
 from realitygap.toml import read_toml, to_toml
+from realitygap.transfer.order import mean
 
 __all__ = ["write_results"]
 

@@ -7,6 +7,7 @@ noise_study("out/noise", NoiseConfig(runs=8, starts=4))
 """
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 from realitygap.calibration.unit_folder import PROFILE
@@ -155,19 +156,16 @@ class _Noise(Phases):
 
         calibrating, evolving, driving, comparing = self.phases
 
-        def record(unit: int, heard: Recorded) -> None:
-            self._record(unit, recorders, heard)
-
         def setup() -> Setup:
             with told(self.folder):
                 return Setup(bench_in, (words_for(self.folder, self.config, self.pool),))
 
-        self.calibrate(calibrating, self.uncalibrated, record, len(PARTS) + 1)
+        self.calibrate(calibrating, self.uncalibrated, partial(self._record, recorders), len(PARTS) + 1)
         self.evolve(evolving, self._studies(), engine=engine, shard=self.shard)
         self.drive(driving, setup, self._jobs(self.to_drive))
         self.drive(comparing, setup, self._jobs(self.to_compare, compared=True))
 
-    def _record(self, unit: int, recorders: Workers, heard: Recorded) -> None:
+    def _record(self, recorders: Workers, unit: int, heard: Recorded) -> None:
         """A profile of a unit, as the twin is in this study: its noise is the unit's too."""
         from realitygap.calibration.unit import calibrated_robot, calibrated_unit
 

@@ -12,13 +12,14 @@ from realitygap.correspondence.score import compare
 from realitygap.correspondence.setting import Setting, setting_of
 from realitygap.correspondence.trials import Trial, resampled, trial_of
 from realitygap.errors import TrackError
-from realitygap.experiments.folder import kept, mean
+from realitygap.experiments.folder import kept
 from realitygap.experiments.noise.lived import AS_MEASURED, lived_apart
 from realitygap.experiments.noise.plan import Controller, Pair, simulated_file, stream
 from realitygap.experiments.noise.situated import Situated, read_situated
 from realitygap.experiments.noise.stage import Stage
 from realitygap.study.digest import check_of
 from realitygap.track import Trajectory
+from realitygap.transfer.order import mean
 from realitygap.transfer.paths import score
 
 __all__ = ["compare_all", "read_compared", "scale_for", "to_json"]

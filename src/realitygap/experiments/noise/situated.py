@@ -26,15 +26,13 @@ from realitygap.robots.body import Placing, Seen
 from realitygap.robots.recording import Recording
 from realitygap.tasks.load import TASKS, load_task
 from realitygap.track import Track, settled
-from realitygap.values import Pose
+from realitygap.values import Floats, Pose
 from realitygap.world.profile import load_profile
 
 if TYPE_CHECKING:
     from realitygap.transfer.rig import Rig
 
 __all__ = ["Lived", "Rigs", "Situated", "check_robot", "read_situated", "situate", "to_npz"]
-
-Floats = NDArray[np.float64]
 
 TRIES = 3
 """Of a trial whose line is lost, as on a computer that stands still for long: it is the same each time."""

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap import whole
 from realitygap.experiments.folder import RESULTS, Seconds, kept, write_table
@@ -27,13 +26,12 @@ from realitygap.experiments.randomise.plan import (
 from realitygap.experiments.randomise.trials import FIGURES, trial_file
 from realitygap.study.versions import versions
 from realitygap.toml import to_toml
+from realitygap.values import Floats
 
 __all__ = [
     "COMPARISONS", "HOURS", "OUTCOMES", "Comparison", "Outcome", "compared_in", "outcomes",
     "write_results",
 ]  # fmt: skip
-
-Floats = NDArray[np.float64]
 
 OUTCOMES = ("correspondence", "fitness_situated")
 HOURS = {"paper": 0.0, "another unit": 0.0, "own, 5 %": 0.2, "own, 20 %": 0.6, ALL: 3.0, LOOKUP: 3.0}

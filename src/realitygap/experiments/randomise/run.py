@@ -7,6 +7,7 @@ measure_or_randomise("out/measure", RandomiseConfig(units=2, runs=2))
 """
 
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 from realitygap.calibration.unit import calibrated_again, calibrated_unit
@@ -24,7 +25,7 @@ from realitygap.experiments.randomise.plan import (
     evolution,
 )
 from realitygap.experiments.randomise.results import write_results
-from realitygap.experiments.randomise.trials import Job, Words, bench_in, trial_file
+from realitygap.experiments.randomise.trials import Bench, Job, Words, trial_file
 from realitygap.streams import named_stream
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study
@@ -108,19 +109,17 @@ class _Left(Phases):
         """Every phase that is not over; calibration has workers of its own, evolution may have an engine."""
         calibrating, evolving, driving = self.phases
 
-        def record(unit: int, heard: Recorded) -> None:
-            self._record(unit, recorders, heard)
-
         def setup() -> Setup:
-            return Setup(bench_in, (Words(self.config, None if far(self.pool) else self.folder),))
+            return Setup(Bench, (Words(self.config, None if far(self.pool) else self.folder),))
 
+        record = partial(self._record, recorders)
         self.calibrate(calibrating, self.uncalibrated, record, len(PARTS) + 1 + len(AGAIN))
         keys = list(dict.fromkeys((one.unit, one.condition.known) for one in self.every))
         made = self.evolve(evolving, (self._place(*key) for key in keys), engine=engine)
         self.studies = dict(zip(keys, made, strict=True))
         self.drive(driving, setup, self._jobs())
 
-    def _record(self, unit: int, recorders: Workers, heard: Recorded) -> None:
+    def _record(self, recorders: Workers, unit: int, heard: Recorded) -> None:
         """Record a unit once, and fit it by all of its recordings, by shares of them and as a table."""
         config, place = self.config, calibrated_folder(self.folder, unit, ALL)
         calibrated_unit(

@@ -16,19 +16,19 @@ from realitygap.correspondence.setting import setting_of
 from realitygap.correspondence.trials import resampled
 from realitygap.errors import TrackError
 from realitygap.evolution.algorithm import Genes
-from realitygap.experiments.folder import mean
 from realitygap.experiments.phases import Made
 from realitygap.experiments.randomise.plan import Controller, RandomiseConfig, Spread, evolution
 from realitygap.simulation.simulation import Simulation
 from realitygap.streams import named_stream
 from realitygap.track import Track
+from realitygap.transfer.order import mean
 from realitygap.transfer.paths import score
 from realitygap.transfer.rig import Rig
 from realitygap.values import Pose
 from realitygap.work.pool import Tell
 from realitygap.world.profile import Profile
 
-__all__ = ["FIGURES", "Bench", "Job", "Words", "bench_in", "trial_file"]
+__all__ = ["FIGURES", "Bench", "Job", "Words", "trial_file"]
 
 FIGURES = ("correspondence", "behaviour", "layout", "fitness_situated", "fitness_simulated", "lost")
 """What is kept of a controller: scores 0 to 10, the task's own scores, and trials that the camera lost."""
@@ -142,11 +142,6 @@ class Bench:
         """Let everything go."""
         self.close_rig()
         self._home.cleanup()
-
-
-def bench_in(words: Words) -> Bench:
-    """A bench, wherever a worker is."""
-    return Bench(words)
 
 
 def _content(lived: list[tuple[Track, Track]], figures: NDArray[np.float64]) -> bytes:

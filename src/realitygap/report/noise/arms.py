@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.errors import StudyError
 from realitygap.experiments.noise.claims import Split, split_diagonal
@@ -24,10 +23,9 @@ from realitygap.report.noise.words import CHANNEL_TASKS
 from realitygap.table import Table, read_table
 from realitygap.toml import read_toml
 from realitygap.transfer.order import Order
+from realitygap.values import Floats
 
 __all__ = ["BEYOND", "Arm", "arm_folder", "read_arm"]
-
-Floats = NDArray[np.float64]
 
 KEY = ("task", "seed_set", "run", "evolved_level", "individual")
 FITNESS = ("fitness_simulated", "fitness_situated", "fitness_situated_home", "fitness_situated_foreign")

@@ -15,13 +15,13 @@ from realitygap.experiments.noise.claims import RESAMPLES, Contrast, Finding, Sp
 from realitygap.experiments.noise.contrasts import crossing, interval, peak, unpaired
 from realitygap.experiments.noise.crossed import FEWEST, Crossed
 from realitygap.report.scores import PAPER_ROWS
+from realitygap.values import Floats
 
 __all__ = [
     "BOTH", "FAILED", "PAPER", "SATURATED", "Curve", "Fall", "FitnessRow", "NoiseFacts", "Scope", "Span",
     "gather_facts", "heat", "points",
 ]  # fmt: skip
 
-Floats = NDArray[np.float64]
 Find = Callable[[Floats, Floats], Floats]
 
 BOTH = "both tasks"

@@ -17,16 +17,15 @@ from realitygap.experiments.noise.crossed import Crossed
 from realitygap.report import style
 from realitygap.report.noise.facts import PAPER, Curve, FitnessRow, NoiseFacts, Scope, Span, heat, points
 from realitygap.report.style import INK, MUTED, PAGE, new_figure, noise_styles
+from realitygap.values import Floats
 
 if TYPE_CHECKING:
     from matplotlib.typing import LineStyleType
 
 __all__ = [
-    "SETS", "claims_figure", "curve_of", "dots", "fitness_figure", "legend", "levels_axis", "map_figure",
-    "noisiness_figure", "titled",
+    "SETS", "claims_figure", "fitness_figure", "legend", "levels_axis", "map_figure", "noisiness_figure",
+    "panel", "titled",
 ]  # fmt: skip
-
-Floats = NDArray[np.float64]
 
 SETS = ((0, (4, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)), (0, (8, 2)))
 """Line styles of seed sets; more sets go round again."""
@@ -111,11 +110,7 @@ def claims_figure(facts: NoiseFacts) -> Figure:
 
 
 def _claim_panel(ax: Axes, data: Crossed, scope: Scope, key: str) -> None:
-    level, score = points(data, key)
-    again = len(score) // len(data)
-    dots(ax, data, level, score, np.repeat(data.seed_set, again))
-    levels_axis(ax, data.levels, data.robot)
-    curve_of(ax, scope.curves[key])
+    panel(ax, data, *points(data, key), scope.curves[key])
     paper = PAPER.get(scope.name, {})
     if key == "c" and paper:
         at = [np.sqrt(level * data.robot) for level in paper]
@@ -127,16 +122,29 @@ def _claim_panel(ax: Axes, data: Crossed, scope: Scope, key: str) -> None:
     ax.set_ylim(-0.3, 10.3)
 
 
-def dots(ax: Axes, data: Crossed, level: Floats, score: Floats, sets: NDArray[np.int64]) -> None:
-    """Every run: filled left of its level for odd seed sets, hollow right of it for even ones.
+def panel(ax: Axes, data: Crossed, level: Floats, score: Floats, curve: Curve) -> None:
+    """Every run's dot or dots, and the curve through them: means with their intervals, those of each of
+    several seed sets.
 
     Args:
         ax: the axes.
         data: the study's table.
-        level: [n] of each run.
+        level: [n] of each dot; as many a run.
         score: [n].
-        sets: [n] its seed set.
+        curve: of all of them.
     """
+    _dots(ax, data, level, score, np.repeat(data.seed_set, len(score) // len(data)))
+    levels_axis(ax, data.levels, data.robot)
+    x = np.sqrt(curve.levels)
+    if len(curve.sets) > 1:
+        for number, means in curve.sets.items():
+            ax.plot(x, means, color=MUTED, linewidth=1, linestyle=SETS[(number - 1) % len(SETS)], zorder=3,
+                    label=f"seed set {number}")  # fmt: skip
+    _bars(ax, x, curve.spans, "all, 95 % interval")
+
+
+def _dots(ax: Axes, data: Crossed, level: Floats, score: Floats, sets: NDArray[np.int64]) -> None:
+    """Every run: filled left of its level for odd seed sets, hollow right of it for even ones."""
     styles = noise_styles(data.levels.tolist())
     for one in data.sets:
         for lv in data.levels.tolist():
@@ -163,16 +171,6 @@ def levels_axis(ax: Axes, levels: Floats, robot: float) -> None:
     ax.axvline(np.sqrt(robot), color=MUTED, linewidth=0.7, linestyle=(0, (1, 2)), zorder=1)
     ax.grid(axis="y")
     ax.set_axisbelow(True)
-
-
-def curve_of(ax: Axes, curve: Curve) -> None:
-    """Means with their intervals; those of each of several seed sets."""
-    x = np.sqrt(curve.levels)
-    if len(curve.sets) > 1:
-        for number, means in curve.sets.items():
-            ax.plot(x, means, color=MUTED, linewidth=1, linestyle=SETS[(number - 1) % len(SETS)], zorder=3,
-                    label=f"seed set {number}")  # fmt: skip
-    _bars(ax, x, curve.spans, "all, 95 % interval")
 
 
 def _bars(ax: Axes, x: Floats, spans: Sequence[Span], of: str, label: str = "") -> None:
@@ -210,7 +208,7 @@ def fitness_figure(facts: NoiseFacts, scales: Mapping[str, tuple[float, str]], w
         data, (scale, unit) = facts.data.part(task=task), scales[task]
         rows = [row for row in facts.fitness if row.task == task]
         _fitness_panel(both, data, rows, scale, f"on the {who}")
-        dots(drop, data, data.evolved, (data.simulated - data.situated) / scale, data.seed_set)
+        _dots(drop, data, data.evolved, (data.simulated - data.situated) / scale, data.seed_set)
         _bars(drop, np.sqrt(data.levels), [_scaled(r.drop, scale) for r in rows], "drop")
         drop.axhline(0, color=MUTED, linewidth=0.7)
         for ax in (both, drop):
@@ -224,7 +222,7 @@ def fitness_figure(facts: NoiseFacts, scales: Mapping[str, tuple[float, str]], w
 
 
 def _fitness_panel(ax: Axes, data: Crossed, rows: Sequence[FitnessRow], scale: float, situated: str) -> None:
-    dots(ax, data, data.evolved, data.situated / scale, data.seed_set)
+    _dots(ax, data, data.evolved, data.situated / scale, data.seed_set)
     x = np.sqrt(data.levels)
     _bars(ax, x - 0.012, [_scaled(r.simulated, scale) for r in rows], "simulated")
     _bars(ax, x + 0.012, [_scaled(r.situated, scale) for r in rows], "situated", situated)
@@ -242,9 +240,7 @@ def noisiness_figure(facts: NoiseFacts, who: str = "twin") -> Figure:
     for ax, scope in zip(axes[0], scopes, strict=True):
         data = facts.data.part(task=scope.name)
         level, _ = points(data, "a")
-        dots(ax, data, level, data.noisiness.ravel(), np.repeat(data.seed_set, len(data.levels)))
-        levels_axis(ax, data.levels, data.robot)
-        curve_of(ax, scope.noisiness)
+        panel(ax, data, level, data.noisiness.ravel(), scope.noisiness)
         ax.axhline(0, color=INK, linewidth=0.8)
         ax.set_title(titled(scope.name), fontsize=8)
         ax.set_xlabel(PANELS["a"][1])

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from realitygap.experiments.noise.crossed import Crossed
 from realitygap.experiments.noise.second.stratified import Tested
 from realitygap.experiments.noise.second.verdicts import PLAN, Plan
+from realitygap.values import Floats
 
 __all__ = ["by_mixed_models"]
-
-Floats = NDArray[np.float64]
 
 
 def by_mixed_models(data: Crossed, plan: Plan = PLAN) -> dict[tuple[str, str], Tested]:

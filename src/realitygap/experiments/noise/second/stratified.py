@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from realitygap.experiments.noise.contrasts import paired, unpaired
+from realitygap.values import Floats
 
 __all__ = [
     "Groups", "Tested", "by_failures", "by_means", "by_ranks", "by_signed_ranks", "by_slopes", "groups",
     "mean_interval",
 ]  # fmt: skip
 
-Floats = NDArray[np.float64]
 Groups = Sequence[tuple[Floats, Floats]]
 """Of each stratum the values of both groups."""
 

@@ -10,18 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.experiments.noise.contrasts import holm, interval, peak
 from realitygap.experiments.noise.crossed import Crossed
 from realitygap.experiments.noise.second import stratified
 from realitygap.experiments.noise.second.stratified import Groups, Tested
+from realitygap.values import Floats
 
 __all__ = [
     "CLAIMS", "PLAN", "Comparison", "Judgement", "Peak", "Plan", "StatedClaim", "Verdict", "judge", "peak_of",
 ]  # fmt: skip
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
