@@ -1,7 +1,5 @@
 """One kind of sensor, fitted: its constants, how it was judged, and what is to be said of it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a robot's calibration would be if fewer places had been recorded."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -99,7 +99,6 @@ def calibrated_again(
     share: float = 1.0,
     form: str | None = None,
     workers: Workers = 1,
-    on_progress: Progress | None = None,
 ) -> Path:
     """Another profile of a unit by its recordings, or by a share of their places (`share.py`).
 
@@ -109,14 +108,13 @@ def calibrated_again(
         share: of the places of each recording of sensors, above 0; one place at least.
         form: as of `calibrate`; None: the unit's own.
         workers: as of a unit.
-        on_progress: as of a unit.
 
     Returns:
         The path of `folder/robot.toml`.
     """
     settings = settings_of(of) | ({"share": share} if share < 1 else {}) | ({"form": form} if form else {})
     settings["of"] = os.path.relpath(of.resolve(), Path(folder).resolve())
-    return _calibrated(folder, settings, workers, on_progress)
+    return _calibrated(folder, settings, workers)
 
 
 def calibrated_robot(
@@ -162,7 +160,7 @@ def _calibrated(
     folder: str | Path,
     settings: dict[str, Any],
     workers: Workers,
-    on_progress: Progress | None,
+    on_progress: Progress | None = None,
     meanwhile: Sequence[Work] = (),
 ) -> Path:
     folder = as_path(folder, "folder").resolve()

@@ -1,7 +1,5 @@
 """A controller of the user's own in Python: a function, or a class with `decide`, and perhaps `reset`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any

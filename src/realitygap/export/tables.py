@@ -3,8 +3,6 @@
 docs/tables-and-logs.md says what each column is.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

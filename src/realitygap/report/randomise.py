@@ -1,7 +1,5 @@
 """The picture of an experiment of measuring or randomising: hours of work against what they buy."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

@@ -3,8 +3,6 @@
 It is a file that reads itself anew every few seconds. Nothing listens anywhere, and nothing is fetched.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from contextlib import suppress

@@ -5,8 +5,6 @@ for whoever opens it with other tools; `Study.query` lays them over one of any f
 reads. docs/tables-and-logs.md says what each column is.
 """
 
-from __future__ import annotations
-
 import errno
 import json
 import sqlite3

@@ -1,7 +1,5 @@
 """What a task file states: spreads, a score's signature, an arena's path beside it."""
 
-from __future__ import annotations
-
 import inspect
 from pathlib import Path
 

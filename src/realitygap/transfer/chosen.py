@@ -1,7 +1,5 @@
 """Which runs of a study are driven, and which are shown."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 

@@ -1,7 +1,5 @@
 """Any controller on any body at a task: the track that came of it, and the task's score."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from os import PathLike

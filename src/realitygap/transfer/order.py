@@ -1,7 +1,5 @@
 """Whether two measures put controllers into the same order, with a bootstrap over units."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -11,8 +11,6 @@ the field's other measures: the correlation of fitness (Kadian et al. 2020), the
 and fitness in pseudo-realities sampled round the profile (Ligot and Birattari 2020).
 """
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The body of a recorded robot: what a recording states of it, and what several do, side by side."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """What a recording's recording.toml says, each fact checked."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path

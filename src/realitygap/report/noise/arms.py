@@ -1,7 +1,5 @@
 """Reads what an arm of the second study left, judges it, and says how far its model may be trusted."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property

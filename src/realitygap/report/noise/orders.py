@@ -1,7 +1,5 @@
 """Whether what needs no camera puts an arm's controllers into the camera's order: its rows, and a table."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

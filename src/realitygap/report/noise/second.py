@@ -1,7 +1,5 @@
 """The second study's answer: verdicts on its claims in each arm, tables, two figures, a page, and JSON."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict

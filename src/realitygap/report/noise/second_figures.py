@@ -1,7 +1,5 @@
 """Figures of the second study: where tracks agree best, and what the diagonal's differences are made of."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -4,8 +4,6 @@ Each run has one champion, so what is its own is the residual; runs that share a
 share nothing else. They decide nothing; without statsmodels, an optional extra, there are none.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import warnings
 

@@ -3,8 +3,6 @@
 All are two-sided. What is above zero is in favour of the first group.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

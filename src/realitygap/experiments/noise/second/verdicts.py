@@ -1,7 +1,5 @@
 """The second study's twelve comparisons, the peak, and the verdicts on its claims, in one arm."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from collections.abc import Sequence
