@@ -241,3 +241,21 @@ def test_a_number_outside_a_function_that_a_users_function_calls_is_compiled_in(
     for module.GAIN in (2.0, 3.0, 2.0):
         module.inner = numba.njit(module.inner.py_func)
         assert shelf.compiled(module.outer)(1.0) == module.GAIN + 1.0
+
+
+@pytest.mark.parametrize(("words", "call"), [("import helpers", "helpers."), ("from helpers import *", "")])
+def test_what_a_users_function_takes_from_another_file_is_compiled_in(
+    tmp_path: Path, words: str, call: str
+) -> None:
+    """A number there, or a compiled function, may change while the function's own file does not."""
+    place = Place(tmp_path)
+    user = f"{words}\n\n\ndef score(x):\n    return {call}GAIN * {call}inner(x)\n"
+    (tmp_path / "small.py").write_text(
+        f"from realitygap.machine_code import Shelf\n{user}\n\n"
+        "def told():\n    return (Shelf(b'a test').compiled(score)(1.0),)\n"
+    )
+    for gain, factor in ((2.0, 3.0), (5.0, 3.0), (5.0, 7.0), (2.0, 3.0)):
+        (tmp_path / "helpers.py").write_text(
+            f"import numba\n\nGAIN = {gain}\n\n\n@numba.njit\ndef inner(x):\n    return {factor} * x\n"
+        )
+        assert place.run() == (str(gain * factor), "")

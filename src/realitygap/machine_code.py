@@ -30,6 +30,7 @@ from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 
 from realitygap import temporary, whole
+from realitygap.outside import frozen
 
 __all__ = ["Shelf"]
 
@@ -203,7 +204,7 @@ class _Entries:
             str(source), function.__qualname__, code.co_firstlineno, code.co_code, part
         )  # fmt: skip
         if not str(function.__module__).startswith(f"{__package__}."):
-            facts += (_frozen(function),)
+            facts += (frozen(function),)
         self._shelf = shelf
         self._name = function.__name__.strip("<>")
         self.of = hashlib.sha256(source.read_bytes() + repr(facts).encode() + closure).digest()
@@ -244,20 +245,6 @@ class _Entries:
     def _entry(self, sig: Any, codegen: Any) -> str:
         digest = hashlib.sha256(self.of + repr((sig, codegen.magic_tuple())).encode())
         return f"{self._name}-{digest.hexdigest()[:24]}.code"
-
-
-def _frozen(function: Callable[..., Any], met: tuple[Any, ...] = ()) -> tuple[str, ...]:
-    """The numbers, texts and arrays outside a user's function, and outside the compiled ones that it calls,
-    that are compiled into it: a program may change them while its text stays as it is."""
-    names = function.__code__.co_names
-    kept = {name: function.__globals__[name] for name in names if name in function.__globals__}
-    plain = (int, float, complex, str, np.generic, np.ndarray, tuple)
-    found = [f"{name}={dumps(one)!r}" for name, one in kept.items() if isinstance(one, plain)]
-    for one in (getattr(value, "py_func", None) for value in kept.values()):
-        if one is not None and one not in met and not str(one.__module__).startswith(f"{__package__}."):
-            met = (*met, one)
-            found += [repr(one.__code__.co_code), *_frozen(one, met)]
-    return tuple(found)
 
 
 def _add_overload(made: Any, compiled: CompileResult) -> None:

@@ -131,6 +131,11 @@ def test_a_digest_is_of_what_came_of_the_runs(copy, finished):
         seal(database, 1, "genotypes")
     study = load_study(copy)
     assert (study.genotypes(1) == genes).all() and study.digest() == before
+    genes[0] = 1 - genes[0]
+    with closing(sqlite3.connect(copy / DATABASE)) as database, database:
+        database.execute("UPDATE genotypes SET content = ? WHERE run = 1", (zlib.compress(genes.tobytes()),))
+        seal(database, 1, "genotypes")
+    assert load_study(copy).digest() != before
     with closing(sqlite3.connect(copy / DATABASE)) as database, database:
         database.execute("UPDATE test SET score = 0.25 WHERE run = 1 AND trial = 1")
         seal(database, 1, "test")

@@ -147,14 +147,18 @@ class Reader:
         return {name: _column(values) for name, values in zip(names, columns, strict=True)}
 
     def digest(self) -> str:
-        """Of every row of every run but genotypes and checkpoints, which follow from the others and which
-        each zlib packs in its way. Of the oldest format, which keeps no digests, of its runs."""
+        """Of every row of every run, genotypes as they were before they were packed; not of checkpoints,
+        which say how to go on. Of the oldest format, which keeps no digests, of its runs and genotypes."""
         with self.reading() as database:
+            runs = [row[0] for row in database.execute("SELECT id FROM run ORDER BY id")]
             query = "SELECT name, evaluations, best_fitness, champion_fitness FROM run ORDER BY id"
             if check_format(database, self._path) >= SEALED:
                 query = "SELECT run, part, value FROM digest WHERE run > 0 "
                 query += "AND part NOT IN ('checkpoint', 'genotypes') ORDER BY run, part"
-            return blake2b(repr(database.execute(query).fetchall()).encode(), digest_size=16).hexdigest()
+            whole = blake2b(repr(database.execute(query).fetchall()).encode(), digest_size=16)
+        for run in runs:
+            whole.update(blake2b(self.genotypes(run)[1]).digest())
+        return whole.hexdigest()
 
     def versions(self) -> dict[str, list[str]]:
         """What has worked on the study, by name, each version once."""

@@ -3,15 +3,13 @@
 Every index is checked while it runs: that costs a trial nothing that could be measured.
 """
 
-import builtins
-import dis
 import inspect
 import random
 import re
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cached_property, lru_cache
-from types import FunctionType, ModuleType
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -19,6 +17,7 @@ from numpy.typing import NDArray
 
 from realitygap.errors import TaskError
 from realitygap.kernels.params import Path, Room
+from realitygap.outside import used
 
 __all__ = ["CompiledScore", "Score", "compile_score", "example", "reason"]
 
@@ -120,7 +119,7 @@ def _refuse_unrepeatable(function: Any, seen: set[Any]) -> None:
     Compiled functions that it calls check their indices too from then on.
     """
     seen.add(function)
-    for line, found, name in _used(function):
+    for line, found, name in used(function):
         where = f"{_file(function)}, line {line}"
         if found is print:
             raise TaskError(f"{where}: a score is called a thousand times: take `print` out.")
@@ -131,21 +130,6 @@ def _refuse_unrepeatable(function: Any, seen: set[Any]) -> None:
         if plain is not None and plain not in seen:
             found.targetoptions.setdefault("boundscheck", True)
             _refuse_unrepeatable(plain, seen)
-
-
-def _used(function: FunctionType) -> Iterator[tuple[int, Any, str]]:
-    """What a function's names stand for, through modules too: line, value and name of each."""
-    scope = {**vars(builtins), **function.__globals__, **inspect.getclosurevars(function).nonlocals}
-    found: Any = None
-    for step in dis.get_instructions(function):
-        name, line = str(step.argval), getattr(step.positions, "lineno", None)
-        if step.opname.startswith(("LOAD_GLOBAL", "LOAD_DEREF")):
-            found = scope.get(name)
-        elif step.opname in ("LOAD_ATTR", "LOAD_METHOD") and isinstance(found, ModuleType):
-            found = getattr(found, name, None)
-        else:
-            continue
-        yield line or function.__code__.co_firstlineno, found, name
 
 
 def _is_random(found: Any) -> bool:
