@@ -112,6 +112,8 @@ def test_a_run_by_name_with_its_own_length(study, json_of):
         (("--robot", "twin", "--camera", "camera.json", "--eye", "0"), "camera of its own"),
         (("--robot", "twin", "--disk", "mine.toml"), "disk of its own"),
         (("--robot", "twin", "--marker", "aruco:4x4_50:99"), "has the numbers 0 to 49, got 99"),
+        (("--robot", "twin", "--view", "mujoco"), "view: expected a twin that is filmed"),
+        (("--robot", "twin", "--film", "--view", "mujoco", "--marker", "aruco"), "expected drawn beside"),
         (("--robot", "serial:/dev/null", "--marker", "aruco"), "marker: expected eye beside it"),
         (("--robot", "serial:/dev/null", "--disk", "mine.toml"), "--eye DEVICE"),
         (("--robot", "serial:/dev/null", "--twin-noise", "2"), "--twin-noise scales a twin's noise"),

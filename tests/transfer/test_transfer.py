@@ -14,7 +14,14 @@ import numpy as np
 import pytest
 
 import realitygap.twin.render as render
-from realitygap.errors import LineError, RobotStoppedError, StudyError, StudyInterruptedError, UsageError
+from realitygap.errors import (
+    ConfigError,
+    LineError,
+    RobotStoppedError,
+    StudyError,
+    StudyInterruptedError,
+    UsageError,
+)
 from realitygap.film.video import FilmReader
 from realitygap.robots.address import Address
 from realitygap.robots.recording import Recording
@@ -27,6 +34,7 @@ from realitygap.transfer.plan import situations
 from realitygap.transfer.replay import Replays
 from realitygap.transfer.run import Transferred, load_transfers
 from realitygap.transfer.trial import Stage
+from realitygap.twin.camera import OverheadCamera
 from realitygap.twin.process import start_twin
 from realitygap.twin.states import States, heading_of
 from tests.transfer.helpers import transfer
@@ -134,14 +142,21 @@ def test_units_and_noise_and_seeds_are_different_robots(study):
         transfer(study, [1], seconds=2.0, workers=1)
 
 
-def test_a_film_is_tracked_to_the_truth(watched, monkeypatch):
-    """Without a renderer too: mean error below 0.4 mm and 0.5°; a trial is made again to be filmed."""
-    monkeypatch.setattr(render, "GL_LIBRARIES", ("glory",))
+@pytest.mark.parametrize("view", ["drawn", "mujoco"])
+def test_a_film_is_tracked_to_the_truth(watched, view, monkeypatch):
+    """Mean error below 0.4 mm and 0.5°; a trial is made again to be filmed. A drawing needs no renderer."""
+    if view == "drawn":
+        monkeypatch.setattr(render, "GL_LIBRARIES", ("glory",))
+    else:
+        try:
+            OverheadCamera({"size_cm": [60.0, 60.0]}, unit=1, view=view).close()
+        except ConfigError as error:
+            pytest.skip(str(error))
     before = transfer(watched, [2], seconds=SECONDS, workers=1, watch=False)[0]
-    one = transfer(watched, [2], seconds=SECONDS, workers=1, film=True)[0]
+    one = transfer(watched, [2], seconds=SECONDS, workers=1, film=True, view=view)[0]
     assert before.situated_from == "counters" and one.situated_from == "film" and one.filmed
     assert transfer(watched, [2], seconds=SECONDS, workers=1)[0].situated_from == "film"  # kept
-    assert one.view is not None and one.view.startswith("drawn")
+    assert one.view is not None and one.view.lower().startswith(view)
     track, truth = read_track(one.folder / "track.csv"), States.from_file(one.folder / "sealed.csv")
     with FilmReader(one.folder / "film.mp4") as film:
         assert film.notes["view"] == one.view

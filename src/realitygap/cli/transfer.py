@@ -62,6 +62,13 @@ SIDES = (
 @option.controller(required=False)
 @click.option("--film/--no-film", default=False, help="Keep a film and track it.")
 @click.option(
+    "--view",
+    type=click.Choice(["drawn", "mujoco"]),
+    default="drawn",
+    help="How a twin's film is made: drawn, or by MuJoCo's renderer, with light and shadows, which takes "
+    "longer and an EGL or OSMesa library. A film that is there is kept.",
+)
+@click.option(
     "--watch/--no-watch",
     default=True,
     help="Take paths from the overhead camera; otherwise from the wheels, which miss slip.",

@@ -67,6 +67,7 @@ class Transfer:
         controller: who drives in place of an individual, at the runs' tasks and noise: a network's file,
             "constant:5,5", "braitenberg", or "file.py:name" of one's own.
         film: film all trials, none, or those of the runs with these ids; (id, start) names a single one.
+        view: how a twin's film is made: "drawn", or by MuJoCo's renderer, "mujoco".
         watch: take the paths of the others from the camera above too, without keeping a film; else,
             and where no camera sees a robot, they are what it knows of its place, or reckoned from its
             wheels' counters.
@@ -91,6 +92,7 @@ class Transfer:
     individual: str = "champion"
     controller: str | None = None
     film: bool | Collection[int | tuple[int, int]] = False
+    view: str = "drawn"
     watch: bool = True
     twin_noise: float | None = None
     seed: int | None = None
@@ -113,6 +115,7 @@ class Transfer:
                 "--twin-noise scales a twin's noise, or Enki's; a robot has its own noise. Leave it out."
             )
         self._check_eye(real)
+        self._check_view(twins)
         if self.marker is not None and not twins and self.eye is None:
             raise UsageError(
                 "marker: expected eye beside it: what looks down on the robot (--eye, --camera)."
@@ -153,6 +156,17 @@ class Transfer:
     def films(self, run: int, start: int) -> bool:
         """Whether the trial of the run with this id from this start is filmed."""
         return self.film if isinstance(self.film, bool) else run in self.film or (run, start) in self.film
+
+    def _check_view(self, twins: bool) -> None:
+        """Refuse a renderer that is none, has nothing to film, or cannot show what the robot wears."""
+        if self.view == "drawn":
+            return
+        if self.view != "mujoco":
+            raise UsageError(f"view: expected drawn or mujoco, got {self.view!r}.")
+        if not (twins and self.film):
+            raise UsageError("view: expected a twin that is filmed beside mujoco (--robot twin:1 --film).")
+        if self.marker is not None:
+            raise UsageError("view: expected drawn beside a marker; MuJoCo's renderer shows a twin's disk.")
 
     def _check_eye(self, real: bool) -> None:
         """Refuse a live camera without its calibration, a calibration or a disk without it."""

@@ -96,6 +96,7 @@ class Situation:
         stream: the start and the simulated twin's noise follow from it, and so does the noise of a
             twin unit.
         source: what the situated path comes from, one of SOURCES.
+        view: how a twin's film is made, "drawn" or "mujoco".
         placed: whether the robot puts itself down.
         marker: what a camera over a robot looks for; None where there is none, and for a twin's disk.
         folder: from the study's folder.
@@ -115,6 +116,7 @@ class Situation:
     baud: int | None
     stream: int
     source: str
+    view: str
     placed: bool
     folder: str
     marker: Marker | None = None
@@ -195,6 +197,7 @@ def _situation(
         baud=None if robot.kind == "own" else BAUD if options.baud is None and twin else options.baud,
         stream=transfer_stream(seed, run, start),
         source=_source(options, robot, known, run, start),
+        view=options.view,
         placed=known.placed,
         marker=_marker(options, twin),
         controller=own,

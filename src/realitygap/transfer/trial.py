@@ -216,14 +216,15 @@ class Stage:
         from realitygap.calibration.recorder.camera import plate_of
         from realitygap.twin.camera import OverheadCamera
 
-        key, seed = (one.task, one.robot, one.twin_noise, one.marker), one.stream >> 1
+        key, seed = (one.task, one.robot, one.twin_noise, one.view, one.marker), one.stream >> 1
         if self._camera is not None and self._camera[0] == key:
             self._camera[1].begin(seed)
         else:
             self._end_camera()
-            settings: dict[str, Any] = {"unit": one.robot.unit, "noise": one.twin_noise, "seed": seed}
+            settings: dict[str, Any] = {"unit": one.robot.unit, "noise": one.twin_noise}
+            settings |= {"view": one.view, "seed": seed, "plate": plate_of(one.marker)}
             arena = self.study.task(one.task).arena.plain()
-            self._camera = key, OverheadCamera(arena, **settings, plate=plate_of(one.marker))
+            self._camera = key, OverheadCamera(arena, **settings)
         try:
             yield self._camera[1]
         except BaseException:

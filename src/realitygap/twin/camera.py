@@ -32,7 +32,7 @@ PIXEL_NOISE = 2.5
 FALL_OFF = 0.16
 """A lens darkens its corners: by this share at the picture's corner."""
 FPS = 25.0
-VIEWS = ("auto", "mujoco", "drawn")
+VIEWS = ("drawn", "mujoco")
 
 
 class OverheadCamera(Closing):
@@ -42,9 +42,9 @@ class OverheadCamera(Closing):
         arena: size_cm, cylinders, walls, lamps (cm).
         unit: the robot, and with it the room and the camera.
         noise: the twin's noise scale.
-        view: `mujoco`, `drawn`, or `auto` for the first that works.
+        view: `drawn`, or by MuJoCo's renderer: `mujoco`, with its light and shadows, at many times the cost.
         seed: names the noise of the pixels.
-        plate: what the robot wears in the disk's place; it is drawn always.
+        plate: what the robot wears in the disk's place; it is drawn.
 
     Raises:
         ConfigError: `mujoco` is asked for with a plate, or where neither EGL nor OSMesa works.
@@ -56,7 +56,7 @@ class OverheadCamera(Closing):
         *,
         unit: int,
         noise: float = 1.0,
-        view: str = "auto",
+        view: str = VIEWS[0],
         seed: int = 0,
         plate: Plate | None = None,
     ) -> None:
@@ -68,8 +68,7 @@ class OverheadCamera(Closing):
         self._unit, self._noise = unit, check_scale(noise)
         if view == "mujoco" and plate is not None:
             raise ConfigError("MuJoCo's renderer shows no robot with a plate: ask for the drawn view")
-        drawn = view == "drawn" or plate is not None
-        self._renderer = None if drawn else open_renderer(arena, unit, self.lens)
+        self._renderer = open_renderer(arena, unit, self.lens) if view == "mujoco" else None
         if view == "mujoco" and self._renderer is None:
             raise ConfigError("MuJoCo's renderer needs an EGL or OSMesa library and neither works here: "
                               "install one, or ask for the drawn view")  # fmt: skip
@@ -94,7 +93,7 @@ class OverheadCamera(Closing):
     @property
     def metadata(self) -> dict[str, Any]:
         """Who made the frames, for the film's metadata. Nothing that a tracker has to find out."""
-        view = f"MuJoCo ({self._renderer.library})" if self._renderer else "drawn (no EGL or OSMesa used)"
+        view = f"MuJoCo ({self._renderer.library})" if self._renderer else "drawn"
         return {"view": view, "width": WIDTH, "height": HEIGHT, "noise": self._noise,
                 "unit": self._unit, "body": "twin (pseudo-reality)"}  # fmt: skip
 
