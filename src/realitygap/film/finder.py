@@ -69,11 +69,12 @@ class Sighting(NamedTuple):
 
 class _Square(NamedTuple):
     """A window on the disk's plane: its side's places from the middle [n] (cm); and room for the pixels of
-    each [2, n, n], for tops and for what is found."""
+    each [2, n, n], for least and largest column and row [4], for tops and for what is found."""
 
     aim: Aim
     axis: NDArray[np.float64]
     sides: Picture
+    ends: NDArray[np.float64]
     tops: NDArray[np.float64]
     found: NDArray[np.float64]
 
@@ -123,8 +124,8 @@ class Finder:
             if best is None or quality > best.quality:
                 points = place + (square.found[k].reshape(2, 2) - square.aim.half) * self._step
                 best = Sighting(points, disk.pose_of(points), quality)
-        if best is None:
-            return None
+        if best is None or self._shows(square.ends):
+            return best
         pixels = self.camera.to_pixels(best.points, disk.height_cm)
         return best if self.camera.shows(pixels, 1.0).all() else None
 
@@ -154,6 +155,7 @@ class Finder:
                 aim=aim,
                 axis=np.arange(-half, half + 1) * np.float64(step),
                 sides=np.empty((2, 2 * half + 1, 2 * half + 1), np.float32),
+                ends=np.empty(4),
                 tops=np.empty((4 * _PEAKS, 3)),
                 found=np.empty((_PEAKS, 4)),
             )
@@ -161,11 +163,16 @@ class Finder:
 
     def _laid_out(self, picture: Grey | Look, place: NDArray[np.float64], square: _Square) -> Picture:
         """A square of the disk's plane about a place."""
-        (columns, rows), ends = square.sides, np.empty(4)
-        lay_out(self._optics, place, square.axis, columns, rows, ends)
+        columns, rows = square.sides
+        lay_out(self._optics, place, square.axis, columns, rows, square.ends)
         if callable(picture):
-            picture = picture(self._window(ends.tolist()))
+            picture = picture(self._window(square.ends.tolist()))
         return _sampled(picture, columns, rows).astype(np.float32)
+
+    def _shows(self, ends: NDArray[np.float64]) -> bool:
+        """Whether all between these columns and rows is in the picture, a pixel from its edge."""
+        (left, right, top, bottom), camera = ends.tolist(), self.camera
+        return min(left, top) >= 0.5 and right <= camera.width_px - 1.5 and bottom <= camera.height_px - 1.5
 
     def _window(self, ends: list[float]) -> tuple[slice, slice]:
         """The part of the picture that is looked at between these columns and rows: with the pixels about

@@ -9,6 +9,7 @@ widths are in units of the patch's radius.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import cv2
@@ -49,6 +50,12 @@ def responses(picture: Picture, disk: Disk, px_per_cm: float) -> tuple[Picture, 
 
 def pattern_of(disk: Disk) -> Pattern:
     """What the disk looks like under the front mask's inner curve, without its rim."""
+    pattern = _seen_of(disk)
+    return pattern._replace(room=np.empty_like(pattern.room))
+
+
+@lru_cache(maxsize=4)  # each tracker begins with it
+def _seen_of(disk: Disk) -> Pattern:
     reach = disk.radius_cm - _RIM * disk.front_radius_cm
     step_cm = _GRAIN * disk.front_radius_cm
     count = math.ceil(reach / step_cm)
