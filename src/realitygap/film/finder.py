@@ -98,7 +98,7 @@ class Finder:
         self.camera, self.disk, self._slack = camera, disk, slack
         self._pattern = pattern_of(disk)
         self._optics = _optics_of(camera, disk.height_cm)
-        self._squares: dict[float, _Square] = {}
+        self._squares, self._last = dict[float, _Square](), (camera.width_px - 1.5, camera.height_px - 1.5)
         self._spots, self._sums = np.empty((2, len(self._pattern.white), 1), np.float32), np.empty((4, 5))
         middle = camera.to_floor(camera.middle, disk.height_cm)
         self._scale = camera.pixels_per_cm(middle, disk.height_cm)
@@ -171,8 +171,8 @@ class Finder:
 
     def _shows(self, ends: NDArray[np.float64]) -> bool:
         """Whether all between these columns and rows is in the picture, a pixel from its edge."""
-        (left, right, top, bottom), camera = ends.tolist(), self.camera
-        return min(left, top) >= 0.5 and right <= camera.width_px - 1.5 and bottom <= camera.height_px - 1.5
+        left, right, top, bottom = ends
+        return bool(min(left, top) >= 0.5 and right <= self._last[0] and bottom <= self._last[1])
 
     def _window(self, ends: list[float]) -> tuple[slice, slice]:
         """The part of the picture that is looked at between these columns and rows: with the pixels about
