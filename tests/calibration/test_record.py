@@ -43,6 +43,7 @@ from realitygap.world.body import Body
 from tests.calibration.written import save_recording
 from tests.kernels.reference.outline import clearance
 from tests.kernels.test_outline import OUTLINES
+from tests.robots.aseba import Node, at_a_node
 from tests.robots.conftest import ROOT, Bench, bench
 
 __all__ = ["bench"]
@@ -260,6 +261,30 @@ def test_the_camera_sees_where_a_twin_was(tmp_path, marker):
     left, right = (int(count) for count in rows[-1][3:5])
     assert seen[14].heading - seen[0].heading == pytest.approx((right - left) / 120 / 5.3, rel=0.1)
     assert [float(row[0]) for row in rows] == pytest.approx([k / 10 for k in range(15)])
+
+
+def test_what_a_thymio_says_of_itself_leaves_its_recording_readable(tmp_path):
+    """Firmware and settings stand in recording.toml, and a calibration takes it."""
+    answers = iter(["", "", "", "q"])
+    with at_a_node(Node()) as body:
+        wanted = Wanted(plan="infrared", object="wall", repeats=1)
+        record(wanted, tmp_path, body, ask=lambda says: next(answers))
+    kept = load_recording(tmp_path)
+    assert (
+        len(kept.counts) == 2 and kept.facts["base"] == "thymio" and {"id", "fwversion"} <= kept.facts.keys()
+    )
+
+
+def test_a_recording_under_a_marker_is_readable(tmp_path):
+    """What `record --marker` writes, a calibration takes."""
+
+    def enough(name: str, done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    wanted = Wanted(plan="wheels", marker="aruco:4x4_50:7")
+    with closing(Address.parse("twin:2").open()) as body, contextlib.suppress(KeyboardInterrupt):
+        record(wanted, tmp_path, body, on_progress=enough)
+    assert load_recording(tmp_path).facts["marker"] == "aruco:4x4_50:7"
 
 
 def test_a_person_is_guided_and_may_stop(bench: Bench, tmp_path):

@@ -53,9 +53,11 @@ WHEEL_COUNTS = ("counter_left", "counter_right", "speed_left", "speed_right")
 KNOWN = (
     "kind", "object", "reflectance", "sensors", "full_scale", "body_radius_cm", "body_outline_cm",
     *HEIGHTS_CM, "arena", "units", "notes", "robot", "unit", "twin_noise", "port", "bios", "protocol",
-    "firmware", "plan", "seed", "repeats", "places", "date", "base", "pulses_per_mm",
+    "firmware", "plan", "seed", "repeats", "places", "date", "base", "pulses_per_mm", "marker",
+    "id", "productId", "fwversion", "prox.comm.tx",
 )  # fmt: skip
-"""Keys of recording.toml: the first eleven a calibration reads, the others are its history."""
+"""Keys of recording.toml: a calibration reads those about the body, surfaces and units, the others are its
+history; the last ones a Thymio says of itself."""
 DRIVE = "end"
 """A key of a drive's recording.toml, which is another file of the same name."""
 
