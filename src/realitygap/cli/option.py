@@ -62,8 +62,8 @@ def _usable(_: click.Context, __: click.Parameter, said: str) -> str:
 
 engine = click.option(
     "--engine", type=click.Choice(["cores", "cuda"]), default="cores", callback=_usable,
-    help="What evolution's trials run on: the processor's cores, or an NVIDIA GPU with all runs side by side "
-    "[default: cores].",
+    help="What evolution's trials run on: the processor's cores, or an NVIDIA GPU with all runs side by "
+    "side.",
 )  # fmt: skip
 evaluations = click.option(
     "--evaluations", type=Whole(1, 10**9), help="Evaluations in each run [default: 1000]."

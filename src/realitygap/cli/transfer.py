@@ -65,8 +65,8 @@ SIDES = (
     "--view",
     type=click.Choice(["drawn", "mujoco"]),
     default="drawn",
-    help="How a twin's film is made: drawn, or by MuJoCo's renderer, with light and shadows, which takes "
-    "longer and an EGL or OSMesa library. A film that is there is kept.",
+    help="How a twin's film is made: drawn, or by MuJoCo's renderer, which takes longer and needs an EGL or "
+    "OSMesa library. A film that is there is kept.",
 )
 @click.option(
     "--watch/--no-watch",

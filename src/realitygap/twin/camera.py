@@ -42,7 +42,8 @@ class OverheadCamera(Closing):
         arena: size_cm, cylinders, walls, lamps (cm).
         unit: the robot, and with it the room and the camera.
         noise: the twin's noise scale.
-        view: `drawn`, or by MuJoCo's renderer: `mujoco`, with its light and shadows, at many times the cost.
+        view: `drawn`, or by MuJoCo's renderer: `mujoco`, with its light and no shadows, at many times the
+            cost.
         seed: names the noise of the pixels.
         plate: what the robot wears in the disk's place; it is drawn.
 
