@@ -158,8 +158,8 @@ class Trajectory:
     """One trial as it was lived, a row a step; row k holds what the robot read and decided at
     `t[k]`, where it stood then, and what its wheels did in the step that follows.
 
-    Shapes: t, x, y, heading, contact [n]; proximity [n, P]; ambient [n, A]; inputs [n, I];
-    commands, wheels [n, 2] (Khepera units, left and right). `end` is the pose after the last step.
+    Shapes: t, x, y, heading, contact [n]; proximity [n, P]; ambient [n, A]; inputs [n, I]; left and right
+    commands (−10 … 10 of the top command), wheels (the robot's units) [n, 2]. `end` is the last pose.
     """
 
     t: Floats
