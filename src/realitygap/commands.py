@@ -58,7 +58,7 @@ def evolve(
 
     Args:
         task: "obstacle-avoidance", "light-seeking", a Python file, or a Task.
-        noise: a level, or several: so many conditions; "observed" if none.
+        noise: a level, or several, each a condition; "observed" if none.
         spread: share, 0 to 0.9, within which constants are drawn anew for each trial; several: so many
             conditions.
         profile: the robot, a shipped name or a TOML file; "paper" if None.

@@ -31,7 +31,7 @@ __all__ = ["begun_config", "changed_config", "evolve", "folder_of"]
 
 @click.command()
 @click.argument("task")
-@option.noise(None, " May be repeated: so many conditions. [default: observed]", several=True)
+@option.noise(None, " May be repeated, for several conditions. [default: observed]", several=True)
 @option.spread
 @option.profile(None, " [default: paper]")
 @option.arena

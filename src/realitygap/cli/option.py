@@ -93,8 +93,8 @@ spread = click.option(
     type=Finite(0.0, 0.9),
     multiple=True,
     metavar="X",
-    help="Draw the robot's constants anew for each trial, within this share (0.1: ±10 %). May be repeated: "
-    "so many conditions.",
+    help="Draw the robot's constants anew for each trial, within this share (0.1: ±10 %). May be repeated, "
+    "for several conditions.",
 )
 task = click.option(
     "--task", metavar="TASK", help="Task whose arena the tracks were made in [default: guessed]."
