@@ -112,7 +112,7 @@ for run in study.runs:
     print(f"{run.noise_name:<22}" + "  ".join(f"{mean:.2f}" for mean in tests))
 
 # %% [markdown]
-# Three runs a level settle nothing; [the level of noise](../noise-level.md) asks with many. The same on the
+# Three runs a level settle nothing; [the level of noise](../noise-level.md) asks with forty. The same on the
 # command line, with a page to click through: `realitygap evolve obstacle-avoidance --noise zero --noise
 # observed --runs 3 --evaluations 400`. What a finished study can be asked from Python:
 # [how to](../how-to.md#use-it-from-python).

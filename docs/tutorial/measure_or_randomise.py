@@ -63,8 +63,8 @@ def drawn(random):
 # ## Measuring
 #
 # Little data: what eight sensors read at six places near a corner, once each, with noise; and where the robot
-# was after driving straight ahead for two seconds. Two numbers from the drive give the wheels, least squares
-# against the simulation without noise the sensors.
+# was as it drove straight ahead for two seconds. Two numbers from the drive give the wheels; least squares
+# against the simulation without noise give the sensors.
 
 # %%
 PLACES = [

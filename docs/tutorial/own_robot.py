@@ -92,7 +92,7 @@ body.enter(task.arena.plain(), 1, realitygap.Pose(x=25, y=25, heading=0.5))
 
 
 def inputs(readings):
-    """Five whole numbers from −10 to 10, of counts; and note where the robot is."""
+    """Counts as five whole numbers from −10 to 10; and note where the robot is."""
     places.append(body.pose)
     return profile.inputs(readings.proximity, task.feeds, task.sensors)
 
@@ -128,8 +128,8 @@ panels_figure(
 
 # %% [markdown]
 # The constants were guessed, so this is the reality gap as it opens. To close it, measure: `realitygap record`
-# lets the body (or you) stand at known places, `realitygap calibrate` fits the profile to what it read there,
-# and `realitygap transfer` compares drives:
+# reads the sensors at known places (where the body puts itself, or you put it), `realitygap calibrate` fits the
+# profile to those readings, and `realitygap transfer` compares drives. In the project's folder:
 #
 # ```sh
 # realitygap record --robot examples/own_robot.py:FiveEyes \
