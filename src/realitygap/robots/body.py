@@ -23,8 +23,9 @@ What a body has besides is found by its name:
     pose        where it truly is (`Seen`): the path of a transfer, if no camera sees it; else the
                 path is reckoned from its counters
     pulses_per_mm   of its counters, roughly: where the profile has none that were measured
-    facts       what its recordings say of it: "robot", its name; and if it is no Khepera "units" of its
-                commands, "base", the shipped profile of what is known of it, and "pulses_per_mm"
+    speeds      of a body that counts no turns, but whose motors measure their speeds (`Paced`)
+    facts       what recordings say of a robot that comes with the package: "robot", its name; "units" of its
+                commands, "base", the shipped profile of what is known of it (`--base` of yours), and more
     read_at     when what `sense` gives arrived, by its clock: of a body whose line may miss a step
     attend      attend(kinds, turns) says which channels are read from now on (`Attentive`): of a
                 body that cannot read all of them in one period
