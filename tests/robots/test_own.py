@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 from contextlib import closing
 from pathlib import Path
@@ -13,13 +14,14 @@ from click.testing import CliRunner
 from realitygap.cli.robot import robot
 from realitygap.errors import LineError, UsageError
 from realitygap.robots.address import Address
-from realitygap.robots.body import Placing, Seen, Timed, channel, clock_of, odometry_of
+from realitygap.robots.body import Placing, Seen, Timed, channel, clock_of, facts_of, odometry_of
 from realitygap.robots.clock import RealClock
+from realitygap.values import Pose
 
 BODY = """\
 import numpy as np
 from realitygap.errors import LineError
-from realitygap.robots.body import Channel
+from realitygap.robots.body import Channel, Odometry
 from realitygap.robots.clock import SteppedClock
 from realitygap.values import Pose, Readings
 
@@ -59,6 +61,25 @@ class Late(Three):
     def step(self): return {}["no"]
 class Counting(Three):
     counts_turns = True
+class Paired(Counting):
+    odometry = (120, 118)
+class Arrayed(Counting):
+    odometry = Odometry(counters=np.array([120, 118]))
+class Placed(Three):
+    @property
+    def pose(self): return 1.0, 2.0, 0.0
+    @pose.setter
+    def pose(self, pose): pass
+class Carried(Three):
+    def __init__(self): self.pose = None
+class Mine(Three):
+    facts = {"base": "e-puck", "units": "steps/s"}
+class Chatty(Three):
+    facts = {"colour": "red"}
+class Real:
+    channels, period_s, counts_turns = Three.channels, 0.1, False
+    def reset(self, pose=None): pass
+    sense, act, stop, close = Three.sense, Three.act, Three.stop, Three.close
 class Empty: pass
 class Odd(Three):
     channels = ("proximity",)
@@ -93,6 +114,33 @@ def test_what_a_body_has_is_found_by_its_name(file: Path) -> None:
         assert clock.now() == 0.5 and (body.pose.x, body.pose.y) == (1, 2)
 
 
+@pytest.mark.parametrize(("name", "has"), [("Three", True), ("Real", False)])
+def test_what_it_has_besides_is_in_its_class(file: Path, name: str, has: bool) -> None:
+    """From Python 3.12 on isinstance asks a protocol's members of the class, not of __getattr__."""
+    with closing(Address.parse(f"{file}:{name}").open()) as body:
+        found = [inspect.getattr_static(body, member, None) for member in ("clock", "enter", "pose")]
+        assert [one is not None for one in found] == [has] * 3
+        assert [isinstance(body, kind) for kind in (Timed, Placing, Seen)] == [has] * 3
+        assert isinstance(clock_of(body), RealClock) is not has
+
+
+def test_a_pose_may_be_none_before_it_is_known(file: Path) -> None:
+    """Until it is put down: it is a body that will know."""
+    with closing(Address.parse(f"{file}:Carried").open()) as body:
+        assert isinstance(body, Seen) and body.pose is None
+        body.reset(Pose(x=1, y=2, heading=0))
+        assert body.pose == Pose(x=1, y=2, heading=0)
+
+
+def test_what_a_body_tells_is_kept(file: Path) -> None:
+    """Counters that are an array; what its recordings are to say of it."""
+    with closing(Address.parse(f"{file}:Arrayed").open()) as body:
+        assert odometry_of(body) == ((120, 118), None)
+        assert facts_of(body) == {"robot": "mine.py:Arrayed"}
+    with closing(Address.parse(f"{file}:Mine").open()) as body:
+        assert facts_of(body) == {"robot": "mine.py:Mine", "base": "e-puck", "units": "steps/s"}
+
+
 def test_it_is_checked_as_any_robot(file: Path) -> None:
     """Three sensors, no ambient light, no counters; it moves if it may."""
     code, said = check(f"{file}:Three", "--json", "--yes")
@@ -112,6 +160,9 @@ def test_it_is_checked_as_any_robot(file: Path) -> None:
         ("Late", r"mine.py, line \d+: SteppedClock.sleep_until stops with KeyError"),
         ("Unplugged", r"mine.py, line \d+: Unplugged.reset stops with OSError: no such device\.$"),
         ("Counting", "odometry: expected, since it counts turns"),
+        ("Paired", r"odometry: expected an Odometry\(counters=\(left, right\)\), got \(120, 118\)"),
+        ("Placed", r"pose: expected a Pose, got \(1.0, 2.0, 0.0\)"),
+        ("Chatty", "facts: expected a dict of base, pulses_per_mm, robot, units, got {'colour': 'red'}"),
         ("Empty", "expected channels, period_s, counts_turns, reset, sense, act, stop, close"),
         ("Odd", "channels: expected a tuple of Channel"),
         ("Shy", r"mine.py, line \d+: Shy\(\) stops with RuntimeError: no robot here"),
@@ -125,6 +176,7 @@ def test_what_is_no_body_is_said_in_one_line(file: Path, name: str, says: str) -
         body.reset()
         body.sense()
         clock_of(body).sleep_until(1.0)
+        assert odometry_of(body) and body.pose and facts_of(body)  # type: ignore[attr-defined]
 
 
 def test_readings_may_be_lists(file: Path) -> None:

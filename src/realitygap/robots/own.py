@@ -1,19 +1,25 @@
 """A body of the user's own, opened by its name, and held to what it declares."""
 
 import inspect
+from operator import methodcaller
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Self, cast
 
 import numpy as np
 
 from realitygap.errors import UsageError
-from realitygap.robots.body import KINDS, Body, Channel
+from realitygap.robots.body import KINDS, Body, Channel, Odometry
 from realitygap.user_code import blamed_on, named_object
-from realitygap.values import Readings
+from realitygap.values import Pose, Readings
 
 __all__ = ["OwnBody", "opened"]
 
 MEMBERS = ("channels", "period_s", "counts_turns", "reset", "sense", "act", "stop", "close")
+MORE = ("attend", "clock", "enter", "inspect", "odometry", "pose", "speeds")
+"""What a body may have besides."""
+PAIR = "(left, right) or None"
+FORMS = {"odometry": "an Odometry(counters=(left, right))", "pose": "a Pose", "speeds": PAIR}
+FACTS = {"base", "pulses_per_mm", "robot", "units"}
 CURE = "The text of realitygap.robots.body says what a robot of your own needs."
 
 
@@ -47,6 +53,11 @@ class OwnBody(Blamed):
         UsageError: something is missing, or is not what a body declares.
     """
 
+    def __new__(cls, own: Any, place: str) -> Self:
+        """Of a class that has what `own` has besides: from Python 3.12 on isinstance looks there alone."""
+        besides = {name: property(methodcaller("_checked", name)) for name in MORE if name in dir(own)}
+        return super().__new__(type(cls.__name__, (cls,), besides))
+
     def __init__(self, own: Any, place: str) -> None:
         super().__init__(own, place)
         missing = [member for member in MEMBERS if not hasattr(own, member)]
@@ -56,19 +67,17 @@ class OwnBody(Blamed):
         period = own.period_s
         if isinstance(period, bool) or not isinstance(period, int | float) or not 0.02 <= period <= 0.2:
             raise self._wrong(f"period_s: expected 0.02 to 0.2 (s), got {period!r}")
-        if own.counts_turns and not hasattr(own, "odometry"):
+        if own.counts_turns and "odometry" not in dir(own):
             raise self._wrong("odometry: expected, since it counts turns")
-
-    @property
-    def clock(self) -> Any:
-        """Its own time, if it has one."""
-        return Blamed(super().__getattr__("clock"), self._place)
 
     @property
     def facts(self) -> dict[str, Any]:
         """What recordings say of it: its name, and what it tells of itself (`robots/body.py`)."""
-        told = {"pulses_per_mm": self._own.pulses_per_mm} if hasattr(self._own, "pulses_per_mm") else {}
-        return {"robot": f"{Path(self._place).name}:{self._name}", **told}
+        told = self.__getattr__("facts") if hasattr(self._own, "facts") else {}
+        if not isinstance(told, dict) or not set(told) <= FACTS:
+            raise self._wrong(f"facts: expected a dict of {', '.join(sorted(FACTS))}, got {told!r}")
+        pulses = {"pulses_per_mm": self._own.pulses_per_mm} if hasattr(self._own, "pulses_per_mm") else {}
+        return {"robot": f"{Path(self._place).name}:{self._name}", **pulses, **told}
 
     def sense(self) -> Readings:
         """What it reads, checked.
@@ -94,6 +103,20 @@ class OwnBody(Blamed):
             checked[kind] = counts
         return Readings(**checked)
 
+    def _checked(self, name: str) -> Any:
+        """One of MORE."""
+        found = self.__getattr__(name)
+        try:
+            if name not in FORMS or (name == "pose" and isinstance(found, Pose | None)):
+                return Blamed(found, self._place) if name == "clock" else found
+            if name == "speeds":
+                return _pair(found)
+            if name == "odometry" and isinstance(found, Odometry):
+                return Odometry(*map(_pair, found))
+        except (TypeError, ValueError):
+            pass
+        raise self._wrong(f"{name}: expected {FORMS[name]}, got {found!r}")
+
     def _channels(self) -> tuple[Channel, ...]:
         channels = self._own.channels
         if not isinstance(channels, tuple | list) or not all(isinstance(one, Channel) for one in channels):
@@ -104,6 +127,14 @@ class OwnBody(Blamed):
 
     def _wrong(self, what: str) -> UsageError:
         return UsageError(f"{self._place}: {self._name}: {what}. {CURE}")
+
+
+def _pair(told: Any) -> tuple[int, int] | None:
+    """Left and right, of whatever holds two numbers."""
+    if told is None:
+        return None
+    left, right = np.add(told, 0).tolist()
+    return left, right
 
 
 def opened(name: str, **_: Any) -> Body:
