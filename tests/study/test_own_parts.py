@@ -6,19 +6,24 @@ import shutil
 import sqlite3
 from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
 from zlib import decompress
 
 import numpy as np
 import pytest
 
+from realitygap.controller.operators import Variation
 from realitygap.errors import RealityGapError, StudyError, UsageError
-from realitygap.evolution import Population
+from realitygap.evolution import Population, RandomSearch
 from realitygap.study import sources
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import load_study
 from realitygap.study.materials import gather
 from realitygap.study.reader import DATABASE
+from realitygap.study.run import Asked, Bench
 from realitygap.study.runner import run_study
+from realitygap.tasks import load_task
+from realitygap.world.profile import load_profile
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 SMALL = {"evaluations": 9, "retest_trials": 1, "fresh_trials": 1}
@@ -90,6 +95,17 @@ def test_another_algorithm_does_not_resume(theirs, tmp_path):
         run_study(theirs, requested, resume=True, workers=1)
 
 
+def test_decoding_changes_no_gene_that_is_kept():
+    """An encoding that works on its argument leaves what the algorithm is told and the store keeps."""
+    task, noise = load_task("avoidance"), 0.0
+    rest = {"algorithm": RandomSearch(encoding=Variation()), "retest_trials": 1, "fresh_trials": 1}
+    in_place = SimpleNamespace(decode=lambda genes: np.negative(genes, out=genes))
+    bench = Bench(task=task, profile=load_profile("paper"), noise=noise, encoding=in_place, **rest)
+    bench._simulations[noise] = SimpleNamespace(scores=lambda networks, streams: networks)
+    asked = Asked(noise, np.ones((1, 3)), np.zeros((1, 2), np.uint64))
+    assert (bench.scores(asked) == -1).all() and (asked.genes == 1).all()
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
@@ -121,6 +137,22 @@ def test_wrong_parts_are_refused(tmp_path, settings, message):
         ("1.5, self.shape", "1.5, 7", r"e\.py: random: expected an array float64\[2, 11\].*got float64\[7\]"),
         ("return state.batch(state.memory", "return dict(x=state.memory", "ask: expected a Batch, got dict"),
         ("state = state.told(batch, fitness)", "state.told(batch, fitness)", "tell: expected a state after"),
+        (
+            "default_rng(one)",
+            "default_rng()",
+            "ask: expected the same individuals of a state that was written",
+        ),
+        ("state.batch(state", "state.batch(np.nan * state", "ask: expected genes that are finite numbers"),
+        (
+            "step=self.step)",
+            "step={})",
+            r"e\.py, line \d+: memory: step: expected numbers or an array of them, got {}",
+        ),
+        (
+            "(2.5 * genes[:, :, 0],",
+            "(np.random.normal(genes[:, :, 0], 9),",
+            "decode: expected one network of",
+        ),
         ("% self.children:", "% self.childs:", r"e\.py, line \d+: the file stops with AttributeError"),
     ],
 )

@@ -64,8 +64,12 @@ def make_encoding(kind: str, variation: Variation, settings: dict[str, Any], *, 
         if not isinstance(one, np.ndarray) or (one.dtype, one.shape) != (np.dtype(own.dtype), own.shape):
             expected = f"{np.dtype(own.dtype)}{list(own.shape)}, its dtype and shape"
             raise UsageError(f"random: expected an array {expected}, got {shown(one)}.")
-        if check_networks(own.decode(np.stack([one, one])), inputs) != 2:
+        nets, again = (own.decode(np.stack([one, one])) for _ in range(2))
+        if check_networks(nets, inputs) != 2 or check_networks(again, inputs) != 2:
             raise UsageError("decode: expected as many networks as genotypes.")
+        once, twice = ([np.asarray(array).tolist() for array in each] for each in (nets, again))
+        if once != twice or any(first != second for first, second in once):
+            raise UsageError("decode: expected one network of the same genes each time, got several.")
         as_slots(own, one)  # it has room
     return own
 

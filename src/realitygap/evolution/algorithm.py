@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from realitygap.errors import UsageError
 
-__all__ = ["NOBODY", "Algorithm", "Batch", "Genes", "State", "Variation", "check_batch"]
+__all__ = ["NOBODY", "Algorithm", "Batch", "Genes", "State", "Variation", "check_batch", "same"]
 
 Genes = NDArray[Any]
 """Individuals of any type and shape: [n, ...], or one, [...]."""
@@ -128,6 +128,8 @@ def check_batch(batch: object, state: State, n: int, one: Genes) -> int:
         raise UsageError(
             f"ask: expected genes {one.dtype}[n{''.join(f', {k}' for k in one.shape)}], got {came}."
         )
+    if genes.dtype.kind == "f" and not np.isfinite(genes).all():
+        raise UsageError("ask: expected genes that are finite numbers, got NaN or infinity among them.")
     if not 1 <= count <= n or batch.number != state.evaluations:
         there = f"{count} from number {batch.number}"
         raise UsageError(f"ask: expected 1 to {n} individuals from number {state.evaluations}, got {there}.")
@@ -135,3 +137,8 @@ def check_batch(batch: object, state: State, n: int, one: Genes) -> int:
         shapes = f"{list(batch.parents.shape)} and {list(batch.cells.shape)}"
         raise UsageError(f"ask: expected parents [{count}, 2] and cells [{count}], got {shapes}.")
     return count
+
+
+def same(one: Batch, other: Batch) -> bool:
+    """Whether two batches are equal."""
+    return all(np.array_equal(np.asarray(a), np.asarray(b)) for a, b in zip(one, other, strict=True))

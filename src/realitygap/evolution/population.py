@@ -91,6 +91,14 @@ ARRAYS = ("genes", "fitness", "numbers", "best_genes")
 NUMBERS = ("stream", "evaluations", "best_fitness", "best_number")
 
 
+def _arrays_of(memory: Mapping[str, ArrayLike]) -> dict[str, NDArray[Any]]:
+    arrays = {name: np.asarray(value) for name, value in memory.items()}
+    for name, array in arrays.items():
+        if array.dtype.hasobject:
+            raise UsageError(f"memory: {name}: expected numbers or an array of them, got {memory[name]!r}.")
+    return arrays
+
+
 def _always(fitness: float, resident: float) -> bool:
     return True
 
@@ -131,7 +139,7 @@ class Population:
             best_genes=np.zeros_like(like),
             best_fitness=-math.inf,
             best_number=NOBODY,
-            memory={name: np.asarray(value) for name, value in memory.items()},
+            memory=_arrays_of(memory),
         )
 
     def batch(self, genes: Genes, parents: ArrayLike | None = None, cells: ArrayLike | None = None) -> Batch:
@@ -176,9 +184,12 @@ class Population:
         )
 
     def remember(self, **memory: ArrayLike) -> Self:
-        """The same with other arrays in its memory; those that are not named stay."""
-        new = {name: np.asarray(value) for name, value in memory.items()}
-        return replace(self, memory={**self.memory, **new})
+        """The same with other arrays in its memory; those that are not named stay.
+
+        Raises:
+            UsageError: something that is no array of numbers: it could not be written down.
+        """
+        return replace(self, memory={**self.memory, **_arrays_of(memory)})
 
     def _checked(self, batch: Batch, fitness: ArrayLike) -> list[float]:
         """The fitness of each, if the batch is one that could be asked of this population."""

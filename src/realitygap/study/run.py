@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from realitygap.controller.encoding import Encoding
 from realitygap.errors import UsageError
-from realitygap.evolution.algorithm import Algorithm, Batch, Genes, State, check_batch
+from realitygap.evolution.algorithm import Algorithm, Batch, Genes, State, check_batch, same
 from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation
 from realitygap.streams import BREEDING, FRESH, RETEST, TRIALS
@@ -95,7 +95,7 @@ class Bench:
 
     def scores(self, asked: Asked) -> Scores:
         """What is asked for, [n, trials]."""
-        return self.simulation(asked.noise).scores(self.encoding.decode(asked.genes), asked.streams)
+        return self.simulation(asked.noise).scores(self.encoding.decode(asked.genes.copy()), asked.streams)
 
     @cached_property
     def individual(self) -> Genes:
@@ -111,6 +111,7 @@ class Bench:
             batch = self.ask(state, self.algorithm.cells)
             self.encoding.decode(batch.genes)
             state = self.tell(state, batch, np.zeros(len(batch.genes)))
+        self._check_value(state)
 
     def ask(self, state: State, n: int) -> Batch:
         """The algorithm's next individuals, checked."""
@@ -125,6 +126,18 @@ class Bench:
         if told.evaluations != expected:
             raise UsageError(f"tell: expected a state after {expected} evaluations, got {told.evaluations}.")
         return told
+
+    def _check_value(self, state: State) -> None:
+        """Refuse an algorithm that goes by more than its state: no run of it could be resumed."""
+        algorithm, n = self.algorithm, self.algorithm.cells
+        once = self.ask(state, n)
+        self.ask(algorithm.init(np.uint64(1)), n)  # another run, of the same algorithm
+        if not same(once, self.ask(algorithm.from_bytes(state.to_bytes()), n)):
+            raise UsageError(
+                "ask: expected the same individuals of a state that was written down (to_bytes) and read "
+                "again (from_bytes), got others. Keep all that they follow from in the state; draw them by "
+                "its stream and evaluations, not with a generator that goes on."
+            )
 
 
 def bench_for(materials: Materials, condition: int, engine: str) -> Bench:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import RealityGapError
-from realitygap.evolution.algorithm import Algorithm, Batch, State, check_batch
+from realitygap.evolution.algorithm import Algorithm, Batch, State, check_batch, same
 
 __all__ = ["AlgorithmContract"]
 
@@ -48,7 +48,7 @@ class AlgorithmContract:
             state = self._after(algorithm, pause)
             kept = state.to_bytes()
             once, twice = algorithm.ask(state, 5), algorithm.ask(state, 5)
-            assert _same(once, twice) and state.to_bytes() == kept
+            assert same(once, twice) and state.to_bytes() == kept
 
     def test_batches_are_as_large_as_they_may_be_at_most(self) -> None:
         """From one individual to as many as were asked for, numbered from those told, of one type."""
@@ -145,10 +145,6 @@ class AlgorithmContract:
     def _told(self, algorithm: Algorithm[Any], state: State, batch: Batch) -> State:
         told: State = algorithm.tell(state, batch, np.array([self.fitness(one) for one in batch.genes]))
         return told
-
-
-def _same(one: Batch, other: Batch) -> bool:
-    return all(np.array_equal(np.asarray(a), np.asarray(b)) for a, b in zip(one, other, strict=True))
 
 
 def _genes(batches: list[Batch]) -> list[NDArray[Any]]:
