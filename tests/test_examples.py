@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,9 @@ from realitygap.errors import StudyInterruptedError, UsageError
 from realitygap.evolution import make_algorithm
 from realitygap.study.config import StudyConfig
 from realitygap.study.runner import run_study
-from realitygap.testing import AlgorithmContract, EncodingContract, PoolContract
+from realitygap.testing import AlgorithmContract, BodyContract, EncodingContract, PoolContract
+from realitygap.user_code import named_object
+from realitygap.values import Command, Readings
 from realitygap.work.progress import Progress
 from realitygap.work.workers import named_pool
 
@@ -300,6 +303,26 @@ def test_a_pool_of_ones_own_changes_no_bit(tmp_path):
     words = ("avoidance", "--evaluations", "66", "--set", "task.seconds=2", "--out", tmp_path / "cli")
     run("evolve", *words, "--workers", f"{EXAMPLES / 'own_pool.py'}:Threads")
     assert load_study(tmp_path / "cli").runs[0].finished
+
+
+class TestFiveEyes(BodyContract):
+    """The example's robot keeps the contract, and so does one whose readings are lists."""
+
+    def opened(self):
+        robot = named_object(f"{EXAMPLES / 'own_robot.py'}:FiveEyes", UsageError, "robot")()
+        told = robot.sense
+        robot.sense = lambda: Readings(proximity=[int(one) for one in told().proximity], ambient=[])
+        return nullcontext((robot, robot.clock))
+
+    def test_exchanged_wheels_are_found_out(self):
+        """It has no counters that would tell."""
+        with self.opened() as (body, clock):
+            act = body.act
+            body.act = lambda command: act(Command(left=command.right, right=command.left))
+        wrong = BodyContract()
+        wrong.opened = lambda: nullcontext((body, clock))
+        with pytest.raises(AssertionError):
+            wrong.test_it_goes_where_its_wheels_take_it()
 
 
 def test_a_robot_of_ones_own_is_recorded_calibrated_evolved_for_and_driven(tmp_path):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -19,6 +21,7 @@ from realitygap.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.testing import TrackContract
 from realitygap.track import Track, read_track, read_tracks, settled
+from realitygap.values import Floats
 from realitygap.world import load_profile
 
 LOST = math.nan
@@ -41,6 +44,19 @@ class TestTrackOfFrames(TrackContract):
             f"{k * 0.04},{20 + k * 0.1},25,{170 + k},0.9" if k % 7 else f"{k * 0.04},,,,0" for k in range(30)
         ]
         return read_text("\n".join(["t_s,x_cm,y_cm,heading_deg,quality", *rows]))
+
+
+@pytest.mark.parametrize("wrong", [np.degrees, lambda heading: heading + np.pi / 2])
+def test_other_headings_are_found_out(wrong: Callable[[Floats], Floats]) -> None:
+    """Degrees for radians, and a marker that was put on aside, break the contract."""
+
+    class Wrong(TestSimulatedTrack):
+        def track(self) -> Track:
+            right = super().track()
+            return replace(right, heading=wrong(right.heading))
+
+    with pytest.raises(AssertionError):
+        Wrong().test_headings_are_radians()
 
 
 Rows = list[tuple[int, int, int, int]]
