@@ -22,6 +22,9 @@ What a body has besides is found by its name:
                 down anew: of a simulated body; else a person builds the room and carries the robot
     pose        where it truly is (`Seen`): the path of a transfer, if no camera sees it; else the
                 path is reckoned from its counters
+    speeds      (left, right) that its motors measured, as read with the last `sense` (`Paced`): of a
+                body that does not count turns; the path, if nothing else tells it
+    inspect     inspect() tries what it has besides, for `robot check`; a dict (`Inspected`)
     pulses_per_mm   of its counters, roughly: where the profile has none that were measured
     speeds      of a body that counts no turns, but whose motors measure their speeds (`Paced`)
     facts       what recordings say of a robot that comes with the package: "robot", its name; "units" of its

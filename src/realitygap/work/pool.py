@@ -1,8 +1,9 @@
 """A pool carries out jobs and passes on what comes of them: this process, processes, or one of your own.
 
 A job is a value, and what it comes to a function of it alone: any worker may carry it out, twice if the
-first is lost. A worker gets its bench from a `Setup`, which travels as a message; where it is, and
-whether it sees the parent's files, is the pool's affair. A pool of your own:
+first is lost. A worker gets its bench from a `Setup`, which travels as a message; where it is, is the
+pool's affair. One whose workers do not see the parent's files says so by an attribute, `far = True`:
+then what they need of them travels too. A pool of your own:
 
     from concurrent.futures import ThreadPoolExecutor, as_completed
 
