@@ -167,6 +167,7 @@ def test_a_reader_that_has_seen_enough_is_no_failure():
     assert said == ""
 
 
+@pytest.mark.filterwarnings("ignore:Couldn't get spec for numba")  # says numba-cuda, first imported here
 @pytest.mark.parametrize("words", [("evolve", "light"), ("reproduce",), ("experiment", "noise")])
 def test_without_what_a_gpu_takes_the_cure_is_said(words, refused, monkeypatch, tmp_path):
     """Before anything is begun."""

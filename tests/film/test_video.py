@@ -132,3 +132,15 @@ def test_garbled_film_is_never_guessed(tmp_path, clean_film, camera, poses, erro
     off, _ = errors_of(tracked.track, truth)
     assert 5 < len(off) < len(poses)
     assert off.max() < 1.5
+
+
+def test_a_film_whose_notes_are_no_text_is_read(tmp_path):
+    """Cameras and editors write notes in whatever letters they have."""
+    path = tmp_path / "film.mp4"
+    with FilmWriter(path, rate=25, made_by="Zoe") as film:
+        for k in range(3):
+            film.add(np.full((64, 64, 3), 20 * k, np.uint8))
+    assert b"Zoe" in path.read_bytes()
+    path.write_bytes(path.read_bytes().replace(b"Zoe", b"Zo\xe9"))
+    with FilmReader(path) as again:
+        assert sum(1 for _ in again) == 3 and again.trouble is None

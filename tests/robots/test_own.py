@@ -16,6 +16,7 @@ from realitygap.errors import LineError, UsageError
 from realitygap.robots.address import Address
 from realitygap.robots.body import Placing, Seen, Timed, channel, clock_of, facts_of, odometry_of
 from realitygap.robots.clock import RealClock
+from realitygap.robots.own import OwnBody
 from realitygap.values import Pose
 
 BODY = """\
@@ -228,6 +229,7 @@ def test_addresses_name_folders() -> None:
 
 def test_a_body_without_a_time_of_its_own_has_the_computers(file: Path) -> None:
     """And is placed by a person."""
-    body = Address.parse(f"{file}:Three").open()
-    del body._own.clock  # type: ignore[attr-defined]
+    own = Address.parse(f"{file}:Three").open()._own  # type: ignore[attr-defined]
+    del own.clock
+    body = OwnBody(own, str(file))
     assert isinstance(clock_of(body), RealClock) and np.isfinite(clock_of(body).now())

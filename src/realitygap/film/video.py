@@ -28,6 +28,9 @@ _LUMA_FIRST = ("yuv420p", "yuvj420p", "yuv422p", "yuvj422p", "yuv444p", "yuvj444
 _BETWEEN = int(av.video.frame.PictureType.B)
 """Frames that build on earlier and on later ones (type B)."""
 
+_ANY_NOTES = {} if int(av.__version__.split(".")[0]) >= 19 else {"metadata_errors": "replace"}
+"""A film whose notes are no UTF-8 is opened all the same; PyAV asks for no word about that from 19 on."""
+
 _BROKEN_IN_A_ROW = 50
 """So many packets that cannot be decoded, one after another, end a film."""
 
@@ -100,7 +103,7 @@ class FilmReader(Closing):
         if self.path.is_dir():
             raise FilmError(f"{self.path}: a folder; give the path of a film.")
         try:
-            container: Any = av.open(str(self.path), metadata_errors="replace")
+            container: Any = av.open(str(self.path), **_ANY_NOTES)
         except PermissionError:
             raise FilmError(f"{self.path}: cannot be read. Check the file's rights.") from None
         except (FFmpegError, ValueError, OSError):
