@@ -29,7 +29,7 @@ def consistent(noise: np.ndarray, deviation: float) -> bool:
     """Numbers that are normal with mean 0 and this deviation, as far as their number can tell."""
     spread = np.sum((noise / deviation) ** 2)
     tail = stats.chi2.sf(spread, noise.size)
-    return min(tail, 1 - tail) > ALARM / 2 and stats.kstest(noise, "norm", (0, deviation)).pvalue > ALARM
+    return min(tail, 1 - tail) > ALARM / 2 and stats.kstest(noise / deviation, "norm").pvalue > ALARM
 
 
 def spread_out(counts: np.ndarray) -> np.ndarray:
