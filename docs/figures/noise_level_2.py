@@ -159,19 +159,22 @@ def page(arms: list[Arm], others: list[Bought]) -> str:
         levels=LEVELS, estimates={arm.name: estimates(arm) for arm in judged},
         design=planned.arm, reality=reality, alike=alike(judged),
         signed=lambda *span: Number(span=Span(*span), signed=True),
-        small=[told for _, told in less], little=any((one.key, one.against) == ("a", "2") for one, _ in less),
+        small=[
+            f"{name}, ({one.key}) by {one.by} against level {one.against}: "
+            f"{Number(span=Span(*one.difference))}"
+            for name, one in less
+        ], little=[f"arm {name} against level {one.against}" for name, one in less if one.key == "a"],
         captions={name: one.caption for name, one in answer_figures(arms).items()},
         verdicts=tables.pop("verdicts", None), tables=tables,
     )  # fmt: skip
 
 
-def small(arms: list[Arm]) -> Iterator[tuple[Comparison, str]]:
-    """What was found, and is less than the smallest difference of means that was called of interest."""
+def small(arms: list[Arm]) -> Iterator[tuple[str, Comparison]]:
+    """What was found, by arm, and is less than the smallest difference that was called of interest."""
     for arm in arms:
         for one in (one for verdict in arm.judged.verdicts for one in verdict.comparisons):
             if one.found in ("for", "against") and abs(one.difference[0]) < PLAN.bound:
-                span = Number(span=Span(*one.difference))
-                yield one, f"{arm.name}, ({one.key}) by {one.by} against level {one.against}: {span}"
+                yield arm.name, one
 
 
 def said_of(arms: list[Arm]) -> set[str]:

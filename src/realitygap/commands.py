@@ -59,8 +59,8 @@ def evolve(
     Args:
         task: "obstacle-avoidance", "light-seeking", a Python file, or a Task.
         noise: a level, or several, each a condition; "observed" if none.
-        spread: share, 0 to 0.9, within which constants are drawn anew for each trial; several: so many
-            conditions.
+        spread: share, 0 to 0.9, within which constants are drawn anew for each trial; several: a
+            condition each.
         profile: the robot, a shipped name or a TOML file; "paper" if None.
         arena: a shipped arena's name or a TOML file; the task's own if None.
         seed: random seed; 1995 if None.

@@ -29,7 +29,7 @@ _BETWEEN = int(av.video.frame.PictureType.B)
 """Frames that build on earlier and on later ones (type B)."""
 
 _ANY_NOTES = {} if int(av.__version__.split(".")[0]) >= 19 else {"metadata_errors": "replace"}
-"""A film whose notes are no UTF-8 is opened all the same; PyAV asks for no word about that from 19 on."""
+"""So that a film whose notes are not UTF-8 is opened all the same: from PyAV 19 on it is, unasked."""
 
 _BROKEN_IN_A_ROW = 50
 """So many packets that cannot be decoded, one after another, end a film."""

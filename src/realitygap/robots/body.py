@@ -26,9 +26,8 @@ What a body has besides is found by its name:
                 body that does not count turns; the path, if nothing else tells it
     inspect     inspect() tries what it has besides, for `robot check`; a dict (`Inspected`)
     pulses_per_mm   of its counters, roughly: where the profile has none that were measured
-    speeds      of a body that counts no turns, but whose motors measure their speeds (`Paced`)
-    facts       what recordings say of a robot that comes with the package: "robot", its name; "units" of its
-                commands, "base", the shipped profile of what is known of it (`--base` of yours), and more
+    facts       what recordings say of it: "robot", its name; "units" of its commands, "base", the shipped
+                profile of what is known of it, and "pulses_per_mm"; a robot of yours says no more
     read_at     when what `sense` gives arrived, by its clock: of a body whose line may miss a step
     attend      attend(kinds, turns) says which channels are read from now on (`Attentive`): of a
                 body that cannot read all of them in one period

@@ -23,7 +23,7 @@ class TrackContract:
     """
 
     def track(self) -> Track:
-        """A track of a robot that moves for a second at least."""
+        """A track of a robot that drives, and does not turn on the spot alone, for a second at least."""
         raise NotImplementedError("override track()")
 
     def test_time_runs_forward(self) -> None:

@@ -42,8 +42,7 @@ class OverheadCamera(Closing):
         arena: size_cm, cylinders, walls, lamps (cm).
         unit: the robot, and with it the room and the camera.
         noise: the twin's noise scale.
-        view: `drawn`, or by MuJoCo's renderer: `mujoco`, with its light and no shadows, at many times the
-            cost.
+        view: `drawn`, or `mujoco`, by MuJoCo's renderer, without shadows, at several times the cost a frame.
         seed: names the noise of the pixels.
         plate: what the robot wears in the disk's place; it is drawn.
 
