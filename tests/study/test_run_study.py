@@ -262,7 +262,7 @@ class Faulty(Here):
 def test_a_pool_that_loses_or_doubles_messages_is_found_out(folder, passed):
     """No study has a gap, none looks finished that is not; what came in turn is kept."""
     few = small(evaluations=30, checkpoint_every=10, conditions=(Condition(task="avoidance", noise=1.0),))
-    with pytest.raises(StudyError, match="workers: run 1: expected each message of a job once"):
+    with pytest.raises(StudyError, match="workers: expected each message of a job once"):
         run_study(folder, few, workers=Faulty(passed))
     study = run_study(folder, resume=True, workers=1)
     assert study.runs[0].finished and study.evaluations()["number"].tolist() == list(range(30))

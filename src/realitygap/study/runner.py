@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from realitygap.errors import RealityGapError, StudyError, StudyInterruptedError
+from realitygap.errors import RealityGapError, StudyInterruptedError
 from realitygap.study.config import StudyConfig
 from realitygap.study.far import Words, home_of, words_for
 from realitygap.study.folder import exists, open_folder, read_materials, take_back
@@ -30,10 +30,6 @@ TESTING = "testing"
 """Of individuals, when all evaluations are done."""
 WORK = "evolve"
 """Of whose runs a shard is a share."""
-LOST = (
-    "workers: run {}: expected each message of a job once and in their order, but one was lost or doubled. "
-    "What was saved is kept: resume with other workers, and mend the pool (realitygap.testing.PoolContract)."
-)
 FINISHED = "finished already"
 """A study that is resumed for nothing."""
 
@@ -125,7 +121,6 @@ def _carry_out(
                 keeper.keep(message)
             return
         pool.work(Setup(workshop_of, (words_for(folder, pool),), here=workshop), jobs, keeper.keep)
-        keeper.require_all()
 
 
 class _Keeper:
@@ -140,7 +135,6 @@ class _Keeper:
         on_progress: OnProgress | None,
     ) -> None:
         self._workshop, self._store, self._runs = workshop, store, runs
-        self._at = {run: workshop.config.evaluations - n for run, n in left.items()}
         self._total = runs * workshop.config.evaluations
         self._done, self._runs_done, self._new = self._total - sum(left.values()), self._runs - len(left), 0
         evolving = sum(workshop.cost(run, n) for run, n in left.items())
@@ -154,14 +148,9 @@ class _Keeper:
         self._reporter.phase(phase, done=self._done, total=self._total, what="evaluations", **counts)
 
     def keep(self, message: Message) -> None:
-        """What came of a job, if it is what follows."""
-        run, reporter, begun = message.run, self._reporter, self._workshop.config.evaluations
+        """What came of a job."""
+        run, reporter = message.run, self._reporter
         if isinstance(message, Advanced):
-            begun = message.kept.evaluations - len(message.records.number)
-        if self._at.pop(run, None) != begun:
-            raise StudyError(LOST.format(run))
-        if isinstance(message, Advanced):
-            self._at[run] = message.kept.evaluations
             self._store.advance(run, message.records, message.kept)
             count = len(message.records.number)
             self._done, self._new = self._done + count, self._new + count
@@ -174,11 +163,6 @@ class _Keeper:
             self._store.finish(run, message.results)
             self._runs_done += 1
             reporter.add(self._workshop.tests_cost(run), of=TESTING, runs_done=self._runs_done)
-
-    def require_all(self) -> None:
-        """Raises StudyError where the work is over and a run is not."""
-        if self._at:
-            raise StudyError(LOST.format(min(self._at)))
 
 
 def workshop_of(words: Words) -> Workshop:

@@ -21,15 +21,22 @@ then what they need of them travels too. A pool of your own:
 """
 
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from dataclasses import dataclass, field
-from typing import Any, Protocol, runtime_checkable
+from itertools import count
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-__all__ = ["Bench", "Here", "Pool", "Setup", "Tell", "bench_of", "messages_of"]
+from realitygap.errors import StudyError
+
+__all__ = ["Bench", "Counted", "Here", "Pool", "Setup", "Tell", "bench_of", "messages_of"]
 
 Tell = Callable[[Any], None]
 """Hears a message of a job."""
+LOST = (
+    "workers: expected each message of a job once and in their order, but one was lost or doubled. What was "
+    "saved is kept: resume with other workers, and mend the pool (realitygap.testing.PoolContract)."
+)
 
 
 class Bench(Protocol):
@@ -90,6 +97,63 @@ class Here:
 
     def close(self) -> None:
         """Nothing to end."""
+
+
+class _Part(NamedTuple):
+    """A message of a job by its number, or after the last one the end."""
+
+    job: int
+    number: int
+    message: Any = None
+    end: bool = False
+
+
+class _Numbering:
+    """A bench whose messages are numbered."""
+
+    def __init__(self, bench: Setup | Bench) -> None:
+        self._bench = bench() if isinstance(bench, Setup) else bench
+        self.close = self._bench.close
+
+    def carry_out(self, job: tuple[int, Any], tell: Tell) -> None:
+        """One job by its number; `tell` hears parts."""
+        numbers = count()
+        self._bench.carry_out(job[1], lambda message: tell(_Part(job[0], next(numbers), message)))
+        tell(_Part(job[0], next(numbers), end=True))
+
+
+class Counted:
+    """Somebody's pool, held to its word: no message is lost, doubled or out of its turn."""
+
+    def __init__(self, pool: Pool) -> None:
+        self._pool, self.close = pool, pool.close
+        self.far = bool(getattr(pool, "far", False))
+
+    def work(self, setup: Setup, jobs: Iterable[Any], tell: Tell) -> None:
+        """Carry out all jobs; see `Pool`.
+
+        Raises:
+            StudyError: at the first message that is not the next one of its job, or where one is missing.
+        """
+        due: dict[int, int] = {}
+
+        def numbered() -> Iterator[tuple[int, Any]]:
+            for number, job in enumerate(jobs):
+                due[number] = 0
+                yield number, job
+
+        def heard(part: Any) -> None:
+            if not isinstance(part, _Part) or due.pop(part.job, None) != part.number:
+                raise StudyError(LOST)
+            if not part.end:
+                due[part.job] = part.number + 1
+                tell(part.message)
+
+        here = None if setup.here is None else _Numbering(setup.here)
+        parts = numbered()
+        self._pool.work(Setup(_Numbering, (setup,), here=here), parts, heard)
+        if due or next(parts, None) is not None:
+            raise StudyError(LOST)
 
 
 class _Kept:

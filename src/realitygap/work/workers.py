@@ -6,7 +6,7 @@ from contextlib import closing, contextmanager
 
 from realitygap.errors import ConfigError
 from realitygap.user_code import named_object
-from realitygap.work.pool import Here, Pool
+from realitygap.work.pool import Counted, Here, Pool
 from realitygap.work.processes import Processes, refuse_unguarded_script
 
 __all__ = ["MOST", "Workers", "cores", "far", "named_pool", "near", "opened"]
@@ -37,7 +37,7 @@ def opened(workers: Workers, *, one_thread: bool = False) -> Iterator[Pool]:
     """
     refuse_unguarded_script()
     if isinstance(workers, Pool):
-        yield workers
+        yield workers if type(workers) in (Here, Processes, Counted) else Counted(workers)
         return
     size = cores() if workers is None else workers
     if isinstance(size, bool) or not isinstance(size, int) or not 1 <= size <= MOST:
