@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from realitygap.errors import TaskError
+from realitygap.errors import TaskError, UsageError
 from realitygap.kernels.params import Networks, Path
 from realitygap.simulation.engine import Cores
 from realitygap.simulation.simulation import Simulation
@@ -63,6 +63,31 @@ def test_a_simulation_takes_another_engine():
 
     simulation = Simulation("light", "paper", "double", engine=engine)
     assert made == [("light-seeking", "paper", 2.0)] and isinstance(simulation.engine, OneByOne)
+
+
+@pytest.mark.parametrize(
+    ("spoiled", "came"),
+    [
+        (lambda scores: scores[:, 0], r"float64\[5\]"),
+        (lambda scores: scores.T, r"float64\[2, 5\]"),
+        (lambda scores: scores.astype(np.float32), r"float32\[5, 2\]"),
+        (lambda scores: scores.tolist(), "list"),
+        (lambda scores: scores * np.nan, "some that are not"),
+    ],
+)
+def test_scores_of_another_form_are_refused(spoiled, came):
+    """No engine of one's own is taken at its word."""
+
+    class Mine(OneByOne):
+        def scores(self, networks, streams):
+            return spoiled(super().scores(networks, streams))
+
+    simulation = Simulation("light", "paper", engine=Mine)
+    networks = EngineContract()._networks()
+    with pytest.raises(
+        UsageError, match=rf"^engine Mine: expected finite scores float64\[5, 2\].*, got {came}"
+    ):
+        simulation.scores(networks, np.arange(10, dtype=np.uint64).reshape(5, 2))
 
 
 def test_a_score_that_stops_in_a_batch_is_told_by_its_line(tmp_path):

@@ -77,7 +77,7 @@ def make_encoding(kind: str, variation: Variation, settings: dict[str, Any], *, 
 def facts_of(encoding: Encoding, settings: dict[str, Any]) -> dict[str, Any]:
     """What is kept with genotypes, ready for JSON: type (with its order of bytes) and shape read them."""
     kind = np.dtype(encoding.dtype).newbyteorder("<").str
-    return {"dtype": kind, "shape": list(encoding.shape), **settings}
+    return {"dtype": kind, "shape": [int(size) for size in encoding.shape], **settings}
 
 
 def as_slots(encoding: Encoding, genes: NDArray[Any]) -> tuple[Genes, Layout]:

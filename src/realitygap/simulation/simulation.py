@@ -86,10 +86,19 @@ class Simulation:
         Each trial is a function of its network and its stream alone.
 
         Raises:
-            UsageError: networks of another task's layout, or streams that are not a row for each.
+            UsageError: networks of another task's layout, streams that are not a row for each, or an engine
+                of one's own that answers with something else.
             TaskError: a score was not a finite number.
         """
-        return self.engine.scores(networks, streams)
+        found = self.engine.scores(networks, streams)
+        expected = f"float64{list(streams.shape)}"
+        if shown(found) != expected or not np.isfinite(found).all():
+            came = "some that are not" if shown(found) == expected else shown(found)
+            raise UsageError(
+                f"engine {type(self.engine).__name__}: expected finite scores {expected}, a row for each "
+                f"network, got {came}."
+            )
+        return found
 
     def tracks(self, networks: Networks, streams: Streams) -> Path:
         """What the scores of trials are taken from: streams [N, trials] → arrays [N, trials, steps].
