@@ -276,7 +276,7 @@ def test_what_a_thymio_says_of_itself_leaves_its_recording_readable(tmp_path):
 
 
 def test_a_recording_under_a_marker_is_readable(tmp_path):
-    """What `record --marker` writes, a calibration takes."""
+    """What `record --marker` writes, a calibration takes; it is not resumed under another."""
 
     def enough(name: str, done: int, total: int) -> None:
         raise KeyboardInterrupt
@@ -285,6 +285,12 @@ def test_a_recording_under_a_marker_is_readable(tmp_path):
     with closing(Address.parse("twin:2").open()) as body, contextlib.suppress(KeyboardInterrupt):
         record(wanted, tmp_path, body, on_progress=enough)
     assert load_recording(tmp_path).facts["marker"] == "aruco:4x4_50:7"
+    other = replace(wanted, marker="aruco:4x4_50:8")
+    with (
+        closing(Address.parse("twin:2").open()) as body,
+        pytest.raises(RecordingError, match="marker: this recording was begun with 'aruco:4x4_50:7', not"),
+    ):
+        record(other, tmp_path, body, resume=True)
 
 
 def test_a_person_is_guided_and_may_stop(bench: Bench, tmp_path):

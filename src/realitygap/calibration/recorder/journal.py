@@ -15,7 +15,7 @@ from realitygap.toml import read_toml, to_toml
 __all__ = ["ARENA", "Journal", "refuse_another"]
 
 ARENA = "arena.toml"
-SAME = ("plan", "kind", "object", "robot", "unit", "twin_noise", "seed", "repeats", "places")
+SAME = ("plan", "kind", "object", "robot", "unit", "twin_noise", "marker", "seed", "repeats", "places")
 """Facts that must not change when a recording is resumed."""
 
 

@@ -9,7 +9,6 @@ record(Wanted(plan="all"), "unit-7", Address.parse("twin:7").open())
 import math
 import time
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -124,9 +123,11 @@ def record(
     made: list[Made] = []
     for part, name, place in zip(parts, names, places, strict=True):
         room = part.room if isinstance(part, SensorPlan) else ROOM
-        site = site_of(body, ask, room, part=name, seed=wanted.seed, marker=wanted.marker)
-        work = _Work(wanted, name, place, resume, site, on_progress or (lambda name, done, total: None))
-        made.append(_sensors(part, body, work) if isinstance(part, SensorPlan) else _wheels(part, body, work))
+        with site_of(body, ask, room, part=name, seed=wanted.seed, marker=wanted.marker) as site:
+            work = _Work(wanted, name, place, resume, site, on_progress or (lambda name, done, total: None))
+            made.append(
+                _sensors(part, body, work) if isinstance(part, SensorPlan) else _wheels(part, body, work)
+            )
         if made[-1].stopped:
             break
     return made
@@ -139,7 +140,7 @@ class _Work(NamedTuple):
     name: str
     folder: Path
     resume: bool
-    site: AbstractContextManager[Site]
+    site: Site
     report: Progress
 
     def facts(self, body: Body, places: int) -> dict[str, Any]:
@@ -258,18 +259,12 @@ def _wheels(trials: Sequence[Trial], body: Body, work: _Work) -> Made:
     return _made(journal, "wheels", "wheels", len(trials), begun, stopped=stopped)
 
 
-def _visited(
-    opened: AbstractContextManager[Site],
-    begins: str,
-    stops: Sequence[Stop],
-    visit: Callable[[Site, Stop], None],
-) -> bool:
+def _visited(site: Site, begins: str, stops: Sequence[Stop], visit: Callable[[Site, Stop], None]) -> bool:
     """Visit all stops of a part that is not left out; whether the person stops there for today."""
     try:
-        with opened as site:
-            if site.prepare(begins):
-                for stop in stops:
-                    visit(site, stop)
+        if site.prepare(begins):
+            for stop in stops:
+                visit(site, stop)
     except EnoughError:
         return True
     return False
