@@ -52,6 +52,8 @@ REALITIES = {None: "the twin", "enki:khepera": "Enki's Khepera", "stranger": "th
 """By the robot of an arm's design."""
 LEVELS = sorted({PLAN.robot, *PLAN.against})
 """That every arm has."""
+ALLOWED = 6
+"""Hours of two cores that the plan gives to the whole."""
 HEAD = "<!-- Made by docs/figures/noise_level_2.py of noise-level-2/page.md.j2: change that, not this. -->\n"
 
 
@@ -150,6 +152,7 @@ def page(arms: list[Arm], others: list[Bought]) -> str:
     less = list(small(judged))
     return HEAD + environment.get_template("page.md.j2").render(
         arms={arm.name: arm for arm in arms}, bought=others, judged=judged, said=said, agree=PLAN.agree,
+        spent=sum(sum(arm.settings["seconds"].values()) for arm in arms) / 3600, allowed=ALLOWED,
         percent="95 %", quiet=NOISES[0], noisy=NOISES[1], missing=[n for n in ARMS if n not in said_of(arms)],
         heads=[(claim, headline(arms, claim)) for claim in CLAIMS], warnings=list(warned(arms)),
         all=lambda key, word: bool(said[key]) and set(said[key].values()) == {word},
