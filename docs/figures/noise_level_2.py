@@ -152,7 +152,7 @@ def page(arms: list[Arm], others: list[Bought]) -> str:
     less = list(small(judged))
     return HEAD + environment.get_template("page.md.j2").render(
         arms={arm.name: arm for arm in arms}, bought=others, judged=judged, said=said, agree=PLAN.agree,
-        spent=sum(sum(arm.settings["seconds"].values()) for arm in arms) / 3600, allowed=ALLOWED,
+        spent=sum(sum(arm.settings.get("seconds", {}).values()) for arm in arms) / 3600, allowed=ALLOWED,
         percent="95 %", quiet=NOISES[0], noisy=NOISES[1], missing=[n for n in ARMS if n not in said_of(arms)],
         heads=[(claim, headline(arms, claim)) for claim in CLAIMS], warnings=list(warned(arms)),
         all=lambda key, word: bool(said[key]) and set(said[key].values()) == {word},

@@ -107,6 +107,20 @@ def test_arms_of_other_levels_and_realities_are_told_apart(script: ModuleType, t
     script.draw(arms, tmp_path, [])
 
 
+def test_what_does_not_fit_into_the_plans_hours_is_said(script: ModuleType, tmp_path: Path) -> None:
+    """Arms fall off the end where what a headline needs has taken the hours; not before."""
+    data = arm(comparison(1.0), runs=16, tasks=TASKS[:1])
+    for name in ("E", "T"):
+        write(data, tmp_path / name, name=name)
+    arms = script.read(tmp_path)
+    took = [replace(one, settings={**one.settings, "seconds": {"evolve": 12_000.0}}) for one in arms]
+    text = script.page(took, script.bought())
+    assert "**Not run:** E5, T5, T2, S: the arms so far took 6.7 hours of two cores" in text
+    assert "The plan has this experiment on arm T's robot, too" in text and "arm E's robot, too" not in text
+    assert "**Not yet run:** E5, T5, T2, S." in script.page(arms, [])
+    assert "**Not yet run:** T, E5, T5, T2, S." in script.page(took[:1] * 2, [])
+
+
 @pytest.mark.parametrize("folder", sorted((DOCS / "measure-or-randomise").iterdir()), ids=lambda f: f.name)
 def test_what_measuring_bought_is_what_its_controllers_say(folder: Path) -> None:
     """Of the kept controllers' figures come each condition's mean and each planned comparison."""
