@@ -35,6 +35,7 @@ from realitygap.report.noise.second import (
     estimate,
     headline,
     read_arms,
+    strays,
     warned,
     word_of,
 )
@@ -149,7 +150,8 @@ def page(arms: list[Arm], others: list[Bought]) -> str:
     judged = [arm for arm in arms if not arm.void]
     said = {f"{c.key} {c.by}": {arm.name: word_of(arm, c) for arm in judged} for c in CLAIMS}
     tables = answer_tables(arms) if arms else {}
-    less = list(small(judged))
+    within = {name: word == "supported" for name, word in said["e interval"].items()}
+    less, by_means = list(small(judged)), list(turned(judged))
     return HEAD + environment.get_template("page.md.j2").render(
         arms={arm.name: arm for arm in arms}, bought=others, judged=judged, said=said, agree=PLAN.agree,
         spent=sum(sum(arm.settings.get("seconds", {}).values()) for arm in arms) / 3600, allowed=ALLOWED,
@@ -162,11 +164,10 @@ def page(arms: list[Arm], others: list[Bought]) -> str:
         levels=LEVELS, estimates={arm.name: estimates(arm) for arm in judged},
         design=planned.arm, reality=reality, alike=alike(judged),
         signed=lambda *span: Number(span=Span(*span), signed=True),
-        small=[
-            f"{name}, ({one.key}) by {one.by} against level {one.against}: "
-            f"{Number(span=Span(*one.difference))}"
-            for name, one in less
-        ], little=[f"arm {name} against level {one.against}" for name, one in less if one.key == "a"],
+        small=[told(*one) for one in less], turned=[told(*one) for one in by_means],
+        within=in_arms(within, is_true=True), beyond=in_arms(within, is_true=False),
+        otherwise=[f"arm {arm.name} {stray}" for arm in judged for stray in strays(arm, CLAIMS[0])],
+        little=[f"arm {name} against level {one.against}" for name, one in less if one.key == "a"],
         captions={name: one.caption for name, one in answer_figures(arms).items()},
         verdicts=tables.pop("verdicts", None), tables=tables,
     )  # fmt: skip
@@ -174,10 +175,37 @@ def page(arms: list[Arm], others: list[Bought]) -> str:
 
 def small(arms: list[Arm]) -> Iterator[tuple[str, Comparison]]:
     """What was found, by arm, and is less than the smallest difference that was called of interest."""
+    return ((name, one) for name, one in found(arms) if 0 <= side(one) < PLAN.bound)
+
+
+def turned(arms: list[Arm]) -> Iterator[tuple[str, Comparison]]:
+    """What was found by ranks, and by means is on the other side."""
+    return ((name, one) for name, one in found(arms) if side(one) < 0)
+
+
+def found(arms: list[Arm]) -> Iterator[tuple[str, Comparison]]:
+    """All comparisons that were, by arm."""
     for arm in arms:
         for one in (one for verdict in arm.judged.verdicts for one in verdict.comparisons):
-            if one.found in ("for", "against") and abs(one.difference[0]) < PLAN.bound:
+            if one.found in ("for", "against"):
                 yield arm.name, one
+
+
+def side(one: Comparison) -> float:
+    """The difference of means, above zero on the side of what was found."""
+    return one.difference[0] if one.found == "for" else -one.difference[0]
+
+
+def told(name: str, one: Comparison) -> str:
+    """A comparison and its difference of means."""
+    said = f"{name}, ({one.key}) by {one.by} against level {one.against}"
+    return f"{said}: {Number(span=Span(*one.difference), signed=True)}"
+
+
+def in_arms(words: Mapping[str, bool], *, is_true: bool) -> str:
+    """The arms of which something is true or not, by name."""
+    names = [name for name, word in words.items() if word == is_true]
+    return f"arm{'s' if len(names) > 1 else ''} {' and '.join(names)}"
 
 
 def said_of(arms: list[Arm]) -> set[str]:

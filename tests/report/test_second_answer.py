@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from realitygap.experiments.noise.lived import LIVED
 from realitygap.experiments.noise.second.verdicts import CLAIMS
 from realitygap.report.noise.arms import BEYOND, Arm
 from realitygap.report.noise.orders import BY_CAMERA, FILE, order_tables, read_orders
-from realitygap.report.noise.second import answer_tables, headline, read_arms, warned, word_of
+from realitygap.report.noise.second import answer_tables, headline, read_arms, strays, warned, word_of
 from tests.experiments.crosses import TASKS, comparison
 from tests.experiments.second import UNITS, arm, write
 
@@ -54,13 +55,13 @@ def test_the_command_judges_arms_together_and_makes_their_page(folder: Path) -> 
     page = (folder / "both" / "report" / "index.html").read_text("utf-8")
     linked = set(re.findall(r'href="((?:tables|figures)/[^"]+)"', page))
     assert len(linked) == 4 + 9 and all((folder / "both" / "report" / one).is_file() for one in linked)
-    assert ">nan<" not in page and "not yet run" in page and not re.search(r'(src|href)="https?:', page)
+    assert ">nan<" not in page and "not run" in page and not re.search(r'(src|href)="https?:', page)
 
 
 def test_one_arm_alone_gives_no_headline(alone: Arm) -> None:
     """Its verdicts stand; the headline waits for the other."""
-    assert headline([alone], alone.judged.verdicts[0].claim) == "no headline: T not yet run"
-    assert answer_tables([alone])["verdicts"].texts()[0][1:4] == ["supported", "not yet run", "not yet run"]
+    assert headline([alone], alone.judged.verdicts[0].claim) == "no headline: T not run"
+    assert answer_tables([alone])["verdicts"].texts()[0][1:4] == ["supported", "not run", "not run"]
 
 
 def test_what_is_printed_is_what_the_tables_say(alone: Arm) -> None:
@@ -116,6 +117,17 @@ def test_a_sign_that_turns_is_told(tmp_path: Path) -> None:
     told = headline(arms, arms[0].judged.verdicts[0].claim)
     assert told.startswith("supported; of another sign: E without jitter against 0")
     assert "▲" in answer_tables(arms)["E-robust"].texts()[0][3]
+
+
+def test_means_on_the_other_side_of_ranks_are_told(tmp_path):
+    """What ranks found and the difference of means does not bear out is no plain finding."""
+    write(arm(comparison(1.0), runs=16), tmp_path, name="E")
+    one = read_arms([tmp_path])[0]
+    first, *others = one.judged.verdicts
+    assert "means" not in " ".join(strays(one, first.claim))
+    turned = tuple(replace(each, difference=(-0.1, -0.2, 0.0)) for each in first.comparisons)
+    one.__dict__["judged"] = replace(one.judged, verdicts=(replace(first, comparisons=turned), *others))
+    assert {"means against 0", "means against 2"} <= set(strays(one, first.claim))
 
 
 def _drop(text: str) -> str:

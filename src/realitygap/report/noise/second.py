@@ -67,7 +67,7 @@ def headline(arms: Sequence[Arm], claim: StatedClaim) -> str:
     there = {arm.name: word_of(arm, claim) for arm in arms if arm.name in PLAN.agree}
     missing = [name for name in PLAN.agree if name not in there]
     if missing:
-        text = f"no headline: {' and '.join(missing)} not yet run"
+        text = f"no headline: {' and '.join(missing)} not run"
     elif len(set(there.values())) == 1:
         text = next(iter(there.values()))
     else:
@@ -77,12 +77,17 @@ def headline(arms: Sequence[Arm], claim: StatedClaim) -> str:
 
 
 def strays(arm: Arm, claim: StatedClaim) -> list[str]:
-    """Analyses that decide nothing and differ in sign from what the planned one found."""
-    return [
-        f"{name} against {one.against}" if claim.key != "d" else f"{name} over {one.against}"
-        for one in _verdict(arm, claim).comparisons if one.found in ("for", "against")
-        for name, (_, sign) in _again(arm, one).items() if sign * np.sign(one.tested.statistic) < 0
-    ]  # fmt: skip
+    """Analyses that decide nothing, the difference of means beside ranks among them, and differ in sign from
+    what the planned one found."""
+    made = []
+    for one in _verdict(arm, claim).comparisons:
+        if one.found in ("for", "against"):
+            means = {"means": one.difference[0]} if one.by.endswith("ranks") else {}
+            signs = {**means, **{name: sign for name, (_, sign) in _again(arm, one).items()}}
+            word = "over" if claim.key == "d" else "against"
+            names = [name for name, sign in signs.items() if sign * one.tested.statistic < 0]
+            made += [f"{name} {word} {one.against}" for name in names]
+    return made
 
 
 def _verdict(arm: Arm, claim: StatedClaim) -> Verdict:
@@ -135,7 +140,7 @@ def _verdicts(arms: Sequence[Arm]) -> NoiseTable:
     there = {arm.name: arm for arm in arms}
     rows: list[Row] = []
     for claim in CLAIMS:
-        words = [word_of(there[name], claim) if name in there else "not yet run" for name in ARMS]
+        words = [word_of(there[name], claim) if name in there else "not run" for name in ARMS]
         rows.append((f"({claim.key}) {claim.title}", *words))
     return NoiseTable(
         name="verdicts",
@@ -249,11 +254,11 @@ def build_answer(arms: Sequence[Arm], out: str | Path, *, on_progress: OnProgres
 def warned(arms: Sequence[Arm]) -> Iterator[str]:
     """What has to be known before the verdicts are read."""
     for arm in arms:
-        units = ", ".join(map(str, arm.beyond))
+        units = f"unit{'s' if len(arm.beyond) > 1 else ''} {', '.join(map(str, arm.beyond))}"
         if arm.void:
-            yield f"Arm {arm.name} supports no claim: model error exceeds its limit in unit {units}."
-        elif units:
-            yield f"Arm {arm.name}: model error exceeds its limit in unit {units}; see the claims without."
+            yield f"Arm {arm.name} supports no claim: model error exceeds its limit in {units}."
+        elif arm.beyond:
+            yield f"Arm {arm.name}: model error exceeds its limit in {units}; see the claims without."
         if arm.lost:
             yield f"Arm {arm.name}: the camera lost {arm.lost} controllers, which are not judged."
     if not all(arm.mixed for arm in arms):
