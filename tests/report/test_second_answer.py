@@ -128,6 +128,11 @@ def test_means_on_the_other_side_of_ranks_are_told(tmp_path):
     turned = tuple(replace(each, difference=(-0.1, -0.2, 0.0)) for each in first.comparisons)
     one.__dict__["judged"] = replace(one.judged, verdicts=(replace(first, comparisons=turned), *others))
     assert {"means against 0", "means against 2"} <= set(strays(one, first.claim))
+    last = one.judged.verdicts[-1]
+    assert last.claim.key == "e" and last.word == "supported" and strays(one, last.claim) == []
+    far = replace(last, word="reversed")
+    one.robust["layout alone"] = replace(one.judged, verdicts=(*one.judged.verdicts[:-1], far))
+    assert strays(one, last.claim) == ["layout alone (reversed)"]
 
 
 def _drop(text: str) -> str:

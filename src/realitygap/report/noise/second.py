@@ -79,14 +79,16 @@ def headline(arms: Sequence[Arm], claim: StatedClaim) -> str:
 def strays(arm: Arm, claim: StatedClaim) -> list[str]:
     """Analyses that decide nothing, the difference of means beside ranks among them, and differ in sign from
     what the planned one found."""
+    if claim.key == "e" and word_of(arm, claim) != "reversed":
+        told = {name: estimate(judged) for name, judged in arm.robust.items() if name != "fitness"}
+        return [f"{name} (reversed)" for name, word in told.items() if word.endswith("reversed")]
     made = []
     for one in _verdict(arm, claim).comparisons:
         if one.found in ("for", "against"):
             means = {"means": one.difference[0]} if one.by.endswith("ranks") else {}
             signs = {**means, **{name: sign for name, (_, sign) in _again(arm, one).items()}}
-            word = "over" if claim.key == "d" else "against"
-            names = [name for name, sign in signs.items() if sign * one.tested.statistic < 0]
-            made += [f"{name} {word} {one.against}" for name in names]
+            word, own = "over" if claim.key == "d" else "against", one.tested.statistic
+            made += [f"{k} {word} {one.against}" for k, sign in signs.items() if sign * own < 0]
     return made
 
 
