@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import resource
 import shutil
+import sqlite3
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,7 +20,8 @@ from realitygap.toml import to_toml
 from realitygap.transfer.load import load_transfers
 from realitygap.transfer.merge import _copy_cameras, merge_trials
 from realitygap.transfer.options import Transfer
-from realitygap.transfer.packed import PACKED, Packed, unpacked
+from realitygap.transfer.packed import HOME, PACKED, Packed, unpacked
+from realitygap.transfer.packed import content as content_of
 from realitygap.transfer.replay import Replays
 from realitygap.transfer.run import WORK, _facts, run_transfer
 from realitygap.transfer.score_rows import jobs_of
@@ -124,6 +127,18 @@ def test_an_archive_of_others_writes_nowhere_else(tmp_path, name):
         archive._database.execute("INSERT INTO sqlar VALUES (?, 0, 0, 1, x'00')", (name,))
     with pytest.raises(StudyError, match=rf"trials\.sqlar: .*{name}.* Restore the file"), unpacked(tmp_path):
         pass
+
+
+def test_an_archive_that_was_just_opened_holds_nothing(tmp_path):
+    """Whoever reads while a transfer begins is not told that it is broken; without its table it is."""
+    file = tmp_path / HOME / PACKED
+    file.parent.mkdir()
+    file.touch()
+    assert content_of(file.parent / "twin-1" / "run" / "start-1" / "transfer.toml") is None
+    with closing(sqlite3.connect(file)) as other:
+        other.execute("CREATE TABLE others(name TEXT)")
+    with pytest.raises(StudyError, match="no such table: sqlar"):
+        content_of(file.parent / "twin-1" / "run" / "start-1" / "transfer.toml")
 
 
 def test_packed_trials_are_the_same(finished, tmp_path):

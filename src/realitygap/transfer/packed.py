@@ -132,7 +132,8 @@ def _rows(home: Path, which: str, values: tuple[str, ...]) -> Iterator[tuple[Pat
         return
     with told(path), closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as database:
         query = f"SELECT name, sz, data FROM sqlar WHERE {which} ORDER BY name"
-        rows = database.execute(query, values).fetchall()
+        (begun,) = database.execute("PRAGMA schema_version").fetchone()  # 0: its writer has just opened it
+        rows = database.execute(query, values).fetchall() if begun else []
     for name, size, data in rows:
         parts = name.split("/")
         if len(parts) != DEPTH or not all(part.strip(".") for part in parts):
