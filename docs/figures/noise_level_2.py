@@ -151,6 +151,7 @@ def page(arms: list[Arm], others: list[Bought]) -> str:
     said = {f"{c.key} {c.by}": {arm.name: word_of(arm, c) for arm in judged} for c in CLAIMS}
     tables = answer_tables(arms) if arms else {}
     within = {name: word == "supported" for name, word in said["e interval"].items()}
+    about_levels = next(claim for claim in CLAIMS if claim.key == "a")
     less, by_means = list(small(judged)), list(turned(judged))
     return HEAD + environment.get_template("page.md.j2").render(
         arms={arm.name: arm for arm in arms}, bought=others, judged=judged, said=said, agree=PLAN.agree,
@@ -166,7 +167,7 @@ def page(arms: list[Arm], others: list[Bought]) -> str:
         signed=lambda *span: Number(span=Span(*span), signed=True),
         small=[told(*one) for one in less], turned=[told(*one) for one in by_means],
         within=in_arms(within, is_true=True), beyond=in_arms(within, is_true=False),
-        otherwise=[f"arm {arm.name} {stray}" for arm in judged for stray in strays(arm, CLAIMS[0])],
+        otherwise=[f"arm {arm.name} {stray}" for arm in judged for stray in strays(arm, about_levels)],
         little=[f"arm {name} against level {one.against}" for name, one in less if one.key == "a"],
         captions={name: one.caption for name, one in answer_figures(arms).items()},
         verdicts=tables.pop("verdicts", None), tables=tables,

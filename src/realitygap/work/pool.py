@@ -35,7 +35,7 @@ Tell = Callable[[Any], None]
 """Hears a message of a job."""
 LOST = (
     "workers: expected each message of a job once and in their order, but one was lost or doubled. What was "
-    "saved is kept: resume with other workers, and mend the pool (realitygap.testing.PoolContract)."
+    "saved is kept: go on with other workers, and mend the pool (realitygap.testing.PoolContract)."
 )
 
 

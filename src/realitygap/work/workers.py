@@ -29,7 +29,7 @@ def cores() -> int:
 
 @contextmanager
 def opened(workers: Workers, *, one_thread: bool = False) -> Iterator[Pool]:
-    """The pool for a while; one that was given is left open. `one_thread`: as of `Processes`.
+    """The pool for a while; one that was given is counted, and left open. `one_thread`: as of `Processes`.
 
     Raises:
         ConfigError: neither a number nor a pool.
