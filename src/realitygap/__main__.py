@@ -23,10 +23,13 @@ def main() -> None:
 
 
 def _unraisable(what: Any) -> None:
-    """Press Ctrl-C once more where the first fell into a callback of compiled code, which drops it."""
+    """Press Ctrl-C once more where the first fell into a callback of compiled code, which drops it.
+
+    Ctrl-C between processes leaves buffers lent out, which Python reports from 3.13 on: of no use to anybody.
+    """
     if issubclass(what.exc_type, KeyboardInterrupt):
         threading.Timer(AGAIN_S, os.kill, (os.getpid(), signal.SIGINT)).start()
-    else:
+    elif not issubclass(what.exc_type, BufferError):
         sys.__unraisablehook__(what)
 
 

@@ -54,6 +54,24 @@ def test_ctrl_c_that_falls_into_a_callback_still_ends_the_command():
     assert (made.stderr, made.returncode) == ("stopped\n", 130)
 
 
+def test_nothing_follows_the_last_line_of_ctrl_c():
+    """A buffer that Ctrl-C left lent out in a circle is collected at the end: Python 3.13 would report it."""
+    code = (
+        "import io, sys\n"
+        "import realitygap.cli\n"
+        "from realitygap.__main__ import main\n"
+        "from realitygap.cli.failure import guarded\n"
+        "def work():\n"
+        "    circle = {'buffer': io.BytesIO(b'message')}\n"
+        "    circle.update(view=circle['buffer'].getbuffer(), circle=circle)\n"
+        "    raise KeyboardInterrupt\n"
+        "realitygap.cli.main = lambda: sys.exit(guarded(work))\n"
+        "main()"
+    )
+    made = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert (made.stderr, made.returncode) == ("stopped\n", 130)
+
+
 def test_ctrl_c_while_commands_are_loaded():
     """Ctrl-C before there is a command to end says so in one line, with the code of Ctrl-C."""
     code = (
