@@ -4,6 +4,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from typing import Any
 
 __all__ = ["main"]
@@ -28,9 +29,18 @@ def _unraisable(what: Any) -> None:
     Ctrl-C between processes leaves buffers lent out, which Python reports from 3.13 on: of no use to anybody.
     """
     if issubclass(what.exc_type, KeyboardInterrupt):
-        threading.Timer(AGAIN_S, os.kill, (os.getpid(), signal.SIGINT)).start()
+        left = threading.Event()
+        threading.Thread(target=_press, args=(left,), daemon=True).start()
+        left.set()
     elif not issubclass(what.exc_type, BufferError):
         sys.__unraisablehook__(what)
+
+
+def _press(left: threading.Event) -> None:
+    """Press Ctrl-C once the hook was left, for it would drop that as well."""
+    left.wait()
+    time.sleep(AGAIN_S)
+    os.kill(os.getpid(), signal.SIGINT)
 
 
 if __name__ == "__main__":
