@@ -90,6 +90,30 @@ def test_scores_of_another_form_are_refused(spoiled, came):
         simulation.scores(networks, np.arange(10, dtype=np.uint64).reshape(5, 2))
 
 
+@pytest.mark.parametrize(
+    ("spoiled", "says"),
+    [
+        (lambda tracks: tracks[:2], r"expected tracks as a Path, got tuple"),
+        (
+            lambda tracks: tracks._replace(y=tracks.y[:, :, :3]),
+            r"tracks' y float64\[5, 2, 200\].*float64\[5, 2, 3\]",
+        ),
+        (lambda tracks: tracks._replace(left=tracks.left * np.nan), r"tracks' left .* got some that are not"),
+    ],
+)
+def test_tracks_of_another_form_are_refused(spoiled, says):
+    """Nor where it says that the robots were."""
+
+    class Mine(OneByOne):
+        def tracks(self, networks, streams):
+            return spoiled(super().tracks(networks, streams))
+
+    simulation = Simulation("light", "paper", engine=Mine)
+    networks = EngineContract()._networks()
+    with pytest.raises(UsageError, match=f"^engine Mine: .*{says}"):
+        simulation.tracks(networks, np.arange(10, dtype=np.uint64).reshape(5, 2))
+
+
 def test_a_score_that_stops_in_a_batch_is_told_by_its_line(tmp_path):
     """The first path on which a user's score fails is found again, and its line named."""
     file = tmp_path / "touchy.py"

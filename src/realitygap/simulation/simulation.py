@@ -91,22 +91,34 @@ class Simulation:
             TaskError: a score was not a finite number.
         """
         found = self.engine.scores(networks, streams)
-        expected = f"float64{list(streams.shape)}"
-        if shown(found) != expected or not np.isfinite(found).all():
-            came = "some that are not" if shown(found) == expected else shown(found)
-            raise UsageError(
-                f"engine {type(self.engine).__name__}: expected finite scores {expected}, a row for each "
-                f"network, got {came}."
-            )
+        self._require("scores", found, streams.shape)
         return found
 
     def tracks(self, networks: Networks, streams: Streams) -> Path:
         """What the scores of trials are taken from: streams [N, trials] → arrays [N, trials, steps].
 
         Raises:
-            UsageError: networks of another task's layout, or streams that are not a row for each.
+            UsageError: as of `scores`.
         """
-        return self.engine.tracks(networks, streams)
+        found = self.engine.tracks(networks, streams)
+        if not isinstance(found, Path):
+            raise UsageError(
+                f"engine {type(self.engine).__name__}: expected tracks as a Path, got {shown(found)}."
+            )
+        for name, one in zip(Path._fields, found, strict=True):
+            self._require(f"tracks' {name}", one, (*streams.shape, self._cores.trial.steps))
+        return found
+
+    def _require(self, what: str, found: object, shape: tuple[int, ...]) -> None:
+        """No engine of one's own is taken at its word."""
+        expected, came = f"float64{list(shape)}", shown(found)
+        if isinstance(found, np.ndarray) and came == expected and not np.isfinite(found).all():
+            came = "some that are not"
+        if came != expected:
+            raise UsageError(
+                f"engine {type(self.engine).__name__}: expected finite {what} {expected}, a row for each "
+                f"network, got {came}."
+            )
 
     def trajectory(
         self, networks: Networks, *, stream: int, pose: Pose | None = None, seconds: float | None = None

@@ -26,6 +26,8 @@ __all__ = ["Dask"]
 
 PACKAGES = ("realitygap", "numpy", "scipy", "numba", "mujoco-core", "opencv-python-headless")
 """Which versions a result's bits may depend on, beside Python's."""
+KINDS = (".py", ".toml", ".npz", ".json", ".csv", ".cpp")
+"""Which of realitygap's own files they may depend on."""
 TRIES = 3
 """How often a job is given up by the scheduler, which tries more than once itself, until it is here too."""
 WAIT_S = 10.0
@@ -233,7 +235,7 @@ def _refuse_other(theirs: dict[str, str]) -> None:
 
 @cache
 def versions() -> dict[str, str]:
-    """What a worker has to have in common with who asks; of realitygap its very text."""
+    """What a worker has to have in common with who asks; of realitygap its very files."""
     found = {"Python": platform.python_version()}
     for name in PACKAGES:
         try:
@@ -241,6 +243,6 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             found[name] = "missing"
     home, text = Path(__file__).parent.parent, blake2b(digest_size=6)
-    for file in sorted(home.rglob("*.py")):
+    for file in sorted(file for kind in KINDS for file in home.rglob(f"*{kind}")):
         text.update(f"{file.relative_to(home)}\n".encode() + file.read_bytes())
     return {**found, "realitygap's text": text.hexdigest()}
