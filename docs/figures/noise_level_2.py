@@ -23,7 +23,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from realitygap.errors import UsageError
 from realitygap.experiments.noise.second import arms as planned
 from realitygap.experiments.noise.second.verdicts import CLAIMS, PLAN, Comparison, Peak, peak_of
-from realitygap.experiments.randomise.plan import NOISES
+from realitygap.experiments.randomise.plan import NOISES, RandomiseConfig
 from realitygap.experiments.randomise.results import Comparison as Bargain
 from realitygap.experiments.randomise.results import Outcome, compared_in
 from realitygap.report.noise.arms import Arm
@@ -151,12 +151,16 @@ def page(arms: list[Arm], others: list[Bought]) -> str:
     said = {f"{c.key} {c.by}": {arm.name: word_of(arm, c) for arm in judged} for c in CLAIMS}
     tables = answer_tables(arms) if arms else {}
     within = {name: word == "supported" for name, word in said["e interval"].items()}
+    order = list(ARMS)
+    missing = [name for name in order if name not in said_of(arms)]
+    late = [arm.name for arm in arms if missing and order.index(arm.name) > order.index(missing[0])]
     about_levels = next(claim for claim in CLAIMS if claim.key == "a")
     less, by_means = list(small(judged)), list(turned(judged))
     return HEAD + environment.get_template("page.md.j2").render(
         arms={arm.name: arm for arm in arms}, bought=others, judged=judged, said=said, agree=PLAN.agree,
-        spent=sum(sum(arm.settings.get("seconds", {}).values()) for arm in arms) / 3600, allowed=ALLOWED,
-        percent="95 %", quiet=NOISES[0], noisy=NOISES[1], missing=[n for n in ARMS if n not in said_of(arms)],
+        spent=hours([arm for arm in arms if arm.name not in late]), allowed=ALLOWED,
+        late=late, standard=RandomiseConfig.robot,
+        percent="95 %", quiet=NOISES[0], noisy=NOISES[1], missing=missing,
         heads=[(claim, headline(arms, claim)) for claim in CLAIMS], warnings=list(warned(arms)),
         all=lambda key, word: bool(said[key]) and set(said[key].values()) == {word},
         some=lambda key, word: word in said[key].values(),
@@ -207,6 +211,11 @@ def in_arms(words: Mapping[str, bool], *, is_true: bool) -> str:
     """The arms of which something is true or not, by name."""
     names = [name for name, word in words.items() if word == is_true]
     return f"arm{'s' if len(names) > 1 else ''} {' and '.join(names)}"
+
+
+def hours(arms: list[Arm]) -> float:
+    """What arms took, by their own clocks."""
+    return sum(sum(arm.settings.get("seconds", {}).values()) for arm in arms) / 3600
 
 
 def said_of(arms: list[Arm]) -> set[str]:
