@@ -158,6 +158,8 @@ def page(arms: list[Arm], others: list[Bought]) -> str:
     less, by_means = list(small(judged)), list(turned(judged))
     return HEAD + environment.get_template("page.md.j2").render(
         arms={arm.name: arm for arm in arms}, bought=others, judged=judged, said=said, agree=PLAN.agree,
+        pays=paid(others, "correspondence"), fitter=paid(others, "fitness_situated"),
+        unsettled=all(one.comparisons[1].found == "open" for one in others),
         spent=hours([arm for arm in arms if arm.name not in late]), allowed=ALLOWED,
         late=late, standard=RandomiseConfig.robot,
         percent="95 %", quiet=NOISES[0], noisy=NOISES[1], missing=missing,
@@ -176,6 +178,18 @@ def page(arms: list[Arm], others: list[Bought]) -> str:
         captions={name: one.caption for name, one in answer_figures(arms).items()},
         verdicts=tables.pop("verdicts", None), tables=tables,
     )  # fmt: skip
+
+
+def paid(others: list[Bought], outcome: str) -> str:
+    """The arms in which measuring a few places was found to beat randomised constants; empty if none."""
+    few = {
+        one.name: any(
+            (c.outcome, c.found) == (outcome, "above") and c.second.endswith("randomised")
+            for c in one.comparisons
+        )
+        for one in others
+    }
+    return in_arms(few, is_true=True) if any(few.values()) else ""
 
 
 def small(arms: list[Arm]) -> Iterator[tuple[str, Comparison]]:
