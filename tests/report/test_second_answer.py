@@ -133,6 +133,9 @@ def test_means_on_the_other_side_of_ranks_are_told(tmp_path):
     far = replace(last, word="reversed")
     one.robust["layout alone"] = replace(one.judged, verdicts=(*one.judged.verdicts[:-1], far))
     assert strays(one, last.claim) == ["layout alone (reversed)"]
+    assert headline([one, replace(one, name="T")], last.claim).startswith(
+        "supported; otherwise: E layout alone ("
+    )
 
 
 def _drop(text: str) -> str:

@@ -65,15 +65,15 @@ def word_of(arm: Arm, claim: StatedClaim) -> str:
 def headline(arms: Sequence[Arm], claim: StatedClaim) -> str:
     """What the arms that a headline needs say together, and where another analysis differs in sign."""
     there = {arm.name: word_of(arm, claim) for arm in arms if arm.name in PLAN.agree}
-    missing = [name for name in PLAN.agree if name not in there]
-    if missing:
+    if missing := [name for name in PLAN.agree if name not in there]:
         text = f"no headline: {' and '.join(missing)} not run"
     elif len(set(there.values())) == 1:
         text = next(iter(there.values()))
     else:
         text = f"they differ: {', '.join(f'{name} {word}' for name, word in there.items())}"
     apart = [f"{arm.name} {stray}" for arm in arms if arm.name in there for stray in strays(arm, claim)]
-    return f"{text}; of another sign: {', '.join(apart)}" if apart else text
+    turned = "otherwise" if claim.key == "e" else "of another sign"
+    return f"{text}; {turned}: {', '.join(apart)}" if apart else text
 
 
 def strays(arm: Arm, claim: StatedClaim) -> list[str]:
