@@ -159,9 +159,9 @@ def refuse_units(recording: SensorRecording, top: float) -> None:
     Raises:
         CalibrationError: bright where it sees nothing, or dark where it is dazzled.
     """
-    if recording.kind != "infrared" or recording.pose is not None:
+    if recording.kind != "infrared" or (recording.pose is not None and recording.from_sensor is None):
         return
-    distance, brightest = recording.distance_cm, recording.counts.max(axis=1)
+    distance, brightest = recording.distance_cm, np.nan_to_num(recording.counts).max(axis=1)
     last, bright = float(distance.max()), BRIGHT * count_unit(top)
     if (distance > BLIND_CM).any() and np.percentile(brightest[distance > BLIND_CM], 90) > bright:
         seen = float(np.percentile(brightest[distance > BLIND_CM], 90))

@@ -10,16 +10,18 @@ from realitygap.errors import RecordingError
 from realitygap.table import Table, read_table
 from realitygap.values import Floats
 
-__all__ = ["FACTS", "check_readings", "check_steps", "read_rows"]
+__all__ = ["FACTS", "FARTHEST_CM", "check_readings", "check_steps", "read_rows"]
 
 FACTS = "recording.toml"
 """What is known of a recording's robot, and how it was made."""
 
 REACH_CM = 20.0
 """Twice the way that a Khepera's infrared goes: beyond it nothing reads as on a near object."""
+FARTHEST_CM = 300.0
+"""Beyond it no object was recorded: a larger number stands for something else."""
 BRIGHT = 300.0
 """Counts of the paper's robot."""
-ENOUGH = 12
+ENOUGH = 4
 """Bearings from which on their unit is doubted."""
 
 
@@ -34,7 +36,7 @@ def read_rows(path: Path, *, ends: bool) -> Table:
         raise RecordingError(f"{path}: empty: expected a line of column names and a row for each reading.")
     if ends and not path.read_bytes().endswith(b"\n"):
         raise RecordingError(f"{table.at(-1)}: cut short. Go on with `realitygap record … --resume`.")
-    twice = [name for name in table.columns if table.columns.count(name) > 1]
+    twice = [name for name in table.columns if name and table.columns.count(name) > 1]
     if twice:
         raise RecordingError(f"{path}, line 1: the column {twice[0]!r} stands there twice.")
     return table
@@ -67,7 +69,7 @@ def check_readings(
     for k, values in enumerate(counts.T):
         table.refuse(values < 0, f"s{k}", expected, values)
         table.refuse(values > top, f"s{k}", expected, values, cure)
-    bright = BRIGHT if full_scale is None else BRIGHT * count_unit(full_scale)
+    bright = BRIGHT * max(1.0, count_unit(full_scale or float(counts.max())))
     far = (distance_cm > REACH_CM) & (counts.max(axis=1) > bright)
     if kind == "infrared" and far.any():
         k = int(np.flatnonzero(far)[0])

@@ -8,7 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.calibration.recordings.checks import FACTS, check_readings, check_steps, read_rows
+from realitygap.calibration.recordings.checks import (
+    FACTS,
+    FARTHEST_CM,
+    check_readings,
+    check_steps,
+    read_rows,
+)
 from realitygap.calibration.recordings.facts import (
     body_of,
     check_heights,
@@ -27,7 +33,7 @@ from realitygap.calibration.recordings.recording import (
     check_object,
 )
 from realitygap.calibration.recordings.sam import read_sam
-from realitygap.calibration.recordings.thymio import NAME, read_thymio
+from realitygap.calibration.recordings.thymio import LIKE, NAME, read_thymio
 from realitygap.errors import RecordingError
 from realitygap.table import Table
 from realitygap.text import as_path, refuse_unknown
@@ -97,9 +103,8 @@ def find_recordings(path: str | Path) -> Sequence[Path]:
     inside = sorted(found.parent for found in path.glob("*/recording.toml"))
     if inside:
         return tuple(inside)
-    series = sorted(found for found in path.glob("*.csv") if NAME.fullmatch(found.name))
-    if series:
-        return tuple(series)
+    if series := _series(path):
+        return series
     below = sorted(found.parent for found in path.glob("*/*/recording.toml"))
     if below:
         groups = list(dict.fromkeys(str(found.parent) for found in below))
@@ -109,6 +114,18 @@ def find_recordings(path: str | Path) -> Sequence[Path]:
         )
     what = "holds no recording" if path.is_dir() else "there is no such recording"
     raise RecordingError(f"{path}: {what}. Make one with `realitygap record`, or give a .sam table.")
+
+
+def _series(folder: Path) -> tuple[Path, ...]:
+    """A Thymio's series in a folder; none is left out for its name."""
+    there = sorted(found for found in folder.glob("*") if LIKE.fullmatch(found.name))
+    for found in there:
+        if NAME.fullmatch(found.name) is None:
+            raise RecordingError(
+                f"{found}: expected the name of a Thymio's series, as sensor02_light.csv, with the sensor's "
+                "number 0 to 6. Rename it, or move it elsewhere."
+            )
+    return tuple(there)
 
 
 def read_folder(folder: Path, *, object: str | None = None) -> Recording:
@@ -246,6 +263,8 @@ def _from_object(table: Table) -> tuple[Floats, Floats]:
     table.need((*POLAR, "repeat"))
     distance, bearing = table.numbers("distance_cm"), table.numbers("bearing_deg")
     table.refuse(distance < 0, "distance_cm", "0 or more", distance, "It counts from the body's edge.")
+    cure = "Are these millimetres? Where nothing was near, leave the row out."
+    table.refuse(distance > FARTHEST_CM, "distance_cm", f"at most {FARTHEST_CM:g}", distance, cure)
     table.refuse(np.abs(bearing) > 360, "bearing_deg", "degrees from −360 to 360", bearing)
     return distance, bearing
 

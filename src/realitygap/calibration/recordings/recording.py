@@ -132,9 +132,10 @@ class SensorRecording(Recorded):
         part, whose = robot.channel(self.kind), f"profile {robot.name!r}"
         top, there = part.top, len(part.sensors)
         if self.sensors != there:
+            copied = f"Give --base a copy of it with an [{self.kind}] of its own."
             raise RecordingError(
-                f"{self.source}: expected {there} sensors, as {whose} has, got {self.sensors}. Give the "
-                "profile of the robot that was recorded."
+                f"{self.source}: expected {there} sensors, as {whose} has, got {self.sensors}. "
+                + ("Give the profile of the robot that was recorded." if there else copied)
             )
         if self.full_scale not in (None, top):
             raise RecordingError(

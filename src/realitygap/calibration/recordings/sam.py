@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from realitygap.calibration.recordings.checks import FARTHEST_CM
 from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, SensorRecording, check_object
 from realitygap.errors import RecordingError
 from realitygap.text import read_text
@@ -22,7 +23,7 @@ SENSORS, FULL = 8, 1023
 LIGHT_SCALE, LIGHT_STEP = 500.0, 10.24
 """A light table is inverted and scaled: V = 500·(1 − x/1024), x in steps of 10.24. The 500 is an
 assumption of the tables' keepers."""
-NEAREST_MM, FARTHEST_MM = 1.0, 3000.0
+NEAREST_MM, FARTHEST_MM = 1.0, 10.0 * FARTHEST_CM
 """What a table in millimetres can hold."""
 
 

@@ -4,23 +4,29 @@ A file is one series of one of the seven horizontal sensors, whose number its na
 (`sensor02_light.csv`). A row is one distance ("9cm") and what was read there, in time order.
 """
 
+import csv
 import hashlib
 import re
 from pathlib import Path
 
 import numpy as np
 
+from realitygap.calibration.recordings.checks import FARTHEST_CM
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.errors import RecordingError
-from realitygap.text import read_text
+from realitygap.text import read_text, refuse_separator
 
-__all__ = ["NAME", "read_thymio"]
+__all__ = ["LIKE", "NAME", "read_thymio"]
 
 NAME = re.compile(r"sensor0*([0-6])_.*\.csv", re.IGNORECASE)
+LIKE = re.compile(r"sensor.*\.csv", re.IGNORECASE)
+"""What is meant for such a name, and may be none."""
 SENSORS = 7
 STALE = 2
 """The first readings of a row may still show the distance before."""
-DISTANCE = re.compile(r"([0-9.]+)\s*(cm|mm)")
+DISTANCE = re.compile(r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+)\s*(cm|mm)", re.IGNORECASE)
+SHOWN = 40
+"""Characters of a line that a message shows."""
 
 
 def read_thymio(path: Path) -> SensorRecording:
@@ -38,9 +44,10 @@ def read_thymio(path: Path) -> SensorRecording:
     sensor = int(named[1])
     distance, values = [], []
     text = read_text(path, RecordingError, "Give the path of a Thymio's series.")
+    refuse_separator(path, text.partition("\n")[0], RecordingError)
     for number, line in enumerate(text.splitlines(), 1):
-        cells = [cell.strip() for cell in line.split(",") if cell.strip()]
-        if not cells:
+        cells = _cells(line)
+        if not any(cells):
             continue
         away, counts = _row(cells, f"{path}, line {number}", line)
         distance += [away] * len(counts)
@@ -57,17 +64,31 @@ def read_thymio(path: Path) -> SensorRecording:
     )  # fmt: skip
 
 
+def _cells(line: str) -> list[str]:
+    """A line's cells without blanks and quotes round them."""
+    try:
+        return [cell.strip() for cell in next(csv.reader([line]), [])]
+    except csv.Error:  # a cell of more than 128 KiB
+        return [line]
+
+
 def _row(cells: list[str], at: str, line: str) -> tuple[float, list[float]]:
-    """A line's distance, cm, and its counts."""
+    """A line's distance, cm, and its counts; an empty cell is a reading that is missing."""
     told = DISTANCE.fullmatch(cells[0])
     if told is None:
-        raise RecordingError(f"{at}: expected a distance as in 9cm, got {cells[0]!r}.")
+        raise RecordingError(f"{at}: expected a distance as in 9cm or 87.5mm, got {cells[0][:SHOWN]!r}.")
+    away_cm = float(told[1]) / (10.0 if told[2].lower() == "mm" else 1.0)
+    if away_cm > FARTHEST_CM:
+        raise RecordingError(
+            f"{at}: expected a distance of at most {FARTHEST_CM:g} cm, got {cells[0][:SHOWN]!r}. Leave the "
+            "line out if nothing was near."
+        )
     try:
-        counts = [float(cell) for cell in cells[1 + STALE :]]
+        counts = [float(cell) for cell in cells[1 + STALE :] if cell]
     except ValueError:
         counts = []
     if not counts or not min(counts) >= 0 or not np.isfinite(counts).all():
         raise RecordingError(
-            f"{at}: expected more than {STALE} readings, counts from 0 on, got {line[:40]!r}."
+            f"{at}: expected more than {STALE} readings, counts from 0 on, got {line[:SHOWN]!r}."
         )
-    return float(told[1]) / (10.0 if told[2] == "mm" else 1.0), counts
+    return away_cm, counts

@@ -1,0 +1,127 @@
+"""Readings of robots that nobody has seen here: tables written by other hands, programs and machines."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from realitygap.calibration.calibrate import calibrate
+from realitygap.calibration.recordings.files import find_recordings, load_recording
+from realitygap.calibration.recordings.recording import SensorRecording
+from realitygap.errors import CalibrationError, RecordingError
+from realitygap.world.profile import load_profile
+from tests.calibration.test_recording import FACTS, HEAD, ROW, written
+
+THYMIO = load_profile("thymio")
+FALLS = {0: 4300, 1: 4100, 2: 3700, 3: 3200, 4: 2700, 5: 2300, 6: 1900, 8: 1400, 10: 0}
+
+
+def series(folder: Path, *lines: str, name: str = "sensor02_light.csv") -> Path:
+    """A Thymio's series of these lines."""
+    (folder / name).write_bytes("\n".join([*lines, ""]).encode())
+    return folder
+
+
+def fallen(away: str = "{}cm", readings: int = 12) -> list[str]:
+    """Lines of a series whose readings fall with the distance."""
+    counts = {at: [str(high + k % 5) for k in range(readings)] for at, high in FALLS.items()}
+    return [",".join([away.format(at), *row]) for at, row in counts.items()]
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        lambda line: line.replace("cm", " CM"),
+        lambda line: ",".join(f'"{cell}"' for cell in line.split(",")),
+        lambda line: line + ",,,\r",
+    ],
+)
+def test_a_series_is_read_as_other_programs_write_it(tmp_path, changed):
+    """Capitals, quotes, blank cells at the end: the same readings; and a file's name may be in capitals."""
+    plain = load_recording(*find_recordings(series(tmp_path, *fallen())))
+    (tmp_path / "sensor02_light.csv").unlink()
+    for beside in ("README.md", "LICENSE", ".DS_Store"):
+        (tmp_path / beside).write_bytes(b"\xff\x00")
+    there = series(tmp_path, *map(changed, fallen()), "", name="SENSOR02_LIGHT.CSV")
+    same = load_recording(*find_recordings(there))
+    assert isinstance(plain, SensorRecording) and isinstance(same, SensorRecording)
+    assert np.array_equal(same.counts, plain.counts, equal_nan=True) and same.sensors == 7
+    assert np.array_equal(same.distance_cm, plain.distance_cm)
+
+
+def test_stale_readings_are_left_out_by_where_they_stand(tmp_path):
+    """The first two of a row still show the distance before; where one is missing no third is stale."""
+    (tmp_path / "sensor02_light.csv").write_text("9cm,,4000,1400,1401,,1402\n12.5mm,1,2,4000\n", "utf-8")
+    read = load_recording(tmp_path / "sensor02_light.csv")
+    assert isinstance(read, SensorRecording)
+    assert read.counts[:, 2].tolist() == [1400, 1401, 1402, 4000]
+    assert read.distance_cm.tolist() == [9, 9, 9, 1.25]
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("1.2.3cm,1,2,3", "line 1: expected a distance as in 9cm or 87.5mm, got '1.2.3cm'"),
+        ("9cm;1;2;3", "line 1: expected values separated by commas, got semicolons. Save"),
+        ("900cm,1,2,3", "line 1: expected a distance of at most 300 cm, got '900cm'. Leave"),
+        (f"{'9' * 200},1,2,3", "got '9999999999999999999999999999999999999999'."),
+        ("9cm,1,2,NaN", "line 1: expected more than 2 readings, counts from 0 on"),
+    ],
+)
+def test_a_line_that_is_none_of_a_series_is_named(tmp_path, line, says):
+    """A distance that is no number had ended in an error that nobody expected."""
+    with pytest.raises(RecordingError) as raised:
+        load_recording(series(tmp_path, line) / "sensor02_light.csv")
+    assert says in str(raised.value)
+
+
+def test_no_series_is_left_out_for_its_name(tmp_path):
+    """Of two series one of which has a name that says too little, both or none are read."""
+    series(tmp_path, *fallen())
+    series(tmp_path, *fallen(), name="sensor05.csv")
+    with pytest.raises(RecordingError, match=r"sensor05\.csv: expected the name of a Thymio's series"):
+        find_recordings(tmp_path)
+
+
+def test_a_series_in_millimetres_is_refused(tmp_path):
+    """Of distances ten times too large, which had made a profile that sees across a room."""
+    with pytest.raises(CalibrationError, match=r"beyond 15 cm.*are too large\. Are units mixed up"):
+        calibrate([load_recording(*find_recordings(series(tmp_path, *fallen("{}0cm"))))], THYMIO)
+
+
+def test_a_place_beyond_every_room_is_refused(tmp_path):
+    """9999 for "nothing near": the model stands outside its room there and would read a wall at its side."""
+    far = written(tmp_path / "far", HEAD, ROW, ROW.replace("1.5", "9999", 1))
+    with pytest.raises(RecordingError, match=r"line 3: distance_cm: expected at most 300, got 9999.*leave"):
+        load_recording(far)
+
+
+def test_a_spreadsheet_s_empty_columns_are_none(tmp_path):
+    """Commas at the end of every line, an index at its beginning: columns without a name say nothing."""
+    read = load_recording(written(tmp_path / "r", f",{HEAD},,", f"0,{ROW},,"))
+    assert isinstance(read, SensorRecording) and read.counts.tolist() == [[10, 20, 30, 40, 50, 60, 70, 80]]
+
+
+def test_what_is_bright_goes_by_the_converter(tmp_path):
+    """350 counts far off are little of 4095, whether the full scale is said or not; of 1023 they are not."""
+    far, near = "25,0,0" + ",350" * 8, "0.1,0,0" + ",3900" * 8
+    assert load_recording(written(tmp_path / "r", HEAD, far, near)).sensors == 8
+    with pytest.raises(RecordingError, match="350 counts at 25 cm, where infrared sees nothing"):
+        load_recording(written(tmp_path / "p", HEAD, far, ROW))
+
+
+def test_few_bearings_in_radians_are_doubted(tmp_path):
+    """Eight of them are enough."""
+    rows = [f"1.5,{angle:.5f},0" + ",10" * 8 for angle in np.radians(np.arange(-135, 181, 45))]
+    said = load_recording(written(tmp_path / "r", HEAD, *rows)).warnings
+    assert any("are these radians" in warning for warning in said)
+
+
+def test_a_robot_without_light_sensors_gets_the_cure(tmp_path):
+    """The profile e-puck has no [ambient]: a recording of light needs a copy of it that has one."""
+    facts = FACTS.replace("infrared", "ambient").replace("wall", "lamp")
+    read = load_recording(written(tmp_path / "r", HEAD, ROW, facts=facts))
+    with pytest.raises(RecordingError, match=r"Give --base a copy of it with an \[ambient\] of its own"):
+        calibrate([read], load_profile("e-puck"))
