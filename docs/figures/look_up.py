@@ -13,7 +13,7 @@ import numpy as np
 from realitygap.calibration.calibrate import base_of, calibrate
 from realitygap.calibration.channel_fit import ChannelFit
 from realitygap.calibration.lookup import rings, without
-from realitygap.calibration.misfit import misfits
+from realitygap.calibration.misfit import Yardstick, misfits
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import Rows
 from realitygap.cli.calibrate import load_all
@@ -48,6 +48,7 @@ def tables(found: list[SensorRecording], base: Profile, deviation: float) -> Non
     """The rows of a look-up table: patches held out, as of all forms, and every other place."""
     rows = Rows([r.of_robot(base) for r in found], base)
     round_object = rings(rows)
+    noise = Yardstick(kind=found[0].kind, top=rows.top, deviation=deviation)
     parts = {"patches": list(rows.held_out(lambda: None))}
     chess = np.zeros(len(rows.counts), bool)
     for ring in round_object.values():
@@ -57,7 +58,7 @@ def tables(found: list[SensorRecording], base: Profile, deviation: float) -> Non
         read = np.zeros(rows.counts.shape)
         for out in outs:
             read[out] = without(rows, round_object, out)[out]
-        each = misfits(rows.live(), read, rows.place, kind=found[0].kind, top=rows.top, deviation=deviation)
+        each = misfits(rows.live(), read, rows.place, noise)
         over = np.sqrt(np.nanmean([one.lit_ratio**2 for one in each]))
         print(f"| look-up table, {name} held out | {rows.rmse(read):.1f} | {over:.2f} |")
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from realitygap.calibration.judge import judge
-from realitygap.calibration.misfit import misfits
+from realitygap.calibration.misfit import Yardstick, misfits
 
 
 @pytest.mark.parametrize("off", [0.0, 10.0])
@@ -16,7 +16,7 @@ def test_noise_is_no_error_of_the_model(off):
     random, place = np.random.default_rng(1), np.repeat(np.arange(3000), 4)
     true = np.repeat(random.uniform(200, 800, 3000), 4)[:, None]
     counts = true + 21 * random.normal(size=true.shape)
-    (made,) = misfits(counts, true + off, place, kind="infrared", top=1023.0, deviation=21.0)
+    (made,) = misfits(counts, true + off, place, Yardstick(kind="infrared", top=1023.0, deviation=21.0))
     assert made.error == pytest.approx(off, abs=0.5 if off else 2.1)
     assert made.ratio == pytest.approx(made.error / 21) and made.lit_ratio == pytest.approx(made.ratio)
     assert made.bias == pytest.approx(off, abs=0.8)

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from realitygap.calibration.calibrate import calibrate
+from realitygap.calibration.judge import judge
+from realitygap.calibration.misfit import Yardstick, misfits
+from realitygap.calibration.noise import lit_noise, sample_noise
 from realitygap.calibration.recordings.files import find_recordings, load_recording
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.errors import CalibrationError, RecordingError
 from realitygap.world.profile import load_profile
 from tests.calibration.test_recording import FACTS, HEAD, ROW, written
 
-THYMIO = load_profile("thymio")
+THYMIO, PAPER = load_profile("thymio"), load_profile("paper")
 FALLS = {0: 4300, 1: 4100, 2: 3700, 3: 3200, 4: 2700, 5: 2300, 6: 1900, 8: 1400, 10: 0}
 
 
@@ -125,3 +129,66 @@ def test_a_robot_without_light_sensors_gets_the_cure(tmp_path):
     read = load_recording(written(tmp_path / "r", HEAD, ROW, facts=facts))
     with pytest.raises(RecordingError, match=r"Give --base a copy of it with an \[ambient\] of its own"):
         calibrate([read], load_profile("e-puck"))
+
+
+@pytest.mark.parametrize(
+    ("bearings", "measured"),
+    [
+        (np.arange(-180.0, 180.0, 2.0), True),
+        (np.arange(-90.0, 91.0, 2.0), True),
+        (np.arange(-180.0, 180.0, 15.0), False),
+        (np.arange(-180.0, 180.0, 45.0), False),
+    ],
+)
+def test_noise_shows_between_close_bearings_only(bearings, measured):
+    """Further apart a model's error changes too: of 10 counts 23 to 100 had been measured, and the error over
+    noise came out as small. The ends of half a turn are no neighbours."""
+    distance, bearing = (at.ravel() for at in np.meshgrid(np.arange(20) * 0.6, bearings, indexing="ij"))
+    error = 100.0 * np.radians(bearing) + 40.0 * np.cos(4.0 * np.radians(bearing)) * (len(bearings) < 90)
+    counts = 500.0 + error + 10.0 * np.random.default_rng(0).normal(size=error.shape)
+    where = {"distance": distance, "bearing": bearing, "top": 1023.0}
+    sample = sample_noise(counts[:, None], np.full((len(error), 1), 500.0), np.arange(len(error)), **where)
+    found = lit_noise(sample, "proximity", 1023.0)
+    assert (found is not None) == measured
+    assert found is None or found.deviation == pytest.approx(10.0, rel=0.1)
+
+
+def test_noise_that_is_assumed_hides_no_error():
+    """110 counts are assumed, the model is 60 off everywhere: that is its error, and not nothing."""
+    counts, place = np.linspace(800.0, 3000.0, 50)[:, None], np.arange(50)
+    assumed = Yardstick(kind="infrared", top=4095.0, deviation=110.0, measured=False)
+    (made,) = misfits(counts, counts + 60.0, place, assumed)
+    assert made.error == pytest.approx(60.0) and made.lit_ratio == pytest.approx(60.0 / 110.0)
+    (hidden,) = misfits(counts, counts + 60.0, place, replace(assumed, measured=True))
+    assert hidden.error == 0.0
+
+
+@pytest.mark.parametrize("offset", [0.0, 150.0])
+def test_a_sensor_that_reads_more_than_nothing_in_the_dark_is_dark_there(offset):
+    """An e-puck2's differ in what they read with nothing near; a model that is right there and 50 counts off
+    elsewhere errs by 50 where sensors see something, whatever that is."""
+    dark, seen = np.full(90, offset), offset + np.linspace(300.0, 2500.0, 10)
+    clean = np.concatenate([dark, seen])
+    counts = np.maximum(clean + 10.0 * np.random.default_rng(1).normal(size=100), 0.0)
+    model = np.concatenate([dark, seen + 50.0])
+    noise = Yardstick(kind="infrared", top=4095.0, deviation=10.0)
+    (made,) = misfits(counts[:, None], model[:, None], np.arange(100), noise)
+    assert made.lit_ratio == pytest.approx(5.0, abs=1.0) and made.ratio < 2.0
+
+
+def test_a_judge_says_that_it_could_not_measure_the_noise(recorded, robot):
+    """Of one reading at each place, far from each other: the profile's noise is assumed, and said to be."""
+    table = recorded("wall", repeats=1)
+    found = judge(table, robot)
+    assert any("21 counts are assumed" in warning for warning in found.warnings)
+    assert found.ratio == pytest.approx(1.0, abs=0.2)  # the noise itself, which nothing tells from an error
+
+
+def test_readings_that_repeat_to_the_count_tell_no_noise(recorded):
+    """Every line twice, say, or means of many: the base's noise stays; a profile without any was made."""
+    once = recorded("wall", repeats=1)
+    names = ("distance_cm", "bearing_deg", "repeat", "counts")
+    twice = replace(once, **{name: np.repeat(getattr(once, name), 2, axis=0) for name in names})
+    made = calibrate([twice], PAPER, form="paper")
+    assert not made.infrared.measured and made.profile.noise.proximity == PAPER.noise.proximity
+    assert judge(twice, made.profile).ratio == pytest.approx(made.infrared.ratio, rel=0.5)

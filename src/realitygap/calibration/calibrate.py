@@ -200,7 +200,11 @@ def _joined(
     """The base with everything that was fitted in place, noise and input ranges included."""
     profile = base
     deviations = {
-        e.channel: round(e.deviation, 3) for fit in (infrared, ambient) if fit is not None for e in fit.noise
+        e.channel: round(e.deviation, 3)
+        for fit in (infrared, ambient)
+        if fit is not None
+        for e in fit.noise
+        if fit.measured or e.channel == "proximity_dark"
     }
     noise = replace(profile.noise, **deviations)
     if infrared is not None:
@@ -226,7 +230,9 @@ def _provenance(base: Profile, made: Calibration) -> Provenance:
     wheels, recordings = made.wheels, made.recordings
     fits = [_fitted(fit) for fit in made.channels]
     constants = [_constant(fit.kind, c) for fit in made.channels for c in fit.fit.constants]
-    notes = [f"{fit.kind}: {unmeasured(fit)}" for fit in made.channels if not fit.measured] + made.surfaces
+    notes = [
+        f"{fit.kind}: {unmeasured(fit.deviation)}" for fit in made.channels if not fit.measured
+    ] + made.surfaces
     notes += [f"{fit.kind}: {UNLIT}" for fit in made.channels if not np.isfinite(fit.ratio)]
     if made.ambient is not None and not any(r.arena is not None for r in _of_kind(recordings, "ambient")):
         notes.append(UNKNOWN_LAMP)

@@ -122,8 +122,8 @@ def doubts(made: ChannelFit) -> list[str]:
     out += _doubtful_light(made)
     if not made.measured:
         out.append(
-            f"{kind}: {unmeasured(made)}. Several readings at each place, or bearings close together, "
-            "measure it"
+            f"{kind}: {unmeasured(made.deviation)}. Several readings at each place, or bearings close "
+            "together, measure it"
         )
     return out
 
@@ -145,9 +145,9 @@ def _doubtful_light(made: ChannelFit) -> list[str]:
     ]
 
 
-def unmeasured(made: ChannelFit) -> str:
+def unmeasured(deviation: float) -> str:
     """What a noise that was not measured means, in words."""
     return (
-        f"too little to measure noise by where sensors see something: {made.deviation:.3g} counts are "
-        "assumed, and model error over noise rests on them"
+        f"too little to measure noise by where sensors see something: {deviation:.3g} counts are assumed, "
+        "and model error over noise, out of which none is taken, rests on them"
     )

@@ -15,7 +15,14 @@ from realitygap.calibration.light_forms import AMBIENT_COUNTS, light_problems
 from realitygap.calibration.light_measured import LightCurves
 from realitygap.calibration.lookup import fit_lookup
 from realitygap.calibration.measured import fit_measured
-from realitygap.calibration.misfit import contradiction, measure_noise, misfits, misplaced, pooled_noise
+from realitygap.calibration.misfit import (
+    Yardstick,
+    contradiction,
+    measure_noise,
+    misfits,
+    misplaced,
+    pooled_noise,
+)
 from realitygap.calibration.noise import noise_tables
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import FOLDS, PROXIMITY_COUNTS, REFLECTANCE, Rows
@@ -184,12 +191,9 @@ def _channel(
     main = next((e.deviation for e in noise if e.channel in ("proximity", "ambient")), 0.0)
     deviation = main or (profile.noise.proximity if kind == "infrared" else profile.noise.ambient)
     deviation = deviation or rows.unit * (PROXIMITY_COUNTS if kind == "infrared" else AMBIENT_COUNTS)
+    beside_noise = Yardstick(kind=kind, top=rows.top, deviation=deviation, measured=main > 0)
     sensors, judged = (
-        tuple(
-            m
-            for m in misfits(live, model, rows.place, kind=kind, top=rows.top, deviation=deviation)
-            if m.sensor not in rows.dead
-        )
+        tuple(m for m in misfits(live, model, rows.place, beside_noise) if m.sensor not in rows.dead)
         for model in (fit.model, held_out[form])
     )
     by_form = {name: rows.rmse(one.model) for name, one in fits.items()}

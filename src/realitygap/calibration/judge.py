@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from realitygap.calibration.channel_fit import unmeasured
 from realitygap.calibration.checks import (
     dead_sensors,
     refuse_other_kind,
@@ -21,8 +22,14 @@ from realitygap.calibration.forward import (
     scene_of,
     wheel_speeds,
 )
-from realitygap.calibration.misfit import LIMITS, Misfit, measure_noise, misfits, within
-from realitygap.calibration.recordings.recording import Recording, SensorRecording, WheelRecording
+from realitygap.calibration.misfit import LIMITS, Misfit, Yardstick, measure_noise, misfits, within
+from realitygap.calibration.recordings.recording import (
+    Recording,
+    SensorRecording,
+    WheelRecording,
+    count_unit,
+)
+from realitygap.calibration.rows import PROXIMITY_COUNTS
 from realitygap.calibration.wheels.checks import (
     refuse_camera,
     refuse_counters,
@@ -122,16 +129,18 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     stated = profile.noise.to_dict()
     noise = {e.channel: (e.deviation, stated[e.channel]) for e in estimates}
     main = "proximity" if recording.kind == "infrared" else "ambient"
-    deviation = noise.get(main, (stated[main], 0.0))[0]
+    measured = noise.get(main, (0.0, 0.0))[0]
+    deviation = measured or stated[main] or PROXIMITY_COUNTS * count_unit(part.top)
+    of_noise = Yardstick(kind=recording.kind, top=part.top, deviation=deviation, measured=measured > 0)
+    warnings += () if measured else (f"{recording.source}: {unmeasured(deviation)}",)
     off = (model - recording.counts)[:, live]
-    of_noise: Any = {"kind": recording.kind, "top": part.top, "deviation": deviation}
-    found = misfits(recording.counts, model, recording.place(), **of_noise)
+    found = misfits(recording.counts, model, recording.place(), of_noise)
     return Judgement(
         kind=recording.kind, source=recording.source, rmse=float(np.sqrt((off**2).mean())),
         bias=float(off.mean()), per_sensor=tuple(m for m in found if m.sensor in live), noise=noise,
         turn_deg=turn, brightness=1.0 if paint else scale,
         reflectance=scale if paint else recording.reflectance,
-        within=within(known, model, recording.place(), **of_noise),
+        within=within(known, model, recording.place(), of_noise),
         counts=recording.counts, model=model, warnings=warnings,
     )  # fmt: skip
 

@@ -15,13 +15,31 @@ from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
 __all__ = [
-    "LIMITS", "Misfit", "contradiction", "measure_noise", "misfits", "misplaced", "pooled_noise", "within",
+    "LIMITS", "Misfit", "Yardstick", "contradiction", "measure_noise", "misfits", "misplaced",
+    "pooled_noise", "within",
 ]  # fmt: skip
 
 PLACED_CM = 0.1
 """How far off places may be that were set up by hand."""
 LIMITS = {"infrared": 2.0, "ambient": 1.0}
 """Model error over noise deviation, above which the noise level says little: model error exceeds noise."""
+DARK_SHARE, DARK_PLACES, SPREAD = 0.25, 8, 4.0
+"""Of its places, and so many, at which a sensor that has a dark offset reads no more than that; and by how
+many deviations of the noise such readings may differ."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Yardstick:
+    """What a model's error is held against: the noise of a kind of sensor, "infrared" or "ambient".
+
+    `top` is the converter's highest count, `deviation` the noise's, counts; it is taken out of the error
+    only where it was `measured`: one that is assumed may be larger than all that is left.
+    """
+
+    kind: str
+    top: float
+    deviation: float
+    measured: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,20 +106,17 @@ def pooled_noise(recordings: Sequence[SensorRecording], models: Sequence[Floats]
     )
 
 
-def misfits(
-    counts: Floats, model: Floats, place: NDArray[np.int64], *, kind: str, top: float, deviation: float
-) -> tuple[Misfit, ...]:
+def misfits(counts: Floats, model: Floats, place: NDArray[np.int64], noise: Yardstick) -> tuple[Misfit, ...]:
     """Each sensor's misfit; the noise of a place's mean is taken out of the model's error.
 
     Args:
         counts, model: [n, S] readings, and what they are without noise.
         place: [n] the number of each row's place.
-        kind: "infrared" or "ambient".
-        top: the converter's highest count.
-        deviation: of the noise, counts.
+        noise: what the error is held against.
     """
-    off, lit, many = _at_places(counts, model, place, kind=kind, top=top, deviation=deviation)
-    noisy = deviation**2 / many[:, None] * np.where(lit, 1.0, 0.0)
+    off, lit, many = _at_places(counts, model, place, noise)
+    size = max(noise.deviation, 1e-9)
+    noisy = noise.measured * noise.deviation**2 / many[:, None] * np.where(lit, 1.0, 0.0)
     out = []
     for k in range(counts.shape[1]):
         known = np.isfinite(off[:, k])
@@ -116,31 +131,46 @@ def misfits(
         out.append(
             Misfit(
                 sensor=k, rmse=float(np.sqrt((raw**2).mean())), bias=float(raw.mean()), error=float(error),
-                ratio=float(error / max(deviation, 1e-9)), lit_ratio=float(in_light / max(deviation, 1e-9)),
+                ratio=float(error / size), lit_ratio=float(in_light / size),
             )
         )  # fmt: skip
     return tuple(out)
 
 
-def within(
-    counts: Floats, model: Floats, place: NDArray[np.int64], *, kind: str, top: float, deviation: float
-) -> float:
+def within(counts: Floats, model: Floats, place: NDArray[np.int64], noise: Yardstick) -> float:
     """The share of mean readings that the model errs on by two deviations of the noise at most, where they
     are neither dark nor saturated; NaN where none is. Arguments as of `misfits`."""
-    off, lit, _ = _at_places(counts, model, place, kind=kind, top=top, deviation=deviation)
+    off, lit, _ = _at_places(counts, model, place, noise)
     known = lit & np.isfinite(off)
-    return float((np.abs(off[known]) <= 2.0 * deviation).mean()) if known.any() else np.nan
+    return float((np.abs(off[known]) <= 2.0 * noise.deviation).mean()) if known.any() else np.nan
 
 
 def _at_places(
-    counts: Floats, model: Floats, place: NDArray[np.int64], *, kind: str, top: float, deviation: float
+    counts: Floats, model: Floats, place: NDArray[np.int64], noise: Yardstick
 ) -> tuple[Floats, NDArray[np.bool_], NDArray[np.int64]]:
     """[m, S] model minus measured at each place, and whether it is lit there; [m] its readings."""
     many = np.bincount(place)
-    mean = np.stack([np.bincount(place, column) for column in counts.T], 1) / many[:, None]
-    said = np.stack([np.bincount(place, column) for column in model.T], 1) / many[:, None]
-    low, high = (3 * deviation, top - 3 * deviation) if kind == "infrared" else (-np.inf, np.inf)
-    return said - mean, (mean > low) & (mean < high), many
+    mean, said = (_means(table, place) for table in (counts, model))
+    if noise.kind != "infrared":
+        return said - mean, np.isfinite(mean), many
+    edge = 3 * noise.deviation
+    lit = (mean > _dark(mean, noise.deviation) + edge) & (mean < noise.top - edge)
+    return said - mean, lit, many
+
+
+def _means(table: Floats, place: NDArray[np.int64]) -> Floats:
+    """[m, S] of each place."""
+    return np.stack([np.bincount(place, column) for column in table.T], 1) / np.bincount(place)[:, None]
+
+
+def _dark(mean: Floats, deviation: float) -> Floats:
+    """[S] counts that each sensor reads, by its places' means [m, S], where nothing is near: 0, unless the
+    lowest of many places hardly differ and lie above the noise."""
+    known = np.where(np.isfinite(mean), mean, np.inf)
+    low = known <= known.min(axis=0) + SPREAD * deviation
+    fewest = np.maximum(DARK_PLACES, DARK_SHARE * np.isfinite(mean).sum(axis=0))
+    level = np.array([np.median(known[low[:, k], k]) for k in range(mean.shape[1])])
+    return np.where((low.sum(axis=0) >= fewest) & np.isfinite(level) & (level > deviation), level, 0.0)
 
 
 def misplaced(rows: Rows, profile: Profile, values: Values, deviation: float) -> float:
@@ -156,8 +186,8 @@ def misplaced(rows: Rows, profile: Profile, values: Values, deviation: float) ->
         if by_hand:
             change[first:last] = np.sqrt(np.mean(np.square(np.array(moved) - there), axis=0))
         first = last
-    edge = 3 * deviation
-    lit = rows.use & (rows.counts > edge) & (rows.counts < rows.top - edge) & np.isfinite(change)
+    edge, dark = 3 * deviation, _dark(_means(rows.live(), rows.place), deviation)
+    lit = rows.use & (rows.counts > dark + edge) & (rows.counts < rows.top - edge) & np.isfinite(change)
     return float(np.sqrt(np.mean(change[lit] ** 2))) / max(deviation, 1e-9) if lit.any() else np.nan
 
 

@@ -22,6 +22,8 @@ FIRST_GUESS, DARK_COUNTS = 21.0, 15.0
 FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 STEEP = 40.0
 """Counts of the paper's robot from one bearing to the next, beyond which a bearing's error shows as noise."""
+CLOSE_DEG, CLOSE_CM = 8.0, 0.5
+"""How far neighbours may be apart: further off, what a model leaves over changes as if it were noise."""
 FEWEST = 30
 KNOTS = {"infrared": 9, "ambient": 33}
 """Of a table of noise over the reading: more of light, whose readings span less than half of the scale."""
@@ -119,12 +121,14 @@ def _from_neighbours(counts: Floats, model: Floats, distance: Floats, bearing: F
     """
     z, level, modelled, own = [], [], [], []
     reach = len(FOURTH) // 2
-    rings = _rows_of(distance, bearing, 4 * reach) or _rows_of(bearing, distance, 4 * reach)
-    for rows in rings:
+    rings = _rings(distance, bearing, close=CLOSE_DEG, turn=360.0)
+    for rows, apart in rings or _rings(bearing, distance, close=CLOSE_CM):
         near = np.stack([np.roll(counts[rows], -k, 0) for k in range(-reach, reach + 1)])
         off = near - np.stack([np.roll(model[rows], -k, 0) for k in range(-reach, reach + 1)])
         steep = np.abs(near[-1] - near[0]) / (2 * reach) > STEEP * count_unit(top)
-        z.append(np.where(steep, np.nan, np.tensordot(FOURTH, off, 1) / np.linalg.norm(FOURTH)))
+        z.append(
+            np.where(steep | apart[:, None], np.nan, np.tensordot(FOURTH, off, 1) / np.linalg.norm(FOURTH))
+        )
         # Any of them may be clipped: let the one nearest to an end speak for all.
         level.append(np.where(near.mean(0) < top / 2, near.min(0), near.max(0)))
         modelled.append(model[rows])
@@ -139,10 +143,23 @@ def _from_neighbours(counts: Floats, model: Floats, distance: Floats, bearing: F
     )  # fmt: skip
 
 
-def _rows_of(same: Floats, by: Floats, fewest: int) -> list[NDArray[np.int64]]:
-    """The rows of each value of one column, sorted by another, where there are enough of them."""
-    found = (np.flatnonzero(same == one) for one in np.unique(same[np.isfinite(same)]))
-    return [rows[np.argsort(by[rows], kind="stable")] for rows in found if len(rows) >= fewest]
+def _rings(
+    same: Floats, by: Floats, *, close: float, turn: float = np.inf
+) -> list[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
+    """The rows of each value of one column, sorted by another, where there are enough of them, and whether
+    each is further than `close` from those about it; with `turn` the last is followed by the first.
+    """
+    reach, found = len(FOURTH) // 2, []
+    for one in np.unique(same[np.isfinite(same)]):
+        rows = np.flatnonzero(same == one)
+        if len(rows) < 4 * reach:
+            continue
+        rows = rows[np.argsort(by[rows], kind="stable")]
+        ahead = np.diff(by[rows], append=by[rows[0]] + turn)
+        apart = np.max([np.roll(ahead, k) for k in range(1 - reach, 1 + reach)], axis=0) > close
+        if not apart.all():
+            found.append((rows, apart))
+    return found
 
 
 def noise_tables(
