@@ -10,7 +10,7 @@ from realitygap.calibration.recordings.recording import (
     Recording,
     SensorRecording,
 )
-from realitygap.errors import CalibrationError
+from realitygap.errors import CalibrationError, ConfigError
 from realitygap.robots.body import Channel
 from realitygap.world.body import Body
 from realitygap.world.profile import Profile, load_profile
@@ -73,7 +73,14 @@ def _of_its_size(recordings: Sequence[Recording], base: Profile) -> Profile:
     if not radii:
         return base
     outline = next(iter(outlines), base.body.outline_cm)
-    return replace(base, body=replace(base.body, radius_cm=next(iter(radii)), outline_cm=outline))
+    ((radius_cm, source),) = radii.items()
+    try:
+        return replace(base, body=replace(base.body, radius_cm=radius_cm, outline_cm=outline))
+    except ConfigError as error:
+        raise CalibrationError(
+            f"{source}: body_radius_cm: {radius_cm:g} cm does not fit profile {base.name!r}: {error} Correct "
+            "it (cm), or give the profile of the robot that was recorded."
+        ) from None
 
 
 def _of_its_height(recordings: Sequence[Recording], base: Profile) -> Profile:

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from realitygap.calibration.recordings.recording import count_unit
+from realitygap.calibration.recordings.recording import count_unit, cylinder_radius
 from realitygap.errors import RecordingError
 from realitygap.table import Table, read_table
 from realitygap.values import Floats
 
-__all__ = ["FACTS", "FARTHEST_CM", "check_readings", "check_steps", "read_rows"]
+__all__ = ["FACTS", "FARTHEST_CM", "check_readings", "check_steps", "doubt_object", "read_rows"]
 
 FACTS = "recording.toml"
 """What is known of a recording's robot, and how it was made."""
@@ -19,6 +19,8 @@ REACH_CM = 20.0
 """Twice the way that a Khepera's infrared goes: beyond it nothing reads as on a near object."""
 FARTHEST_CM = 300.0
 """Beyond it no object was recorded: a larger number stands for something else."""
+WIDEST_CM = 20.0
+"""Of a cylinder, beyond which it is hardly one to a robot of this size."""
 BRIGHT = 300.0
 """Counts of the paper's robot."""
 ENOUGH = 4
@@ -82,6 +84,14 @@ def check_readings(
     if len(turned) >= ENOUGH and turned[-1] < 6.4 and (turned != np.rint(turned)).any():
         warned.append(f"{table.path}: bearing_deg never passes {turned[-1]:.2f}: are these radians?")
     return tuple(warned)
+
+
+def doubt_object(name: str, where: str | Path) -> tuple[str, ...]:
+    """A warning about a cylinder that is as wide as a barrel."""
+    radius = cylinder_radius(name)
+    if radius is None or radius <= WIDEST_CM:
+        return ()
+    return (f"{where}: object: a cylinder of {radius:g} cm radius, nearly a wall: are these millimetres?",)
 
 
 def check_steps(commands: Floats, counters: Floats) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from realitygap.calibration.recordings.checks import (
     FARTHEST_CM,
     check_readings,
     check_steps,
+    doubt_object,
     read_rows,
 )
 from realitygap.calibration.recordings.facts import (
@@ -188,7 +189,7 @@ def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> S
         body_said="body_radius_cm" in facts or "body_outline_cm" in facts,
         full_scale=full_scale,
         speed_cm_s=table.numbers("speed_cm_s") if "speed_cm_s" in table.columns else None,
-        warnings=(*warned, *_unfinished(table, facts)),
+        warnings=(*doubt_object(name, folder), *warned, *_unfinished(table, facts)),
         **_common(folder, table, facts),
     )
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from realitygap.calibration.recordings.checks import FARTHEST_CM
+from realitygap.calibration.recordings.checks import FARTHEST_CM, doubt_object
 from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, SensorRecording, check_object
 from realitygap.errors import RecordingError
 from realitygap.text import read_text
@@ -73,7 +73,7 @@ def read_sam(path: str | Path, *, object: str | None = None, kind: str | None = 
         source=str(path),
         hash=hashlib.sha256(path.read_bytes()).hexdigest(),
         notes=f"a .sam table, {header.distances} distances and {header.bearings} bearings, one reading each",
-        warnings=guessed,
+        warnings=(*guessed, *doubt_object(said, path)),
     )
 
 
