@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 from realitygap.calibration.calibrate import calibrate
+from realitygap.calibration.infrared import infrared_problems
 from realitygap.calibration.judge import judge
 from realitygap.calibration.misfit import Yardstick, misfits
 from realitygap.calibration.noise import lit_noise, sample_noise
 from realitygap.calibration.recordings.files import find_recordings, load_recording
 from realitygap.calibration.recordings.recording import SensorRecording
+from realitygap.calibration.rows import Rows
 from realitygap.errors import CalibrationError, RecordingError
 from realitygap.world.profile import load_profile
 from tests.calibration.test_recording import FACTS, HEAD, ROW, written
@@ -210,3 +212,15 @@ def test_a_cylinder_like_a_barrel_is_doubted(tmp_path):
         facts = FACTS.replace("wall", f"cylinder:{radius}")
         said = load_recording(written(tmp_path / str(radius), HEAD, ROW, facts=facts)).warnings
         assert any("cylinder of 27 cm radius" in warning for warning in said) == doubted
+
+
+def test_a_straight_series_turns_no_sensor(tmp_path):
+    """By no printed form: two of them had turned the front's sensor by 69 degrees, and what was not recorded
+    read far too much."""
+    series(tmp_path, *fallen())
+    series(tmp_path, *fallen("{}5mm"), name="sensor05_light.csv")
+    read = [load_recording(path).of_robot(THYMIO) for path in find_recordings(tmp_path)]
+    problems, _ = infrared_problems(Rows(read, THYMIO), THYMIO)
+    for problem in problems.values():
+        keys = {free.key for free in problem.frees}
+        assert {"a", "b"} <= keys <= {"a", "b", "offset_cm", "exponent"}

@@ -109,7 +109,8 @@ def doubts(made: ChannelFit) -> list[str]:
             "overfits"
         )
     free = {c.key for c in made.fit.constants}
-    if kind == "infrared" and made.form == MEASURED and "aperture_deg" not in free:
+    blind = {MEASURED: "aperture_deg", "extended": "direction_deg[0]"}.get(made.form)
+    if kind == "infrared" and blind and blind not in free:
         out.append(
             f"{kind}: directions and lobes are not identifiable with every sensor straight before a wall: "
             "directions are the base profile's, the lobe is an assumption, as are matt surfaces"

@@ -75,15 +75,20 @@ def preference(rows: Rows, one: Fit, *, over: Fit) -> float:
 
 def _problem(form: str, rows: Rows, base: Profile) -> Problem:
     base = neutral_infrared(base) if form == "paper" else base
+    straight = all(recording.from_sensor is not None for recording in rows.recordings)
+    rigs = [] if straight else [name for name, _ in rows.scenes]
     return Problem(
-        frees=infrared_frees(form, base, [name for name, _ in rows.scenes]) + free_reflectances(rows.scenes),
+        frees=infrared_frees(form, base, rigs) + free_reflectances(rows.scenes),
         model=lambda values: infrared_model(base, values, rows.scenes),
         base=base,
     )
 
 
 def infrared_frees(form: str, profile: Profile, rigs: Sequence[str]) -> list[Free]:
-    """The constants that a form leaves free, starting from a profile; each rig has its own turn."""
+    """The constants that a form leaves free, starting from a profile; each rig has its own turn.
+
+    Without any rig every sensor stood straight before a wall, which tells no direction: none is free.
+    """
     sensors = profile.infrared.sensors
     each, unit = 1 if form == "paper" else len(sensors), count_unit(profile.infrared.top)
     a = np.full(each, 1200.0 if form != "extended" else 900.0) * unit
@@ -94,7 +99,7 @@ def infrared_frees(form: str, profile: Profile, rigs: Sequence[str]) -> list[Fre
     ]
     if form == "extended":
         frees += [
-            free_directions(sensors),
+            *([free_directions(sensors)] if rigs else []),
             Free(key="offset_cm", start=np.array([0.3]), low=-0.2, high=2.0, step=1e-3),
             Free(key="exponent", start=np.array([2.0]), low=0.0, high=8.0, step=5e-3),
         ]
@@ -117,7 +122,10 @@ def infrared_model(profile: Profile, values: Values, scenes: Sequence[tuple[str,
     """Noise-free readings [n, P] of several recordings, one after another, at each rig's turn."""
     made = with_infrared(profile, values)
     return np.concatenate(
-        [proximity(made, scene.tried(values), float(values[rig][0])) for rig, scene in scenes]
+        [
+            proximity(made, scene.tried(values), float(values[rig][0]) if rig in values else 0.0)
+            for rig, scene in scenes
+        ]
     )
 
 
