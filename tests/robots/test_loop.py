@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from realitygap.errors import BaudError, LineError, UsageError
+from realitygap.errors import BaudError, LineError, RobotStoppedError, UsageError
 from realitygap.robots.clock import RealClock, VirtualClock
 from realitygap.robots.khepera.body import Khepera, KheperaBody
 from realitygap.robots.loop import drive
@@ -132,6 +134,27 @@ def test_a_body_that_breaks_is_stopped_and_recorded(bench: Bench, tmp_path: Path
     assert khepera.speeds() == (0, 0)
     recording = Recording.from_folder(tmp_path / "r")
     assert len(recording.t) == 7 and recording.ended == "RuntimeError: the controller broke"
+
+
+def test_ctrl_c_that_a_robot_catches_stops_it_all_the_same(bench: Bench, tmp_path: Path) -> None:
+    """A driver that takes every exception for a lost answer may not keep the robot going."""
+    _, khepera = bench.virtual()
+
+    class Stubborn(KheperaBody):
+        def sense(self) -> Any:
+            try:
+                os.kill(os.getpid(), signal.SIGINT)
+            except Exception:
+                pass
+            return super().sense()
+
+    with pytest.raises(RobotStoppedError, match="stopped by SIGINT; the robot was told to stand first"):
+        drive(
+            Stubborn(khepera), Constant(5, 5), seconds=1, clock=khepera.clock, inputs=bands,
+            recorder=Recorder(tmp_path / "one"),
+        )  # fmt: skip
+    kept = Recording.from_folder(tmp_path / "one")
+    assert len(kept.t) == 1 and kept.ended.startswith("RobotStoppedError: stopped by SIGINT")
 
 
 def test_a_late_step_is_counted_and_the_timetable_moves_on(bench: Bench) -> None:

@@ -26,7 +26,7 @@ from realitygap.errors import UsageError
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import Address
 from realitygap.robots.body import Body, Paced, Placing, Seen, attend, clock_of, odometry_of
-from realitygap.robots.signals import MOVING, NUMBERS, Stopping
+from realitygap.robots.signals import MOVING, NUMBERS, Stopping, heed
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.task import Task
 from realitygap.track import Track
@@ -212,6 +212,7 @@ class _Situated:
             self._due += period if now - self._due <= period else period + (now - self._due)
             clock.sleep_until(self._due)
             seen = self._look()
+            heed()
             scored = score(self._track(), self.simulation.task, profile)
         except BaseException:
             self.close()

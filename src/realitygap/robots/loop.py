@@ -8,7 +8,7 @@ from realitygap.errors import UsageError
 from realitygap.robots.body import Body, clock_of, odometry_of
 from realitygap.robots.clock import Clock
 from realitygap.robots.recording import Recorder, Recording, Step
-from realitygap.robots.signals import MOVING, NUMBERS, Stopping
+from realitygap.robots.signals import MOVING, NUMBERS, Stopping, heed
 from realitygap.values import Command, Readings
 
 __all__ = ["Controller", "Steady", "drive"]
@@ -73,6 +73,7 @@ def drive(
         controller.reset()
         for step in _steps(body, controller, clock, inputs, steps):
             recorder.add(step)
+            heed()
     return recorder.recording()
 
 

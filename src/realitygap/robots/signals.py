@@ -10,7 +10,7 @@ from types import FrameType
 
 from realitygap.errors import RobotStoppedError
 
-__all__ = ["MOVING", "NUMBERS", "Stopping", "undisturbed"]
+__all__ = ["MOVING", "NUMBERS", "Stopping", "heed", "undisturbed"]
 
 NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 MOVING = (*NUMBERS, signal.SIGTSTP)
@@ -46,6 +46,17 @@ def undisturbed() -> Iterator[None]:
             _again(*missed[0], before[signal.Signals(missed[0][0])])
 
 
+def heed() -> None:
+    """Raise once more what came and was caught on its way: by `except Exception` in a robot of a user's, say.
+
+    Raises:
+        RobotStoppedError: as at first.
+    """
+    for one in _active:
+        if one.first is not None:
+            raise _stopped(one.first)
+
+
 class Stopping:
     """As a context, in the main thread: each of the signals raises RobotStoppedError.
 
@@ -57,6 +68,7 @@ class Stopping:
         self._suspend = False
         self._held = False
         self._missed: int | None = None
+        self.first: int | None = None
         self._before: dict[signal.Signals, object] = {}
 
     def __enter__(self) -> Stopping:
@@ -95,7 +107,7 @@ class Stopping:
         if self._held:
             self._missed = number
             return
-        self._held = True  # the first one stops the robot; what follows must not disturb that
+        self._held, self.first = True, number  # it stops the robot; what follows must not disturb that
         raise _stopped(number)
 
 

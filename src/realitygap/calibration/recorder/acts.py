@@ -3,7 +3,7 @@
 from realitygap.calibration.recorder.wheel_plans import Trial
 from realitygap.errors import BaudError
 from realitygap.robots.body import Body, Seen, clock_of, odometry_of
-from realitygap.robots.signals import MOVING, Stopping
+from realitygap.robots.signals import MOVING, Stopping, heed
 from realitygap.values import Command, Pose
 
 __all__ = ["drive_trial", "read_standing"]
@@ -40,6 +40,7 @@ def drive_trial(body: Body, trial: Trial) -> tuple[list[tuple[str, ...]], dict[i
                     )
                 if k in looks and isinstance(body, Seen):
                     poses[k] = body.pose
+                heed()
                 body.act(Command(left=command[0], right=command[1]))
                 turned = (*(counters or ()), *(speeds or ())) if body.counts_turns else ()
                 numbers = (*command, *turned, trial.number)
@@ -61,6 +62,7 @@ def read_standing(body: Body, kind: str, repeats: int) -> list[list[str]]:
         read = body.sense()
         while getattr(body, "read_at", asked) < asked:  # an answer that did not come is no reading
             read = body.sense()
+        heed()
         counts = read.proximity if kind == "proximity" else read.ambient
         readings.append([f"{count:.10g}" for count in counts.tolist()])
     return readings
