@@ -77,6 +77,29 @@ class Mine(Three):
     facts = {"base": "e-puck", "units": "steps/s"}
 class Chatty(Three):
     facts = {"colour": "red"}
+class Numpy(Three):
+    channels = (Channel(name="proximity", sensors=np.int64(3), high=np.int32(4095)),)
+class Shaky(Three):
+    @property
+    def period_s(self): return {}["no"]
+class Secret(Three):
+    @property
+    def facts(self): return {}["no"]
+class Timeless(Three):
+    def enter(self, *words): self.clock = super().enter(*words)
+class Nowhere(Counting):
+    odometry = Odometry(counters=(3, float("nan")))
+class Slow(Three):
+    asked = 0
+    @property
+    def read_at(self):
+        self.asked += 1
+        return None if self.asked < 2 else 0.0
+class Vague(Three):
+    def inspect(self): return "all is well"
+class Proxy:
+    def __init__(self): self.inner = Three()
+    def __getattr__(self, name): return getattr(self.inner, name)
 class Real:
     channels, period_s, counts_turns = Three.channels, 0.1, False
     def reset(self, pose=None): pass
@@ -167,6 +190,12 @@ def test_it_is_checked_as_any_robot(file: Path) -> None:
         ("Empty", "expected channels, period_s, counts_turns, reset, sense, act, stop, close"),
         ("Odd", "channels: expected a tuple of Channel"),
         ("Shy", r"mine.py, line \d+: Shy\(\) stops with RuntimeError: no robot here"),
+        ("Shaky", r"mine.py, line \d+: Shaky.period_s stops with KeyError: 'no'"),
+        ("Secret", r"mine.py, line \d+: Secret.facts stops with KeyError: 'no'"),
+        ("Timeless", "clock: expected a clock, with waits, now and sleep_until, got None"),
+        ("Nowhere", r"expected an Odometry\(counters=\(left, right\)\), got Odometry\(counters=\(3, nan\)"),
+        ("Slow", r"read_at: expected a time \(s\) by its clock, got None"),
+        ("Vague", "inspect: expected a dict, got 'all is well'"),
         ("Nobody", "expected 'Nobody' in it. It has Three, "),
         ("number", "expected a class, or a function that makes a body, got 3"),
     ],
@@ -178,6 +207,17 @@ def test_what_is_no_body_is_said_in_one_line(file: Path, name: str, says: str) -
         body.sense()
         clock_of(body).sleep_until(1.0)
         assert odometry_of(body) and body.pose and facts_of(body)  # type: ignore[attr-defined]
+        assert getattr(body, "read_at", 0.0) is not None and isinstance(
+            getattr(body, "inspect", dict)(), dict
+        )
+
+
+@pytest.mark.parametrize("name", ["Numpy", "Proxy"])
+def test_a_body_may_be_made_otherwise(file: Path, name: str) -> None:
+    """Of NumPy's numbers, or passing on what another object does."""
+    with closing(Address.parse(f"{file}:{name}").open()) as body:
+        body.reset()
+        assert channel(body, "proximity").sensors == len(body.sense().proximity) == 3
 
 
 def test_readings_may_be_lists(file: Path) -> None:

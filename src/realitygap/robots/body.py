@@ -41,7 +41,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from realitygap.errors import RealityGapError, UsageError
 from realitygap.robots.clock import Clock, RealClock
-from realitygap.values import Command, Pose, Readings
+from realitygap.values import Command, Pose, Readings, as_count
 
 __all__ = [
     "KINDS", "Attentive", "Body", "Channel", "Filmed", "Inspected", "Odometry", "Placing", "Seen", "Timed",
@@ -73,8 +73,7 @@ class Channel:
     def __post_init__(self) -> None:
         if self.name not in KINDS:
             raise UsageError(f"channel: name: expected {' or '.join(KINDS)}, got {self.name!r}.")
-        if not isinstance(self.sensors, int) or self.sensors < 1:
-            raise UsageError(f"channel {self.name!r}: sensors: expected 1 or more, got {self.sensors!r}.")
+        object.__setattr__(self, "sensors", as_count(self.sensors, f"channel {self.name!r}: sensors"))
         if not self.low < self.high:
             raise UsageError(
                 f"channel {self.name!r}: high: expected more than {self.low}, got {self.high!r}."

@@ -1,6 +1,7 @@
 """A body of the user's own, opened by its name, and held to what it declares."""
 
 import inspect
+from collections.abc import Callable, Mapping
 from operator import methodcaller
 from pathlib import Path
 from typing import Any, Self, cast
@@ -15,12 +16,55 @@ from realitygap.values import Pose, Readings
 __all__ = ["OwnBody", "opened"]
 
 MEMBERS = ("channels", "period_s", "counts_turns", "reset", "sense", "act", "stop", "close")
-MORE = ("attend", "clock", "enter", "inspect", "odometry", "pose", "speeds")
-"""What a body may have besides."""
-PAIR = "(left, right) or None"
-FORMS = {"odometry": "an Odometry(counters=(left, right))", "pose": "a Pose", "speeds": PAIR}
 FACTS = {"base", "pulses_per_mm", "robot", "units"}
 CURE = "The text of realitygap.robots.body says what a robot of your own needs."
+
+
+def _pair(told: Any) -> tuple[int, int] | None:
+    """Left and right, of whatever holds two numbers."""
+    if told is None:
+        return None
+    pair = np.add(told, 0)
+    if pair.shape != (2,) or not np.isfinite(pair).all():
+        raise ValueError
+    left, right = pair.tolist()
+    return left, right
+
+
+def _odometry(told: Any) -> Odometry:
+    if not isinstance(told, Odometry):
+        raise TypeError
+    return Odometry(*map(_pair, told))
+
+
+def _pose(told: Any) -> Pose | None:
+    if not isinstance(told, Pose | None):
+        raise TypeError
+    return told
+
+
+def _clock(told: Any) -> Any:
+    if not all(hasattr(told, way) for way in ("waits", "now", "sleep_until")):
+        raise TypeError
+    return told
+
+
+def _number(told: Any) -> float:
+    if not np.isfinite(told):
+        raise ValueError
+    return float(told)
+
+
+FORMS: dict[str, tuple[str, Callable[[Any], Any]]] = {
+    "clock": ("a clock, with waits, now and sleep_until", _clock),
+    "odometry": ("an Odometry(counters=(left, right))", _odometry),
+    "pose": ("a Pose", _pose),
+    "pulses_per_mm": ("a number", lambda told: None if told is None else _number(told)),
+    "read_at": ("a time (s) by its clock", _number),
+    "speeds": ("(left, right) or None", _pair),
+}
+MORE = (*FORMS, "attend", "enter", "inspect")
+"""What a body may have besides; of some in which form."""
 
 
 class Blamed:
@@ -30,9 +74,12 @@ class Blamed:
         self._own, self._place, self._name = own, place, type(own).__name__
 
     def __getattr__(self, name: str) -> Any:
-        inspect.getattr_static(self._own, name)  # what is not there is asked for, too
-        with self._blamed(name):
-            found = getattr(self._own, name)
+        try:
+            inspect.getattr_static(self._own, name)
+        except AttributeError:  # what is not there is asked for, too
+            if not self._has(name):
+                raise
+        found = self._told(name)
         if not callable(found):
             return found
 
@@ -41,6 +88,14 @@ class Blamed:
                 return found(*words, **named)
 
         return called
+
+    def _has(self, name: str) -> bool:
+        with self._blamed(name):
+            return hasattr(self._own, name)
+
+    def _told(self, name: str) -> Any:
+        with self._blamed(name):
+            return getattr(self._own, name)
 
     def _blamed(self, name: str) -> Any:
         return blamed_on(self._place, UsageError, f"{self._name}.{name} stops")
@@ -60,23 +115,23 @@ class OwnBody(Blamed):
 
     def __init__(self, own: Any, place: str) -> None:
         super().__init__(own, place)
-        missing = [member for member in MEMBERS if not hasattr(own, member)]
+        missing = [member for member in MEMBERS if not self._has(member)]
         if missing:
             raise self._wrong(f"expected {', '.join(missing)}, which it lacks")
         self.channels = self._channels()
-        period = own.period_s
+        period = self._told("period_s")
         if isinstance(period, bool) or not isinstance(period, int | float) or not 0.02 <= period <= 0.2:
-            raise self._wrong(f"period_s: expected 0.02 to 0.2 (s), got {period!r}")
-        if own.counts_turns and "odometry" not in dir(own):
+            raise self._wrong(f"period_s: expected a float from 0.02 to 0.2 (s), got {period!r}")
+        if self._told("counts_turns") and "odometry" not in dir(own):
             raise self._wrong("odometry: expected, since it counts turns")
 
     @property
     def facts(self) -> dict[str, Any]:
         """What recordings say of it: its name, and what it tells of itself (`robots/body.py`)."""
-        told = self.__getattr__("facts") if hasattr(self._own, "facts") else {}
+        told = self._told("facts") if self._has("facts") else {}
         if not isinstance(told, dict) or not set(told) <= FACTS:
             raise self._wrong(f"facts: expected a dict of {', '.join(sorted(FACTS))}, got {told!r}")
-        pulses = {"pulses_per_mm": self._own.pulses_per_mm} if hasattr(self._own, "pulses_per_mm") else {}
+        pulses = {"pulses_per_mm": self.pulses_per_mm} if self._has("pulses_per_mm") else {}
         return {"robot": f"{Path(self._place).name}:{self._name}", **pulses, **told}
 
     def sense(self) -> Readings:
@@ -105,20 +160,25 @@ class OwnBody(Blamed):
 
     def _checked(self, name: str) -> Any:
         """One of MORE."""
-        found = self.__getattr__(name)
+        if name == "inspect":
+            return self._inspected
+        if name not in FORMS:
+            return self.__getattr__(name)
+        (words, form), told = FORMS[name], self._told(name)
         try:
-            if name not in FORMS or (name == "pose" and isinstance(found, Pose | None)):
-                return Blamed(found, self._place) if name == "clock" else found
-            if name == "speeds":
-                return _pair(found)
-            if name == "odometry" and isinstance(found, Odometry):
-                return Odometry(*map(_pair, found))
+            found = form(told)
         except (TypeError, ValueError):
-            pass
-        raise self._wrong(f"{name}: expected {FORMS[name]}, got {found!r}")
+            raise self._wrong(f"{name}: expected {words}, got {told!r}") from None
+        return Blamed(found, self._place) if name == "clock" else found
+
+    def _inspected(self) -> Mapping[str, Any]:
+        found = self.__getattr__("inspect")()
+        if not isinstance(found, Mapping):
+            raise self._wrong(f"inspect: expected a dict, got {found!r}")
+        return found
 
     def _channels(self) -> tuple[Channel, ...]:
-        channels = self._own.channels
+        channels = self._told("channels")
         if not isinstance(channels, tuple | list) or not all(isinstance(one, Channel) for one in channels):
             raise self._wrong(f"channels: expected a tuple of Channel, got {channels!r}")
         if not channels or len({one.name for one in channels}) < len(channels):
@@ -127,14 +187,6 @@ class OwnBody(Blamed):
 
     def _wrong(self, what: str) -> UsageError:
         return UsageError(f"{self._place}: {self._name}: {what}. {CURE}")
-
-
-def _pair(told: Any) -> tuple[int, int] | None:
-    """Left and right, of whatever holds two numbers."""
-    if told is None:
-        return None
-    left, right = np.add(told, 0).tolist()
-    return left, right
 
 
 def opened(name: str, **_: Any) -> Body:
