@@ -53,7 +53,7 @@ def made(text: str, what: str, ways: Iterable[str], settings: Mapping[str, Any],
                 has = ", ".join(other for other in known if other not in given) or "no settings"
                 raise UsageError(f"{name} has {has}; no {key!r}")
         thing = kind(**given, **settings)
-    lacking = [way for way in ways if not hasattr(thing, way)]
+        lacking = [way for way in ways if not hasattr(thing, way)]
     if lacking:
         raise UsageError(f"{text}: {what}: got {thing!r}, which has no {', '.join(lacking)}.")
     return thing

@@ -7,6 +7,7 @@ from realitygap.evolution.algorithm import Algorithm, Batch, State, Variation
 from realitygap.evolution.cellular import DistributedGA, Panmictic, RandomSearch
 from realitygap.evolution.population import Population
 from realitygap.user_code import made, place_of
+from realitygap.values import as_count
 
 __all__ = [
     "ALGORITHMS", "Algorithm", "Batch", "DistributedGA", "Panmictic", "Population", "RandomSearch",
@@ -36,6 +37,7 @@ def make_algorithm(name: str, encoding: Any, **params: Any) -> Algorithm[Any]:
     if isinstance(name, str) and place_of(name):
         ways = ("cells", "init", "ask", "tell", "from_bytes")
         own: Algorithm[Any] = made(name, "algorithm", ways, params, encoding=encoding)
+        as_count(own.cells, f"{name}: cells")
         return own
     if not isinstance(name, str) or name not in ALGORITHMS:
         raise UsageError(

@@ -4,6 +4,7 @@ It sees genes and fitness, never a robot. What an algorithm of one's own looks l
 `examples/`; `realitygap.testing` has the contract that every algorithm passes.
 """
 
+import math
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -11,7 +12,17 @@ from numpy.typing import NDArray
 
 from realitygap.errors import UsageError
 
-__all__ = ["NOBODY", "Algorithm", "Batch", "Genes", "State", "Variation", "check_batch", "same"]
+__all__ = [
+    "NOBODY",
+    "Algorithm",
+    "Batch",
+    "Genes",
+    "State",
+    "Variation",
+    "check_batch",
+    "check_state",
+    "same",
+]
 
 Genes = NDArray[Any]
 """Individuals of any type and shape: [n, ...], or one, [...]."""
@@ -124,19 +135,63 @@ def check_batch(batch: object, state: State, n: int, one: Genes) -> int:
         raise UsageError(f"ask: expected a Batch, got {type(batch).__name__}.")
     genes, count = batch.genes, len(np.atleast_1d(batch.genes))
     if not isinstance(genes, np.ndarray) or (genes.dtype, genes.shape[1:]) != (one.dtype, one.shape):
-        came = f"{genes.dtype}{list(genes.shape)}" if isinstance(genes, np.ndarray) else type(genes).__name__
-        raise UsageError(
-            f"ask: expected genes {one.dtype}[n{''.join(f', {k}' for k in one.shape)}], got {came}."
-        )
+        expected = f"{one.dtype}[n{''.join(f', {k}' for k in one.shape)}]"
+        raise UsageError(f"ask: expected genes {expected}, got {_form(genes)}.")
     if genes.dtype.kind == "f" and not np.isfinite(genes).all():
         raise UsageError("ask: expected genes that are finite numbers, got NaN or infinity among them.")
     if not 1 <= count <= n or batch.number != state.evaluations:
         there = f"{count} from number {batch.number}"
         raise UsageError(f"ask: expected 1 to {n} individuals from number {state.evaluations}, got {there}.")
-    if batch.parents.shape != (count, 2) or batch.cells.shape != (count,):
-        shapes = f"{list(batch.parents.shape)} and {list(batch.cells.shape)}"
-        raise UsageError(f"ask: expected parents [{count}, 2] and cells [{count}], got {shapes}.")
+    for name, array, shape in (("parents", batch.parents, (count, 2)), ("cells", batch.cells, (count,))):
+        if not _is_whole(array, shape):
+            raise UsageError(f"ask: expected {name} int64{list(shape)}, got {_form(array)}.")
     return count
+
+
+def check_state(state: State, cells: int, batch: Batch, fitness: NDArray[np.float64]) -> None:
+    """Refuse a state that does not tell of the evaluations that it was told of.
+
+    Args:
+        state: after them.
+        cells: of its algorithm.
+        batch: all of them since a state that was checked.
+        fitness: theirs.
+
+    Raises:
+        UsageError: says what was expected of the algorithm and what came.
+    """
+    first, told, kind = batch.number, state.evaluations, batch.genes.dtype
+    late = batch.parents[(batch.parents < NOBODY) | (batch.parents >= np.arange(first, told)[:, np.newaxis])]
+    if len(late):
+        raise UsageError(f"ask: expected parents that were evaluated before, or {NOBODY}, got {late[0]}.")
+    far = batch.cells[(batch.cells < 0) | (batch.cells >= cells)]
+    if len(far):
+        raise UsageError(f"ask: expected cells from 0 to {cells - 1}, got {far[0]}.")
+    numbers, genes = state.numbers, state.genes
+    if not _is_whole(numbers, (cells,)) or not ((numbers >= NOBODY) & (numbers < told)).all():
+        expected = f"int64[{cells}], the evaluation in each cell or {NOBODY}"
+        raise UsageError(f"tell: expected numbers {expected}, got {_form(numbers)} {numbers!s:.60}.")
+    shape = (cells, *batch.genes.shape[1:])
+    if not isinstance(genes, np.ndarray) or (genes.dtype, genes.shape) != (kind, shape):
+        raise UsageError(f"tell: expected genes {kind}{list(shape)}, a cell each, got {_form(genes)}.")
+    best, top, high = state.best_number, state.best_fitness, float(np.max(fitness))
+    known = isinstance(best, int | np.integer) and 0 <= best < told
+    its = float(fitness[best - first]) if known and best >= first else max(high, top)
+    if not known or its < high or not math.isclose(its, top, rel_tol=1e-6):
+        expected = "the highest fitness of all that were told (best_fitness) and whose it is (best_number)"
+        raise UsageError(f"tell: expected {expected}, got {top} of evaluation {best}.")
+    for one, number in [*zip(genes, numbers, strict=True), (state.best_genes, best)]:
+        if number >= first and not np.array_equal(one, batch.genes[number - first]):
+            raise UsageError(f"tell: expected the genes of evaluation {number} with its number, got others.")
+
+
+def _is_whole(array: object, shape: tuple[int, ...]) -> bool:
+    return isinstance(array, np.ndarray) and array.dtype.kind == "i" and array.shape == shape
+
+
+def _form(array: object) -> str:
+    """What came, in a word."""
+    return f"{array.dtype}{list(array.shape)}" if isinstance(array, np.ndarray) else type(array).__name__
 
 
 def same(one: Batch, other: Batch) -> bool:

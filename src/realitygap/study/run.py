@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from realitygap.controller.encoding import Encoding
 from realitygap.errors import UsageError
-from realitygap.evolution.algorithm import Algorithm, Batch, Genes, State, check_batch, same
+from realitygap.evolution.algorithm import Algorithm, Batch, Genes, State, check_batch, check_state, same
 from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation
 from realitygap.streams import BREEDING, FRESH, RETEST, TRIALS
@@ -123,8 +123,9 @@ class Bench:
         """The algorithm's next state, checked."""
         told: State = self.algorithm.tell(state, batch, fitness)
         expected = state.evaluations + len(fitness)
-        if told.evaluations != expected:
-            raise UsageError(f"tell: expected a state after {expected} evaluations, got {told.evaluations}.")
+        came = getattr(told, "evaluations", type(told).__name__)
+        if came != expected:
+            raise UsageError(f"tell: expected a state after {expected} evaluations, got {came}.")
         return told
 
     def _check_value(self, state: State) -> None:
@@ -132,7 +133,10 @@ class Bench:
         algorithm, n = self.algorithm, self.algorithm.cells
         once = self.ask(state, n)
         self.ask(algorithm.init(np.uint64(1)), n)  # another run, of the same algorithm
-        if not same(once, self.ask(algorithm.from_bytes(state.to_bytes()), n)):
+        kept = state.to_bytes()
+        if not isinstance(kept, bytes):
+            raise UsageError(f"to_bytes: expected bytes, got {type(kept).__name__}.")
+        if not same(once, self.ask(algorithm.from_bytes(kept), n)):
             raise UsageError(
                 "ask: expected the same individuals of a state that was written down (to_bytes) and read "
                 "again (from_bytes), got others. Keep all that they follow from in the state; draw them by "
@@ -198,6 +202,8 @@ def advance(
         parents=np.concatenate([batch.parents for batch in batches]),
         cell=np.concatenate([batch.cells for batch in batches]),
     )
+    lived = Batch(start, records.genes, records.parents, records.cell)
+    check_state(state, bench.algorithm.cells, lived, records.fitness)
     return state, records
 
 
@@ -207,6 +213,8 @@ def finish(bench: Bench, plan: Plan, state: State) -> Generator[Asked, Scores, R
     All individuals meet the same starts and draws: they are compared like with like.
     """
     cells = np.flatnonzero(state.numbers >= 0)
+    if not len(cells):
+        raise UsageError("tell: expected somebody to live in a cell (numbers) at a run's end, got nobody.")
     retest = yield _test(bench.noise, state.genes[cells], plan, RETEST, bench.retest_trials)
     champion = int(np.argmax([math.fsum(row) for row in retest.tolist()]))
     pair = np.stack([state.best_genes, state.genes[cells[champion]]])
