@@ -28,7 +28,10 @@ from realitygap.world.profile import load_profile
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 SMALL = {"evaluations": 9, "retest_trials": 1, "fresh_trials": 1}
 ALGORITHM = (EXAMPLES / "one_plus_one.py").read_text("utf-8")
-ENCODING = (EXAMPLES / "real_weights.py").read_text("utf-8")
+ENCODING = (
+    (EXAMPLES / "real_weights.py").read_text("utf-8").replace("import dataclass", "import dataclass, replace")
+)
+TOLD = "state = state.told(batch, fitness)"
 
 
 def config(*settings: str) -> StudyConfig:
@@ -153,6 +156,53 @@ def test_wrong_parts_are_refused(tmp_path, settings, message):
             "(np.random.normal(genes[:, :, 0], 9),",
             "decode: expected one network of",
         ),
+        (
+            "return 2 + self.hidden, 1 + self.inputs + 2 + self.hidden",
+            "return [2 + self.hidden, 11]",
+            r"e\.py: shape: expected a tuple of whole numbers, such as \(40,\), got \[2, 11\]",
+        ),
+        (
+            "default_rng(int(stream))",
+            "default_rng()",
+            "random: expected the same genotype of the same stream",
+        ),
+        (
+            "np.clip(2.5 * genes[:, :, 0],",
+            "np.clip(9 * (genes - genes.mean(axis=0))[:, :, 0],",
+            "decode: expected the same network whatever other genes there are",
+        ),
+        (
+            "noise, cells=cells)",
+            "noise, cells=cells)._replace(parents=[])",
+            r"ask: expected parents .*got list",
+        ),
+        (
+            "cells=cells)",
+            "cells=cells, parents=[[99, -1]] * len(noise))",
+            "ask: .*evaluated before, or -1, got 99",
+        ),
+        (TOLD, "return None", "tell: expected a state after 5 evaluations, got NoneType"),
+        (
+            TOLD,
+            "state = state.told(batch, -fitness)",
+            r"tell: expected the highest fitness of all that were told",
+        ),
+        (
+            TOLD,
+            f"{TOLD[:8]}replace({TOLD[8:]}, best_number=0)",
+            "tell: expected the highest fitness .*evaluation 0",
+        ),
+        (
+            TOLD,
+            f"{TOLD[:8]}replace({TOLD[8:]}, genes=0 * state.genes)",
+            "tell: expected the genes of evaluation",
+        ),
+        (
+            TOLD,
+            f"{TOLD[:8]}replace({TOLD[8:]}, numbers=state.numbers + 99)",
+            r"tell: expected numbers int64\[5\]",
+        ),
+        ("return self.children\n", "return 0\n", "cells: expected a whole number, 1 or more, got 0"),
         ("% self.children:", "% self.childs:", r"e\.py, line \d+: the file stops with AttributeError"),
     ],
 )

@@ -60,18 +60,40 @@ def make_encoding(kind: str, variation: Variation, settings: dict[str, Any], *, 
     own: Encoding = made(kind, "encoding", ways, settings, inputs=inputs)
     file, _, _ = kind.rpartition(":")
     with blamed_on(Path(file).expanduser().resolve(), UsageError):
+        _check(own, inputs)
         one = own.random(np.uint64(0))
-        if not isinstance(one, np.ndarray) or (one.dtype, one.shape) != (np.dtype(own.dtype), own.shape):
-            expected = f"{np.dtype(own.dtype)}{list(own.shape)}, its dtype and shape"
-            raise UsageError(f"random: expected an array {expected}, got {shown(one)}.")
-        nets, again = (own.decode(np.stack([one, one])) for _ in range(2))
-        if check_networks(nets, inputs) != 2 or check_networks(again, inputs) != 2:
-            raise UsageError("decode: expected as many networks as genotypes.")
-        once, twice = ([np.asarray(array).tolist() for array in each] for each in (nets, again))
-        if once != twice or any(first != second for first, second in once):
-            raise UsageError("decode: expected one network of the same genes each time, got several.")
         as_slots(own, one)  # it has room
     return own
+
+
+def _check(own: Encoding, inputs: int) -> None:
+    """Refuse what does not do as `Encoding` says with random genotypes."""
+    shape = own.shape
+    if not isinstance(shape, tuple):
+        raise UsageError(f"shape: expected a tuple of whole numbers, such as (40,), got {shape!r}.")
+    one, again, other = (own.random(np.uint64(stream)) for stream in (0, 0, 1))
+    if not isinstance(one, np.ndarray) or (one.dtype, one.shape) != (np.dtype(own.dtype), shape):
+        expected = f"{np.dtype(own.dtype)}{list(shape)}, its dtype and shape"
+        raise UsageError(f"random: expected an array {expected}, got {shown(one)}.")
+    if one.tobytes() != again.tobytes():
+        raise UsageError(
+            "random: expected the same genotype of the same stream. Draw it by the stream alone."
+        )
+    batches = ([one, one], [one, one], [one, other])
+    nets, twice, mixed = (own.decode(np.stack(genes)) for genes in batches)
+    if any(check_networks(each, inputs) != 2 for each in (nets, twice, mixed)):
+        raise UsageError("decode: expected as many networks as genotypes.")
+    once, later = ([np.asarray(array).tolist() for array in each] for each in (nets, twice))
+    if once != later or any(first != second for first, second in once):
+        raise UsageError("decode: expected one network of the same genes each time, got several.")
+    if _first(nets) != _first(mixed):
+        raise UsageError("decode: expected the same network whatever other genes there are, got another.")
+
+
+def _first(nets: Networks) -> Any:
+    """The first network of a batch, however wide the arrays are."""
+    into = links_into(nets)
+    return into, nets.thresholds[0, : len(into)].tolist()
 
 
 def facts_of(encoding: Encoding, settings: dict[str, Any]) -> dict[str, Any]:
