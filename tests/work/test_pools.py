@@ -130,9 +130,16 @@ def test_what_is_no_pool_is_refused(workers):
 
 
 def test_a_pool_by_its_name(tmp_path):
-    """What a file names is made without arguments; what is no pool is refused by name."""
+    """What a file names is made without arguments; what is no pool, or stops, is refused by name."""
     file = tmp_path / "mine.py"
     file.write_text("from realitygap.work.pool import Here\nclass Mine(Here): pass\nclass Other: pass\n")
     assert type(named_pool(f"{file}:Mine")).__name__ == "Mine"
     with pytest.raises(ConfigError, match=r"mine.py:Other: expected a pool, with methods work and close"):
         named_pool(f"{file}:Other")
+    file.write_text(
+        "class Mine:\n    def __init__(self, queue): pass\nclass Shut:\n    def __init__(self): {}['no']\n"
+    )
+    with pytest.raises(ConfigError, match=r"mine.py: Mine\(\) stops with TypeError: .* 'queue'"):
+        named_pool(f"{file}:Mine")
+    with pytest.raises(ConfigError, match=r"mine.py, line 4: Shut\(\) stops with KeyError: 'no'"):
+        named_pool(f"{file}:Shut")

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 
 from realitygap.errors import ConfigError
-from realitygap.user_code import named_object
+from realitygap.user_code import blamed_on, named_object, place_of
 from realitygap.work.pool import Counted, Here, Pool
 from realitygap.work.processes import Processes, refuse_unguarded_script
 
@@ -68,8 +68,10 @@ def named_pool(text: str) -> Pool:
         from realitygap.work.cluster import Dask
 
         return Dask(text.removeprefix("dask:"))
-    make = named_object(text, ConfigError, "workers")
-    pool = make() if callable(make) else make
+    make, file = named_object(text, ConfigError, "workers"), place_of(text)
+    place = text.rpartition(":")[0] if file is None else file[0].resolve()
+    with blamed_on(place, ConfigError, f"{text.rpartition(':')[2]}() stops"):
+        pool = make() if callable(make) else make
     if not isinstance(pool, Pool):
         raise ConfigError(f"workers: {text}: expected a pool, with methods work and close, got {pool!r}.")
     return pool
