@@ -132,7 +132,9 @@ def test_parents_are_named(kind):
         ({"genes": np.zeros((0, 4), np.int8)}, "expected 1 to 3 individuals from number 0, got 0"),
         ({"genes": np.zeros((9, 4), np.int8)}, "expected 1 to 3 individuals from number 0, got 9"),
         ({"number": 5}, "from number 0, got 2 from number 5"),
-        ({"cells": np.zeros(3, np.int64)}, r"parents \[2, 2\] and cells \[2\]"),
+        ({"cells": np.zeros(3, np.int64)}, r"cells int64\[2\], got int64\[3\]"),
+        ({"cells": [0, 1]}, r"cells int64\[2\], got list"),
+        ({"parents": np.full((2, 2), 0.5)}, r"parents int64\[2, 2\], got float64\[2, 2\]"),
     ],
 )
 def test_wrong_batches_are_refused(change, message):
