@@ -27,6 +27,7 @@ from realitygap.experiments.randomise.plan import NOISES, RandomiseConfig
 from realitygap.experiments.randomise.results import Comparison as Bargain
 from realitygap.experiments.randomise.results import Outcome, compared_in
 from realitygap.report.noise.arms import Arm
+from realitygap.report.noise.asides import CHANNELS
 from realitygap.report.noise.facts import Span
 from realitygap.report.noise.second import (
     ARMS,
@@ -161,7 +162,7 @@ def page(arms: list[Arm], others: list[Bought]) -> str:
         pays=paid(others, "correspondence"), fitter=paid(others, "fitness_situated"),
         unsettled=all(one.comparisons[1].found == "open" for one in others),
         spent=hours([arm for arm in arms if arm.name not in late]), allowed=ALLOWED,
-        late=late, standard=RandomiseConfig.robot,
+        late=late, standard=RandomiseConfig.robot, void={arm.name: facts_of(arm) for arm in arms if arm.void},
         percent="95 %", quiet=NOISES[0], noisy=NOISES[1], missing=missing,
         heads=[(claim, headline(arms, claim)) for claim in CLAIMS], warnings=list(warned(arms)),
         all=lambda key, word: bool(said[key]) and set(said[key].values()) == {word},
@@ -190,6 +191,19 @@ def paid(others: list[Bought], outcome: str) -> str:
         for one in others
     }
     return in_arms(few, is_true=True) if any(few.values()) else ""
+
+
+def facts_of(arm: Arm) -> dict[str, object]:
+    """Of an arm that supports no claim: its models' errors, its peak, and what (a) found against double."""
+    ratios: dict[str, list[float]] = {}
+    for one in arm.calibration:
+        ratios.setdefault(CHANNELS[one.channel], []).append(one.ratio)
+    errors = [
+        f"{statistics.median(own):.1f} deviations of the noise in {name}" for name, own in ratios.items()
+    ]
+    about_levels = next(verdict for verdict in arm.judged.verdicts if verdict.claim.key == "a")
+    double = next(one.found for one in about_levels.comparisons if one.against == f"{max(PLAN.against):g}")
+    return {"errors": errors, "peak": shown(arm.judged.peak), "double": double}
 
 
 def small(arms: list[Arm]) -> Iterator[tuple[str, Comparison]]:
