@@ -123,7 +123,7 @@ MUTATIONS = (
     Mutation("calibration/noise.py", "saturated readings measure noise",
              " & (sample.level < top - edge)", "", FITS),
     Mutation("calibration/misfit.py", "noise is not taken out of the model's error",
-             "noisy = deviation**2 / many[:, None]", "noisy = 0 * deviation**2 / many[:, None]", MISFIT),
+             "noisy = noise.measured * noise.deviation**2", "noisy = 0 * noise.deviation**2", MISFIT),
     Mutation("calibration/judge.py", "the bias has the sign turned",
              "off = (model - recording.counts)[:, live]", "off = (recording.counts - model)[:, live]",
              MISFIT),
