@@ -65,6 +65,18 @@ def test_a_simulation_takes_another_engine():
     assert made == [("light-seeking", "paper", 2.0)] and isinstance(simulation.engine, OneByOne)
 
 
+def _refused(answer, spoiled, says):
+    """An engine whose `answer` (`scores` or `tracks`) comes out `spoiled` is refused in words that match."""
+
+    def spoil(self, networks, streams):
+        return spoiled(getattr(OneByOne, answer)(self, networks, streams))
+
+    simulation = Simulation("light", "paper", engine=type("Mine", (OneByOne,), {answer: spoil}))
+    networks, streams = EngineContract()._networks(), np.arange(10, dtype=np.uint64).reshape(5, 2)
+    with pytest.raises(UsageError, match=f"^engine Mine: .*{says}"):
+        getattr(simulation, answer)(networks, streams)
+
+
 @pytest.mark.parametrize(
     ("spoiled", "came"),
     [
@@ -77,17 +89,7 @@ def test_a_simulation_takes_another_engine():
 )
 def test_scores_of_another_form_are_refused(spoiled, came):
     """No engine of one's own is taken at its word."""
-
-    class Mine(OneByOne):
-        def scores(self, networks, streams):
-            return spoiled(super().scores(networks, streams))
-
-    simulation = Simulation("light", "paper", engine=Mine)
-    networks = EngineContract()._networks()
-    with pytest.raises(
-        UsageError, match=rf"^engine Mine: expected finite scores float64\[5, 2\].*, got {came}"
-    ):
-        simulation.scores(networks, np.arange(10, dtype=np.uint64).reshape(5, 2))
+    _refused("scores", spoiled, rf"expected finite scores float64\[5, 2\].*, got {came}")
 
 
 @pytest.mark.parametrize(
@@ -103,15 +105,7 @@ def test_scores_of_another_form_are_refused(spoiled, came):
 )
 def test_tracks_of_another_form_are_refused(spoiled, says):
     """Nor where it says that the robots were."""
-
-    class Mine(OneByOne):
-        def tracks(self, networks, streams):
-            return spoiled(super().tracks(networks, streams))
-
-    simulation = Simulation("light", "paper", engine=Mine)
-    networks = EngineContract()._networks()
-    with pytest.raises(UsageError, match=f"^engine Mine: .*{says}"):
-        simulation.tracks(networks, np.arange(10, dtype=np.uint64).reshape(5, 2))
+    _refused("tracks", spoiled, says)
 
 
 def test_a_score_that_stops_in_a_batch_is_told_by_its_line(tmp_path):
