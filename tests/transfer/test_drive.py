@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,8 @@ from realitygap.cli import realitygap
 from realitygap.controller.handmade import braitenberg
 from realitygap.controller.layout import Layout
 from realitygap.errors import UsageError
-from realitygap.values import Command
+from realitygap.robots.body import Channel, Odometry
+from realitygap.values import Command, Readings
 
 AVOIDER = Path(__file__).resolve().parents[2] / "examples" / "avoider.toml"
 NETWORK = NetworkController(braitenberg("proximity", Layout()))
@@ -94,3 +96,75 @@ def test_a_robot_of_another_kind_is_refused():
     words = ["drive", "avoidance", "--controller", str(AVOIDER), "--robot", "enki:epuck"]
     result = CliRunner().invoke(realitygap, words)
     assert result.exit_code == 2 and "profile: expected the robot's" in result.output
+
+
+class Busy:
+    """A clock of which some steps come 10 to 130 ms late: by more than a whole one, too."""
+
+    waits = False
+
+    def __init__(self):
+        self._now, self._late = 5.0, iter([0.0, 0.01, 0.06, 0.13, 0.0, 0.03] * 50)
+
+    def now(self):
+        return self._now
+
+    def sleep_until(self, time_s):
+        self._now = max(self._now, time_s) + next(self._late)
+
+
+class Arc:
+    """A robot on an arc at 8 and 10 cm/s from (20, 20), whatever it is told; it counts 120 pulses a cm."""
+
+    channels, period_s, pulses_per_mm = (Channel(name="proximity", sensors=8, high=1023),), 0.1, 12.0
+    counts_turns = True
+
+    def __init__(self):
+        self.clock, self._begun = Busy(), 0.0
+
+    @property
+    def passed(self):
+        return self.clock.now() - self._begun
+
+    @property
+    def odometry(self):
+        return Odometry((round(960 * self.passed), round(1200 * self.passed)), (100, 125))
+
+    def reset(self, pose=None):
+        self._begun = self.clock.now()
+
+    def sense(self):
+        return Readings(proximity=np.zeros(8, np.int64), ambient=np.zeros(0, np.int64))
+
+    def act(self, command):
+        """It does as it likes."""
+
+    def stop(self):
+        """Nor does it stand."""
+
+    close = stop
+
+
+class Knowing(Arc):
+    """One that knows its place, and counts nothing."""
+
+    counts_turns = False
+
+    @property
+    def pose(self):
+        turned = self.passed * TURN
+        x, y = 20 + RADIUS * math.sin(turned), 20 + RADIUS * (1 - math.cos(turned))
+        return Pose(x=x, y=y, heading=math.remainder(turned, math.tau))
+
+
+TURN, RADIUS = 2 / 5.3, 9 * 5.3 / 2
+
+
+@pytest.mark.parametrize(("robot", "seen_by"), [(Arc, "counters"), (Knowing, "robot")])
+def test_late_steps_do_not_make_a_robot_faster(robot, seen_by):
+    """The track is where it was when each step was due, not when the computer came to look."""
+    made = drive(robot(), NETWORK, task="avoidance", start=Pose(x=20, y=20, heading=0), seconds=10)
+    assert made.recording.late_steps > 40 and made.track.seen_by == seen_by
+    turned = made.track.t * TURN
+    x, y = 20 + RADIUS * np.sin(turned), 20 + RADIUS * (1 - np.cos(turned))
+    assert np.hypot(made.track.x - x, made.track.y - y).max() < 0.05

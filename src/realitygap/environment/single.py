@@ -239,15 +239,17 @@ class _Situated:
     def _track(self) -> Track:
         """The path so far, as it is known."""
         body, profile = self.body, self.simulation.profile
-        if self._poses:
-            return of_poses(self._poses, profile.period_s)
         told = np.array(self._odometry)
+        if self._poses:
+            return of_poses(self._poses, profile.period_s, told[:, 0])
         ways, unit = turned(body, profile, told[:, 1:3], told[:, 3:], told[:, 0])
         if unit is None or not (body.counts_turns or isinstance(body, Paced)):
             expected = "one that tells its pose or its wheels' speeds, or counts pulses of a known length"
             raise UsageError(f"robot {self.robot}: expected {expected}.")
-        axle, period_s = profile.wheels.track_cm, profile.period_s
-        return of_counters(ways, self._start, cm_per_pulse=unit, axle_cm=axle, period_s=period_s)
+        return of_counters(
+            ways, self._start, cm_per_pulse=unit, axle_cm=profile.wheels.track_cm, period_s=profile.period_s,
+            t=told[:, 0],
+        )  # fmt: skip
 
     def _rest(self) -> None:
         """Stand, if it drives."""

@@ -32,6 +32,7 @@ class Driven(NamedTuple):
         cm_per_pulse: of the left wheel and the right one, if anybody knows.
         poses: where it was; none of a robot that does not know.
         period_s: of a step.
+        t: [steps + 1] s, when each was read.
     """
 
     recording: Recording
@@ -39,11 +40,12 @@ class Driven(NamedTuple):
     cm_per_pulse: tuple[float, float] | None
     poses: tuple[Pose, ...]
     period_s: float
+    t: Floats
 
     @property
     def known(self) -> Track:
         """The path as the robot itself knows it."""
-        return of_poses(self.poses, self.period_s)
+        return of_poses(self.poses, self.period_s, self.t)
 
     def counted(self, start: Pose, axle_cm: float) -> Track:
         """The path by the wheels' counters.
@@ -55,8 +57,10 @@ class Driven(NamedTuple):
             raise UsageError(
                 "robot: expected the length of its pulses: calibrate its wheels, or give it `pulses_per_mm`."
             )
-        pulse, period_s = self.cm_per_pulse, self.period_s
-        return of_counters(self.counters, start, cm_per_pulse=pulse, axle_cm=axle_cm, period_s=period_s)
+        return of_counters(
+            self.counters, start, cm_per_pulse=self.cm_per_pulse, axle_cm=axle_cm, period_s=self.period_s,
+            t=self.t,
+        )  # fmt: skip
 
 
 class Scaled:
@@ -116,7 +120,7 @@ def driven(
     counters = np.vstack([made.counters, last.counters or unknown])
     speeds = np.vstack([made.speeds, last.speeds or unknown])
     times = np.append(made.t, made.t[-1] + body.period_s)
-    return Driven(made, *turned(body, profile, counters, speeds, times), tuple(poses), body.period_s)
+    return Driven(made, *turned(body, profile, counters, speeds, times), tuple(poses), body.period_s, times)
 
 
 def turned(

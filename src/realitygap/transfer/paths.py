@@ -66,6 +66,7 @@ def of_counters(
     cm_per_pulse: tuple[float, float],
     axle_cm: float,
     period_s: float = STEP_S,
+    t: Floats | None = None,
 ) -> Track:
     """The track that the wheels' counters [steps + 1, 2] tell, from a known start (odometry).
 
@@ -77,11 +78,14 @@ def of_counters(
         cm_per_pulse: of the left wheel and the right one.
         axle_cm: from wheel to wheel.
         period_s: of a step.
+        t: [steps + 1] s, when each row was read; on time if None.
     """
     pulses = counters.copy()
     for k in range(len(pulses)):
         if np.isnan(pulses[k]).any():
             pulses[k] = pulses[k - 1] if k else 0.0
+    if t is not None and _is_late(t, period_s):
+        pulses = _on_time(pulses, t, period_s)
     left, right = np.diff(pulses, axis=0).T * np.array(cm_per_pulse)[:, None]
     turn = (right - left) / axle_cm
     heading = start.heading + np.concatenate([[0.0], np.cumsum(turn)])
@@ -92,10 +96,24 @@ def of_counters(
     return Track(t=_times(len(x), period_s), x=x, y=y, heading=settled(heading), seen_by="counters")
 
 
-def of_poses(poses: Sequence[Pose], period_s: float = STEP_S) -> Track:
-    """The track that a robot itself knows, a pose a step."""
-    x, y, heading = np.array([(one.x, one.y, one.heading) for one in poses], np.float64).T
+def of_poses(poses: Sequence[Pose], period_s: float = STEP_S, t: Floats | None = None) -> Track:
+    """The track that a robot itself knows, a pose a step, told at `t` (s; on time if None)."""
+    told = np.array([(one.x, one.y, one.heading) for one in poses], np.float64)
+    if t is not None and _is_late(t, period_s):
+        told = _on_time(np.column_stack([told[:, :2], np.unwrap(told[:, 2])]), t, period_s)
+    x, y, heading = told.T
     return Track(t=_times(len(x), period_s), x=x, y=y, heading=settled(heading), seen_by="robot")
+
+
+def _is_late(t: Floats, period_s: float) -> bool:
+    """Whether rows read at `t` show other moments than the steps'."""
+    return bool(np.abs(t - t[0] - _times(len(t), period_s)).max() > SAME_S)
+
+
+def _on_time(columns: Floats, t: Floats, period_s: float) -> Floats:
+    """Columns [rows, n] that were read at `t`, as they were when each step was due."""
+    due = _times(len(t), period_s)
+    return np.stack([np.interp(due, t - t[0], column) for column in columns.T], axis=1)
 
 
 def score(path: Track, task: Task, profile: Profile) -> float:
