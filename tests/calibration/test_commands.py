@@ -75,6 +75,14 @@ def test_a_judge_warns_of_doubtful_recordings(folder, tmp_path, recorded, driven
     assert "columns swapped" in said["swapped"]["warnings"][0]
 
 
+def test_a_sensor_that_was_never_lit_has_a_dash(tmp_path):
+    """No error can be told there: no number is printed, nor "nan"."""
+    rows = [",".join([f"{away}cm", *["0", "1"] * 6]) for away in range(0, 20, 2)]
+    (tmp_path / "sensor02_light.csv").write_text("\n".join([*rows, ""]), "utf-8")
+    told = call("calibrate", "--check", tmp_path, "thymio")
+    assert told.exit_code == 0 and "nan" not in told.output and "–" in told.output, told.output
+
+
 def test_a_judge_refuses_steps_of_another_length(tmp_path, driven):
     """Steps of 0.2 s tell no speed: no RMSE that is no number."""
     slow = driven(friction_cm_s2=0.0)

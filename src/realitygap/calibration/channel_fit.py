@@ -86,7 +86,7 @@ class ChannelFit:
     @property
     def ratio_placed(self) -> float:
         """The ratio without what places that are a millimetre off explain of it; NaN as `misplaced`."""
-        return float(np.sqrt(max(0.0, self.ratio**2 - self.misplaced**2)))
+        return float(np.sqrt(max(self.ratio**2 - self.misplaced**2, 0.0)))
 
 
 def doubts(made: ChannelFit) -> list[str]:

@@ -13,7 +13,7 @@ import click
 from realitygap import whole
 from realitygap.cli.kinds import FileToWrite
 from realitygap.cli.option import as_json
-from realitygap.cli.output import print_json, print_table, warn
+from realitygap.cli.output import Figure, print_json, print_table, warn
 from realitygap.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -199,11 +199,11 @@ def _tell(made: Calibration, target: Path, page: Path | None) -> None:
             by_reading = ", ".join(f"{size:.2f} at {reading:.0f}" for reading, size in e.bins)
             tail += f", depends on the reading: {by_reading}" if e.depends else ""
             click.echo(f"  noise, {e.channel}: {e.deviation:.2f} counts ({e.low:.2f} to {e.high:.2f}){tail}")
-        ratios = ", ".join(f"{m.sensor} {m.lit_ratio:.2f}" for m in fit.judged)
+        ratios = ", ".join(f"{m.sensor} {Figure(m.lit_ratio, '.2f')}" for m in fit.judged)
         share = fit.ratio * fit.deviation / made.profile.channel(fit.kind).top
         click.echo(
-            f"  model error over noise, held out, neither dark nor saturated: {fit.ratio:.2f} ({ratios}), "
-            f"{share:.1%} of the full scale"
+            "  model error over noise, held out, neither dark nor saturated: "
+            f"{Figure(fit.ratio, '.2f')} ({ratios}), {Figure(share, '.1%')} of the full scale"
         )
         if isfinite(fit.misplaced):
             click.echo(
@@ -288,8 +288,11 @@ def _tell_judgement(one: Judgement) -> None:
     if one.turn_deg:
         click.echo(f"  rig turned by {one.turn_deg:+.1f} degrees: fitted out")
     head = [what, "rmse", "bias", "error/noise where lit", "over all"]
-    keys = (("sensor", 0), ("rmse", 3), ("bias", 3), ("lit_ratio", 2), ("ratio", 2))
-    rows = [[round(getattr(m, key), digits) for key, digits in keys[:used]] for m in one.per_sensor]
+    keys = (("rmse", 3), ("bias", 3), ("lit_ratio", 2), ("ratio", 2))[: used - 1]
+    rows = [
+        [m.sensor, *(Figure(round(getattr(m, key), digits), "") for key, digits in keys)]
+        for m in one.per_sensor
+    ]
     print_table(head[:used], rows)
     if isfinite(one.ratio):
         click.echo(f"  model error over noise, neither dark nor saturated: {one.ratio:.2f}; "
