@@ -161,8 +161,9 @@ def page(arms: list[Arm], others: list[Bought]) -> str:
         arms={arm.name: arm for arm in arms}, bought=others, judged=judged, said=said, agree=PLAN.agree,
         pays=paid(others, "correspondence"), fitter=paid(others, "fitness_situated"),
         unsettled=all(one.comparisons[1].found == "open" for one in others),
-        spent=hours([arm for arm in arms if arm.name not in late]), allowed=ALLOWED,
-        late=late, standard=RandomiseConfig.robot, void={arm.name: facts_of(arm) for arm in arms if arm.void},
+        spent=hours([arm for arm in arms if arm.name not in late]), allowed=ALLOWED, late=listed(late),
+        many=len(late) > 1, more=hours([arm for arm in arms if arm.name in late]),
+        standard=RandomiseConfig.robot, void={arm.name: facts_of(arm) for arm in arms if arm.void},
         percent="95 %", quiet=NOISES[0], noisy=NOISES[1], missing=missing,
         heads=[(claim, headline(arms, claim)) for claim in CLAIMS], warnings=list(warned(arms)),
         all=lambda key, word: bool(said[key]) and set(said[key].values()) == {word},
@@ -194,7 +195,7 @@ def paid(others: list[Bought], outcome: str) -> str:
 
 
 def facts_of(arm: Arm) -> dict[str, object]:
-    """Of an arm that supports no claim: its models' errors, its peak, and what (a) found against double."""
+    """Of an arm that supports no claim: its models' errors, its levels and peak, and (a) against double."""
     ratios: dict[str, list[float]] = {}
     for one in arm.calibration:
         ratios.setdefault(CHANNELS[one.channel], []).append(one.ratio)
@@ -203,7 +204,8 @@ def facts_of(arm: Arm) -> dict[str, object]:
     ]
     about_levels = next(verdict for verdict in arm.judged.verdicts if verdict.claim.key == "a")
     double = next(one.found for one in about_levels.comparisons if one.against == f"{max(PLAN.against):g}")
-    return {"errors": errors, "peak": shown(arm.judged.peak), "double": double}
+    levels = [f"{level:g}" for level in arm.data.levels]
+    return {"errors": errors, "levels": levels, "peak": shown(arm.judged.peak), "double": double}
 
 
 def small(arms: list[Arm]) -> Iterator[tuple[str, Comparison]]:
@@ -238,7 +240,12 @@ def told(name: str, one: Comparison) -> str:
 def in_arms(words: Mapping[str, bool], *, is_true: bool) -> str:
     """The arms of which something is true or not, by name."""
     names = [name for name, word in words.items() if word == is_true]
-    return f"arm{'s' if len(names) > 1 else ''} {' and '.join(names)}"
+    return f"arm{'s' if len(names) > 1 else ''} {listed(names)}"
+
+
+def listed(names: list[str]) -> str:
+    """A, B and C."""
+    return " and ".join([*filter(None, [", ".join(names[:-1])]), *names[-1:]])
 
 
 def hours(arms: list[Arm]) -> float:

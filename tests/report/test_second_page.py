@@ -116,15 +116,16 @@ def test_what_does_not_fit_into_the_plans_hours_is_said(script: ModuleType, tmp_
     took = [replace(one, settings={**one.settings, "seconds": {"evolve": 12_000.0}}) for one in arms]
     bought = script.bought()
     text = script.page(took, [one for one in bought if one.name == "E"])
-    assert "**Not run:** E5, T5, T2, S: the arms so far took 6.7 hours of two cores" in text
+    assert "**Not run:** E5, T5, T2, S: the arms before E5 took 6.7 hours of two cores" in text
     assert "The plan has this experiment on arm T's robot, too" in text and "arm E's robot, too" not in text
     assert "the plan has this experiment" not in script.page(took, bought).lower()
     write(data, tmp_path / "S", name="S", error=60.0)
     (late,) = (one for one in script.read(tmp_path) if one.name == "S")
     late = replace(late, settings={**late.settings, "seconds": {"evolve": 12_000.0}})
     text = script.page([*took, late], bought)
-    assert "**Not run:** E5, T5, T2: the arms so far took 6.7 hours of two cores" in text
+    assert "**Not run:** E5, T5, T2: the arms before E5 took 6.7 hours of two cores" in text
     assert "S was run all the same, past those hours and out of order" in text
+    assert "in another 3.3 hours: it is reported" in text
     assert "**Not yet run:** E5, T5, T2, S." in script.page(arms, [])
     assert "**Not yet run:** T, E5, T5, T2, S." in script.page(took[:1] * 2, [])
 
