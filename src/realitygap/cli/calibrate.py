@@ -205,7 +205,7 @@ def _tell(made: Calibration, target: Path, page: Path | None) -> None:
             "  model error over noise, held out, neither dark nor saturated: "
             f"{Figure(fit.ratio, '.2f')} ({ratios}), {Figure(share, '.1%')} of the full scale"
         )
-        if isfinite(fit.misplaced):
+        if isfinite(fit.ratio_placed):
             click.echo(
                 f"  places set by hand, if each is a millimetre off, explain {fit.misplaced:.2f} of it and "
                 f"leave {fit.ratio_placed:.2f}"
@@ -289,10 +289,7 @@ def _tell_judgement(one: Judgement) -> None:
         click.echo(f"  rig turned by {one.turn_deg:+.1f} degrees: fitted out")
     head = [what, "rmse", "bias", "error/noise where lit", "over all"]
     keys = (("rmse", 3), ("bias", 3), ("lit_ratio", 2), ("ratio", 2))[: used - 1]
-    rows = [
-        [m.sensor, *(Figure(round(getattr(m, key), digits), "") for key, digits in keys)]
-        for m in one.per_sensor
-    ]
+    rows = [[m.sensor, *(Figure(round(getattr(m, k), n), "") for k, n in keys)] for m in one.per_sensor]
     print_table(head[:used], rows)
     if isfinite(one.ratio):
         click.echo(f"  model error over noise, neither dark nor saturated: {one.ratio:.2f}; "

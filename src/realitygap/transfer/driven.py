@@ -119,7 +119,8 @@ def driven(
     last, unknown = odometry_of(body), (np.nan, np.nan)
     counters = np.vstack([made.counters, last.counters or unknown])
     speeds = np.vstack([made.speeds, last.speeds or unknown])
-    times = np.append(made.t, made.t[-1] + body.period_s)
+    late = made.late[-1] if made.late[-1] <= body.period_s else 0.0  # as the loop's time-table has it
+    times = np.append(made.t, made.t[-1] - late + body.period_s)
     return Driven(made, *turned(body, profile, counters, speeds, times), tuple(poses), body.period_s, times)
 
 
