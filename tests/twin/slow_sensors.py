@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.twin.arena import edges
-from realitygap.twin.arithmetic import arctan2, cos, cos_sin, hypot, normals, power
+from realitygap.twin.arithmetic import arctan2, cos_sin, hypot, normals, power
 from realitygap.twin.eyes import (
     EYE_EXPONENT,
     EYE_HEIGHT,
@@ -150,7 +150,7 @@ class SlowCreep:
         self._slip[wheel] = SLIP_KEPT * self._slip[wheel] + self._fresh * self._normal()
         column, row = int(x / GROUND_CELL_M), int(y / GROUND_CELL_M)
         ground = self._ground[wheel][row % GROUND_CELLS][column % GROUND_CELLS]
-        axle = AXLE_SHARE * cos(angle + self._phases[wheel])
+        axle = AXLE_SHARE * float(cos_sin(angle + self._phases[wheel])[0])
         return self._noise * (self._slip[wheel] + ground + axle)
 
 

@@ -9,6 +9,7 @@ text of this room. No flag lets the compiler change the order of a sum.
 """
 
 import math
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from realitygap.machine_code import Shelf
 
 __all__ = [
-    "arctan2", "cos", "cos_sin", "hypot", "jit", "normals", "one_arctan2", "one_cos_sin", "one_normal",
+    "arctan2", "cos_sin", "hypot", "jit", "normals", "one_arctan2", "one_cos_sin", "one_normal",
     "one_power", "power", "product", "routine", "step",
 ]  # fmt: skip
 
@@ -126,24 +127,6 @@ def one_normal(bits: Any) -> Any:
 
 
 @jit
-def _all_cos_sin(angles: Any, c: Any, s: Any) -> None:
-    for k in range(angles.shape[0]):
-        c[k], s[k] = one_cos_sin(angles[k])
-
-
-@jit
-def _all_arctan2(y: Any, x: Any, out: Any) -> None:
-    for k in range(out.shape[0]):
-        out[k] = one_arctan2(y[k], x[k])
-
-
-@jit
-def _all_power(base: Any, exponent: float, out: Any) -> None:
-    for k in range(out.shape[0]):
-        out[k] = one_power(base[k], exponent)
-
-
-@jit
 def _all_normals(bits: Any, out: Any) -> None:
     for k in range(out.shape[0]):
         out[k] = one_normal(bits[k])
@@ -151,31 +134,24 @@ def _all_normals(bits: Any, out: Any) -> None:
 
 def cos_sin(angles: ArrayLike) -> tuple[Array, Array]:
     """Cosines and sines of angles (rad, below a million), shaped as these."""
-    flat, shape = _flat(angles)
-    c, s = np.empty_like(flat), np.empty_like(flat)
-    _all_cos_sin(flat, c, s)
-    return c.reshape(shape), s.reshape(shape)
-
-
-def cos(angle: float) -> float:
-    """The cosine of one angle (rad)."""
-    return float(one_cos_sin(float(angle))[0])
+    c, s = _each(one_cos_sin, angles).reshape(-1, 2).T.copy()
+    return c.reshape(np.shape(angles)), s.reshape(np.shape(angles))
 
 
 def arctan2(y: ArrayLike, x: ArrayLike) -> Array:
     """Angles (rad, −π to π) of the points x, y, shaped as these."""
-    (flat, shape), (other, _) = _flat(y), _flat(x)
-    out = np.empty_like(flat)
-    _all_arctan2(flat, other, out)
-    return out.reshape(shape)
+    return _each(one_arctan2, y, x).reshape(np.shape(y))
 
 
 def power(base: ArrayLike, exponent: float) -> Array:
     """base to a power; 0 where the base is not above 0."""
-    flat, shape = _flat(base)
-    out = np.empty_like(flat)
-    _all_power(flat, exponent, out)
-    return out.reshape(shape)
+    return _each(partial(one_power, exponent=float(exponent)), base).reshape(np.shape(base))
+
+
+def _each(law: Callable[..., Any], *values: ArrayLike) -> Array:
+    """What a law makes of one number after another of arrays."""
+    flat = (np.asarray(one, np.float64).ravel().tolist() for one in values)
+    return np.array([law(*numbers) for numbers in zip(*flat, strict=True)], np.float64)
 
 
 def normals(bits: NDArray[np.uint64]) -> Array:
@@ -197,8 +173,3 @@ def product(a: Array, b: Array) -> Array:
     for k in range(1, len(b)):
         total = total + a[..., k, None] * b[k]
     return np.asarray(total)
-
-
-def _flat(values: ArrayLike) -> tuple[Array, tuple[int, ...]]:
-    array = np.asarray(values, np.float64)
-    return np.ascontiguousarray(array).ravel(), array.shape
