@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from realitygap.twin.arena import edges
 from realitygap.twin.arithmetic import cos_sin, jit, one_arctan2, one_cos_sin, one_power, power, step
 from realitygap.twin.model import BODY_RADIUS, BODY_TOP, WALL_HEIGHT
-from realitygap.twin.rays import Scene, everything, is_clear, meet, near, scene_of
+from realitygap.twin.rays import Scene, is_clear, meet, near, scene_of
 from realitygap.twin.unit import SENSORS_MM_DEG, Unit
 
 __all__ = ["IR_OFFSET", "LAMP_COUNTS", "LAMP_PROUD", "SENSORS", "Eyes", "eyes_of", "illuminate", "reflect"]
@@ -142,7 +142,7 @@ def illuminate(eyes: Any, power: float, poses: Any, out: Any) -> None:
     Direct light, and what walls and cylinders throw back evenly after one bounce.
     """
     lamps, rays = eyes.lamps, eyes.rays
-    counts = everything(eyes.scene)
+    counts = near(eyes.scene, poses[0, 0], poses[0, 1], np.inf)
     centre_x, centre_y = 0.0, 0.0
     for k in range(SENSORS):
         out[k] = 0.0

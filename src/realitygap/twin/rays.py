@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from realitygap.twin.arithmetic import hypot, jit, step
 
-__all__ = ["Scene", "clearance", "everything", "is_clear", "meet", "near", "scene_of"]
+__all__ = ["Scene", "clearance", "is_clear", "meet", "near", "scene_of"]
 
 Array = NDArray[np.float64]
 FAR = 100.0
@@ -65,16 +65,6 @@ def clearance(scene: Any, x: float, y: float) -> Any:
     for k in range(scene.circles.shape[0]):
         least = min(least, _to_circle(scene, k, x, y))
     return least
-
-
-@step
-def everything(scene: Any) -> Any:
-    """How many faces and circles there are: all are looked at from now on."""
-    for k in range(scene.length.shape[0]):
-        scene.faces[k] = k
-    for k in range(scene.circles.shape[0]):
-        scene.rounds[k] = k
-    return scene.length.shape[0], scene.circles.shape[0]
 
 
 @step

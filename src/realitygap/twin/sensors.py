@@ -57,17 +57,18 @@ class Sensors:
 
     def proximity(self, time_ms: int, history: Array) -> list[int]:
         """[8] counts; `history` [HISTORY_MS, 7] has the poses of the last milliseconds, each at its own."""
-        out = np.empty(SENSORS, np.int64)
-        with np.errstate(over="ignore"):  # random bits wrap on purpose, where nothing is compiled
-            _proximity(self.eyes, (self._near, self._idle), self._noise, time_ms, history, out)
-        return [int(v) for v in out]
+        return self._counts(_proximity, (self._near, self._idle), self._noise, time_ms, history)
 
     def ambient(self, time_ms: int, history: Array) -> list[int]:
         """[8] counts: linear in the light, from the dark value down to the floor; `history` as above."""
-        out = np.empty(SENSORS, np.int64)
         scales = self._unit.lamp_power, self._noise
-        with np.errstate(over="ignore"):
-            _ambient(self.eyes, self._light, self._laws, scales, time_ms, history, out)
+        return self._counts(_ambient, self._light, self._laws, scales, time_ms, history)
+
+    def _counts(self, law: Any, *told: Any) -> list[int]:
+        """What a compiled law reads."""
+        out = np.empty(SENSORS, np.int64)
+        with np.errstate(over="ignore"):  # random bits wrap on purpose, where nothing is compiled
+            law(self.eyes, *told, out)
         return [int(v) for v in out]
 
     def analog(self, n: int, time_ms: int) -> int:
@@ -81,25 +82,14 @@ def refreshed_at(sensor: int, time_ms: int) -> Any:
     return max(time_ms - (time_ms - PHASE_MS[sensor]) % CYCLE_MS, 0)
 
 
-@step
-def _heading(w: float, x: float, y: float, z: float) -> Any:
-    """Heading (rad, −π to π) of a quaternion."""
-    return one_arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-
-
-@jit
-def heading_at(pose: Any) -> Any:
-    """Heading (rad, −π to π) of a pose [7]."""
-    return _heading(pose[3], pose[4], pose[5], pose[6])
-
-
 @jit
 def look_back(time_ms: int, history: Any, poses: Any) -> None:
     """Where the robot was when each sensor was refreshed last, into [8, 3]."""
     for k in range(SENSORS):
         n = refreshed_at(k, time_ms) % HISTORY_MS
         poses[k, 0], poses[k, 1] = history[n, 0], history[n, 1]
-        poses[k, 2] = _heading(history[n, 3], history[n, 4], history[n, 5], history[n, 6])
+        w, x, y, z = history[n, 3], history[n, 4], history[n, 5], history[n, 6]
+        poses[k, 2] = one_arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 @jit

@@ -82,11 +82,9 @@ class StrangerSensors(Sensors):
 
     def proximity(self, time_ms: int, history: NDArray[np.float64]) -> list[int]:
         """[8] counts: the twin's law, with crosstalk, the lamp's infrared and the battery's charge."""
-        out = np.empty(SENSORS, np.int64)
         scales = self._odd.crosstalk, self.charge, self._unit.lamp_power, LAMP_INFRARED, self._noise
-        with np.errstate(over="ignore"):
-            _proximity(self.eyes, (self._near, self._idle), scales, time_ms, history, np.empty(SENSORS), out)
-        return [int(v) for v in out]
+        noises, light = (self._near, self._idle), np.empty(SENSORS)
+        return self._counts(_proximity, noises, scales, time_ms, history, light)
 
 
 @jit
