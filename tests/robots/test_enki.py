@@ -199,12 +199,12 @@ def test_a_camera_gets_a_state_each_step(tmp_path):
 def test_a_killed_process_is_said_and_nothing_is_left():
     """The next question fails with one message, so does each after it; a closed body has no process."""
     with opened() as body:
-        os.kill(body._enki.pid, signal.SIGKILL)
+        os.kill(body._enki._process.pid, signal.SIGKILL)
         body.clock.sleep_until(body.clock.now() + 0.1)
         for _ in range(2):
             with pytest.raises(RobotError, match="Enki's process is gone"):
                 body.reset(Pose(x=20, y=20, heading=0))
-        pid = body._enki.pid
+        pid = body._enki._process.pid
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
 
@@ -213,7 +213,7 @@ def test_a_process_that_hangs_is_given_up(monkeypatch):
     """It is not waited for longer than said, and is ended."""
     monkeypatch.setattr("realitygap.enki.process.PATIENCE_S", 0.2)
     with opened() as body:
-        pid = body._enki.pid
+        pid = body._enki._process.pid
         os.kill(pid, signal.SIGSTOP)
         with pytest.raises(RobotError, match=r"has not answered for 0\.2 s"):
             body.reset(Pose(x=20, y=20, heading=0))

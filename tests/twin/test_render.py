@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 import select
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 
@@ -22,8 +20,6 @@ from realitygap.twin.render import PAD_HEIGHT, PAD_WIDTH, Renderer, open_rendere
 from realitygap.twin.states import States
 from realitygap.twin.unit import draw_unit
 from tests.twin.rooms import ARENAS
-
-WRITES = "from realitygap.twin.render import _write; _write(1, bytes(10**6))"
 
 
 def opened(name: str) -> Renderer:
@@ -61,14 +57,6 @@ def test_a_window_round_the_robot_shows_what_the_whole_does(name: str) -> None:
         assert np.array_equal(renderer.frame(poses[6]), renderer._still)
     finally:
         renderer.close()
-
-
-def test_an_interrupted_write_goes_on() -> None:
-    """Who is stopped in the midst of a write (Ctrl-Z) and continued writes the rest."""
-    with subprocess.Popen([sys.executable, "-c", WRITES], stdout=subprocess.PIPE) as writer:
-        assert writer.stdout is not None and select.select([writer.stdout], [], [], 60)[0]
-        interrupt(writer.pid)
-        assert len(writer.stdout.read()) == 10**6
 
 
 def test_an_interrupted_frame_arrives(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:

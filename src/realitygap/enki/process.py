@@ -135,13 +135,7 @@ class EnkiProcess:
                 f"enki: its program {path} cannot be started: {error.strerror}. Remove it, or name another "
                 "folder by XDG_CACHE_HOME."
             ) from None
-        self._rest = b""
         self._finalizer = weakref.finalize(self, child.end, self._process, LEAVE_S)
-
-    @property
-    def pid(self) -> int:
-        """The process's number."""
-        return self._process.pid
 
     def enter(
         self, room: Mapping[str, Any], *, model: str, unit: int, noise: float, seed: int
@@ -187,13 +181,13 @@ class EnkiProcess:
         return Moment(poses, rest[:2], rest[2:4], rest[4:])
 
     def _ask(self, word: str, numbers: Iterable[float]) -> NDArray[np.float64]:
-        pipes = self._process.stdin, self._process.stdout
-        if pipes[0] is None or pipes[1] is None or pipes[0].closed:
+        if not self._finalizer.alive:
             raise RobotError(GONE)
         try:
             line = " ".join([word, *map(str, map(_plain, numbers))]).encode() + b"\n"
-            child.write_all(pipes[0].fileno(), line, within_s=PATIENCE_S, who=WHO)
-            answer = self._answer(pipes[1].fileno())
+            answer = child.ask(self._process, line, within_s=PATIENCE_S, who=WHO)
+            if not answer.endswith(b"\n"):
+                raise RobotError(GONE)
         except OSError as error:
             self.close()
             raise RobotError(f"{GONE}: {error.strerror}") from None
@@ -201,17 +195,9 @@ class EnkiProcess:
             self.close()  # its next answer would be to this question
             raise
         if answer.startswith(b"error"):
-            raise RobotError(f"Enki does not understand {word!r}: {answer.decode('utf-8', 'replace')[:200]}")
+            said = answer[:-1].decode("utf-8", "replace")
+            raise RobotError(f"Enki does not understand {word!r}: {said[:200]}")
         return np.array(answer.split(), np.float64)
-
-    def _answer(self, source: int) -> bytes:
-        while b"\n" not in self._rest:
-            data = child.read_some(source, within_s=PATIENCE_S, who=WHO)
-            if not data:
-                raise RobotError(GONE)
-            self._rest += data
-        answer, self._rest = self._rest.split(b"\n", 1)
-        return answer
 
 
 def _plain(number: float) -> float | int:

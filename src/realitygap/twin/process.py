@@ -16,7 +16,7 @@ from realitygap.twin.server import Settings
 from realitygap.values import Closing, Pose
 from realitygap.work import child
 
-__all__ = ["TwinProcess", "end_process", "launch", "start_twin"]
+__all__ = ["LEAVE_S", "TwinProcess", "launch", "start_twin"]
 
 CHANNEL_S = 60.0
 START_S = 300.0
@@ -37,7 +37,7 @@ class TwinProcess(Closing):
         self.channel = channel
         self.pid = process.pid
         self._hand: socket.socket | None = None
-        self._finalizer = weakref.finalize(self, end_process, process)
+        self._finalizer = weakref.finalize(self, child.end, process, LEAVE_S)
 
     def place(self, pose: Pose) -> None:
         """Put the robot down (under a virtual clock: after the clock has settled)."""
@@ -97,7 +97,7 @@ def start_twin(arena: Mapping[str, Any], *, pose: Pose | None = None, **settings
     process, line = launch("realitygap.twin.server", order, start_new_session=True)
     said = json.loads(line or b"{}")
     if "device" not in said:
-        end_process(process)
+        child.end(process, LEAVE_S)
         raise UsageError(f"the twin did not start: {said.get('error', 'its own message is above')}")
     return TwinProcess(process, said["device"], said["channel"])
 
@@ -113,23 +113,11 @@ def launch(module: str, order: Mapping[str, Any], **settings: Any) -> tuple[subp
     """
     command = [sys.executable, "-m", module]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, **settings)
-    assert process.stdin is not None and process.stdout is not None
     said = b""
     try:
         with contextlib.suppress(BrokenPipeError):
-            line = json.dumps(order).encode() + b"\n"
-            child.write_all(process.stdin.fileno(), line, within_s=START_S, who=module)
-        while not said.endswith(b"\n"):
-            more = child.read_some(process.stdout.fileno(), within_s=START_S, who=module)
-            if not more:
-                break
-            said += more
+            said = child.ask(process, json.dumps(order).encode() + b"\n", within_s=START_S, who=module)
     except BaseException:
-        end_process(process)
+        child.end(process, LEAVE_S)
         raise
     return process, said
-
-
-def end_process(process: subprocess.Popen[bytes]) -> None:
-    """Close the leash and wait; insist if need be."""
-    child.end(process, LEAVE_S)

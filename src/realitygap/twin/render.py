@@ -32,7 +32,8 @@ from realitygap.twin.drawing import (
 )  # fmt: skip
 from realitygap.twin.lens import HEIGHT, WIDTH, Lens, hang_camera
 from realitygap.twin.model import BODY_RADIUS
-from realitygap.twin.process import end_process, launch
+from realitygap.twin.process import LEAVE_S, launch
+from realitygap.work import child
 
 __all__ = ["Renderer", "open_renderer"]
 
@@ -154,19 +155,15 @@ class _Painter:
 def _serve() -> None:
     """The other process."""
     painter = _Painter(json.loads(sys.stdin.buffer.readline()))
-    out = sys.stdout.fileno()
-    _write(out, b"ready\n")
-    while len(question := sys.stdin.buffer.read(QUESTION.size)) == QUESTION.size:
-        *pose, left, top, width, height = QUESTION.unpack(question)
-        _write(out, painter.window(pose, left, top, width, height).tobytes())
+    # unbuffered, as sys.stdout may be, an interrupted call writes a part
+    with open(sys.stdout.fileno(), "wb", closefd=False) as out:
+        out.write(b"ready\n")
+        out.flush()
+        while len(question := sys.stdin.buffer.read(QUESTION.size)) == QUESTION.size:
+            *pose, left, top, width, height = QUESTION.unpack(question)
+            out.write(painter.window(pose, left, top, width, height).tobytes())
+            out.flush()
     painter.close()
-
-
-def _write(target: int, data: bytes) -> None:
-    """All of it: a pipe takes so much at once, and an interrupted call only what it had taken."""
-    left = memoryview(data)
-    while left:
-        left = left[os.write(target, left) :]
 
 
 class Renderer:
@@ -229,7 +226,7 @@ class Renderer:
 
     def close(self) -> None:
         """End the other process."""
-        end_process(self._process)
+        child.end(self._process, LEAVE_S)
 
 
 def _needed(at: NDArray[np.float32], most: int) -> tuple[int, int]:
@@ -270,9 +267,9 @@ def open_renderer(arena: Mapping[str, Any], unit: int, lens: Lens) -> Renderer |
                 if said == b"ready\n":
                     return Renderer(process, library, lens)
             except BaseException:
-                end_process(process)
+                child.end(process, LEAVE_S)
                 raise
-            end_process(process)
+            child.end(process, LEAVE_S)
     return None
 
 

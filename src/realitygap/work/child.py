@@ -7,44 +7,39 @@ from contextlib import suppress
 
 from realitygap.errors import RobotError
 
-__all__ = ["end", "read_some", "write_all"]
+__all__ = ["ask", "end"]
 
 CHUNK = 1 << 16
 
 
-def write_all(target: int, data: bytes, *, within_s: float, who: str) -> None:
-    """All of some bytes into a pipe, which takes so much at once.
+def ask(process: subprocess.Popen[bytes], question: bytes, *, within_s: float, who: str) -> bytes:
+    """The line that a program answers to a line, or what there is of it if the program has ended.
 
     Args:
-        target: its descriptor.
-        data: the bytes.
-        within_s: how long it may take none.
-        who: reads them, for the message.
+        process: the program, with pipes.
+        question: the line.
+        within_s: how long it may take nothing, or say nothing.
+        who: it is, for the message.
 
     Raises:
-        RobotError: it took none for so long.
-        OSError: nobody reads any more.
+        RobotError: it took nothing, or said nothing, for so long.
+        OSError: it reads no more.
     """
-    while data:
+    assert process.stdin is not None and process.stdout is not None
+    target, source, answer = process.stdin.fileno(), process.stdout.fileno(), b""
+    while question:
         if not select.select([], [target], [], within_s)[1]:
             raise RobotError(f"{who} has taken nothing for {within_s:g} s; begin again")
-        data = data[os.write(target, data[: select.PIPE_BUF]) :]  # so many never block where there is room
-
-
-def read_some(source: int, *, within_s: float, who: str) -> bytes:
-    """What comes out of a pipe; nothing if whoever writes has ended.
-
-    Args:
-        source: its descriptor.
-        within_s: how long nothing may come.
-        who: writes it, for the message.
-
-    Raises:
-        RobotError: nothing came for so long.
-    """
-    if not select.select([source], [], [], within_s)[0]:
-        raise RobotError(f"{who} has not answered for {within_s:g} s; begin again")
-    return os.read(source, CHUNK)
+        sent = os.write(target, question[: select.PIPE_BUF])  # so many never block where there is room
+        question = question[sent:]
+    while not answer.endswith(b"\n"):
+        if not select.select([source], [], [], within_s)[0]:
+            raise RobotError(f"{who} has not answered for {within_s:g} s; begin again")
+        more = os.read(source, CHUNK)
+        if not more:
+            break
+        answer += more
+    return answer
 
 
 def end(process: subprocess.Popen[bytes], leave_s: float) -> None:
