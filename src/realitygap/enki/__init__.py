@@ -5,5 +5,3 @@ published models (`unit.py`). Its noise is its own, with a scale; its step is 20
 GNU General Public License, version 2 or later. So it stays behind a pipe: `process.py` compiles a small
 program at first use, with the system's compiler, and `process.py` talks to it.
 """
-
-from __future__ import annotations

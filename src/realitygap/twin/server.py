@@ -183,24 +183,22 @@ class Server:
                 x_cm, y_cm, heading = map(float, rest.split())
                 self.firmware.catch_up()
                 self.firmware.body.place(x_cm, y_cm, heading)
-                return "ok"
-            if word == "film":
+            elif word == "film":
                 self._end_film()
                 if rest:
                     self._start_film(Path(rest))
-                return "ok"
-            if word == "renew":
+            elif word == "renew":
                 self._end_film()
                 self.firmware = self._switch_on(int(rest))
                 self._port.clear()
                 self._start = time.monotonic_ns() - self.firmware.now
-                return "ok"
+            elif word == "quit":
+                self._running = False
+            else:
+                return f"error expected run, place, film, renew or quit; got {line!r}"
         except (ValueError, OSError, RealityGapError) as error:
             return f"error {' '.join(str(error).split())}"
-        if word == "quit":
-            self._running = False
-            return "ok"
-        return f"error expected run, place, film, renew or quit; got {line!r}"
+        return "ok"
 
     def _allow(self, until: int, written: int, lines: int) -> str:
         """Let time run; under the real clock it runs by itself."""

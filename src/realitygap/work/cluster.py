@@ -44,13 +44,6 @@ class _Answer(NamedTuple):
     error: RealityGapError | None = None
 
 
-class _Task:
-    """A job, and how often it was given up."""
-
-    def __init__(self, job: Any) -> None:
-        self.job, self.lost = job, 0
-
-
 class Dask:
     """The workers of a scheduler, by its address, such as "tcp://HOST:8786".
 
@@ -93,23 +86,24 @@ class Dask:
         Raises:
             StudyError: also: there has been no worker for a while, or the scheduler is gone.
         """
-        source, sent, done = map(_Task, jobs), dict[Any, _Task](), SimpleQueue[Any]()
+        sent, done = dict[Any, tuple[Any, int]](), SimpleQueue[Any]()
+        source = ((job, 0) for job in jobs)
 
-        def send(tasks: Iterable[_Task]) -> None:
-            for task in tasks:
+        def send(tasks: Iterable[tuple[Any, int]]) -> None:
+            for job, lost in tasks:
                 with _reached():
-                    future = self._client.submit(_answer, setup, task.job, versions(), pure=False)
-                    sent[future] = task
+                    future = self._client.submit(_answer, setup, job, versions(), pure=False)
+                    sent[future] = job, lost
                     future.add_done_callback(done.put)
 
         try:
             send(islice(source, self._most()))
             while sent:
                 future = self._next(done)
-                task = sent.pop(future)
-                answer = self._heard(future, task)
+                job, lost = sent.pop(future)
+                answer = self._heard(future, lost)
                 if answer is None:
-                    send([task])
+                    send([(job, lost + 1)])
                     continue
                 for message in answer.messages:
                     tell(message)
@@ -150,8 +144,8 @@ class Dask:
         with _reached():
             return sum(self._client.nthreads().values())
 
-    def _heard(self, future: Any, task: _Task) -> _Answer | None:
-        """What came of a job; None if it is to be made again.
+    def _heard(self, future: Any, lost: int) -> _Answer | None:
+        """What came of a job that was given up so often before; None if it is to be made again.
 
         Raises:
             StudyError: its workers are lost again and again, or cannot make it.
@@ -165,8 +159,7 @@ class Dask:
         except RealityGapError:
             raise
         except (KilledWorker, FutureCancelledError, OSError) as error:
-            task.lost += 1
-            if task.lost >= TRIES or self._client.status != "running":
+            if lost + 1 >= TRIES or self._client.status != "running":
                 raise StudyError(
                     f"a worker process died again and again at one job, or the scheduler did ({error}). "
                     "What was saved is kept: resume, with workers that have more memory if that ran out."

@@ -61,13 +61,9 @@ class TwinBody(KheperaBody):
         if self.twin is None or self._room != room:
             self.leave()
             self._room = room
-            settings: dict[str, Any] = {
-                "unit": self.unit,
-                "noise": self.noise,
-                "seed": seed,
-                "baud": self.baud,
-            }
-            self.twin = start_twin(room, body=self._kind[1], **settings)
+            self.twin = start_twin(
+                room, body=self._kind[1], unit=self.unit, noise=self.noise, seed=seed, baud=self.baud
+            )
         else:
             self.twin.renew(seed)
         clock = VirtualClock(self.twin.channel)
@@ -118,15 +114,7 @@ def opened(
     stranger: bool = False,
     **_: Any,
 ) -> TwinBody:
-    """A unit by its number in words; its line has the usual rate if any will do.
-
-    Args:
-        unit: its number.
-        baud: of its line.
-        noise: a scale.
-        kinds: of sensors to read.
-        stranger: as of `TwinBody`.
-    """
+    """A unit by its number in words; its line has the usual rate if any will do."""
     return TwinBody(int(unit), noise=noise, baud=baud or 38400, kinds=kinds, stranger=stranger)
 
 

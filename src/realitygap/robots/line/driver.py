@@ -115,15 +115,12 @@ class Driver(Closing, ABC):
 
     def led(self, number: int, on: bool) -> None:
         """Switch an LED."""
-        again = 3
-        while True:
-            try:
-                self.line.ask(self.dialect.request("L", number, int(on)))
+        request = self.dialect.request("L", number, int(on))
+        for _ in range(2):  # the line does not repeat L: 2 would change it twice; 0 and 1 would not
+            with suppress(LineError):
+                self.line.ask(request)
                 return
-            except LineError:  # the line does not repeat L: 2 would change it twice; 0 and 1 would not
-                again -= 1
-                if not again:
-                    raise
+        self.line.ask(request)
 
     def watch(self) -> None:
         """Until the next `stop` the guard stops the robot if nothing is said on the line for half a second.
