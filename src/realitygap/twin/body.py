@@ -110,8 +110,7 @@ class TwinBody:
         """The experimenter's hand: lift the robot and set it down at rest. Counters keep their values.
 
         Args:
-            x_cm: where its centre goes.
-            y_cm: where its centre goes.
+            x_cm, y_cm: where its centre goes.
             heading: rad, counter-clockwise from +x.
 
         Raises:
@@ -161,12 +160,7 @@ class TwinBody:
             wheel.set_position_gains(kp, ki, kd)
 
     def set_profile(self, vl: int, al: int, vr: int, ar: int) -> None:
-        """Speed and acceleration of the position controller, left and right.
-
-        Args:
-            vl, vr: speeds, in the units of command J.
-            al, ar: accelerations, in the units of command J.
-        """
+        """Speed and acceleration of the position controller, left and right, in the units of command J."""
         self._wheels[0].state.profile, self._wheels[1].state.profile = (vl, al), (vr, ar)
 
     def pulses(self) -> tuple[int, int]:

@@ -128,15 +128,9 @@ class Drawing:
         return tuple((max(side.start, low), min(side.stop, high)) for side, low, high in sides)
 
     def frame(self, x: float, y: float, heading: float, window: Window = WHOLE) -> Array:
-        """The picture with the robot at x, y (m): grey levels as floats, without the camera's noise.
+        """[rows, columns, 3] of a window of the picture: grey levels as floats, without the camera's noise.
 
-        Args:
-            x, y: m.
-            heading: rad.
-            window: which rows and columns of the picture.
-
-        Returns:
-            [rows, columns, 3] of the window.
+        The robot is at x, y (m) with a heading (rad).
         """
         picture = self.background[window].copy()
         c, s = cos_sin(heading)

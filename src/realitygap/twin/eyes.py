@@ -177,17 +177,10 @@ def _direct(eyes: Any, lamp: Any, x: float, y: float, c: float, s: float) -> Any
 
 @step
 def on_wall(eyes: Any, lamp: Any, point: Any, normal: Any, centre: Any) -> Any:
-    """Light of a lamp on a point of a wall whose normal points to the robot.
+    """Light of a lamp on a point of a wall whose normal points to the robot: each x, y (m).
 
     The body, about its centre, shades it where light comes nearer than its radius before it has risen above
     its top.
-
-    Args:
-        eyes: the sensors.
-        lamp: x, y (m); so are `point` and `centre`.
-        point: on the wall.
-        normal: the wall's there.
-        centre: of the robot.
     """
     (px, py), (nx, ny) = point, normal
     ax, ay = lamp[0] - px, lamp[1] - py

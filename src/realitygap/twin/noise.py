@@ -158,13 +158,9 @@ def creep_of(seed: int, noise: float, phases: tuple[float, float]) -> tuple[Cree
 
 @step
 def creep_at(creep: Any, wheel: int, x: float, y: float, angle: float) -> Any:
-    """Creep of a wheel; to be asked once in `CREEP_MS`, while there are draws.
+    """Creep of a wheel (0 left, 1 right) that stands at x, y (m) and has turned by an angle (rad).
 
-    Args:
-        creep: the wheels'.
-        wheel: 0 left, 1 right.
-        x, y: where it stands, m.
-        angle: by which it has turned, rad.
+    To be asked once in `CREEP_MS`, while there are draws.
     """
     if creep.noise == 0.0:
         return 0.0

@@ -103,14 +103,9 @@ def _proximity(eyes: Any, noises: Any, noise: float, time_ms: int, history: Any,
 
 @step
 def noisy_proximity(noises: Any, noise: float, k: int, time_ms: int, signal: float) -> Any:
-    """What a sensor's converter takes for a signal (counts), its noise of this moment on it.
+    """What sensor k's converter takes for a signal (counts), its noise of this moment on it.
 
-    Args:
-        noises: of what is seen, and of a sensor that sees nothing.
-        noise: the scale.
-        k: which sensor.
-        time_ms: now.
-        signal: without noise.
+    `noises` are of what is seen and of a sensor that sees nothing, `noise` is their scale.
     """
     if noise:
         when = refreshed_at(k, time_ms)

@@ -33,12 +33,7 @@ PALE = 15
 
 
 class PacketLine(Line):
-    """One robot's line.
-
-    Args:
-        device: HOST or HOST:PORT.
-        clock: whose time the time-outs are in.
-        give_up_s: when a question is given up that was asked five times and more.
+    """One robot's line, at HOST or HOST:PORT; arguments as of `Line`.
 
     Raises:
         UsageError: nothing there takes the connection.

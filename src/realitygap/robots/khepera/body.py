@@ -44,11 +44,7 @@ def opened(
 ) -> KheperaBody:
     """The Khepera on a serial port, told to stand; with a clock channel a twin in virtual time.
 
-    Args:
-        port: of the line.
-        baud: its rate; None: try all.
-        kinds: of sensors to read.
-        clock_channel: of a twin in virtual time.
+    Its rate is tried for if `baud` is None.
 
     Raises:
         UsageError: the port cannot be opened, or is too slow for these sensors.

@@ -94,10 +94,6 @@ class Line:
     def ask(self, *requests: Request, give_up_s: float | None = None) -> list[Answer]:
         """The answers to some commands, sent together where the robot takes them so.
 
-        Args:
-            requests: the commands.
-            give_up_s: if not the line's own.
-
         Raises:
             LineError: the line is lost, or no answer was understood in time.
             RefusedError: the robot refused a command each time.
@@ -108,9 +104,6 @@ class Line:
     def promise(self, request: Request) -> None:
         """Send a command that may be sent again; its answer is fetched with that of the next question, and
         it is repeated with that if need be.
-
-        Args:
-            request: the command.
 
         Raises:
             LineError: the line is lost.
