@@ -11,8 +11,10 @@ from pathlib import Path
 
 import pytest
 
+from realitygap.errors import RobotStoppedError
+from realitygap.robots import signals
 from realitygap.robots.recording import Recording
-from realitygap.robots.signals import undisturbed
+from realitygap.robots.signals import Stopping, undisturbed
 from tests.robots.conftest import ROOT, Bench
 from tests.robots.test_faults import comes_to_stand
 
@@ -79,3 +81,18 @@ def test_a_signal_never_cuts_an_exchange_in_half():
         assert seen == ["inner end", "outer end", "handled"]
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+def test_a_stop_that_hangs_can_be_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A signal while the robot is stopped waits; one that comes when it should have stood for long ends it."""
+    monkeypatch.setattr(signals, "PATIENCE_S", 0.2)
+    passed = []
+    with pytest.raises(RobotStoppedError, match="SIGINT again: the robot does not confirm"):  # noqa: SIM117
+        with Stopping() as stopping, stopping.held():  # a driver's `stop`
+            for _ in range(3):
+                os.kill(os.getpid(), signal.SIGINT)
+                passed.append("not disturbed")
+            time.sleep(0.3)
+            os.kill(os.getpid(), signal.SIGINT)
+            passed.append("hangs")
+    assert passed == ["not disturbed"] * 3

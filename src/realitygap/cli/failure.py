@@ -23,6 +23,9 @@ __all__ = ["Commands", "StoppedError", "resumable", "tidy"]
 DEBUG = "REALITYGAP_DEBUG"
 """Set to 1 in the environment, this shows the traceback of a failure."""
 
+STOPPED = 130
+"""The exit code of what Ctrl-C ended."""
+
 LONGEST = 400
 """Characters of one word, a path say, that a message shows."""
 
@@ -32,7 +35,7 @@ _NOT_MENDABLE = {errno.EIO, errno.ENOMEM, errno.EBADF, errno.EINVAL}
 class StoppedError(RealityGapError):
     """Ctrl-C where there is more to say than "stopped"."""
 
-    exit_code = 130
+    exit_code = STOPPED
 
 
 @contextmanager
@@ -105,19 +108,17 @@ def _shortened(word: str) -> str:
 
 def _describe(failure: Exception) -> tuple[str, int]:
     """The line that says what went wrong, and the exit code."""
-    if isinstance(failure, click.Abort) and isinstance(failure.__cause__, StoppedError):
+    if isinstance(failure, click.Abort) and isinstance(failure.__cause__, RealityGapError):
         failure = failure.__cause__  # click makes its own of every KeyboardInterrupt
-    if isinstance(failure, StoppedError):
-        return str(failure), failure.exit_code
     if isinstance(failure, RealityGapError):
-        return f"error: {failure}", failure.exit_code
+        return str(failure) if failure.exit_code == STOPPED else f"error: {failure}", failure.exit_code
     if isinstance(failure, click.UsageError):
         where = failure.ctx.command_path if failure.ctx else "realitygap"
         return f"error: {failure.format_message()} (see `{where} --help`)", 2
     if isinstance(failure, click.ClickException):
         return f"error: {failure.format_message()}", 2
     if isinstance(failure, click.Abort):
-        return "stopped", 130
+        return "stopped", STOPPED
     if isinstance(failure, OSError):
         what = failure.strerror or str(failure) or type(failure).__name__
         where = f": {failure.filename}" if failure.filename else ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
@@ -16,6 +17,8 @@ NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 MOVING = (*NUMBERS, signal.SIGTSTP)
 """While a robot moves whose time does not wait: it has to stand before this process is suspended."""
 
+PATIENCE_S = 5.0
+"""So long a robot that was told to stand has time for it; then the next signal ends the wait."""
 
 _active: list[Stopping] = []
 """Contexts within which the main thread is, which handle all of `NUMBERS`: signals are a process's own."""
@@ -60,7 +63,8 @@ def heed() -> None:
 class Stopping:
     """As a context, in the main thread: each of the signals raises RobotStoppedError.
 
-    SIGTSTP (Ctrl-Z) suspends the process at the context's end, and the error goes on after `fg`.
+    SIGTSTP (Ctrl-Z) suspends the process at the context's end, and the error goes on after `fg`. While the
+    robot is stopped they wait, but not for ever: a driver of a user's may hang.
     """
 
     def __init__(self, numbers: Sequence[signal.Signals] = NUMBERS) -> None:
@@ -68,6 +72,7 @@ class Stopping:
         self._suspend = False
         self._held = False
         self._missed: int | None = None
+        self._since: float | None = None
         self.first: int | None = None
         self._before: dict[signal.Signals, object] = {}
 
@@ -104,8 +109,12 @@ class Stopping:
 
     def _arrived(self, number: int, frame: FrameType | None) -> None:
         self._suspend |= number == signal.SIGTSTP
+        self._since = time.monotonic() if self._since is None else self._since
         if self._held:
             self._missed = number
+            if time.monotonic() - self._since >= PATIENCE_S:
+                raise RobotStoppedError(f"{_name(number)} again: the robot does not confirm that it stands. "
+                                        "See that it does, or switch it off")  # fmt: skip
             return
         self._held, self.first = True, number  # it stops the robot; what follows must not disturb that
         raise _stopped(number)
@@ -114,7 +123,11 @@ class Stopping:
 def _stopped(number: int) -> RobotStoppedError:
     if number == signal.SIGTSTP:
         return RobotStoppedError("suspended; the robot was told to stand first, and the drive is over")
-    return RobotStoppedError(f"stopped by {signal.Signals(number).name}; the robot was told to stand first")
+    return RobotStoppedError(f"stopped by {_name(number)}; the robot was told to stand first")
+
+
+def _name(number: int) -> str:
+    return signal.Signals(number).name
 
 
 def _again(number: int, frame: FrameType | None, handler: object) -> None:
