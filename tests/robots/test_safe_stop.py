@@ -84,7 +84,7 @@ def test_a_signal_never_cuts_an_exchange_in_half():
 
 
 def test_a_stop_that_hangs_can_be_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A signal while the robot is stopped waits; one that comes when it should have stood for long ends it."""
+    """A signal while the robot is stopped waits; one that comes long after ends the wait."""
     monkeypatch.setattr(signals, "PATIENCE_S", 0.2)
     passed = []
     with pytest.raises(RobotStoppedError, match="SIGINT again: the robot does not confirm"):  # noqa: SIM117
