@@ -32,12 +32,6 @@ CONTACT = 'solref="0.002 1" solimp="0.95 0.995 0.00005"'
 """Stiff: a quarter of a millimetre of penetration at 200 mm/s."""
 
 
-def _gravity(unit: Unit) -> str:
-    """A tilted table is a level one with gravity askew."""
-    x, y = cos_sin(unit.tilt)[1]
-    return f"{9.81 * x:.9g} {9.81 * y:.9g} -9.81"
-
-
 def _arena(arena: Mapping[str, Any]) -> str:
     """Floor, walls, partitions, cylinders and lamps."""
     w, h = (v / 100.0 for v in arena["size_cm"])
@@ -113,10 +107,11 @@ def build_xml(arena: Mapping[str, Any], unit: Unit, *, timestep: float = 0.001, 
     """
     motor = (f'nominal="{NOMINAL_VOLT} {STALL_TORQUE} {NO_LOAD_SPEED}" lugre="{LUGRE}" '
              f'ctrllimited="true" ctrlrange="{-NOMINAL_VOLT} {NOMINAL_VOLT}"')  # fmt: skip
+    x, y = 9.81 * cos_sin(unit.tilt)[1]  # a tilted table is a level one with gravity askew
     return f"""<mujoco model="twin">
   <compiler angle="radian" autolimits="true"/>
   <option timestep="{timestep}" integrator="implicitfast" cone="elliptic" impratio="5"
-          gravity="{_gravity(unit)}">
+          gravity="{x:.9g} {y:.9g} -9.81">
     <flag island="disable"/>
   </option>
   <visual>{visual or "<quality shadowsize='0'/>"}</visual>

@@ -13,7 +13,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from itertools import product
 from typing import Any
 
@@ -261,15 +261,14 @@ def open_renderer(arena: Mapping[str, Any], unit: int, lens: Lens) -> Renderer |
         environment = {**os.environ, "MUJOCO_GL": library, "PYTHONPATH": path}
         environment.pop("PYOPENGL_PLATFORM", None)
         order, quiet = {"arena": dict(arena), "unit": unit}, subprocess.DEVNULL
-        with suppress(RobotError, FilmError):  # a library that hangs, or fails with the first frame, is none
+        # a library that hangs, or fails with the first frame, is none
+        with suppress(RobotError, FilmError), ExitStack() as otherwise:
             process, said = launch("realitygap.twin.render", order, stderr=quiet, env=environment)
-            try:
-                if said == b"ready\n":
-                    return Renderer(process, library, lens)
-            except BaseException:
-                child.end(process, LEAVE_S)
-                raise
-            child.end(process, LEAVE_S)
+            otherwise.callback(child.end, process, LEAVE_S)
+            if said == b"ready\n":
+                renderer = Renderer(process, library, lens)
+                otherwise.pop_all()
+                return renderer
     return None
 
 

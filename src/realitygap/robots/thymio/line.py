@@ -104,10 +104,9 @@ class AsebaLine:
         with contextlib.suppress(OSError):
             self._port.close()
 
-    def setting(self, name: str, *values: int) -> bytes:
-        """The message that sets a variable, and the next ones."""
-        words = [value & 0xFFFF for value in values]
-        return self._message("SET_VARIABLES", self.node, self.variables[name][0], *words)
+    def setting(self, name: str, value: int) -> bytes:
+        """The message that sets a variable."""
+        return self._message("SET_VARIABLES", self.node, self.variables[name][0], value & 0xFFFF)
 
     def tell(self, data: bytes) -> None:
         """Send bytes and wait for nothing.
@@ -141,11 +140,10 @@ class AsebaLine:
                 if message.id != self._aseba.ID_VARIABLES or message.source_node != self.node:
                     continue
                 if message.var_offset == first and len(message.var_data) == end - first:
-                    data = np.array(message.var_data, np.uint16).astype(np.int16)
-                    cut = {
+                    data = np.array(message.var_data, np.uint16).astype(np.int16).tolist()
+                    return {
                         name: data[at - first :][:size] for name, (at, size) in zip(names, spans, strict=True)
                     }
-                    return {name: values.tolist() for name, values in cut.items()}
             self.faults += 1
             if self.clock.now() >= until:
                 return None
@@ -190,12 +188,11 @@ class AsebaLine:
             expected = None
             self.tell(self._message("GET_NODE_DESCRIPTION", self.node, self._aseba.PROTOCOL_VERSION))
             while (message := self._next(self.clock.now() + QUIET_S)) is not None:
-                if message.source_node == self.node and message.id == self._aseba.ID_DESCRIPTION:
+                if message.source_node != self.node:
+                    continue
+                if message.id == self._aseba.ID_DESCRIPTION:
                     expected, sizes = message.num_named_var, {}
-                elif (
-                    message.source_node == self.node
-                    and message.id == self._aseba.ID_NAMED_VARIABLE_DESCRIPTION
-                ):
+                elif message.id == self._aseba.ID_NAMED_VARIABLE_DESCRIPTION:
                     sizes[message.var_name] = message.var_size
             if sizes and len(sizes) == expected:
                 ends = np.cumsum(list(sizes.values())).tolist()
