@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.experiments.noise.lived import LIVED, lived_apart
 from realitygap.experiments.noise.plan import Pair, controllers, simulated_file, situated_file
 from realitygap.experiments.noise.run import noise_study
 from realitygap.experiments.noise.simulated import (
+    LIVED,
     _simulated,
     compare_all,
+    lived_apart,
     read_compared,
     to_json,
 )

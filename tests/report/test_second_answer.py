@@ -14,8 +14,8 @@ from click.testing import CliRunner
 
 from realitygap.cli import realitygap
 from realitygap.errors import StudyError
-from realitygap.experiments.noise.lived import LIVED
 from realitygap.experiments.noise.second.verdicts import CLAIMS
+from realitygap.experiments.noise.simulated import LIVED
 from realitygap.report.noise.arms import BEYOND, Arm
 from realitygap.report.noise.orders import BY_CAMERA, FILE, order_tables, read_orders
 from realitygap.report.noise.second import answer_tables, headline, read_arms, strays, warned, word_of

@@ -19,10 +19,11 @@ from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.streams import PSEUDO
 from realitygap.tasks.task import Task
 from realitygap.track import Track, Trajectory
-from realitygap.values import Command, Floats, Pose
+from realitygap.transfer.order import mean
+from realitygap.values import Command, Floats, Pose, fed
 from realitygap.world.profile import TOP_INPUT, Profile
 
-__all__ = ["PSEUDO_REALITIES", "PSEUDO_SPREAD", "apart", "in_pseudo_realities", "replayed"]
+__all__ = ["PSEUDO_REALITIES", "PSEUDO_SPREAD", "apart", "distances", "in_pseudo_realities"]
 
 PSEUDO_REALITIES, PSEUDO_SPREAD = 200, 0.1
 """Trials of each controller, each in a robot whose constants are drawn anew within ±10 % of the profile's."""
@@ -40,7 +41,7 @@ def apart(simulated: Trajectory, situated: Recording, profile: Profile, task: Ta
     top = profile.wheels.top_command
     widths = [high - low for low, high in profile.bands(task.feeds)]
     pairs = {
-        "readings": (_fed(simulated, task) / widths, _fed(situated, task) / widths),
+        "readings": (fed(simulated, task.feeds) / widths, fed(situated, task.feeds) / widths),
         "commands": (simulated.commands / TOP_INPUT, situated.commands / top),
         "speeds": (simulated.wheels / top, situated.speeds / top),
     }
@@ -51,6 +52,24 @@ def apart(simulated: Trajectory, situated: Recording, profile: Profile, task: Ta
         return float(np.mean([wasserstein_distance(*pair) for pair in zip(first.T, second.T, strict=True)]))
 
     return {name: between(*pair) for name, pair in pairs.items()}
+
+
+def distances(
+    simulated: Trajectory, situated: Recording, track: Track, pose: Pose, quiet: Simulation
+) -> dict[str, float]:
+    """All that tells a pair of trials apart without a camera: the parts of `apart`, their mean `distance`,
+    and `replay_cm`: how far the robot's path is from the simulation's under the robot's commands.
+
+    Args:
+        simulated: what was read and done in simulation.
+        situated: the same on the robot.
+        track: where the robot was.
+        pose: where both began.
+        quiet: the simulation without noise.
+    """
+    far = apart(simulated, situated, quiet.profile, quiet.task)
+    error = _replayed(quiet, situated, track, pose)
+    return {**far, "distance": mean(list(far.values())), "replay_cm": error}
 
 
 class _Replayer:
@@ -69,15 +88,8 @@ class _Replayer:
         return Command(left=int(left), right=int(right))
 
 
-def replayed(simulation: Simulation, situated: Recording, track: Track, pose: Pose) -> float:
-    """Mean distance (cm) of a robot's path from the simulation's under its commands; NaN of no path.
-
-    Args:
-        simulation: without noise.
-        situated: what the robot was told.
-        track: where it was.
-        pose: where it began.
-    """
+def _replayed(simulation: Simulation, situated: Recording, track: Track, pose: Pose) -> float:
+    """Mean distance (cm) of a robot's path from the simulation's under its commands; NaN of no path."""
     replayer = _Replayer(situated.commands, simulation.profile)
     seconds = len(situated.t) * simulation.profile.period_s
     try:
@@ -95,8 +107,3 @@ def in_pseudo_realities(task: Task, profile: Profile, networks: Networks, stream
     simulation = Simulation(task.under(PSEUDO_SPREAD), profile, 1.0)
     seed = int(substream(np.uint64(stream), np.uint64(PSEUDO)))
     return float(simulation.scores(networks, batch_streams(seed, PSEUDO_REALITIES)[None]).mean())
-
-
-def _fed(trial: Trajectory | Recording, task: Task) -> Floats:
-    """[n, sensors] readings of the kinds that the task feeds."""
-    return np.hstack([getattr(trial, kind) for kind in task.kinds])

@@ -21,12 +21,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from realitygap.errors import StudyError
-from realitygap.robots.recording import Recording
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Run, Study, as_study
-from realitygap.tasks.task import Task
-from realitygap.track import Trajectory
-from realitygap.transfer.apart import apart, in_pseudo_realities, replayed
+from realitygap.transfer.apart import distances, in_pseudo_realities
 from realitygap.transfer.chosen import number_of
 from realitygap.transfer.load import Transferred
 from realitygap.transfer.order import Order, mean, order_of
@@ -34,7 +31,6 @@ from realitygap.transfer.replay import Replay, Replays
 from realitygap.transfer.score_row import Job
 from realitygap.transfer.score_rows import jobs_of
 from realitygap.values import Floats, as_stream
-from realitygap.world.profile import Profile
 
 __all__ = ["Lived", "WithoutCamera", "without_camera"]
 
@@ -135,20 +131,22 @@ class _Unit(NamedTuple):
 
 def _controller(study: Study, job: Job, replays: Replays) -> tuple[Lived, list[_Unit]] | None:
     """A controller's figures, and each robot's; None where nothing is known of its trials."""
-    known = [(one, both) for one in job.transfers if (both := _both(replays.of(one.folder))) is not None]
+    run = job.run
+    quiet = Simulation(study.task(run.task), study.profile, 0.0)
+    told = [(one, _apart(one, replays.of(one.folder), quiet)) for one in job.transfers]
+    known = [(one, row) for one, row in told if row is not None]
     if not known:
         return None
-    task, profile, run = study.task(job.run.task), study.profile, job.run
-    rows = [_trial(one, both, task, profile) for one, both in known]
     units = []
     for robot in dict.fromkeys(one.robot for one, _ in known):
-        ours = [row["distance"] for row, (one, _) in zip(rows, known, strict=True) if one.robot == robot]
+        ours = [row["distance"] for one, row in known if one.robot == robot]
         seen = tuple(one for one, _ in known if one.robot == robot and one.situated_from in SEEN)
         score = replace(job, transfers=seen).correspondence if seen else math.nan
         units.append(_Unit(robot, mean(ours), score))
     made = Lived(
         run=run.id, name=run.name, task=run.task, noise=run.noise, individual=job.individual, kind=job.kind,
-        units=len(units), trials=len(known), **{key: mean([row[key] for row in rows]) for key in rows[0]},
+        units=len(units), trials=len(known),
+        **{key: mean([row[key] for _, row in known]) for key in known[0][1]},
         correspondence=mean([one.correspondence for one in units]),
         fitness_simulated=mean([one.fitness_simulated for one, _ in known]),
         fitness_situated=mean([one.fitness_situated for one, _ in known]),
@@ -158,26 +156,12 @@ def _controller(study: Study, job: Job, replays: Replays) -> tuple[Lived, list[_
     return made, units
 
 
-class _Both(NamedTuple):
-    """What was read and done in a pair of trials."""
-
-    simulated: Trajectory
-    situated: Recording
-
-
-def _both(replay: Replay) -> _Both | None:
-    """A pair of trials that both went to their end, if so much is known of them."""
+def _apart(one: Transferred, replay: Replay, quiet: Simulation) -> dict[str, float] | None:
+    """A pair of trials' distances; None where not both went to their end, or are not known so far."""
     simulated, situated = replay.simulated, replay.situated
     if simulated is None or situated is None or len(simulated.t) != len(situated.t):
         return None
-    return _Both(simulated, situated)
-
-
-def _trial(one: Transferred, both: _Both, task: Task, profile: Profile) -> dict[str, float]:
-    """One trial's distances."""
-    far = apart(both.simulated, both.situated, profile, task)
-    error = replayed(Simulation(task, profile, 0.0), both.situated, one.situated, one.pose)
-    return {**far, "distance": mean(list(far.values())), "replay_cm": error}
+    return distances(simulated, situated, one.situated, one.pose, quiet)
 
 
 def _in_pseudo_realities(study: Study, run: Run, individual: str) -> float:

@@ -11,9 +11,8 @@ from realitygap.errors import StudyError
 from realitygap.experiments.folder import RESULTS, Seconds, write_table
 from realitygap.experiments.noise.config import CONFIG, NoiseConfig
 from realitygap.experiments.noise.folder import begun_by, command_of
-from realitygap.experiments.noise.lived import AS_MEASURED, LIVED
 from realitygap.experiments.noise.plan import Controller, calibration_folder, controllers
-from realitygap.experiments.noise.simulated import read_compared
+from realitygap.experiments.noise.simulated import AS_MEASURED, LIVED, read_compared
 from realitygap.experiments.noise.stage import Stage
 from realitygap.study.versions import versions
 from realitygap.toml import read_toml, to_toml

@@ -1,10 +1,15 @@
-"""Controllers in the simulations: from the same poses, at every level, held against the twin's paths."""
+"""Controllers in the simulations: from the same poses, at every level, held against the twin's paths.
+
+At the level as measured also without a camera: by what was read and done.
+"""
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
+
+import numpy as np
 
 from realitygap.correspondence.names import common_name, namer
 from realitygap.correspondence.scale import Scale, exemplar_scale
@@ -13,16 +18,23 @@ from realitygap.correspondence.setting import Setting, setting_of
 from realitygap.correspondence.trials import Trial, resampled, trial_of
 from realitygap.errors import TrackError
 from realitygap.experiments.folder import kept
-from realitygap.experiments.noise.lived import AS_MEASURED, lived_apart
 from realitygap.experiments.noise.plan import Controller, Pair, simulated_file, stream
 from realitygap.experiments.noise.situated import Situated, read_situated
 from realitygap.experiments.noise.stage import Stage
+from realitygap.robots.recording import Recording
 from realitygap.study.digest import check_of
 from realitygap.track import Trajectory
+from realitygap.transfer.apart import distances, in_pseudo_realities
 from realitygap.transfer.order import mean
 from realitygap.transfer.paths import score
 
-__all__ = ["compare_all", "read_compared", "scale_for", "to_json"]
+__all__ = ["AS_MEASURED", "LIVED", "compare_all", "lived_apart", "read_compared", "scale_for", "to_json"]
+
+AS_MEASURED = 1.0
+"""The level of the simulations that robots are held against without a camera: as noisy as calibration found
+these."""
+LIVED = ("readings", "commands", "speeds", "distance", "replay_cm")
+"""Means over a unit's trials: see `transfer.without_camera.Lived`."""
 
 FIGURES = ("score", "behaviour", "layout", "noisiness", "responsiveness")
 LEAST_TRIALS = 2
@@ -190,6 +202,49 @@ def _cell(
         "responsiveness": response,
         **calm,
     }
+
+
+def lived_apart(
+    stage: Stage, one: Controller, kept: Situated, simulated: Mapping[Pair, Trajectory]
+) -> tuple[dict[str, dict[str, float]], float]:
+    """A controller's distances without a camera on each unit, and its fitness in pseudo-realities.
+
+    Args:
+        stage: of the study.
+        one: who drove.
+        kept: its trials on the robots, with what these read and did.
+        simulated: the same trials, by unit and start, in the simulations that are as noisy as the robots.
+    """
+    task, found = stage.task(one.task), {}
+    for unit in kept.units:
+        quiet = stage.simulation(one.task, unit, one.home, 0.0)
+        starts = stage.starts(one.task, one.seed_set, unit)
+        rows = []
+        for pair in (pair for pair in simulated if pair.unit == unit):
+            recording, pose = _recording(stage, one, kept, pair), starts[pair.start - 1]
+            rows.append(distances(simulated[pair], recording, kept.track(*pair), pose, quiet))
+        found[str(unit)] = {key: mean([row[key] for row in rows]) for key in LIVED}
+    robots = stream(stage.config, "pseudo", one.task, one.home)
+    home = stage.simulation(one.task, one.home, one.home, 0.0).profile
+    return found, in_pseudo_realities(task, home, stage.networks(one), robots)
+
+
+def _recording(stage: Stage, one: Controller, kept: Situated, pair: Pair) -> Recording:
+    """A trial's recording, as much of it as was kept."""
+    assert kept.lived is not None
+    place = kept.units.index(pair.unit), pair.start - 1
+    readings, commands, speeds = (each[place].astype(np.float64) for each in kept.lived)
+    steps, kinds = len(readings), stage.task(one.task).kinds
+    ends = np.cumsum([len(stage.profile(pair.unit).channel(kind).sensors) for kind in kinds])[:-1]
+    columns = dict.fromkeys(("proximity", "ambient"), np.empty((steps, 0)))
+    columns.update(zip(kinds, np.split(readings, ends, axis=1), strict=True))
+    unknown = np.full((steps, 2), np.nan)
+    return Recording(
+        t=np.arange(steps, dtype=np.float64) * kept.period_s, late=np.zeros(steps),
+        inputs=np.empty((steps, 0), np.int64),
+        commands=commands.astype(np.int64), counters=unknown, speeds=speeds, read=unknown[:, 0],
+        ended="finished", proximity=columns["proximity"], ambient=columns["ambient"],
+    )  # fmt: skip
 
 
 def to_json(compared: dict[str, Any]) -> str:

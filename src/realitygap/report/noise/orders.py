@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from realitygap.errors import StudyError
-from realitygap.experiments.noise.lived import LIVED
+from realitygap.experiments.noise.simulated import LIVED
 from realitygap.report.noise.facts import Span
 from realitygap.report.noise.figures import titled
 from realitygap.report.noise.tables import NoiseTable, Number, Row
