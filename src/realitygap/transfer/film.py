@@ -16,14 +16,16 @@ import numpy as np
 
 from realitygap import whole
 from realitygap.errors import StudyError
+from realitygap.film.calibrate import KnownFrame, calibrate_camera
+from realitygap.film.camera import CameraModel, load_camera
+from realitygap.film.disk import Disk, load_disk
+from realitygap.film.marker import Marker
 from realitygap.study.lock import locked
 from realitygap.toml import to_toml
 from realitygap.values import Pose
 
 if TYPE_CHECKING:
-    from realitygap.film.camera import CameraModel
     from realitygap.film.finder import Look
-    from realitygap.film.marker import Marker
     from realitygap.film.tracker import Tracked
     from realitygap.track import Track
     from realitygap.twin.camera import OverheadCamera
@@ -115,8 +117,6 @@ class Watcher:
         radius_cm: float,
         marker: Marker | None = None,
     ) -> None:
-        from realitygap.film.disk import load_disk
-
         self.marker = marker or load_disk()
         self._arena, self._unit, self._noise = arena.plain(), unit, noise
         self.camera = self._calibrated(file, known_poses(arena, radius_cm))
@@ -129,8 +129,6 @@ class Watcher:
         Raises:
             StudyError: another process has been calibrating it for too long.
         """
-        from realitygap.film.calibrate import KnownFrame, calibrate_camera
-        from realitygap.film.camera import load_camera
         from realitygap.twin.states import States
 
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -243,7 +241,6 @@ def keep_film(
     Raises:
         FilmError: no film of this camera's, or no marker is seen in it.
     """
-    from realitygap.film.disk import Disk, load_disk
     from realitygap.film.tails import draw_tails, save_tails
     from realitygap.film.tracker import track_film
 

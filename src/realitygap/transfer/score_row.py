@@ -4,31 +4,31 @@ Type and behaviour score are of the simulation, "after repeated testing"; differ
 correspondence are of its transfers, trial by trial from the same poses.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from realitygap.correspondence.distances import matched_starts
+from realitygap.correspondence.names import Namer, common_name, namer
+from realitygap.correspondence.scale import Scale, exemplar_scale
+from realitygap.correspondence.score import behaviour_score, compare, ends_of
+from realitygap.correspondence.setting import Setting, setting_of
+from realitygap.correspondence.trials import SHORTEST_S, Trial, resampled, trial_of
 from realitygap.errors import TrackError, UsageError
 from realitygap.kernels.rng import substream
+from realitygap.simulation.simulation import Simulation
 from realitygap.streams import NAMED
 from realitygap.study.load import Run, Study
 from realitygap.study.plan import run_stream
+from realitygap.tasks.task import Task
+from realitygap.track import Track
+from realitygap.transfer.chosen import number_of
 from realitygap.transfer.kept_rows import digest
 from realitygap.transfer.load import Transferred
-
-if TYPE_CHECKING:
-    from realitygap.correspondence.names import Namer
-    from realitygap.correspondence.scale import Scale
-    from realitygap.correspondence.setting import Setting
-    from realitygap.correspondence.trials import Trial
-    from realitygap.tasks.task import Task
-    from realitygap.track import Track
 
 __all__ = ["Bench", "Job", "ScoreRow"]
 
@@ -87,19 +87,13 @@ class Bench:
 
     @cached_property
     def setting(self) -> Setting:
-        from realitygap.correspondence.setting import setting_of
-
         return setting_of([], self.task)
 
     @cached_property
     def namer(self) -> Namer:
-        from realitygap.correspondence.names import namer
-
         return namer(self.setting, self.study.profile.body.radius_cm)
 
     def scale(self, kind: str, individual: str, *, matched: bool) -> Scale:
-        from realitygap.correspondence.scale import exemplar_scale
-
         starts = self.scales[kind, individual]
         return exemplar_scale(self.setting.exemplars, starts, starts, matched=matched)
 
@@ -117,7 +111,7 @@ class Job:
     @cached_property
     def key(self) -> str:
         """What the score row follows from."""
-        number = self.run.fittest_number if self.individual == "fittest" else self.run.champion_number
+        number = number_of(self.run, self.individual)
         scale = self.bench.scales.get((self.kind, self.individual))
         folder = self.bench.study.folder
         files = [folder / "study.toml", folder / "profile.toml", folder / f"arenas/{self.run.task}.toml"]
@@ -153,8 +147,6 @@ class Job:
     @cached_property
     def correspondence(self) -> float:
         """The score of its transfers alone; NaN where their paths cannot be compared."""
-        from realitygap.correspondence.score import compare
-
         simulated, situated, _ = self._pairs()
         if not situated:
             return math.nan
@@ -162,9 +154,6 @@ class Job:
         return compare(simulated, situated, self.bench.setting, scale=scale, resamples=0).score
 
     def _compared(self, plain: ScoreRow, simulated: Sequence[Trial], situated: Sequence[Trial]) -> ScoreRow:
-        from realitygap.correspondence.distances import matched_starts
-        from realitygap.correspondence.score import compare
-
         bench = self.bench
         scale = bench.scale(self.kind, self.individual, matched=bool(matched_starts(simulated, situated)))
         made = compare(simulated, situated, bench.setting, scale=scale)
@@ -176,8 +165,6 @@ class Job:
 
     def _behaviour(self) -> float | None:
         """From the run's fresh trials at its own noise, for the paper's own tasks."""
-        from realitygap.correspondence.score import behaviour_score, ends_of
-
         scores = self.run.tests.get((self.individual, self.run.noise))
         if scores is None or self.bench.task.source is not None:
             return None
@@ -185,9 +172,6 @@ class Job:
 
     def _fresh(self) -> list[Trial]:
         """Trials in simulation at its own noise, on streams of their own."""
-        from realitygap.correspondence.trials import SHORTEST_S, trial_of
-        from realitygap.simulation.simulation import Simulation
-
         run, bench = self.run, self.bench
         if bench.task.seconds < SHORTEST_S:
             raise TrackError(f"trials of {bench.task.seconds:g} s show too little; {SHORTEST_S:g} s do.")
@@ -203,8 +187,6 @@ class Job:
 
     def _type(self, trials: Sequence[Trial]) -> tuple[str, float]:
         """The common name of some trials, and the share of them that bear it."""
-        from realitygap.correspondence.names import common_name
-
         names = self.bench.namer.name(trials, self.bench.setting)
         name = common_name(names)
         return name, sum(one.name == name for one in names) / len(names)
@@ -227,9 +209,6 @@ class Job:
         return list(simulated.values()), situated, lost
 
     def _trial(self, track: Track, one: Transferred, unit: str) -> Trial:
-        from realitygap.correspondence.setting import setting_of
-        from realitygap.correspondence.trials import resampled
-
         radius = self.bench.study.profile.body.radius_cm
         made = resampled(track, start=str(one.start), unit=unit, radius_cm=radius)
         setting_of([made], self.bench.task)  # a path by counters may leave the arena
