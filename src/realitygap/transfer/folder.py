@@ -43,11 +43,11 @@ def keep(final: Path, robot: Address, files: Mapping[str, bytes], *, finished: b
         whole.move(half, final)
 
 
-def keep_camera(file: Path, files: Mapping[str, bytes]) -> None:
+def keep_camera(file: Path, content: bytes) -> None:
     """Write down a camera's calibration, unless it is there."""
     if not file.is_file():
         file.parent.mkdir(parents=True, exist_ok=True)
-        whole.write(file, files[file.name])
+        whole.write(file, content)
 
 
 def files_in(folder: Path) -> dict[str, bytes]:

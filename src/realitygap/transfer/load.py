@@ -156,13 +156,9 @@ def _transferred(file: Path, table: dict[str, Any]) -> Transferred:
             filmed=table["film"],
             fitness_simulated=float(table["fitness"]["simulated"]),
             fitness_situated=float(table["fitness"]["situated"]),
-            unit=table.get("unit"),
-            twin_noise=table.get("twin_noise"),
-            view=table.get("view"),
-            missed_steps=table.get("missed_steps"),
-            trouble=table.get("trouble"),
             lost_steps=table.get("lost_steps", 0),
             **{key: table[key] for key in PLAIN},
+            **{key: table.get(key) for key in ("unit", "twin_noise", "view", "missed_steps", "trouble")},
         )
     except (KeyError, TypeError, ValueError) as error:
         raise StudyError(f"{file}: {error}: missing or broken. Move the folder away.") from None

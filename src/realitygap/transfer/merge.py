@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
-from realitygap import whole
 from realitygap.errors import StudyError
 from realitygap.robots.address import Address
 from realitygap.study.load import load_study
@@ -12,7 +11,7 @@ from realitygap.study.lock import lock
 from realitygap.study.schema import told
 from realitygap.study.settings import refuse_difference
 from realitygap.study.sources import refuse_links
-from realitygap.transfer.folder import files_in, keep
+from realitygap.transfer.folder import files_in, keep, keep_camera
 from realitygap.transfer.load import Transferred, load_transfer, load_transfers, read_trial
 from realitygap.transfer.packed import Packed, content, placed
 from realitygap.transfer.plan import FOLDER
@@ -40,7 +39,8 @@ def merge_trials(shards: Mapping[Shard, Path], folder: Path) -> list[Transferred
     with lock(folder), ExitStack() as opened:
         todo: dict[Path, Path] = {}
         for shard in shards.values():
-            for trial in _trials(shard):
+            refuse_links(shard)
+            for trial in (one.folder for one in load_transfers(shard)):  # packed ones included
                 place = folder / trial.relative_to(shard)
                 for there in {place, todo.setdefault(place, trial)} - {trial}:
                     _refuse_overwriting(trial, there)
@@ -62,18 +62,10 @@ def merge_trials(shards: Mapping[Shard, Path], folder: Path) -> list[Transferred
     return [load_transfer(place) for place in todo]
 
 
-def _trials(shard: Path) -> list[Path]:
-    """The folders of a shard's finished trials, packed ones included."""
-    refuse_links(shard)
-    return [one.folder for one in load_transfers(shard)]
-
-
 def _copy_cameras(there: Path, here: Path) -> None:
     """Take the calibrations that are missing."""
     for camera in there.glob("camera-*.json"):
-        if not (here / camera.name).exists():
-            here.mkdir(parents=True, exist_ok=True)
-            whole.write(here / camera.name, camera.read_bytes())
+        keep_camera(here / camera.name, camera.read_bytes())
 
 
 def _refuse_other(shards: Mapping[Shard, Path], folder: Path) -> None:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from realitygap.film.live import Filmed
     from realitygap.film.marker import Marker
 
-__all__ = ["Found", "Overhead", "open_overhead"]
+__all__ = ["Found", "Overhead"]
 
 Found = Callable[[Situation, Pose, Pose | None], bool]
 """Gets the requested pose and the one that is seen (None: not seen), and says whether to start there;
@@ -32,11 +32,9 @@ with none seen that is from the requested pose, on a person's word. If not, the 
 class FilmOfDrive:
     """The film of one drive; complete when the drive is over."""
 
+    overhead: Overhead
     situation: Situation
     folder: Path
-    camera: CameraModel
-    marker: Marker
-    source: str
     begun: float
     period_s: float
     filmed: Filmed | None = None
@@ -51,13 +49,14 @@ class FilmOfDrive:
 
         assert self.filmed is not None
         one, folder, lead = self.situation, self.folder, self.begun - self.filmed.first_at
+        camera, marker = self.overhead.camera, self.overhead.marker
         if one.film:
-            tracked = keep_film(folder, self.camera, self.marker)
+            tracked = keep_film(folder, camera, marker)
         else:
-            tracked = track_film(folder / FILM, self.camera, self.marker)
+            tracked = track_film(folder / FILM, camera, marker)
             tracked.track.write_csv(folder / TRACK)
             (folder / FILM).unlink()
-        facts |= {"view": f"camera {self.source}", "film_lead_s": round(lead, 6)}
+        facts |= {"view": f"camera {self.overhead.source}", "film_lead_s": round(lead, 6)}
         facts["trouble"] = "; ".join(filter(None, (self.filmed.trouble, tracked.trouble))) or None
         return of_track(tracked.track, round(one.seconds / self.period_s), lead, period_s=self.period_s)
 
@@ -84,10 +83,11 @@ class Overhead(Closing):
         from realitygap.film.live import LiveCamera
         from realitygap.film.tracker import Tracker
 
-        self.camera, self._marker, self._found, self._says = camera, marker, found, says
+        self.camera, self.marker, self._found, self._says = camera, marker, found, says
         self._new_tracker = lambda: Tracker(camera, marker)
         self._new_tracker()  # a camera that cannot see this marker is refused now
         self._live = LiveCamera(source, size=(camera.width_px, camera.height_px))
+        self.source = self._live.source
 
     def close(self) -> None:
         """Release the camera."""
@@ -97,7 +97,7 @@ class Overhead(Closing):
         """Where the robot stands: as it is seen, or the requested pose on the person's word."""
         while True:
             picture = self._live.look()
-            self.camera.check_size(picture.shape[1], picture.shape[0], f"live camera {self._live.source!r}")
+            self.camera.check_size(picture.shape[1], picture.shape[0], f"live camera {self.source!r}")
             tracker = self._new_tracker()
             seen = tracker.see(picture)
             pose = None if seen is None else seen[0]
@@ -112,9 +112,8 @@ class Overhead(Closing):
     def filming(self, one: Situation, folder: Path, period_s: float) -> Iterator[FilmOfDrive]:
         """Film what happens in the block, which is the drive; its path, by the steps, is there afterwards."""
         self._live.film(folder / FILM)
-        settings: dict[str, Any] = {"situation": one, "folder": folder, "camera": self.camera}
-        settings["period_s"] = period_s
-        film = FilmOfDrive(marker=self._marker, source=self._live.source, begun=time.monotonic(), **settings)
+        begun = time.monotonic()
+        film = FilmOfDrive(overhead=self, situation=one, folder=folder, begun=begun, period_s=period_s)
         try:
             yield film
         except BaseException:
@@ -122,31 +121,6 @@ class Overhead(Closing):
                 self._live.finish(time.monotonic())
             raise
         film.filmed = self._live.finish(film.begun + one.seconds)
-
-
-def open_overhead(
-    camera: CameraModel | str | Path,
-    eye: str | int,
-    marker: Marker,
-    found: Found | None,
-    says: Callable[[str], object] | None = None,
-) -> Overhead:
-    """The camera over a real robot, opened.
-
-    Args:
-        camera: its calibration, or the file of that.
-        eye: a camera's number, a video file or a stream.
-        marker: what the robot wears.
-        found: asks a person about the start; without one the robot has to be seen.
-        says: hears why it is not seen, where that can be told.
-
-    Raises:
-        FilmError: a camera's file that is none, or no camera opens there.
-    """
-    from realitygap.film.camera import load_camera
-
-    model = load_camera(camera) if isinstance(camera, str | Path) else camera
-    return Overhead(eye, model, marker, found, says)
 
 
 def _must_be_seen(one: Situation, seen: Pose | None, doubt: str) -> Pose:

@@ -1,5 +1,6 @@
 """A finished transfer lived once more: what its simulated and its situated robot read, and decided."""
 
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -35,7 +36,7 @@ class Replays:
 
     def __init__(self, study: Study) -> None:
         self._study = study
-        self._simulations: dict[tuple[str, float], Simulation] = {}
+        self._simulation = cache(self._made)
 
     def of(self, folder: Path) -> Replay:
         """The transfer of a trial's folder.
@@ -54,12 +55,13 @@ class Replays:
         simulated = self._simulated(folder, genes, int(table["seed"]))
         return Replay(self._study.slots(self._study.run(table["run"]).task, genes)[0], simulated, situated)
 
+    def _made(self, task: str, noise: float) -> Simulation:
+        return Simulation(self._study.task(task), self._study.profile, noise)
+
     def _simulated(self, folder: Path, genes: Genes, seed: int) -> Trajectory | None:
         one, study = load_transfer(folder), self._study
-        key = (one.task, one.noise)
-        if key not in self._simulations:
-            self._simulations[key] = Simulation(study.task(one.task), study.profile, one.noise)
-        simulation, stream = self._simulations[key], transfer_stream(seed, study.run(one.run), one.start)
+        simulation = self._simulation(one.task, one.noise)
+        stream = transfer_stream(seed, study.run(one.run), one.start)
         drawn = simulation.start(stream)
         apart = np.hypot(drawn.x - one.pose.x, drawn.y - one.pose.y)
         # A file's degrees are not the last bit of the radians: where it stood as drawn, that is taken.

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from realitygap.errors import RobotStoppedError, StudyInterruptedError, UsageError
+from realitygap.film.camera import CameraModel, load_camera
 from realitygap.study.folder import exists
 from realitygap.study.load import Study, as_study
 from realitygap.study.lock import lock
@@ -21,7 +22,7 @@ from realitygap.study.schema import told
 from realitygap.text import must_be
 from realitygap.transfer.load import Transferred, is_done, load_transfer, load_transfers
 from realitygap.transfer.options import Transfer
-from realitygap.transfer.overhead import Found, Overhead, open_overhead
+from realitygap.transfer.overhead import Found, Overhead
 from realitygap.transfer.packed import MANY
 from realitygap.transfer.plan import FOLDER, Situation, situations
 from realitygap.transfer.trial import Carry
@@ -161,7 +162,8 @@ def _overhead(options: Transfer, attendant: Attendant) -> AbstractContextManager
     """The camera over real robots, if there is one."""
     if options.camera is None or options.eye is None:
         return nullcontext()
-    return open_overhead(options.camera, options.eye, options.worn, attendant.found, attendant.says)
+    camera = options.camera if isinstance(options.camera, CameraModel) else load_camera(options.camera)
+    return Overhead(options.eye, camera, options.worn, attendant.found, attendant.says)
 
 
 @contextmanager

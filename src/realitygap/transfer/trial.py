@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -53,7 +53,7 @@ class Stage:
 
     def __init__(self, study: Study, place: Path | None = None) -> None:
         self.study, self.place = study, place or study.folder
-        self._simulations: dict[tuple[str, float], Simulation] = {}
+        self._simulation = cache(self._simulated)
         self._rigs: dict[tuple[str, Address, float, int | None], Rig] = {}
         self._camera: tuple[object, OverheadCamera] | None = None
 
@@ -62,12 +62,8 @@ class Stage:
         """Asked for once: a commit's name takes three programs."""
         return versions()
 
-    def simulation(self, one: Situation) -> Simulation:
-        """The run's own: its task, its robot, its noise."""
-        key = (one.task, one.noise)
-        if key not in self._simulations:
-            self._simulations[key] = Simulation(self.study.task(one.task), self.study.profile, one.noise)
-        return self._simulations[key]
+    def _simulated(self, task: str, noise: float) -> Simulation:
+        return Simulation(self.study.task(task), self.study.profile, noise)
 
     def camera_file(self, one: Situation) -> Path:
         """Where the calibration of the camera over a unit's arena is kept."""
@@ -83,10 +79,6 @@ class Stage:
             rig.camera_file, rig.marker = self.camera_file(one), one.marker
             self._rigs[key] = rig
         return self._rigs[key]
-
-    def calibrate(self, one: Situation) -> None:
-        """The camera over the arena of a trial on the twin."""
-        self.rig(one).watcher  # noqa: B018 - it is calibrated when it is first asked for
 
     def close(self) -> None:
         """End the twins, and what draws their films."""
@@ -117,10 +109,14 @@ class Stage:
             tell: hears the share of the film that is done.
         """
         with whole.together(folder):
-            pose = self.simulation(one).start(one.stream)
+            pose = self._simulation(one.task, one.noise).start(one.stream)
             facts = self._simulate(one, genes, pose, folder)
-            driven = self._drive_rig(one, genes, pose, folder)
-            if one.source in ("camera", "film"):
+            sealed = folder / SEALED if one.source in ("camera", "film") else None
+            driven = self.rig(one).trial(
+                self._driver(one, genes), one.stream, pose, one.seconds,
+                recorder=Recorder(folder, facts=one.facts()), sealed=sealed,
+            )  # fmt: skip
+            if sealed is not None:
                 period_s = self.study.profile.period_s
                 seen = self._seen(one, folder, facts, tell)
                 path = of_track(seen, round(one.seconds / period_s), period_s=period_s)
@@ -139,7 +135,7 @@ class Stage:
         """
         genes = self.genes(one)
         with made(self.place / one.folder, one.robot) as folder:
-            pose = requested = self.simulation(one).start(one.stream)
+            pose = requested = self._simulation(one.task, one.noise).start(one.stream)
             attend(body, *self.study.task(one.task).kinds)  # a line that is too slow is refused now
             body.stop()
             carry(one, requested)
@@ -160,22 +156,12 @@ class Stage:
 
     def _simulate(self, one: Situation, genes: Genes, pose: Pose, folder: Path) -> dict[str, Any]:
         """The paired trial in simulation; what is known of the trial before the other."""
+        simulation, driver = self._simulation(one.task, one.noise), self._driver(one, genes)
         trajectory, fitness = drive_simulated(
-            self.simulation(one), self._driver(one, genes), stream=one.stream, pose=pose, seconds=one.seconds
+            simulation, driver, stream=one.stream, pose=pose, seconds=one.seconds
         )
         trajectory.track.write_csv(folder / SIMULATED)
         return {**one.facts(), "pose": pose.to_dict(), "fitness": {"simulated": fitness}}
-
-    def _drive_rig(self, one: Situation, genes: Genes, pose: Pose, folder: Path) -> Driven:
-        """Drive a robot that places itself."""
-        return self.rig(one).trial(
-            self._driver(one, genes),
-            one.stream,
-            pose,
-            one.seconds,
-            recorder=Recorder(folder, facts=one.facts()),
-            sealed=folder / SEALED if one.source in ("camera", "film") else None,
-        )
 
     def _drive(self, one: Situation, genes: Genes, body: Body, folder: Path, facts: dict[str, Any]) -> Driven:
         return driven(

@@ -9,7 +9,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from realitygap import temporary, whole
+from realitygap import temporary
 from realitygap.errors import UsageError
 from realitygap.evolution.algorithm import Genes
 from realitygap.robots.body import abandon
@@ -46,14 +46,9 @@ class Job(NamedTuple):
     camera: bytes | None = None
 
 
-class Worked(NamedTuple):
-    """So much of a job is done, in its cost."""
-
-    cost: float
-
-
 class Made(NamedTuple):
-    """The files of a job by their names: of a trial, `finished` or as far as it came, or of a camera."""
+    """The files of a job by their names: of a trial, `finished` or as far as it came, or of a camera. Before
+    and after it come parts of the job's cost."""
 
     situation: Situation
     files: dict[str, bytes]
@@ -75,15 +70,14 @@ class Bench:
         one = job.situation
         camera = self._stage.camera_file(one)
         with told(self._shown / one.folder):
-            if job.camera is not None and not camera.is_file():
-                camera.parent.mkdir(parents=True, exist_ok=True)
-                whole.write(camera, job.camera)
+            if job.camera is not None:
+                keep_camera(camera, job.camera)
             if job.genes is not None:
                 self._trial(one, job.genes, tell)
                 return
-            self._stage.calibrate(one)
+            self._stage.rig(one).watcher  # noqa: B018 - it is calibrated when it is first asked for
             tell(Made(one, {camera.name: camera.read_bytes()}, camera=True))
-            tell(Worked(CALIBRATION_COST))
+            tell(CALIBRATION_COST)
 
     def _trial(self, one: Situation, genes: Genes, tell: Tell) -> None:
         left = _cost(one)
@@ -92,7 +86,7 @@ class Bench:
             nonlocal left
             cost = part * one.seconds * FILM_COST_S
             left -= cost
-            tell(Worked(cost))
+            tell(cost)
 
         with temporary.Folder("trial") as name, blamed(self._shown / one.folder, one.robot):
             try:
@@ -101,7 +95,7 @@ class Bench:
                 tell(Made(one, files_in(Path(name)), finished=False))
                 raise
             tell(Made(one, files_in(Path(name))))
-        tell(Worked(left))
+        tell(left)
 
     def close(self) -> None:
         """End the twins."""
@@ -173,14 +167,15 @@ class _Keeper:
     archive: Packed | None
     reporter: Reporter
 
-    def hear(self, message: Worked | Made) -> None:
+    def hear(self, message: float | Made) -> None:
         """One of their messages."""
-        if isinstance(message, Worked):
-            self.reporter.add(message.cost)
+        if not isinstance(message, Made):
+            self.reporter.add(message)
             return
         one, files = message.situation, message.files
         if message.camera:
-            keep_camera(self.stage.camera_file(one), files)
+            file = self.stage.camera_file(one)
+            keep_camera(file, files[file.name])
             return
         folder = self.place / one.folder
         with told(folder):
