@@ -158,7 +158,7 @@ class _Noise(Phases):
 
         def setup() -> Setup:
             with told(self.folder):
-                return Setup(bench_in, (words_for(self.folder, self.config, self.pool),))
+                return Setup(bench_in, words_for(self.folder, self.config, self.pool))
 
         self.calibrate(calibrating, self.uncalibrated, partial(self._record, recorders), len(PARTS) + 1)
         self.evolve(evolving, self._studies(), engine=engine, shard=self.shard)

@@ -18,7 +18,7 @@ from realitygap.work.pool import Pool, Tell
 from realitygap.work.workers import far
 from realitygap.world.arena import load_arena
 
-__all__ = ["Bench", "Job", "Words", "bench_in", "words_for"]
+__all__ = ["Bench", "Job", "bench_in", "words_for"]
 
 ARENA = "arena.toml"
 """As workers that do not see the study's folder call its arena."""
@@ -68,17 +68,9 @@ class Bench:
             self._home.cleanup()
 
 
-class Words(NamedTuple):
-    """What workers are told of a study: its folder ("" where they do not see it), or what it holds.
-
-    Attributes:
-        config: its settings, as in its file.
-        files: its calibrations, and an arena of its own, by their names from the folder.
-    """
-
-    folder: str
-    config: dict[str, Any]
-    files: dict[str, bytes]
+Words = tuple[str, dict[str, Any], dict[str, bytes]]
+"""What workers are told of a study: its folder, "" where they do not see it; then its settings, as in its
+file, and its calibrations and an arena of its own, by their names from the folder."""
 
 
 def words_for(folder: Path, config: NoiseConfig, pool: Pool) -> Words:
@@ -88,7 +80,7 @@ def words_for(folder: Path, config: NoiseConfig, pool: Pool) -> Words:
         ConfigError: a robot that only this machine has.
     """
     if not far(pool):
-        return Words(str(folder), {}, {})
+        return str(folder), {}, {}
     if config.base is not None:
         raise ConfigError(
             f"robot {config.robot}: expected one that the cluster's workers have too: its file is on this "
@@ -99,17 +91,17 @@ def words_for(folder: Path, config: NoiseConfig, pool: Pool) -> Words:
     table = config.to_dict()
     if config.arena is not None:
         files[ARENA], table["arena"] = load_arena(config.arena).to_toml().encode(), ARENA
-    return Words("", table, files)
+    return "", table, files
 
 
-def bench_in(words: Words) -> Bench:
+def bench_in(folder: str, config: dict[str, Any], files: dict[str, bytes]) -> Bench:
     """A bench for a study, wherever a worker is."""
-    if words.folder:
-        return Bench(Stage(Path(words.folder), NoiseConfig.from_folder(Path(words.folder))))
+    if folder:
+        return Bench(Stage(Path(folder), NoiseConfig.from_folder(Path(folder))))
     home = temporary.Folder("noise")
-    for name, content in words.files.items():
+    for name, content in files.items():
         file = Path(home.name, name)
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_bytes(content)
-    own = {"arena": str(Path(home.name, ARENA))} if ARENA in words.files else {}
-    return Bench(Stage(Path(home.name), NoiseConfig.from_dict({**words.config, **own})), home)
+    own = {"arena": str(Path(home.name, ARENA))} if ARENA in files else {}
+    return Bench(Stage(Path(home.name), NoiseConfig.from_dict({**config, **own})), home)

@@ -4,7 +4,7 @@ import csv
 from collections.abc import Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -39,6 +39,8 @@ HOURS = {"paper": 0.0, "another unit": 0.0, "own, 5 %": 0.2, "own, 20 %": 0.6, A
 COMPARISONS = ((("own, 5 %", False), ("paper", True)), ((ALL, False), ("own, 20 %", False)))
 """What is tested, first against second, over both levels of noise; the rest is shown."""
 
+TEXTS = ("known", "randomised", "outcome", "first", "second", "found")
+"""Columns of what is no number."""
 CALIBRATION = ("unit", "known", "channel", "model_error", "noise", "ratio", "recordings")
 
 
@@ -76,17 +78,8 @@ def write_results(folder: Path, config: RandomiseConfig, profiles: Profiles) -> 
     figures = {one: _read(trial_file(folder, one)) for one in controllers(config)}
     place, spread = folder / RESULTS, profiles.spread()
     place.mkdir(parents=True, exist_ok=True)
-    rows = [
-        [
-            one.condition.known,
-            one.condition.randomised,
-            one.condition.noise,
-            one.run,
-            one.unit,
-            *values.tolist(),
-        ]
-        for one, values in sorted(figures.items(), key=lambda item: _place(item[0]))
-    ]
+    order = sorted(figures, key=lambda one: (conditions().index(one.condition), one.run))
+    rows = [[*one.condition, one.run, one.unit, *figures[one].tolist()] for one in order]
     write_table(place / "controllers.csv", ("known", "randomised", "noise", "run", "unit", *FIGURES), rows)
     units = {name: _by_unit(figures, name, config) for name in OUTCOMES}
     found = [one for name in OUTCOMES for one in outcomes(name, units[name])]
@@ -158,29 +151,19 @@ def compared_in(results: Path) -> tuple[list[Outcome], list[Comparison]]:
         OSError: no such tables there.
     """
 
-    def rows(name: str) -> Iterator[dict[str, str]]:
-        yield from csv.DictReader((results / name).read_text("utf-8").splitlines())
-
-    def number(row: Mapping[str, str], key: str) -> float:
-        return float(row[key] or "nan")
+    def rows(name: str) -> Iterator[dict[str, Any]]:
+        for row in csv.DictReader((results / name).read_text("utf-8").splitlines()):
+            yield {key: text if key in TEXTS else float(text or "nan") for key, text in row.items()}
 
     found = [
         Outcome(
-            condition=Condition(row["known"], row["randomised"] == "true", float(row["noise"])),
-            outcome=row["outcome"], units=int(row["units"]),
-            mean=number(row, "mean"), low=number(row, "low"), high=number(row, "high"),
+            condition=Condition(row["known"], row["randomised"] == "true", row["noise"]),
+            outcome=row["outcome"], mean=row["mean"], low=row["low"], high=row["high"],
+            units=int(row["units"]),
         )
         for row in rows("conditions.csv")
     ]  # fmt: skip
-    compared = [
-        Comparison(
-            outcome=row["outcome"], first=row["first"], second=row["second"], found=row["found"],
-            difference=number(row, "difference"), low=number(row, "low"), high=number(row, "high"),
-            p=number(row, "p"), p_holm=number(row, "p_holm"),
-        )
-        for row in rows("comparisons.csv")
-    ]  # fmt: skip
-    return found, compared
+    return found, [Comparison(**row) for row in rows("comparisons.csv")]
 
 
 def _by_unit(
@@ -217,10 +200,6 @@ def _interval(values: Floats) -> tuple[float, float, float, int]:
 
 def _words(which: tuple[str, bool]) -> str:
     return which[0] + ", randomised" * which[1]
-
-
-def _place(one: Controller) -> tuple[int, int]:
-    return conditions().index(one.condition), one.run
 
 
 def _read(file: Path) -> Floats:

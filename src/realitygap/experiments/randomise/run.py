@@ -6,8 +6,8 @@ from realitygap.experiments.randomise.run import measure_or_randomise
 measure_or_randomise("out/measure", RandomiseConfig(units=2, runs=2))
 """
 
-from collections.abc import Iterator, Mapping
-from functools import partial
+from collections.abc import Iterator
+from functools import cache, partial
 from pathlib import Path
 
 from realitygap.calibration.unit import calibrated_again, calibrated_unit
@@ -25,7 +25,7 @@ from realitygap.experiments.randomise.plan import (
     evolution,
 )
 from realitygap.experiments.randomise.results import write_results
-from realitygap.experiments.randomise.trials import Bench, Job, Words, trial_file
+from realitygap.experiments.randomise.trials import Bench, Job, trial_file
 from realitygap.streams import named_stream
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study
@@ -95,6 +95,7 @@ class _Left(Phases):
         units = {unit: calibrated_folder(folder, unit, AGAIN[-1]) / PROFILE for unit in config.numbers}
         self.uncalibrated = missing(units)
         self.studies: dict[tuple[int, str], Study] = {}
+        self.study = cache(self._study)
         every, left = len(self.every), len(self.left)
         run, trials = RUN_COST + config.evaluations * EVALUATION_COST, TRIAL_COST * config.starts
         self.phases = (
@@ -110,7 +111,7 @@ class _Left(Phases):
         calibrating, evolving, driving = self.phases
 
         def setup() -> Setup:
-            return Setup(Bench, (Words(self.config, None if far(self.pool) else self.folder),))
+            return Setup(Bench, (self.config, None if far(self.pool) else self.folder))
 
         record = partial(self._record, recorders)
         self.calibrate(calibrating, self.uncalibrated, record, len(PARTS) + 1 + len(AGAIN))
@@ -136,7 +137,7 @@ class _Left(Phases):
 
     def _place(self, unit: int, known: str) -> tuple[Path, StudyConfig, int]:
         """The runs of a unit in a state of knowledge: where they are, what they are, how many."""
-        study, names = self._study(unit, known)
+        study, names = self.study(unit, known)
         place = self.folder / "evolved" / f"unit-{unit}" / known.replace(" %", "").replace(", ", "-")
         return place, study, len(names)
 
@@ -145,13 +146,9 @@ class _Left(Phases):
         return evolution(self.config, unit, known, profile, self.profiles.spread())
 
     def _jobs(self) -> Iterator[Job]:
-        spread = self.profiles.spread()
-        names: dict[tuple[int, str], Mapping[Controller, str]] = {}
         for one in self.left:
             key = (one.unit, one.condition.known)
-            if key not in names:
-                names[key] = self._study(*key)[1]
-            champion = self.studies[key].run(names[key][one]).champion
+            champion = self.studies[key].run(self.study(*key)[1][one]).champion
             assert champion is not None
             profile, truth = self.profiles.of(*key), self.profiles.of(one.unit, ALL)
-            yield Job(one, champion, profile, truth, spread)
+            yield Job(one, champion, profile, truth, self.profiles.spread())

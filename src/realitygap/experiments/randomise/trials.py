@@ -28,7 +28,7 @@ from realitygap.values import Pose
 from realitygap.work.pool import Tell
 from realitygap.world.profile import Profile
 
-__all__ = ["FIGURES", "Bench", "Job", "Words", "trial_file"]
+__all__ = ["FIGURES", "Bench", "Job", "trial_file"]
 
 FIGURES = ("correspondence", "behaviour", "layout", "fitness_situated", "fitness_simulated", "lost")
 """What is kept of a controller: scores 0 to 10, the task's own scores, and trials that the camera lost."""
@@ -38,13 +38,6 @@ LEAST_TRIALS = 2
 def trial_file(folder: Path, one: Controller) -> Path:
     """What is kept of a controller's trials."""
     return folder / "trials" / f"unit-{one.unit}" / f"{one.name}.npz"
-
-
-class Words(NamedTuple):
-    """What workers are told; `folder` keeps cameras, None where they do not see it."""
-
-    config: RandomiseConfig
-    folder: Path | None
 
 
 class Job(NamedTuple):
@@ -66,13 +59,12 @@ class Job(NamedTuple):
 
 
 class Bench:
-    """Carries out jobs; made once in a worker."""
+    """Carries out jobs; made once in a worker. `folder` keeps cameras, None where it is not to be seen."""
 
-    def __init__(self, words: Words) -> None:
-        self._config = words.config
+    def __init__(self, config: RandomiseConfig, folder: Path | None) -> None:
+        self._config = config
         self._home = temporary.Folder("randomise")
-        self._cameras = Path(self._home.name) if words.folder is None else words.folder / "cameras"
-        self._unit = 0
+        self._cameras = Path(self._home.name) if folder is None else folder / "cameras"
         self._rig: Rig | None = None
 
     def carry_out(self, job: Job, tell: Tell) -> None:
@@ -116,10 +108,9 @@ class Bench:
 
     def _ready(self, unit: int, truth: Profile) -> Rig:
         """The unit in the task's arena, under a camera that is calibrated for its true body."""
-        if self._rig is None or self._unit != unit:
+        address, noise = self._config.address(unit), self._config.twin_noise
+        if self._rig is None or self._rig.robot != address:
             self.close_rig()
-            self._unit, address = unit, self._config.address(unit)
-            noise = self._config.twin_noise
             self._rig = Rig(
                 self._config.task, truth, robot=address, twin_noise=noise, folder_for_camera=self._cameras
             )
