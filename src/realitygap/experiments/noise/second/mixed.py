@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from realitygap.experiments.noise.crossed import Crossed
 from realitygap.experiments.noise.second.stratified import Tested
-from realitygap.experiments.noise.second.verdicts import PLAN, Plan
+from realitygap.experiments.noise.second.verdicts import PLAN, Plan, falls
 from realitygap.values import Floats
 
 __all__ = ["by_mixed_models"]
@@ -30,18 +30,12 @@ def by_mixed_models(data: Crossed, plan: Plan = PLAN) -> dict[tuple[str, str], T
     for other in plan.against:
         part = data.only(np.isin(data.evolved, (plan.robot, other)))
         found["b", f"{other:g}"] = _fitted(part, part.at(plan.robot), part.evolved == plan.robot)
-    fall = data.situated_home - data.situated_foreign
-    some = sorted({plan.robot, *plan.against})
-    for against, keep in (
-        (", ".join(f"{level:g}" for level in some), np.isin(data.evolved, some)),
-        ("all levels", np.ones(len(data), bool)),
-    ):
-        keep = keep & np.isfinite(fall)
-        part, own, root = data.only(keep), fall[keep], np.sqrt(data.evolved[keep])
+    for against, part, fall in falls(data, plan):
+        root = np.sqrt(part.evolved)
         for task in part.tasks:
             rows = part.task == task
-            own[rows] = (own[rows] - own[rows].mean()) / (own[rows].std() or 1.0)
-        made = _fitted(part, own, (root - root.mean()) / (root.std() or 1.0))
+            fall[rows] = (fall[rows] - fall[rows].mean()) / (fall[rows].std() or 1.0)
+        made = _fitted(part, fall, (root - root.mean()) / (root.std() or 1.0))
         found["d", against] = made and made._replace(statistic=-made.statistic)
     return {key: made for key, made in found.items() if made is not None}
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from realitygap.experiments.noise.contrasts import paired, unpaired
+from realitygap.experiments.noise.crossed import Crossed
 from realitygap.values import Floats
 
 __all__ = [
@@ -37,15 +38,13 @@ class Tested(NamedTuple):
 NOTHING = Tested(math.nan, 0.0, 1.0)
 
 
-def groups(
-    first: Floats, second: Floats, strata: tuple[Sequence[object], Sequence[object]], *, least: int = 1
-) -> list[tuple[Floats, Floats]]:
-    """Both groups' known values [n], [m] by stratum; those with fewer than `least` of either are left out."""
+def groups(data: Crossed, values: Floats, levels: tuple[float, float], least: int) -> Groups:
+    """Known values [n] of those evolved at either level, within task and calibration unit; strata with fewer
+    than `least` of either are left out."""
     pairs: dict[object, tuple[list[float], list[float]]] = {}
-    for which, (values, keys) in enumerate(zip((first, second), strata, strict=True)):
-        for value, key in zip(values.tolist(), keys, strict=True):
-            if math.isfinite(value):
-                pairs.setdefault(key, ([], []))[which].append(value)
+    for which, level in enumerate(levels):
+        for i in np.flatnonzero((data.evolved == level) & np.isfinite(values)):
+            pairs.setdefault((data.task[i], data.home[i]), ([], []))[which].append(values[i])
     return [(np.array(x), np.array(y)) for x, y in pairs.values() if min(len(x), len(y)) >= least]
 
 

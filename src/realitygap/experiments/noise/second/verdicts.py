@@ -2,7 +2,7 @@
 
 import math
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,8 @@ from realitygap.experiments.noise.second.stratified import Groups, Tested
 from realitygap.values import Floats
 
 __all__ = [
-    "CLAIMS", "PLAN", "Comparison", "Judgement", "Peak", "Plan", "StatedClaim", "Verdict", "judge", "peak_of",
+    "CLAIMS", "PLAN", "Comparison", "Judgement", "Peak", "Plan", "StatedClaim", "Verdict", "falls", "judge",
+    "peak_of",
 ]  # fmt: skip
 
 
@@ -142,21 +143,25 @@ def _tests(data: Crossed, plan: Plan, permutations: int, *, least: int) -> dict[
         to = f"{other:g}"
         made["a", "signed ranks", to] = stratified.by_signed_ranks(data.at(plan.robot), data.at(other))
         for key, values in _values(data, plan).items():
-            pairs = _groups(data, values, plan.robot, other, least)
+            pairs = stratified.groups(data, values, (plan.robot, other), least)
             made[key, "ranks", to] = stratified.by_ranks(pairs)
             made[key, "means", to] = stratified.by_means(pairs, permutations=permutations, seed=plan.seed)
             if key == "b":
                 made[key, "failures", to] = stratified.by_failures(pairs, plan.failed)
+    for words, part, fall in falls(data, plan):
+        made["d", "slopes", words] = stratified.by_slopes(np.sqrt(part.evolved), fall, part.home, part.task)
+    return made
+
+
+def falls(data: Crossed, plan: Plan) -> Iterator[tuple[str, Crossed, Floats]]:
+    """What (d) is over: levels, in words, those who evolved at them, and how far the fitness [n] of each
+    falls from its calibration unit to the others."""
     some = sorted({plan.robot, *plan.against})
     fall = data.situated_home - data.situated_foreign
     for words, of in ((", ".join(f"{level:g}" for level in some), np.isin(data.evolved, some)),
                       ("all levels", np.ones(len(data), bool))):  # fmt: skip
         keep = of & np.isfinite(fall)
-        part = data.only(keep)
-        made["d", "slopes", words] = stratified.by_slopes(
-            np.sqrt(part.evolved), fall[keep], part.home, part.task
-        )
-    return made
+        yield words, data.only(keep), fall[keep]
 
 
 def _gaps(data: Crossed, plan: Plan) -> dict[tuple[str, str], tuple[float, float, float]]:
@@ -164,10 +169,10 @@ def _gaps(data: Crossed, plan: Plan) -> dict[tuple[str, str], tuple[float, float
     found = {}
     for other in plan.against:
         paired = [(data.at(plan.robot) - data.at(other), np.zeros(2))]  # against nothing: Student's interval
-        every = {
-            key: _groups(data, values, plan.robot, other, 2) for key, values in _values(data, plan).items()
-        }
-        for key, pairs in ({"a": paired} | every).items():
+        every: dict[str, Groups] = {"a": paired}
+        for key, values in _values(data, plan).items():
+            every[key] = stratified.groups(data, values, (plan.robot, other), 2)
+        for key, pairs in every.items():
             gap = stratified.by_means(pairs, permutations=0, seed=0).effect
             found[key, f"{other:g}"] = (gap, *stratified.mean_interval(pairs, plan.share))
     return found
@@ -176,14 +181,6 @@ def _gaps(data: Crossed, plan: Plan) -> dict[tuple[str, str], tuple[float, float
 def _values(data: Crossed, plan: Plan) -> dict[str, Floats]:
     """Scores [n] of (b), in one and the same simulation, and of (c), in that which each was evolved in."""
     return {"b": data.at(plan.robot), "c": data.own(home=True)}
-
-
-def _groups(data: Crossed, values: Floats, level: float, other: float, least: int) -> Groups:
-    """Values of those evolved at either level, within task and calibration unit."""
-    mine, theirs = data.evolved == level, data.evolved == other
-    strata = list(zip(data.task.tolist(), data.home.tolist(), strict=True))
-    keys = [[strata[i] for i in np.flatnonzero(rows)] for rows in (mine, theirs)]
-    return stratified.groups(values[mine], values[theirs], (keys[0], keys[1]), least=least)
 
 
 def _found(one: Comparison, p: float, plan: Plan) -> Comparison:
