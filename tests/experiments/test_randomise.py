@@ -15,15 +15,17 @@ from realitygap.calibration.share import thinned
 from realitygap.calibration.unit_folder import PROFILE
 from realitygap.cli import realitygap
 from realitygap.errors import ConfigError, StudyError
-from realitygap.experiments.randomise.known import Profiles, calibrated_folder, spread_of
 from realitygap.experiments.randomise.plan import (
     KNOWN,
     LOOKUP,
+    Profiles,
     RandomiseConfig,
     Spread,
+    calibrated_folder,
     conditions,
     controllers,
     evolution,
+    spread_of,
 )
 from realitygap.experiments.randomise.results import OUTCOMES, compared, outcomes
 from realitygap.experiments.randomise.run import measure_or_randomise

@@ -14,8 +14,7 @@ from scipy import stats
 
 from realitygap.experiments.noise.crossed import Crossed
 from realitygap.experiments.noise.second import stratified
-from realitygap.experiments.noise.second.mixed import by_mixed_models
-from realitygap.experiments.noise.second.verdicts import CLAIMS, PLAN, Judgement, judge
+from realitygap.experiments.noise.second.verdicts import CLAIMS, PLAN, Judgement, by_mixed_models, judge
 from tests.experiments.crosses import comparison, evolution
 from tests.experiments.second import arm
 

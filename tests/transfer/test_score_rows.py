@@ -16,9 +16,8 @@ from realitygap.study.load import Study, load_study
 from realitygap.study.runner import run_study
 from realitygap.toml import to_toml
 from realitygap.transfer import score_row as module
-from realitygap.transfer.kept_rows import MARKS
 from realitygap.transfer.packed import Packed
-from realitygap.transfer.score_rows import marks_of
+from realitygap.transfer.score_rows import MARKS, marks_of
 from realitygap.work.pool import messages_of
 from tests.study.helpers import small
 

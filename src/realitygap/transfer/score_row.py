@@ -4,10 +4,13 @@ Type and behaviour score are of the simulation, "after repeated testing"; differ
 correspondence are of its transfers, trial by trial from the same poses.
 """
 
+import hashlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
-from functools import cached_property
+from functools import cache, cached_property
+from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,8 +30,8 @@ from realitygap.study.plan import run_stream
 from realitygap.tasks.task import Task
 from realitygap.track import Track
 from realitygap.transfer.chosen import number_of
-from realitygap.transfer.kept_rows import digest
 from realitygap.transfer.load import Transferred
+from realitygap.transfer.packed import content
 
 __all__ = ["Bench", "Job", "ScoreRow"]
 
@@ -114,11 +117,11 @@ class Job:
         number = number_of(self.run, self.individual)
         scale = self.bench.scales.get((self.kind, self.individual))
         folder = self.bench.study.folder
-        files = [folder / "study.toml", folder / "profile.toml", folder / f"arenas/{self.run.task}.toml"]
-        files += [one.folder / name for one in self.transfers for name in ("simulated.csv", "situated.csv")]
+        paths = [folder / "study.toml", folder / "profile.toml", folder / f"arenas/{self.run.task}.toml"]
+        paths += [one.folder / name for one in self.transfers for name in ("simulated.csv", "situated.csv")]
         tests = self.run.tests.get((self.individual, self.run.noise), np.zeros(0)).tobytes()
         columns = [field.name for field in fields(ScoreRow)]
-        return digest([self.run.name, self.individual, self.kind, number, scale, columns], tests, files)
+        return _digest([self.run.name, self.individual, self.kind, number, scale, columns], tests, paths)
 
     def mark(self) -> ScoreRow:
         """Name it, score it, compare it."""
@@ -217,3 +220,24 @@ class Job:
 
 def _noted(mark: ScoreRow, *words: str) -> ScoreRow:
     return replace(mark, why="; ".join(w for w in (mark.why, *words) if w))
+
+
+def _digest(words: Iterable[object], data: bytes, paths: Iterable[Path]) -> str:
+    """A key for a score row: of all that it follows from, and of the rules that it is made by."""
+    found = hashlib.blake2b(_rules(), digest_size=16)
+    found.update(repr(list(words)).encode())
+    found.update(data)
+    for path in paths:
+        found.update(content(path) or b"none")
+    return found.hexdigest()
+
+
+@cache
+def _rules() -> bytes:
+    """The text of the room that names and scores, its exemplars included."""
+    found = hashlib.blake2b(digest_size=16)
+    for room in ("realitygap.correspondence", "realitygap.correspondence.exemplars"):
+        for entry in sorted(files(room).iterdir(), key=lambda entry: entry.name):
+            if entry.name.endswith((".py", ".json", ".npz")):
+                found.update(entry.read_bytes())
+    return found.digest()

@@ -6,22 +6,30 @@
     for one in marks_of(load_study("out/reproduce")):
         print(one.name, one.type, one.behaviour, one.differences, one.correspondence)
 
-A score row follows from the study and its transfers alone; what is in `marks.json` is not computed again.
+A score row follows from the study and its transfers alone; what is in `marks.json` is not computed again,
+for as long as it holds.
 """
 
+import contextlib
+import json
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from os import PathLike
+from pathlib import Path
+from typing import Any
 
+from realitygap import whole
 from realitygap.robots.address import ROBOT, StandIn
+from realitygap.study.digest import check_of
 from realitygap.study.load import Study, as_study
-from realitygap.transfer.kept_rows import Kept
 from realitygap.transfer.load import Transferred, load_transfers
 from realitygap.transfer.score_row import Bench, Job, ScoreRow
 from realitygap.work.pool import Setup, Tell
 from realitygap.work.workers import Workers, near, opened
 
-__all__ = ["ScoreRow", "jobs_of", "kind_of", "marks_of"]
+__all__ = ["MARKS", "ScoreRow", "jobs_of", "kind_of", "marks_of"]
+
+MARKS = "marks.json"
 
 OnProgress = Callable[[int, int], None]
 
@@ -40,7 +48,7 @@ def marks_of(
         on_progress: called with score rows done and in all.
     """
     study = as_study(study)
-    kept = Kept(study.folder)
+    kept = _Kept(study.folder)
     jobs = [job for task in dict.fromkeys(run.task for run in study.runs) for job in jobs_of(study, task)]
     keys = [job.key for job in jobs]
     left = [k for k, key in enumerate(keys) if kept.get(key) is None]
@@ -57,6 +65,44 @@ def marks_of(
         kept.put(keys[k], made[k].to_dict())
     kept.save(set(keys))
     return [ScoreRow(**row) for row in map(kept.get, keys) if row is not None]
+
+
+class _Kept:
+    """The score rows in a folder's file, each with a checksum.
+
+    What is broken or was edited is computed anew; a file that cannot be written is done without.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._file = folder / MARKS
+        self._marks: dict[str, dict[str, Any]] = {}
+        with contextlib.suppress(OSError, ValueError, RecursionError):
+            there = json.loads(self._file.read_text("utf-8"))
+            if isinstance(there, dict):
+                self._marks = {key: kept["mark"] for key, kept in there.items() if _is_sound(kept)}
+        self._changed = False
+
+    def get(self, key: str) -> dict[str, Any] | None:
+        """The score row that was made of just this."""
+        return self._marks.get(key)
+
+    def put(self, key: str, mark: dict[str, Any]) -> None:
+        """Keep a score row."""
+        self._marks[key] = mark
+        self._changed = True
+
+    def save(self, wanted: Collection[str]) -> None:
+        """Write the file, without what nobody asks for any more; not through a link."""
+        if not self._changed or self._file.is_symlink():
+            return
+        kept = {k: {"mark": mark, "check": check_of(mark)} for k, mark in self._marks.items() if k in wanted}
+        with contextlib.suppress(OSError):
+            whole.write(self._file, json.dumps(kept, indent=1))
+
+
+def _is_sound(kept: object) -> bool:
+    """Whether this is a score row as it was kept."""
+    return isinstance(kept, dict) and "mark" in kept and kept.get("check") == check_of(kept["mark"])
 
 
 class _Scorer:

@@ -11,7 +11,6 @@ import numpy as np
 from realitygap import whole
 from realitygap.experiments.folder import RESULTS, Seconds, kept, write_table
 from realitygap.experiments.noise.contrasts import holm
-from realitygap.experiments.randomise.known import Profiles
 from realitygap.experiments.randomise.plan import (
     ALL,
     KNOWN,
@@ -19,6 +18,7 @@ from realitygap.experiments.randomise.plan import (
     NOISES,
     Condition,
     Controller,
+    Profiles,
     RandomiseConfig,
     conditions,
     controllers,

@@ -14,13 +14,14 @@ from realitygap.calibration.unit import calibrated_again, calibrated_unit
 from realitygap.calibration.unit_folder import PROFILE
 from realitygap.experiments.folder import missing, open_folder
 from realitygap.experiments.phases import Phase, Phases, Recorded, session
-from realitygap.experiments.randomise.known import Profiles, calibrated_folder
 from realitygap.experiments.randomise.plan import (
     ALL,
     KNOWN,
     LOOKUP,
     Controller,
+    Profiles,
     RandomiseConfig,
+    calibrated_folder,
     controllers,
     evolution,
 )

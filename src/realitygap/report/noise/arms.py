@@ -12,9 +12,8 @@ from realitygap.errors import StudyError
 from realitygap.experiments.noise.claims import Split, split_diagonal
 from realitygap.experiments.noise.crossed import Crossed
 from realitygap.experiments.noise.second.arms import plan_digests
-from realitygap.experiments.noise.second.mixed import by_mixed_models
 from realitygap.experiments.noise.second.stratified import Tested
-from realitygap.experiments.noise.second.verdicts import PLAN, Judgement, judge
+from realitygap.experiments.noise.second.verdicts import PLAN, Judgement, by_mixed_models, judge
 from realitygap.report.noise.orders import read_orders
 from realitygap.report.noise.results import Misfit, read_calibration
 from realitygap.report.noise.words import CHANNEL_TASKS
