@@ -186,7 +186,7 @@ def test_a_watched_trial_is_seen_ten_times_a_second(made, watched, tmp_path):
     with closing(Stage(watched)) as stage:  # the same drive, the truth of it kept
         again = next(situations(watched, Transfer(runs=[one.run], robots=["twin:1"], seconds=SECONDS)))
         driver = watched.controller(one.task, watched.runs[one.run - 1].champion)
-        pose, sealed = stage.simulation(again).start(again.stream), tmp_path / "sealed.csv"
+        pose, sealed = stage.simulation(again.task, again.noise).start(again.stream), tmp_path / "sealed.csv"
         stage.rig(again).trial(driver, again.stream, pose, SECONDS, sealed=sealed)
     track, truth = read_track(one.folder / "track.csv"), States.from_file(sealed)
     shown = np.searchsorted(truth.time_ms - truth.time_ms[0], one.situated.t * 1000 + 1e-3, "right") - 1

@@ -102,7 +102,11 @@ class Overhead(Closing):
             seen = tracker.see(picture)
             pose = None if seen is None else seen[0]
             if self._found is None:
-                return _must_be_seen(one, pose, tracker.doubt)
+                if pose is None:  # whoever cannot be asked
+                    cure = "Check that it wears the marker and that the calibration is of this camera."
+                    told = f"{one.name}, start {one.start}: the robot is not seen where it was carried."
+                    raise FilmError(f"{told} {tracker.doubt or cure}")
+                return pose
             if pose is None and tracker.doubt and self._says is not None:
                 self._says(tracker.doubt)
             if self._found(one, requested, pose):
@@ -121,12 +125,3 @@ class Overhead(Closing):
                 self._live.finish(time.monotonic())
             raise
         film.filmed = self._live.finish(film.begun + one.seconds)
-
-
-def _must_be_seen(one: Situation, seen: Pose | None, doubt: str) -> Pose:
-    """Whoever cannot be asked."""
-    if seen is None:
-        cure = "Check that it wears the marker and that the calibration is of this camera."
-        told = f"{one.name}, start {one.start}: the robot is not seen where it was carried."
-        raise FilmError(f"{told} {doubt or cure}")
-    return seen

@@ -129,24 +129,16 @@ class Situation:
 
     def facts(self) -> dict[str, Any]:
         """What the trial's result depends on, for its file."""
-        twin = self.robot.unit is not None
         own = {} if self.controller is None else {"controller": str(self.controller)}
+        driver = ("run", "name", "task", "noise", "individual", "evaluation")
         return {
             **own,
-            "run": self.run,
-            "name": self.name,
-            "task": self.task,
-            "noise": self.noise,
-            "individual": self.individual,
-            "evaluation": self.evaluation,
+            **{key: getattr(self, key) for key in driver},
             "robot": str(self.robot),
             "unit": self.robot.unit,
             "port": self.robot.port,
-            "twin_noise": self.twin_noise if twin else None,
-            "seed": self.seed,
-            "start": self.start,
-            "seconds": self.seconds,
-            "baud": self.baud,
+            "twin_noise": None if self.robot.unit is None else self.twin_noise,
+            **{key: getattr(self, key) for key in ("seed", "start", "seconds", "baud")},
             "disk": self.marker.to_dict() if isinstance(self.marker, Disk) else None,
             "marker": str(self.marker) if isinstance(self.marker, Tag) else None,
         }

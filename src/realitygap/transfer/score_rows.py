@@ -13,7 +13,7 @@ for as long as it holds.
 import contextlib
 import json
 from collections import Counter
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -48,10 +48,10 @@ def marks_of(
         on_progress: called with score rows done and in all.
     """
     study = as_study(study)
-    kept = _Kept(study.folder)
+    kept = _read(study.folder / MARKS)
     jobs = [job for task in dict.fromkeys(run.task for run in study.runs) for job in jobs_of(study, task)]
     keys = [job.key for job in jobs]
-    left = [k for k, key in enumerate(keys) if kept.get(key) is None]
+    left = [k for k, key in enumerate(keys) if key not in kept]
     tell, made = on_progress or (lambda done, total: None), dict[int, ScoreRow]()
 
     def heard(message: tuple[int, ScoreRow]) -> None:
@@ -61,48 +61,36 @@ def marks_of(
     tell(len(jobs) - len(left), len(jobs))
     with opened(1 if len(left) <= FEW else near(workers)) as pool:
         pool.work(Setup(_Scorer), [(k, jobs[k]) for k in left], heard)
-    for k in left:
-        kept.put(keys[k], made[k].to_dict())
-    kept.save(set(keys))
-    return [ScoreRow(**row) for row in map(kept.get, keys) if row is not None]
+    kept |= {keys[k]: made[k].to_dict() for k in left}
+    if left:
+        _write(study.folder / MARKS, {key: row for key, row in kept.items() if key in keys})
+    return [ScoreRow(**kept[key]) for key in keys]
 
 
-class _Kept:
-    """The score rows in a folder's file, each with a checksum.
-
-    What is broken or was edited is computed anew; a file that cannot be written is done without.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        self._file = folder / MARKS
-        self._marks: dict[str, dict[str, Any]] = {}
-        with contextlib.suppress(OSError, ValueError, RecursionError):
-            there = json.loads(self._file.read_text("utf-8"))
-            if isinstance(there, dict):
-                self._marks = {key: kept["mark"] for key, kept in there.items() if _is_sound(kept)}
-        self._changed = False
-
-    def get(self, key: str) -> dict[str, Any] | None:
-        """The score row that was made of just this."""
-        return self._marks.get(key)
-
-    def put(self, key: str, mark: dict[str, Any]) -> None:
-        """Keep a score row."""
-        self._marks[key] = mark
-        self._changed = True
-
-    def save(self, wanted: Collection[str]) -> None:
-        """Write the file, without what nobody asks for any more; not through a link."""
-        if not self._changed or self._file.is_symlink():
-            return
-        kept = {k: {"mark": mark, "check": check_of(mark)} for k, mark in self._marks.items() if k in wanted}
-        with contextlib.suppress(OSError):
-            whole.write(self._file, json.dumps(kept, indent=1))
+def _read(file: Path) -> dict[str, dict[str, Any]]:
+    """Rows that were kept, by what they follow from; what is broken or was edited is computed anew."""
+    with contextlib.suppress(OSError, ValueError, RecursionError):
+        there = json.loads(file.read_text("utf-8"))
+        if isinstance(there, dict):
+            return {key: kept["mark"] for key, kept in there.items() if _is_sound(kept)}
+    return {}
 
 
 def _is_sound(kept: object) -> bool:
-    """Whether this is a score row as it was kept."""
-    return isinstance(kept, dict) and "mark" in kept and kept.get("check") == check_of(kept["mark"])
+    """Whether this is a score row as it was kept, with its checksum."""
+    return (
+        isinstance(kept, dict)
+        and isinstance(kept.get("mark"), dict)
+        and kept.get("check") == check_of(kept["mark"])
+    )
+
+
+def _write(file: Path, rows: Mapping[str, dict[str, Any]]) -> None:
+    """Keep rows, not through a link; a file that cannot be written is done without."""
+    kept = {key: {"mark": mark, "check": check_of(mark)} for key, mark in rows.items()}
+    if not file.is_symlink():
+        with contextlib.suppress(OSError):
+            whole.write(file, json.dumps(kept, indent=1))
 
 
 class _Scorer:

@@ -53,7 +53,7 @@ class Stage:
 
     def __init__(self, study: Study, place: Path | None = None) -> None:
         self.study, self.place = study, place or study.folder
-        self._simulation = cache(self._simulated)
+        self.simulation = cache(self._simulated)
         self._rigs: dict[tuple[str, Address, float, int | None], Rig] = {}
         self._camera: tuple[object, OverheadCamera] | None = None
 
@@ -109,7 +109,7 @@ class Stage:
             tell: hears the share of the film that is done.
         """
         with whole.together(folder):
-            pose = self._simulation(one.task, one.noise).start(one.stream)
+            pose = self.simulation(one.task, one.noise).start(one.stream)
             facts = self._simulate(one, genes, pose, folder)
             sealed = folder / SEALED if one.source in ("camera", "film") else None
             driven = self.rig(one).trial(
@@ -135,7 +135,7 @@ class Stage:
         """
         genes = self.genes(one)
         with made(self.place / one.folder, one.robot) as folder:
-            pose = requested = self._simulation(one.task, one.noise).start(one.stream)
+            pose = requested = self.simulation(one.task, one.noise).start(one.stream)
             attend(body, *self.study.task(one.task).kinds)  # a line that is too slow is refused now
             body.stop()
             carry(one, requested)
@@ -156,7 +156,7 @@ class Stage:
 
     def _simulate(self, one: Situation, genes: Genes, pose: Pose, folder: Path) -> dict[str, Any]:
         """The paired trial in simulation; what is known of the trial before the other."""
-        simulation, driver = self._simulation(one.task, one.noise), self._driver(one, genes)
+        simulation, driver = self.simulation(one.task, one.noise), self._driver(one, genes)
         trajectory, fitness = drive_simulated(
             simulation, driver, stream=one.stream, pose=pose, seconds=one.seconds
         )

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from realitygap.calibration.unit_folder import PROFILE
-from realitygap.errors import StudyError
+from realitygap.errors import RealityGapError, StudyError
 from realitygap.experiments import folder as any_folder
 from realitygap.experiments.folder import Seconds
 from realitygap.experiments.noise.config import CONFIG, NoiseConfig
@@ -21,15 +21,20 @@ from realitygap.experiments.noise.plan import (
 )
 from realitygap.experiments.noise.second.arms import check_arm, plan_digests
 from realitygap.study.merge import merge_runs, new_folder
+from realitygap.study.schema import told
 from realitygap.study.settings import refuse_difference
 from realitygap.toml import read_toml
-from realitygap.work.shard import Shard
+from realitygap.work.shard import MARK, Mark, Shard
 
 __all__ = ["begun_by", "command_of", "merge_noise", "open_folder"]
 
 
-def open_folder(folder: Path, requested: NoiseConfig | None, *, resume: bool) -> NoiseConfig:
+def open_folder(
+    folder: Path, requested: NoiseConfig | None, *, resume: bool, mark: Mark | None = None
+) -> NoiseConfig:
     """Make the requested study in the folder, or open the one that is there; the lock is held.
+
+    It is marked as a shard before it is made; what is refused changes nothing.
 
     Raises:
         StudyError: as of `folder.open_folder`; or an arm that is not the plan's.
@@ -38,7 +43,16 @@ def open_folder(folder: Path, requested: NoiseConfig | None, *, resume: bool) ->
     if new and requested is not None:
         check_arm(folder, requested)
     plan = {"plan": plan_digests()} if requested is not None and requested.arm else {}
-    made = any_folder.open_folder(folder, NoiseConfig, requested, resume=resume, facts=plan)
+    begun = mark if new else None
+    try:
+        if begun is not None:
+            with told(folder):
+                begun.write(folder, finished=False)
+        made = any_folder.open_folder(folder, NoiseConfig, requested, resume=resume, facts=plan)
+    except RealityGapError:
+        if begun is not None:
+            (folder / MARK).unlink(missing_ok=True)
+        raise
     if not new:
         check_arm(folder, made, begun_by(folder))
     return made

@@ -38,7 +38,11 @@ def write_results(stage: Stage) -> Path:
     """
     folder, config = stage.folder / RESULTS, stage.config
     folder.mkdir(parents=True, exist_ok=True)
-    found = {one: read_compared(stage, one) for one in sorted(controllers(config), key=_order(stage))}
+    order = sorted(
+        controllers(config),
+        key=lambda one: (config.tasks.index(one.task), one.seed_set, one.level, one.run, one.individual),
+    )
+    found = {one: read_compared(stage, one) for one in order}
     _table(folder / "controllers.csv", [_controller(one, kept, config) for one, kept in found.items()])
     cells = [row for one, kept in found.items() for row in _cells(one, kept, config)]
     _table(folder / "cells.csv", cells)
@@ -66,12 +70,6 @@ def write_results(stage: Stage) -> Path:
             whole.write(folder / "profiles" / f"unit-{unit}.toml", profile.read_text("utf-8"))
     whole.write(folder / "study.toml", to_toml(facts))
     return folder
-
-
-def _order(stage: Stage) -> Any:
-    """Rows as a person looks for them: task, seed set, level, run."""
-    tasks = stage.config.tasks
-    return lambda one: (tasks.index(one.task), one.seed_set, one.level, one.run, one.individual)
 
 
 def _controller(one: Controller, kept: Mapping[str, Any], config: NoiseConfig) -> dict[str, object]:

@@ -9,9 +9,9 @@ noise_study("out/noise", NoiseConfig(runs=8, starts=4))
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from realitygap.calibration.unit_folder import PROFILE
-from realitygap.errors import RealityGapError
 from realitygap.experiments.folder import missing
 from realitygap.experiments.noise.config import CONFIG, NoiseConfig
 from realitygap.experiments.noise.folder import open_folder
@@ -36,7 +36,7 @@ from realitygap.study.folder import exists
 from realitygap.study.schema import told
 from realitygap.work.pool import Pool, Setup
 from realitygap.work.progress import OnProgress
-from realitygap.work.shard import MARK, Mark, Shard, marked
+from realitygap.work.shard import Shard, marked
 from realitygap.work.workers import Workers, far, near
 
 __all__ = ["WORK", "noise_study"]
@@ -91,27 +91,13 @@ def noise_study(
         check_robot(config)
     with session(folder, workers) as pool:
         mark = marked(folder, shard, WORK, begun=(folder / CONFIG).is_file())
-        made = _opened(folder, config, mark, resume=resume)
+        made = open_folder(folder, config, resume=resume, mark=mark)
         own = None if mark is None else mark.shard
         _Noise(folder.resolve(), made, pool, own, on_progress).carry_out(near(workers), engine)
         if mark is None:
             return write_results(Stage(folder, made))
         mark.write(folder, finished=True)
         return folder
-
-
-def _opened(folder: Path, config: NoiseConfig | None, mark: Mark | None, *, resume: bool) -> NoiseConfig:
-    """The study in the folder, marked as a shard before it is made; what is refused changes nothing."""
-    new = not (folder / CONFIG).is_file()
-    if mark is not None and new:
-        with told(folder):
-            mark.write(folder, finished=False)
-    try:
-        return open_folder(folder, config, resume=resume)
-    except RealityGapError:
-        if mark is not None and new:
-            (folder / MARK).unlink(missing_ok=True)
-        raise
 
 
 class _Noise(Phases):
@@ -171,15 +157,12 @@ class _Noise(Phases):
 
         place, config = calibration_folder(self.folder, unit), self.config
         seed = named_stream(config.seed, "calibration", unit) >> 1
+        how: dict[str, Any] = {"seed": seed, "workers": recorders, "on_progress": heard}
         if config.base is None:
             which = unit if config.robot is None else config.address(unit)
-            noise = config.twin_noise
-            calibrated_unit(place, unit=which, noise=noise, seed=seed, workers=recorders, on_progress=heard)
+            calibrated_unit(place, unit=which, noise=config.twin_noise, **how)
         else:
-            robot = config.address(unit)
-            calibrated_robot(
-                place, robot=robot, base=config.base, seed=seed, workers=recorders, on_progress=heard
-            )
+            calibrated_robot(place, robot=config.address(unit), base=config.base, **how)
 
     def _studies(self) -> Iterator[tuple[Path, StudyConfig, int]]:
         """The runs of every seed set, each in the simulation of its calibration unit."""

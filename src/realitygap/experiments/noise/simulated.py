@@ -193,15 +193,8 @@ def _cell(
         setting = replace(setting, jitter=False)
         scale = scale_for(stage, setting, units)
         calm["without_jitter"] = compare(simulated, situated, setting, scale=scale, resamples=0).score
-    response = math.nan if found.responsiveness is None else found.responsiveness
-    return {
-        "score": found.score,
-        "behaviour": found.behaviour,
-        "layout": found.layout,
-        "noisiness": found.noisiness,
-        "responsiveness": response,
-        **calm,
-    }
+    figures = {key: getattr(found, key) for key in FIGURES}
+    return {key: math.nan if value is None else value for key, value in figures.items()} | calm
 
 
 def lived_apart(

@@ -26,7 +26,7 @@ from realitygap.robots.body import Placing, Seen
 from realitygap.robots.recording import Recording
 from realitygap.tasks.load import TASKS, load_task
 from realitygap.track import Track, settled
-from realitygap.values import Floats, Pose
+from realitygap.values import Floats, Pose, fed
 from realitygap.world.profile import load_profile
 
 if TYPE_CHECKING:
@@ -153,9 +153,8 @@ def situate(
     """
     config, units = stage.config, stage.config.driven(one.home, one.individual)
     driver = stage.driver(one)
-    home = stage.profile(one.home)
-    rows = stage.task(one.task).steps_of(home) + 1
-    kinds = stage.task(one.task).kinds
+    home, task = stage.profile(one.home), stage.task(one.task)
+    rows = task.steps_of(home) + 1
     poses = np.full((len(units), config.starts, rows, 3), np.nan)
     streams = np.zeros((len(units), config.starts), np.uint64)
     lived: list[tuple[NDArray[Any], ...]] = []
@@ -165,8 +164,7 @@ def situate(
             streams[u, k] = stream(config, "situated", *one.key, unit, k + 1, seed_set=one.seed_set)
             track, made = _driven(rig, driver, int(streams[u, k]), pose)
             poses[u, k] = np.stack([track.x, track.y, track.heading], axis=1)
-            read = np.hstack([getattr(made, kind) for kind in kinds])
-            lived.append((read, made.commands, made.speeds))
+            lived.append((fed(made, task.feeds), made.commands, made.speeds))
             tell(1.0 / streams.size)
     kept = (
         np.array(each, np.float32).reshape(*streams.shape, *each[0].shape)
