@@ -74,7 +74,7 @@ def test_its_path_is_reckoned_from_the_speeds_that_its_motors_measure(study: Stu
     """Over the line a Thymio tells no pose and counts no turns: by speeds its path ends near Enki's."""
     (one,) = situations(study, Transfer(robots=("thymio:somewhere:33333",)))
     assert one.source == "speeds"
-    pose, task = Stage(study).simulation(one).start(one.stream), study.task(TASK)
+    pose, task = Stage(study).simulation(one.task, one.noise).start(one.stream), study.task(TASK)
     controller = study.controller(TASK, study.genotype(one.run, one.evaluation))
     profile = replace(
         study.profile, wheels=replace(study.profile.wheels, speed_per_unit_cm_s=(0.0332, 0.0332))
