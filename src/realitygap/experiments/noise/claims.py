@@ -207,17 +207,19 @@ def _contrast(
     data: Crossed, compare: _Compare, values: Floats, other: float, weights: Floats | None
 ) -> Contrast:
     every = np.arange(len(data))
-    whole, first, second, means = compare(data, values, other, every, weights)
+    whole, first, second = compare(data, values, other, every, weights)
     alone = [(s, np.flatnonzero(data.seed_set == s)) for s in data.sets]
     sets = tuple(
         SetEffect(seed_set=s, effect=compare(data, values, other, rows, None)[0]) for s, rows in alone
     )
+    means = float(first.mean()), float(second.mean())
     return Contrast(
-        level=data.robot, other=other, first=first, second=second, means=means, effect=whole, sets=sets
-    )
+        level=data.robot, other=other, first=len(first), second=len(second), means=means, effect=whole,
+        sets=sets,
+    )  # fmt: skip
 
 
-_Compared = tuple[Effect, int, int, tuple[float, float]]
+_Compared = tuple[Effect, Floats, Floats]
 _Compare = Callable[[Crossed, Floats, float, NDArray[np.int64], Floats | None], _Compared]
 
 
@@ -226,8 +228,7 @@ def _by_comparison(
 ) -> _Compared:
     """The same controllers' scores at the robot's level and at another."""
     first, second = scores[rows, data.index(data.robot)], scores[rows, data.index(other)]
-    effect = paired(first, second, None if weights is None else weights[:, rows])
-    return effect, len(rows), len(rows), (float(first.mean()), float(second.mean()))
+    return paired(first, second, None if weights is None else weights[:, rows]), first, second
 
 
 def _by_evolved(
@@ -242,4 +243,4 @@ def _by_evolved(
         strata=([strata[i] for i in mine], [strata[i] for i in theirs]),
         weights=None if weights is None else (weights[:, mine], weights[:, theirs]),
     )
-    return effect, len(mine), len(theirs), (float(values[mine].mean()), float(values[theirs].mean()))
+    return effect, values[mine], values[theirs]
