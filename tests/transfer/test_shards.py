@@ -165,7 +165,7 @@ def test_packed_trials_are_the_same(finished, tmp_path):
         replays = [Replays(study).of(trial.folder) for study, trial in ((loose, here), (packed, there))]
         assert replays[0].situated.ended == replays[1].situated.ended == "finished"
         assert (replays[0].simulated.track.x == replays[1].simulated.track.x).all()
-    keys = [[job.key for job in jobs_of(study, one[0].task)] for study in (loose, packed)]
+    keys = [[job.key for job in jobs_of(study)] for study in (loose, packed)]
     assert keys[0] == keys[1]
     data = bytearray((packed.folder / "transfer" / PACKED).read_bytes())
     data[4096:] = bytes(len(data) - 4096)

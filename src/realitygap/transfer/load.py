@@ -148,6 +148,9 @@ def load_transfer(folder: Path) -> Transferred:
 
 def _transferred(file: Path, table: dict[str, Any]) -> Transferred:
     folder = file.parent
+    loose: dict[str, Any] = {
+        key: table.get(key) for key in ("unit", "twin_noise", "view", "missed_steps", "trouble")
+    }
     try:
         return Transferred(
             folder=folder,
@@ -158,7 +161,7 @@ def _transferred(file: Path, table: dict[str, Any]) -> Transferred:
             fitness_situated=float(table["fitness"]["situated"]),
             lost_steps=table.get("lost_steps", 0),
             **{key: table[key] for key in PLAIN},
-            **{key: table.get(key) for key in ("unit", "twin_noise", "view", "missed_steps", "trouble")},
+            **loose,
         )
     except (KeyError, TypeError, ValueError) as error:
         raise StudyError(f"{file}: {error}: missing or broken. Move the folder away.") from None

@@ -6,11 +6,10 @@ correspondence are of its transfers, trial by trial from the same poses.
 
 import hashlib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cache, cached_property
 from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -113,7 +112,7 @@ class Job:
 
     @cached_property
     def key(self) -> str:
-        """What the score row follows from."""
+        """A digest of all that the score row follows from, and of the rules that it is made by."""
         number = number_of(self.run, self.individual)
         scale = self.bench.scales.get((self.kind, self.individual))
         folder = self.bench.study.folder
@@ -121,7 +120,11 @@ class Job:
         paths += [one.folder / name for one in self.transfers for name in ("simulated.csv", "situated.csv")]
         tests = self.run.tests.get((self.individual, self.run.noise), np.zeros(0)).tobytes()
         columns = [field.name for field in fields(ScoreRow)]
-        return _digest([self.run.name, self.individual, self.kind, number, scale, columns], tests, paths)
+        words = [self.run.name, self.individual, self.kind, number, scale, columns]
+        found = hashlib.blake2b(_rules(), digest_size=16)
+        for part in (repr(words).encode(), tests, *(content(path) or b"none" for path in paths)):
+            found.update(part)
+        return found.hexdigest()
 
     def mark(self) -> ScoreRow:
         """Name it, score it, compare it."""
@@ -220,16 +223,6 @@ class Job:
 
 def _noted(mark: ScoreRow, *words: str) -> ScoreRow:
     return replace(mark, why="; ".join(w for w in (mark.why, *words) if w))
-
-
-def _digest(words: Iterable[object], data: bytes, paths: Iterable[Path]) -> str:
-    """A key for a score row: of all that it follows from, and of the rules that it is made by."""
-    found = hashlib.blake2b(_rules(), digest_size=16)
-    found.update(repr(list(words)).encode())
-    found.update(data)
-    for path in paths:
-        found.update(content(path) or b"none")
-    return found.hexdigest()
 
 
 @cache

@@ -49,7 +49,7 @@ def marks_of(
     """
     study = as_study(study)
     kept = _read(study.folder / MARKS)
-    jobs = [job for task in dict.fromkeys(run.task for run in study.runs) for job in jobs_of(study, task)]
+    jobs = jobs_of(study)
     keys = [job.key for job in jobs]
     left = [k for k, key in enumerate(keys) if key not in kept]
     tell, made = on_progress or (lambda done, total: None), dict[int, ScoreRow]()
@@ -110,11 +110,16 @@ def kind_of(one: Transferred) -> str:
     return ROBOT if stand_in is None else stand_in.kind
 
 
-def jobs_of(study: Study, task: str) -> list[Job]:
-    """The score rows to be made of a task, in the order of its runs; robots before twins."""
+def jobs_of(study: Study) -> list[Job]:
+    """The score rows to be made, task by task, in the order of its runs; robots before twins."""
+    every, tasks = load_transfers(study.folder), dict.fromkeys(run.task for run in study.runs)
+    return [job for task in tasks for job in _of_task(study, task, every)]
+
+
+def _of_task(study: Study, task: str, every: list[Transferred]) -> list[Job]:
     runs = [run for run in study.runs if run.task == task and run.finished]
     found: dict[tuple[int, str, str], list[Transferred]] = {}
-    for one in load_transfers(study.folder):
+    for one in every:
         if one.task == task:
             found.setdefault((one.run, kind_of(one), one.individual), []).append(one)
     counts: dict[tuple[str, str], Counter[int]] = {}

@@ -98,9 +98,7 @@ def without_camera(
         StudyError: it has no transfers whose readings are known.
     """
     study = as_study(study)
-    replays, jobs = Replays(study), []
-    for task in dict.fromkeys(run.task for run in study.runs):
-        jobs += [job for job in jobs_of(study, task) if job.transfers]
+    replays, jobs = Replays(study), [job for job in jobs_of(study) if job.transfers]
     found: dict[tuple[str, str, str], list[tuple[Lived, list[_Unit]]]] = defaultdict(list)
     for k, job in enumerate(jobs):
         if on_progress:

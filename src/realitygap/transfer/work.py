@@ -188,11 +188,7 @@ class _Keeper:
 
 
 def _refuse_own(todo: Sequence[Situation], *, away: bool) -> None:
-    """Refuse to send for a robot or a controller that only this machine has.
-
-    Raises:
-        UsageError: names it.
-    """
+    """Refuse to send for a robot or a controller that only this machine has."""
     for one in todo:
         own = one.controller or (one.robot if one.robot.kind == "own" else None)
         if away and own is not None:
