@@ -105,10 +105,10 @@ def unit_by_hand(folder: Path, *, unit: int, **_: Any) -> Path:
 def quick_units(*, rig: bool = True) -> Iterator[pytest.MonkeyPatch]:
     """Units that need no recordings, and (`rig`) no twin."""
     import realitygap.calibration.unit
-    import realitygap.transfer.rig
+    import realitygap.experiments.noise.situated
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(realitygap.calibration.unit, "calibrated_unit", unit_by_hand)
         if rig:
-            patch.setattr(realitygap.transfer.rig, "Rig", SimulatedRig)
+            patch.setattr(realitygap.experiments.noise.situated, "Rig", SimulatedRig)
         yield patch

@@ -211,7 +211,7 @@ def test_a_line_that_is_lost_is_taken_up_again(done, units, tmp_path):
 
     before = situated_file(copy, first).read_bytes()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("realitygap.transfer.rig.Rig", Bad)
+        patch.setattr("realitygap.experiments.noise.situated.Rig", Bad)
         situated_file(copy, first).unlink()
         with pytest.raises(LineError):
             noise_study(copy, tiny(), workers=1, resume=True)

@@ -1,8 +1,7 @@
 """A controller drives a robot once: scaled as it was in the simulation, fed by its profile, logged."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,9 +14,6 @@ from realitygap.track import Track
 from realitygap.transfer.paths import of_counters, of_poses
 from realitygap.values import Command, Floats, Pose, Readings, fed
 from realitygap.world.profile import Profile
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 __all__ = ["Driven", "driven", "turned"]
 

@@ -22,16 +22,16 @@ from realitygap.film.disk import Disk, load_disk
 from realitygap.film.marker import Marker
 from realitygap.study.lock import locked
 from realitygap.toml import to_toml
+from realitygap.track import Track
+from realitygap.twin.states import States
 from realitygap.values import Pose
+from realitygap.world.arena import Arena
 
 if TYPE_CHECKING:
     from realitygap.film.finder import Look
     from realitygap.film.tracker import Tracked
-    from realitygap.track import Track
     from realitygap.twin.camera import OverheadCamera
     from realitygap.twin.drawing import Window
-    from realitygap.twin.states import States
-    from realitygap.world.arena import Arena
 
 __all__ = [
     "CAMERA",
@@ -129,8 +129,6 @@ class Watcher:
         Raises:
             StudyError: another process has been calibrating it for too long.
         """
-        from realitygap.twin.states import States
-
         file.parent.mkdir(parents=True, exist_ok=True)
         with ExitStack() as held:
             try:

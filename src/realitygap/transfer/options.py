@@ -1,24 +1,19 @@
 """What is transferred, to which robots, and how it is seen: the options of a transfer as one value."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from realitygap.errors import UsageError
+from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
 from realitygap.film.marker import Marker, load_marker
 from realitygap.robots.address import Address
 from realitygap.study.settings import whole
 from realitygap.user_code import place_of
-
-if TYPE_CHECKING:
-    from realitygap.film.camera import CameraModel
 
 __all__ = ["Named", "Transfer"]
 

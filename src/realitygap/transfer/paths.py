@@ -3,23 +3,18 @@
 The first row is the start. Where the robot was not seen there is no pose.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from realitygap.kernels import batch
 from realitygap.kernels.params import STEP_S
 from realitygap.kernels.params import Path as Ground
+from realitygap.tasks.task import Task
 from realitygap.track import Track, settled
 from realitygap.values import Floats, Pose
-
-if TYPE_CHECKING:
-    from realitygap.tasks.task import Task
-    from realitygap.world.profile import Profile
+from realitygap.world.profile import Profile
 
 __all__ = ["of_counters", "of_poses", "of_track", "score"]
 

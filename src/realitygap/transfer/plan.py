@@ -1,11 +1,9 @@
 """Which trials a transfer has: who drives which robot from where, and the folder of each."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -14,6 +12,7 @@ from realitygap.controller.network import NetworkController
 from realitygap.controller.own import OwnController, named_controller
 from realitygap.errors import UsageError
 from realitygap.film.disk import Disk
+from realitygap.film.marker import Marker
 from realitygap.film.tag import Tag
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import BAUD, Address
@@ -25,9 +24,6 @@ from realitygap.study.run import WHO
 from realitygap.transfer.chosen import chosen_runs, number_of
 from realitygap.transfer.options import Named, Transfer
 from realitygap.world.profile import Profile
-
-if TYPE_CHECKING:
-    from realitygap.film.marker import Marker
 
 __all__ = [
     "FOLDER",

@@ -7,15 +7,14 @@ A trial on the twin is a function of unit, noise, stream, pose and controller al
 is switched off and a new one on, in one process that serves them all.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from realitygap import temporary
 from realitygap.errors import UsageError
+from realitygap.film.marker import Marker
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import BAUD, Address
 from realitygap.robots.body import Body, Filmed, Placing, abandon
@@ -25,14 +24,11 @@ from realitygap.streams import TWIN_NOISE
 from realitygap.tasks.task import Task
 from realitygap.track import Track
 from realitygap.transfer.driven import Driven, driven
+from realitygap.transfer.film import Watcher
 from realitygap.transfer.paths import of_track
+from realitygap.twin.states import States
 from realitygap.values import Closing, Pose
 from realitygap.world.profile import Profile
-
-if TYPE_CHECKING:
-    from realitygap.film.marker import Marker
-    from realitygap.transfer.film import Watcher
-    from realitygap.twin.states import States
 
 __all__ = ["Rig"]
 
@@ -138,8 +134,6 @@ class Rig(Closing):
 
     def states(self, sealed: Path, seconds: float) -> States:
         """What the camera is shown of a drive: from its beginning for its length."""
-        from realitygap.twin.states import States
-
         states = States.from_file(sealed)
         in_time = states.time_ms <= states.time_ms[0] + round(seconds * 1000)
         return States(states.time_ms[in_time], states.pose[in_time])
@@ -147,8 +141,6 @@ class Rig(Closing):
     @property
     def watcher(self) -> Watcher:
         """The camera above a twin, which is calibrated when it is first needed."""
-        from realitygap.transfer.film import Watcher
-
         if self._watcher is None:
             assert self.robot.unit is not None
             self._watcher = Watcher(

@@ -27,14 +27,15 @@ from realitygap.study.versions import versions
 from realitygap.toml import to_toml
 from realitygap.track import Track
 from realitygap.transfer.driven import Driven, driven
+from realitygap.transfer.film import TRACK, film_and_track
 from realitygap.transfer.folder import made
+from realitygap.transfer.overhead import Overhead
 from realitygap.transfer.paths import of_track, score
 from realitygap.transfer.plan import FOLDER, Situation, controller_for
 from realitygap.transfer.rig import Rig
 from realitygap.values import Pose
 
 if TYPE_CHECKING:
-    from realitygap.transfer.overhead import Overhead
     from realitygap.twin.camera import OverheadCamera
 
 __all__ = ["TRIAL", "Carry", "Stage"]
@@ -181,8 +182,6 @@ class Stage:
 
     def _seen(self, one: Situation, folder: Path, facts: dict[str, Any], tell: Tell) -> Track:
         """The track of a trial on the twin by the camera above it, which films it or only watches."""
-        from realitygap.transfer.film import TRACK, film_and_track
-
         rig = self.rig(one)
         states = rig.states(folder / SEALED, one.seconds)
         if one.film:

@@ -1,13 +1,11 @@
 """Who makes the trials of a transfer: a pool's workers, with progress; a person's robot by hand."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from realitygap import temporary
 from realitygap.errors import UsageError
@@ -17,15 +15,13 @@ from realitygap.study.far import Home, Words, home_of, words_for
 from realitygap.study.load import Study, load_study
 from realitygap.study.schema import told
 from realitygap.transfer.folder import blamed, files_in, keep, keep_camera, put_aside
+from realitygap.transfer.overhead import Overhead
 from realitygap.transfer.packed import Packed
 from realitygap.transfer.plan import FOLDER, Situation, check_body
 from realitygap.transfer.trial import Carry, Stage
 from realitygap.work.pool import Pool, Setup, Tell
 from realitygap.work.progress import OnProgress, Reporter
 from realitygap.work.workers import far
-
-if TYPE_CHECKING:
-    from realitygap.transfer.overhead import Overhead
 
 __all__ = ["by_hand", "on_twins"]
 

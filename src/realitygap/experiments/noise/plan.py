@@ -4,9 +4,7 @@ Whatever is drawn is a function of names alone, so that neither the order of wor
 in the study changes a bit.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import count
 from pathlib import Path
 from typing import NamedTuple
 
@@ -99,14 +97,10 @@ def _champions(config: NoiseConfig) -> list[Controller]:
 
 def share(config: NoiseConfig, shard: Shard) -> tuple[Controller, ...]:
     """A shard's controllers: those of its runs in every study of evolution."""
-    taken: dict[Evolved, Iterator[bool]] = {}
-    own = set()
+    studies: dict[Evolved, list[Controller]] = {}
     for one in _champions(config):
-        numbers = taken.setdefault(
-            evolved(config, one), (number % shard.of == shard.number - 1 for number in count())
-        )
-        if next(numbers):
-            own.add(one)
+        studies.setdefault(evolved(config, one), []).append(one)
+    own = {one for several in studies.values() for one in shard.own(several)}
     return tuple(one for one in controllers(config) if replace(one, individual="champion") in own)
 
 

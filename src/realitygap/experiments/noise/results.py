@@ -46,7 +46,7 @@ def write_results(stage: Stage) -> Path:
     _table(folder / "controllers.csv", [_controller(one, kept, config) for one, kept in found.items()])
     cells = [row for one, kept in found.items() for row in _cells(one, kept, config)]
     _table(folder / "cells.csv", cells)
-    _table(folder / "calibration.csv", list(_calibration(stage)))
+    write_table(folder / "calibration.csv", CALIBRATION, _calibration(stage))
     champions = {one: kept for one, kept in found.items() if one.individual == "champion"}
     if all("without_camera" in kept for kept in champions.values()):
         rows = [row for one, kept in champions.items() for row in _without_camera(one, kept, config)]
@@ -134,16 +134,14 @@ def _who(one: Controller, config: NoiseConfig) -> dict[str, object]:
     return who if config.arm is None else {**who, "individual": one.individual}
 
 
-def _calibration(stage: Stage) -> Iterator[dict[str, object]]:
+def _calibration(stage: Stage) -> Iterator[tuple[object, ...]]:
     """How well each unit's sensors were fitted: counts, and the model's error over the noise."""
     for unit in stage.config.every_unit:
         for fit in stage.profile(unit).provenance.fits:
             if fit.noise > 0:
                 over_all = fit.ratio_over_all or math.nan
-                values = (unit, fit.channel, fit.model_error, fit.noise, fit.ratio, over_all)
-                yield dict(zip(CALIBRATION, values, strict=True))
+                yield unit, fit.channel, fit.model_error, fit.noise, fit.ratio, over_all
 
 
 def _table(file: Path, rows: Sequence[Mapping[str, object]]) -> None:
-    head = list(rows[0]) if rows else CALIBRATION
-    write_table(file, head, ([row[key] for key in head] for row in rows))
+    write_table(file, rows[0], ([row[key] for key in rows[0]] for row in rows))

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from realitygap.calibration.unit_folder import PROFILE
+from realitygap.calibration.unit_folder import PARTS, PROFILE
 from realitygap.experiments.folder import missing
 from realitygap.experiments.noise.config import CONFIG, NoiseConfig
 from realitygap.experiments.noise.folder import open_folder
@@ -26,6 +26,7 @@ from realitygap.experiments.noise.plan import (
     simulated_file,
     situated_file,
 )
+from realitygap.experiments.noise.results import write_results
 from realitygap.experiments.noise.situated import check_robot
 from realitygap.experiments.noise.stage import Stage
 from realitygap.experiments.noise.work import Job, bench_in, words_for
@@ -84,8 +85,6 @@ def noise_study(
         StudyInterruptedError: Ctrl-C; what was done is kept.
         RobotError: a twin that does not do what it was told.
     """
-    from realitygap.experiments.noise.results import write_results
-
     folder = Path(folder)
     if config is not None:
         check_robot(config)
@@ -138,8 +137,6 @@ class _Noise(Phases):
 
     def carry_out(self, recorders: Workers, engine: str) -> None:
         """Every phase that is not over; calibration has workers of its own, evolution may have an engine."""
-        from realitygap.calibration.unit_folder import PARTS
-
         calibrating, evolving, driving, comparing = self.phases
 
         def setup() -> Setup:

@@ -3,12 +3,10 @@
 A robot of one's own that takes the twin's place is its only unit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import closing
 from io import BytesIO
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 from zipfile import ZipFile
 
 import numpy as np
@@ -26,11 +24,9 @@ from realitygap.robots.body import Placing, Seen
 from realitygap.robots.recording import Recording
 from realitygap.tasks.load import TASKS, load_task
 from realitygap.track import Track, settled
+from realitygap.transfer.rig import Rig
 from realitygap.values import Floats, Pose, fed
 from realitygap.world.profile import load_profile
-
-if TYPE_CHECKING:
-    from realitygap.transfer.rig import Rig
 
 __all__ = ["Lived", "Rigs", "Situated", "check_robot", "read_situated", "situate", "to_npz"]
 
@@ -88,8 +84,6 @@ class Rigs:
 
     def rig(self, one: Controller, unit: int) -> Rig:
         """A unit, in the arena of the controller's task, with inputs as its calibration unit made them."""
-        from realitygap.transfer.rig import Rig
-
         if self._group != (one.task, one.home):
             self.close()
             self._group = (one.task, one.home)
