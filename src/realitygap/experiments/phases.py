@@ -88,14 +88,7 @@ class Phases:
     def calibrate(
         self, phase: Phase, units: Iterable[int], record: Callable[[int, Recorded], None], steps: int
     ) -> None:
-        """Record and fit units, one after the other.
-
-        Args:
-            phase: this one.
-            units: that lack a profile.
-            record: makes it, and tells of its parts.
-            steps: how many parts a unit has.
-        """
+        """Record and fit units that lack a profile, one after the other; each has so many parts (`steps`)."""
         with self._timed(phase, phase.total - phase.left):
             for unit in units:
                 record(unit, self._parts(phase.cost / steps))
@@ -115,13 +108,8 @@ class Phases:
     def evolve(
         self, phase: Phase, studies: Iterable[tuple[Path, StudyConfig, int]], **options: Any
     ) -> list[Study]:
-        """Carry out studies, one after the other.
-
-        Args:
-            phase: this one.
-            studies: a folder, what evolves there, and how many runs that is.
-            options: of `run_study`.
-        """
+        """Carry out studies, one after the other: a folder, what evolves there, and how many runs that is;
+        `options` are those of `run_study`."""
         made, before = [], 0
         with self._timed(phase, 0):
             for place, requested, runs in studies:
@@ -145,10 +133,7 @@ class Phases:
     def drive(self, phase: Phase, setup: Callable[[], Setup], jobs: Iterable[Any]) -> None:
         """Have jobs done, of which each tells shares of itself and then what it made.
 
-        Args:
-            phase: this one.
-            setup: what a worker begins with, asked for if there is something to do.
-            jobs: one for each thing that is left.
+        `setup`, which a worker begins with, is asked for if there is something to do.
         """
 
         def heard(message: float | Made) -> None:

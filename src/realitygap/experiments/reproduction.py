@@ -107,14 +107,7 @@ def configured(
     workers: Workers,
     on_progress: Calibrating | None = None,
 ) -> StudyConfig:
-    """The requested study, its robot calibrated first where no profile is named.
-
-    Args:
-        folder: the study's.
-        requested: what was asked for.
-        resume: continue what is there.
-        workers: processes; one a core if None.
-        on_progress: hears how far the calibration is.
+    """The requested study in its folder, its robot calibrated first where no profile is named.
 
     Raises:
         StudyError: the folder holds something else, or a study and `resume` is not set.
@@ -144,14 +137,7 @@ def configured(
 def transferred(
     study: Study, *, starts: int, workers: Workers, on_progress: OnProgress | None
 ) -> list[Transferred]:
-    """Every champion on the unit from each start; the first trials of those that figures show are filmed.
-
-    Args:
-        study: with its runs finished.
-        starts: trials of each champion.
-        workers: processes; one a core if None.
-        on_progress: hears how far the trials are.
-    """
+    """Every champion on the unit from each start; the first trials of those that figures show are filmed."""
     filmed = [(run.id, 1) for run in shown_runs(study)]
     driven = Transfer(robots=(f"twin:{UNIT}",), film=filmed, starts=starts)
     return run_transfer(study, driven, workers=workers, on_progress=on_progress)

@@ -44,12 +44,7 @@ class Packed(Closing):
             self._database.execute(_TABLE)
 
     def keep(self, folder: str, files: Mapping[str, bytes]) -> None:
-        """A trial's files, all or none of them.
-
-        Args:
-            folder: its name, from the folder of transfers.
-            files: content by name.
-        """
+        """A trial's files by their names, all or none; `folder` is its name from the folder of transfers."""
         rows = [(f"{folder}/{name}", _MODE, len(data), _shorter(data)) for name, data in files.items()]
         with told(self._path):
             self._database.execute("BEGIN IMMEDIATE")
@@ -91,12 +86,7 @@ def placed(folder: Path) -> Iterator[Path]:
 
 
 def every(home: Path, name: str) -> Iterator[tuple[Path, bytes]]:
-    """The file of this name of every packed trial, and its content.
-
-    Args:
-        home: the folder of transfers.
-        name: the file's.
-    """
+    """The file of this name of every trial that is packed in a folder of transfers, and its content."""
     return _rows(home, "name LIKE ?", (f"%/{name}",))
 
 

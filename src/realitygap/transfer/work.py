@@ -119,14 +119,7 @@ def on_twins(
 ) -> None:
     """Make trials on robots that place themselves; a twin's results do not depend on the pool.
 
-    Args:
-        study: whose individuals drive.
-        place: where their folders are.
-        todo: the trials.
-        pack: whether those that are not filmed go into one file.
-        done: how many there are already.
-        pool: who makes them.
-        on_progress: called a few times a second.
+    With `pack` those that are not filmed go into one file; so many are `done` already.
 
     Raises:
         RealityGapError: the first that fails; the finished ones are kept.
@@ -214,14 +207,7 @@ def _cost(one: Situation) -> float:
 def by_hand(
     study: Study, place: Path, todo: Sequence[Situation], carry: Carry, overhead: Overhead | None = None
 ) -> None:
-    """Make trials on a robot that a person places, one after the other; `overhead` sees it.
-
-    Args:
-        study: whose individuals drive.
-        place: where their folders are.
-        todo: trials on one robot, one or more.
-        carry: the person who carries it.
-        overhead: the camera above, if there is one.
+    """Make trials, one or more, on one robot that a person places; `overhead` sees it, if it is there.
 
     Raises:
         UsageError: the port cannot be opened, or its rate is too slow.

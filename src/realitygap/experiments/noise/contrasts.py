@@ -35,9 +35,7 @@ class Effect(NamedTuple):
 def paired(first: ArrayLike, second: ArrayLike, weights: Floats | None = None) -> Effect:
     """Of the same controllers twice [n]: Wilcoxon's signed-rank test with Pratt's zeros.
 
-    Args:
-        first, second: values [n] of the same controllers.
-        weights: resamples [B, n], how often each is drawn.
+    `weights` are resamples [B, n]: how often each is drawn.
     """
     gap = np.asarray(first, np.float64) - np.asarray(second, np.float64)
     sign = np.sign(gap)

@@ -112,13 +112,7 @@ def evolved(config: NoiseConfig, one: Controller) -> Evolved:
 
 
 def evolution(config: NoiseConfig, made: Evolved, profile: Path) -> StudyConfig:
-    """What evolves in a study of evolution.
-
-    Args:
-        config: the whole design.
-        made: which study.
-        profile: the file of the calibration to its unit.
-    """
+    """What evolves in a study of evolution; `profile` is the file of the calibration to its unit."""
     conditions = (Condition(task=task, noise=level) for task in config.tasks for level in made.levels)
     return StudyConfig(
         title=f"Noise level: seed set {made.seed_set}, simulation calibrated to unit {made.unit}",

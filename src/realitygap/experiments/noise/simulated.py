@@ -202,11 +202,7 @@ def lived_apart(
 ) -> tuple[dict[str, dict[str, float]], float]:
     """A controller's distances without a camera on each unit, and its fitness in pseudo-realities.
 
-    Args:
-        stage: of the study.
-        one: who drove.
-        kept: its trials on the robots, with what these read and did.
-        simulated: the same trials, by unit and start, in the simulations that are as noisy as the robots.
+    `simulated` are the trials that were kept, in the simulations that are as noisy as the robots.
     """
     task, found = stage.task(one.task), {}
     for unit in kept.units:

@@ -137,14 +137,7 @@ def check_robot(config: NoiseConfig) -> None:
 def situate(
     stage: Stage, rigs: Rigs, one: Controller, tell: Callable[[float], None] = lambda _: None
 ) -> Situated:
-    """Let a controller drive its units from every start.
-
-    Args:
-        stage: of the study.
-        rigs: the units.
-        one: who drives.
-        tell: hears the share of the work that was done since the last time.
-    """
+    """Let a controller drive its units from every start; `tell` hears the share that was done since last."""
     config, units = stage.config, stage.config.driven(one.home, one.individual)
     driver = stage.driver(one)
     home, task = stage.profile(one.home), stage.task(one.task)

@@ -171,14 +171,7 @@ def evolution(
 ) -> tuple[StudyConfig, dict[Controller, str]]:
     """What evolves for a unit in one state of knowledge, and each controller's run there, by name.
 
-    All states of a unit have the same seeds.
-
-    Args:
-        config: the whole design.
-        unit: its number.
-        known: one of KNOWN.
-        profile: what is known, a file or a shipped profile's name.
-        spread: of the randomised conditions.
+    All states of a unit have the same seeds. `profile` is what is known: a file, or a shipped one's name.
     """
     mine = [condition for condition in conditions() if condition.known == known]
     evolved = {condition: _evolved(condition, spread) for condition in mine}

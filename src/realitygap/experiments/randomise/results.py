@@ -111,12 +111,8 @@ def _fits(config: RandomiseConfig, profiles: Profiles) -> list[list[object]]:
 
 
 def outcomes(name: str, units: Mapping[Condition, Floats]) -> list[Outcome]:
-    """Each condition's mean over units of one outcome.
-
-    Args:
-        name: of the outcome.
-        units: [units] means over each unit's runs, by condition; NaN where there is none.
-    """
+    """Each condition's mean over `units` [units], the means of one outcome over each unit's runs, NaN where
+    there is none."""
     return [Outcome(condition, name, *_interval(values)) for condition, values in units.items()]
 
 

@@ -46,12 +46,7 @@ def plan_digests() -> dict[str, str]:
 
 
 def check_arm(folder: Path, config: NoiseConfig, begun_by: Mapping[str, str] | None = None) -> None:
-    """Refuse a study of an arm that is not the plan's, or was begun by another plan.
-
-    Args:
-        folder: the study's, for the message.
-        config: its settings.
-        begun_by: digests of the plan that it was begun by, if it was.
+    """Refuse a study of an arm that is not the plan's, or was begun by another plan, of these digests.
 
     Raises:
         StudyError: names the setting that differs, or the file of the plan.

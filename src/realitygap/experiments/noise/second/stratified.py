@@ -70,13 +70,8 @@ def by_ranks(pairs: Groups) -> Tested:
 
 
 def by_means(pairs: Groups, *, permutations: int, seed: int) -> Tested:
-    """Difference of means by permutation within strata, which count by their controllers.
-
-    Args:
-        pairs: of each stratum both groups.
-        permutations: drawn; 0: p is not asked for.
-        seed: of those.
-    """
+    """Difference of means by permutation within strata, which count by their controllers; without
+    permutations p is not asked for."""
     if not pairs:
         return NOTHING
     share = _shares(pairs)
