@@ -28,7 +28,6 @@ from realitygap.study.load import Run, Study
 from realitygap.study.plan import run_stream
 from realitygap.tasks.task import Task
 from realitygap.track import Track
-from realitygap.transfer.chosen import number_of
 from realitygap.transfer.load import Transferred
 from realitygap.transfer.packed import content
 
@@ -113,7 +112,7 @@ class Job:
     @cached_property
     def key(self) -> str:
         """A digest of all that the score row follows from, and of the rules that it is made by."""
-        number = number_of(self.run, self.individual)
+        number = self.run.fittest_number if self.individual == "fittest" else self.run.champion_number
         scale = self.bench.scales.get((self.kind, self.individual))
         folder = self.bench.study.folder
         paths = [folder / "study.toml", folder / "profile.toml", folder / f"arenas/{self.run.task}.toml"]
