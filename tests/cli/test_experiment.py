@@ -91,13 +91,13 @@ def test_an_arm_is_carried_out_as_planned(units, json_of, call, refused, tmp_pat
 
 def test_ctrl_c_says_how_to_go_on(units, call, tmp_path):
     """Stopped by Ctrl-C the command says so in a line, with the command that goes on; exit code 130."""
-    import realitygap.transfer.rig
+    import realitygap.experiments.noise.situated as situated
 
     def stopped(*_, **__):
         raise KeyboardInterrupt
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(realitygap.transfer.rig.Rig, "drive", stopped)
+        patch.setattr(situated.Rig, "drive", stopped)
         result = call("experiment", "noise", "--out", tmp_path / "study", *SMALL)
     assert result.exit_code == 130 and result.stdout == ""
     last = result.stderr.splitlines()[-1]

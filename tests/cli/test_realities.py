@@ -71,13 +71,13 @@ def test_a_reality_that_is_named_must_be_there(no_enki, refused, tmp_path):
 
 def test_ctrl_c_says_how_to_go_on(units, call, monkeypatch, tmp_path):
     """Stopped by Ctrl-C it says so in a line, and `--resume` ends as if nothing had happened."""
-    import realitygap.transfer.rig
+    import realitygap.experiments.noise.situated as situated
 
     def stopped(*_, **__):
         raise KeyboardInterrupt
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(realitygap.transfer.rig.Rig, "drive", stopped)
+        patch.setattr(situated.Rig, "drive", stopped)
         result = call("realities", "--out", tmp_path / "study", *TWIN)
     assert result.exit_code == 130 and result.stdout == ""
     assert f"realitygap realities --out {tmp_path / 'study'} --resume" in result.stderr.splitlines()[-1]
