@@ -8,7 +8,7 @@ import numpy as np
 from realitygap.calibration.channel_fit import LOOKUP, MEASURED, ChannelFit, doubts
 from realitygap.calibration.checks import refuse_nonsense
 from realitygap.calibration.descent import PLAIN
-from realitygap.calibration.forms import Tick, fit_forms, mend_dead, mended, with_columns
+from realitygap.calibration.forms import Tick, fit_forms, mended, with_columns
 from realitygap.calibration.infrared import INFRARED_FORMS, infrared_problems, with_infrared
 from realitygap.calibration.light import LIGHT_FORMS, as_bright_as_the_paper, with_light
 from realitygap.calibration.light_forms import AMBIENT_COUNTS, light_problems
@@ -73,13 +73,11 @@ def fit_infrared(
     problems, doubt = infrared_problems(rows, base)
     printed = form if form in problems else "extended"
     fits, held_out, _ = fit_forms(rows, problems, printed, PROXIMITY_COUNTS * rows.unit, tick)
-    values = mend_dead(fits[printed].values, problems[printed].frees, rows.dead)
-    fits[printed] = mended(fits[printed], values, rows.dead)
-    made = {printed: with_infrared(problems[printed].base, values)}
+    fits[printed] = mended(fits[printed], problems[printed].frees, rows.dead)
+    made = {printed: with_infrared(problems[printed].base, fits[printed].values)}
     off = {printed: held_out}
     if form != printed:
-        profile, fits[MEASURED], off[MEASURED] = fit_measured(rows, base, tick)
-        made[MEASURED] = profile
+        made[MEASURED], fits[MEASURED], off[MEASURED] = fit_measured(rows, base, tick)
     best = min(off, key=lambda name: rows.rmse_lit(off[name])) if form == AUTO else form
     found = _channel("infrared", best, rows, fits, off, made[best])
     errs = {name: rows.rmse_lit(model) for name, model in off.items()}
@@ -163,8 +161,8 @@ def fit_light(
         expected = f"these are no readings of ambient light: {why}. Is its kind right?"
         raise CalibrationError(f"{named}: {expected}") from None
     start = problems[printed].base
-    values = mend_dead(fits[printed].values, problems[printed].frees, rows.dead)
-    fits[printed] = mended(fits[printed], values, rows.dead)
+    fits[printed] = mended(fits[printed], problems[printed].frees, rows.dead)
+    values = fits[printed].values
     profile, off = with_light(start, values, printed), {printed: held_out}
     if not room:
         profile = as_bright_as_the_paper(profile)

@@ -18,7 +18,7 @@ from realitygap.world.sensors import AmbientSensor, ProximitySensor
 
 __all__ = [
     "FINE_DEG", "Problem", "Tick", "columns_of", "fit_forms", "free_directions", "free_reflectances",
-    "free_turns", "mend_dead", "mended", "nominal", "scan", "solve_form", "with_columns",
+    "free_turns", "mended", "nominal", "scan", "solve_form", "with_columns",
 ]  # fmt: skip
 
 Tick = Callable[[], None]
@@ -202,26 +202,20 @@ def scan(model: Model, values: Values, measured: Measured, reach: float) -> dict
     return {**values, "direction_deg": chosen}
 
 
-def mend_dead(values: dict[str, Floats], frees: Sequence[Free], dead: dict[int, str]) -> dict[str, Floats]:
-    """A sensor that told nothing gets the others' median, and its own direction."""
+def mended(fit: Fit, frees: Sequence[Free], dead: Collection[int]) -> Fit:
+    """The fit with the others' median, and their own direction, of sensors that told nothing."""
     start = {f.key: f.start for f in frees}
-    out = {}
+    values = {key: value.copy() for key, value in fit.values.items()}
+    at = {}
     for key, value in values.items():
-        out[key] = value.copy()
-        for k in dead:
-            if len(value) > 1:
-                live = [i for i in range(len(value)) if i not in dead]
-                out[key][k] = start[key][k] if key == "direction_deg" else np.median(value[live])
-    return out
-
-
-def mended(fit: Fit, values: dict[str, Floats], dead: Collection[int]) -> Fit:
-    """The fit with dead sensors' constants as the profile has them: no reading told them."""
-    at = {f"{key}[{k}]": float(value[k]) for key, value in values.items() if len(value) > 1 for k in dead}
+        for k in dead if len(value) > 1 else ():
+            live = [i for i in range(len(value)) if i not in dead]
+            value[k] = start[key][k] if key == "direction_deg" else np.median(value[live])
+            at[f"{key}[{k}]"] = float(value[k])
     constants = tuple(
         replace(c, value=at[c.key], low=min(c.low, at[c.key]), high=max(c.high, at[c.key]), told=False)
         if c.key in at
         else c
         for c in fit.constants
     )
-    return replace(fit, constants=constants)
+    return replace(fit, values=values, constants=constants)
