@@ -10,10 +10,10 @@ import pytest
 
 from realitygap.calibration.calibrate import calibrate, joined
 from realitygap.calibration.channels import agreed
-from realitygap.calibration.constants import Constant
 from realitygap.calibration.judge import judge
 from realitygap.calibration.noise import lit_noise, sample_noise
 from realitygap.calibration.recordings.files import load_recording
+from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import Rows
 from realitygap.calibration.solve import Fit
 from realitygap.calibration.wheels.odometry import measure_odometry
@@ -21,6 +21,7 @@ from realitygap.errors import CalibrationError
 from realitygap.report.calibration import write_calibration_page
 from realitygap.report.calibration_figures import SHOWN, curves_figure, look_of, maps_figure
 from realitygap.world.profile import load_profile
+from realitygap.world.provenance import Constant
 from tests.calibration.tables import DIRTY, TURN_DEG
 from tests.calibration.written import save_recording
 
@@ -98,12 +99,15 @@ def test_a_surface_is_taken_for_matt(recorded):
 @pytest.mark.parametrize("repeats", [1, 10])
 def test_tails_are_those_of_one_reading(repeats):
     """Of Student's noise with an excess kurtosis of 2, by repeats or by sums over neighbouring bearings."""
-    bearing = np.tile(np.arange(-178.0, 182.0, 2.0), 30)
+    bearing = np.tile(np.repeat(np.arange(-178.0, 182.0, 2.0 * repeats), repeats), 30)
     distance = np.repeat(np.arange(30) * 0.2, 180)
     model = np.full((len(bearing), 8), 400.0)
     counts = model + 21.0 * np.random.default_rng(0).standard_t(7, size=model.shape) / np.sqrt(7 / 5)
-    place = np.arange(len(bearing)) // repeats
-    sample = sample_noise(counts, model, place, distance=distance, bearing=bearing, top=1023.0)
+    table = SensorRecording(
+        kind="infrared", object="wall", distance_cm=distance, bearing_deg=bearing,
+        repeat=np.arange(len(bearing)) % repeats, counts=counts,
+    )  # fmt: skip
+    sample = sample_noise(table, model, 1023.0)
     estimate = lit_noise(sample, "proximity", 1023.0)
     assert estimate.heavy and estimate.kurtosis == pytest.approx(1.8, abs=0.6)
 

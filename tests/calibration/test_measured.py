@@ -195,7 +195,7 @@ def test_noise_that_rises_with_the_wheels_is_found():
     speed = np.where(np.arange(n) % 2, 4.0, 0.0)
     z = 10.0 * (1 + speed / 4)[:, None] * random.normal(size=(n, 2))
     level = random.uniform(100, 900, (n, 2))
-    sample = Sample(z=z, level=level, model=level, group=np.arange(n), row=np.arange(n))
+    sample = Sample(z=z, level=level, group=np.arange(n), row=np.arange(n))
     table, rise = noise_tables(sample, level, level, speed, 1023.0, kind="infrared")
     assert rise == pytest.approx([0.25, 0.25], abs=0.03) and table[:, 2:7] == pytest.approx(10.0, abs=1.2)
     assert noise_tables(sample, level, level, 0 * speed, 1023.0, kind="infrared")[1].max() == 0

@@ -148,8 +148,11 @@ def test_noise_shows_between_close_bearings_only(bearings, measured):
     distance, bearing = (at.ravel() for at in np.meshgrid(np.arange(20) * 0.6, bearings, indexing="ij"))
     error = 100.0 * np.radians(bearing) + 40.0 * np.cos(4.0 * np.radians(bearing)) * (len(bearings) < 90)
     counts = 500.0 + error + 10.0 * np.random.default_rng(0).normal(size=error.shape)
-    where = {"distance": distance, "bearing": bearing, "top": 1023.0}
-    sample = sample_noise(counts[:, None], np.full((len(error), 1), 500.0), np.arange(len(error)), **where)
+    table = SensorRecording(
+        kind="infrared", object="wall", distance_cm=distance, bearing_deg=bearing,
+        repeat=np.zeros(len(error), int), counts=counts[:, None],
+    )  # fmt: skip
+    sample = sample_noise(table, np.full((len(error), 1), 500.0), 1023.0)
     found = lit_noise(sample, "proximity", 1023.0)
     assert (found is not None) == measured
     assert found is None or found.deviation == pytest.approx(10.0, rel=0.1)

@@ -14,7 +14,6 @@ import numpy as np
 from realitygap.calibration.channel_fit import UNLIT, ChannelFit, unmeasured
 from realitygap.calibration.channels import fit_infrared, fit_light, ticks
 from realitygap.calibration.checks import refuse_mixed
-from realitygap.calibration.constants import Constant
 from realitygap.calibration.forms import Tick
 from realitygap.calibration.recordings.body import as_recorded, tells_heights
 from realitygap.calibration.recordings.recording import Recording, SensorRecording, WheelRecording, count_unit
@@ -24,7 +23,7 @@ from realitygap.errors import CalibrationError
 from realitygap.lazy import above
 from realitygap.text import must_be
 from realitygap.world.profile import Profile, load_profile
-from realitygap.world.provenance import FittedChannel, FittedConstant, Provenance, SourceFile
+from realitygap.world.provenance import FittedChannel, Provenance, SourceFile
 
 __all__ = ["FORMS", "Calibration", "base_of", "calibrate", "joined"]
 
@@ -128,7 +127,10 @@ def calibrate(
     ambient = fit_light(lit, base, light or light_form, beside=beside, tick=tick) if lit else None
     wheels = fit_wheels(driven[0], base, wheel_form, tick=tick) if driven else None
     tick()
-    return _told(base, recordings, infrared, ambient, wheels)
+    made = Calibration(
+        profile=base, infrared=infrared, ambient=ambient, wheels=wheels, recordings=tuple(recordings)
+    )
+    return _told(made)
 
 
 def joined(parts: Sequence[Calibration], base: Profile) -> Calibration:
@@ -138,29 +140,21 @@ def joined(parts: Sequence[Calibration], base: Profile) -> Calibration:
         parts: each by all recordings of its kinds.
         base: the profile that they were made with.
     """
-    recordings = [one for part in parts for one in part.recordings]
-    infrared = next((part.infrared for part in parts if part.infrared is not None), None)
-    ambient = next((part.ambient for part in parts if part.ambient is not None), None)
-    wheels = next((part.wheels for part in parts if part.wheels is not None), None)
-    return _told(as_recorded(recordings, base), recordings, infrared, ambient, wheels)
-
-
-def _told(
-    base: Profile,
-    recordings: Sequence[Recording],
-    infrared: ChannelFit | None,
-    ambient: ChannelFit | None,
-    wheels: WheelFit | None,
-) -> Calibration:
-    """The fits with their profile, where it comes from, and what a person should know."""
+    recordings = tuple(one for part in parts for one in part.recordings)
     made = Calibration(
-        profile=_joined(base, infrared, ambient, wheels), infrared=infrared, ambient=ambient, wheels=wheels,
-        recordings=tuple(recordings),
+        profile=as_recorded(recordings, base), recordings=recordings,
+        infrared=next((part.infrared for part in parts if part.infrared), None),
+        ambient=next((part.ambient for part in parts if part.ambient), None),
+        wheels=next((part.wheels for part in parts if part.wheels), None),
     )  # fmt: skip
-    where, warnings = _provenance(base, made), tuple(dict.fromkeys(_warnings(made, base)))
-    source = "calibrated; see provenance"
-    profile = replace(made.profile, name="calibrated", source=source, provenance=where)
-    return replace(made, profile=profile, warnings=warnings)
+    return _told(made)
+
+
+def _told(made: Calibration) -> Calibration:
+    """The fits, beside their base, with their profile, where it comes from, and what a person should know."""
+    base, source = made.profile, "calibrated; see provenance"
+    profile = replace(_joined(made), name="calibrated", source=source, provenance=_provenance(made))
+    return replace(made, profile=profile, warnings=tuple(dict.fromkeys(_warnings(made, base))))
 
 
 def _of_kind(recordings: Sequence[Recording], kind: str) -> list[SensorRecording]:
@@ -194,23 +188,20 @@ def _counter(report: Callable[[int, int], None] | None, total: int) -> Tick:
     return tick
 
 
-def _joined(
-    base: Profile, infrared: ChannelFit | None, ambient: ChannelFit | None, wheels: WheelFit | None
-) -> Profile:
+def _joined(made: Calibration) -> Profile:
     """The base with everything that was fitted in place, noise and input ranges included."""
-    profile = base
+    profile, infrared, ambient, wheels = made.profile, made.infrared, made.ambient, made.wheels
     deviations = {
         e.channel: round(e.deviation, 3)
-        for fit in (infrared, ambient)
-        if fit is not None
+        for fit in made.channels
         for e in fit.noise
         if fit.measured or e.channel == "proximity_dark"
     }
     noise = replace(profile.noise, **deviations)
     if infrared is not None:
         low, high = np.nanmedian(infrared.span, axis=0).round().tolist()
-        told = high - low > 100 * count_unit(base.infrared.top)
-        bands = (low, high) if told else base.infrared.bands
+        told = high - low > 100 * count_unit(profile.infrared.top)
+        bands = (low, high) if told else profile.infrared.bands
         profile = replace(profile, infrared=replace(infrared.profile.infrared, bands=bands))
     if ambient is not None:
         law = ambient.profile.ambient
@@ -223,13 +214,13 @@ def _joined(
     return replace(profile, noise=noise)
 
 
-def _provenance(base: Profile, made: Calibration) -> Provenance:
+def _provenance(made: Calibration) -> Provenance:
     """Where the constants of a calibration come from."""
     from importlib.metadata import version
 
     wheels, recordings = made.wheels, made.recordings
     fits = [_fitted(fit) for fit in made.channels]
-    constants = [_constant(fit.kind, c) for fit in made.channels for c in fit.fit.constants]
+    told = {fit.kind: fit.fit.constants for fit in made.channels}
     notes = [
         f"{fit.kind}: {unmeasured(fit.deviation)}" for fit in made.channels if not fit.measured
     ] + made.surfaces
@@ -238,25 +229,19 @@ def _provenance(base: Profile, made: Calibration) -> Provenance:
         notes.append(UNKNOWN_LAMP)
     if any(map(tells_heights, recordings)):
         notes.append("body.height_cm, ambient.sensor_height_cm: as the recordings state them, not fitted")
-    pulses: tuple[float, ...] = ()
     if wheels is not None:
         fits.append(FittedChannel(channel="wheels", form=wheels.form, rmse=wheels.rmse[wheels.form]))
-        constants += [_constant("wheels", c) for c in wheels.constants]
-        pulses = wheels.pulses_per_mm
+        told["wheels"] = wheels.constants
     return Provenance(
-        base=base.name,
+        base=made.profile.name,
         date=datetime.now(UTC).date().isoformat(),
         version=version("realitygap"),
         notes=tuple(notes),
-        pulses_per_mm=pulses,
+        pulses_per_mm=wheels.pulses_per_mm if wheels else (),
         files=tuple(_file(r) for r in recordings),
         fits=tuple(fits),
-        constants=tuple(constants),
+        constants=tuple(replace(c, key=f"{kind}.{c.key}") for kind, some in told.items() for c in some),
     )
-
-
-def _constant(kind: str, c: Constant) -> FittedConstant:
-    return FittedConstant(key=f"{kind}.{c.key}", value=c.value, low=c.low, high=c.high, told=c.told)
 
 
 def _fitted(fit: ChannelFit) -> FittedChannel:

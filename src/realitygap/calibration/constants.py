@@ -1,30 +1,20 @@
 """Fitted numbers: their intervals, and which of them the data cannot tell apart."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.values import Floats
+from realitygap.world.provenance import Constant
 
-__all__ = ["SIGMAS", "Constant", "blind_pairs", "filling", "moved"]
+__all__ = ["SIGMAS", "blind_pairs", "filling", "moved"]
 
 SIGMAS = 1.96
 """Intervals hold 95 %."""
 ALIKE, BLIND = 0.95, 1e-5
 """Correlation from which on the data are said not to tell two constants apart."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Constant:
-    """A fitted number with its 95 % interval; `told` is False where bounds or the prior decide."""
-
-    key: str
-    value: float
-    low: float
-    high: float
-    told: bool = True
 
 
 def moved(constant: Constant, values: Mapping[str, Floats]) -> Constant:

@@ -12,15 +12,16 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.constants import SIGMAS, Constant, moved
+from realitygap.calibration.constants import SIGMAS, moved
 from realitygap.calibration.curves import STEPS, Curves, Seen, smoothness
 from realitygap.calibration.descent import ENDS_CM, PLAIN, Descent
 from realitygap.calibration.forms import Tick, with_columns
 from realitygap.calibration.optics import SHARES, Optics
-from realitygap.calibration.rows import Rows, dead_zone, means, repeated_noise, saturation
+from realitygap.calibration.rows import Rows, at_places, dead_zone, means, repeated_noise, saturation
 from realitygap.calibration.solve import Fit, Values
 from realitygap.values import Floats
 from realitygap.world.profile import Profile
+from realitygap.world.provenance import Constant
 
 __all__ = ["Measured", "fit_measured"]
 
@@ -70,7 +71,8 @@ class Measured:
             counts=rows.counts, use=rows.use, top=rows.top, most=saturation(rows), noise=noise, dead=law.dead
         )
         self._first_of = np.unique(rows.place, return_index=True)[1]
-        seen = replace(self._all, counts=means(rows), use=self._at_places(rows.use), noise=FIRST * rows.top)
+        use = at_places(rows.use, rows.place) > 0
+        seen = replace(self._all, counts=means(rows), use=use, noise=FIRST * rows.top)
         self._first = Optics(
             base=replace(base, infrared=law), scenes=rows.scenes, seen=seen, place=np.arange(len(seen.counts))
         )
@@ -152,10 +154,6 @@ class Measured:
         """A start that got there."""
         plain = 1.0 if optics.lobe == tuple(ONE_BEAM) else PLAIN
         return self._step.left(optics, values) * plain, number, optics, values
-
-    def _at_places(self, use: Use) -> Use:
-        """[m, S] the places of which any reading is in `use` [n, S]."""
-        return np.stack([np.bincount(self._rows.place, column) > 0 for column in use.T], 1)
 
     def profile(self, values: Values, use: Use) -> Profile:
         """The profile of fitted optics, with the curves that suit it."""

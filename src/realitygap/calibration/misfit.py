@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from realitygap.calibration.forward import proximity
 from realitygap.calibration.noise import NoiseEstimate, Sample, dark_noise, lit_noise, sample_noise
 from realitygap.calibration.recordings.recording import SensorRecording
-from realitygap.calibration.rows import Rows
+from realitygap.calibration.rows import Rows, at_places, places_of
 from realitygap.calibration.solve import Values
 from realitygap.values import Floats
 from realitygap.world.profile import Profile
@@ -73,36 +73,22 @@ def measure_noise(
     if recordings[0].kind == "ambient":
         found = [lit_noise(joined, "ambient", top)]
     else:
-        counts, places, first = np.concatenate([r.counts for r in recordings]), [], 0
-        for recording in recordings:
-            places.append(recording.place() + first)
-            first += len(recording.counts)
-        dark = dark_noise(counts, np.concatenate(models), np.concatenate(places), top)
+        counts = np.concatenate([r.counts for r in recordings])
+        dark = dark_noise(counts, np.concatenate(models), places_of(recordings), top)
         found = [lit_noise(joined, "proximity", top, dead), dark]
     return [estimate for estimate in found if estimate is not None]
 
 
 def pooled_noise(recordings: Sequence[SensorRecording], models: Sequence[Floats], top: float) -> Sample:
     """The noise that recordings of one kind show beside the models' readings; rows count through them all."""
-    samples, first = [], 0
-    for recording, model in zip(recordings, models, strict=True):
-        sample = sample_noise(
-            recording.counts,
-            model,
-            recording.place(),
-            distance=recording.distance_cm,
-            bearing=recording.bearing_deg,
-            top=top,
-        )
-        samples.append((sample, first))
-        first += len(recording.counts)
+    samples = [sample_noise(r, model, top) for r, model in zip(recordings, models, strict=True)]
+    first = np.cumsum([0, *(len(r.counts) for r in recordings[:-1])])
     return Sample(
-        z=np.concatenate([s.z for s, _ in samples]),
-        level=np.concatenate([s.level for s, _ in samples]),
-        model=np.concatenate([s.model for s, _ in samples]),
-        group=np.concatenate([s.group + shift for s, shift in samples]),
-        row=np.concatenate([s.row + shift for s, shift in samples]),
-        tails=float(np.average([s.tails for s, _ in samples], weights=[len(s.z) + 1 for s, _ in samples])),
+        z=np.concatenate([s.z for s in samples]),
+        level=np.concatenate([s.level for s in samples]),
+        group=np.concatenate([s.group + by for s, by in zip(samples, first, strict=True)]),
+        row=np.concatenate([s.row + by for s, by in zip(samples, first, strict=True)]),
+        tails=float(np.average([s.tails for s in samples], weights=[len(s.z) + 1 for s in samples])),
     )
 
 
@@ -150,17 +136,12 @@ def _at_places(
 ) -> tuple[Floats, NDArray[np.bool_], NDArray[np.int64]]:
     """[m, S] model minus measured at each place, and whether it is lit there; [m] its readings."""
     many = np.bincount(place)
-    mean, said = (_means(table, place) for table in (counts, model))
+    mean, said = (at_places(table, place) / many[:, None] for table in (counts, model))
     if noise.kind != "infrared":
         return said - mean, np.isfinite(mean), many
     edge = 3 * noise.deviation
     lit = (mean > _dark(mean, noise.deviation) + edge) & (mean < noise.top - edge)
     return said - mean, lit, many
-
-
-def _means(table: Floats, place: NDArray[np.int64]) -> Floats:
-    """[m, S] of each place."""
-    return np.stack([np.bincount(place, column) for column in table.T], 1) / np.bincount(place)[:, None]
 
 
 def _dark(mean: Floats, deviation: float) -> Floats:
@@ -186,7 +167,8 @@ def misplaced(rows: Rows, profile: Profile, values: Values, deviation: float) ->
         if by_hand:
             change[first:last] = np.sqrt(np.mean(np.square(np.array(moved) - there), axis=0))
         first = last
-    edge, dark = 3 * deviation, _dark(_means(rows.live(), rows.place), deviation)
+    mean = at_places(rows.live(), rows.place) / np.bincount(rows.place)[:, None]
+    edge, dark = 3 * deviation, _dark(mean, deviation)
     lit = rows.use & (rows.counts > dark + edge) & (rows.counts < rows.top - edge) & np.isfinite(change)
     return float(np.sqrt(np.mean(change[lit] ** 2))) / max(deviation, 1e-9) if lit.any() else np.nan
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.recordings.recording import count_unit
+from realitygap.calibration.recordings.recording import SensorRecording, count_unit
 from realitygap.values import Floats
 
 __all__ = ["NoiseEstimate", "Sample", "dark_noise", "lit_noise", "noise_tables", "sample_noise"]
@@ -47,7 +47,6 @@ class Sample:
 
     z: Floats
     level: Floats
-    model: Floats
     group: NDArray[np.int64]
     tails: float = 1.0
     row: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -91,18 +90,10 @@ class NoiseEstimate:
         return self.kurtosis > HEAVY
 
 
-def sample_noise(
-    counts: Floats, model: Floats, place: NDArray[np.int64], *, distance: Floats, bearing: Floats, top: float
-) -> Sample:
-    """Noise [m, S] of readings [n, S] at places [n]: from repeats, or from neighbouring bearings.
-
-    Args:
-        counts: readings.
-        model: what they are without noise.
-        place: the number of each row's place.
-        distance, bearing: [n] cm, degrees.
-        top: the converter's highest count.
-    """
+def sample_noise(recording: SensorRecording, model: Floats, top: float) -> Sample:
+    """Noise [m, S] of a recording beside the model's readings [n, S]: from repeats, or neighbouring bearings;
+    `top` is the converter's highest count."""
+    counts, place = recording.counts, recording.place()
     order = np.argsort(place, kind="stable")
     _, first, many = np.unique(place[order], return_index=True, return_counts=True)
     if np.median(many) >= 2:
@@ -110,16 +101,17 @@ def sample_noise(
         mean = (sums / many[:, None])[np.repeat(np.arange(len(many)), many)]
         spread = np.sqrt(many / np.maximum(many - 1, 1))[np.repeat(np.arange(len(many)), many)]
         z = np.where(np.repeat(many, many)[:, None] > 1, (counts[order] - mean) * spread[:, None], np.nan)
-        return Sample(z=z, level=mean, model=model[order], group=place[order], row=order)
-    return _from_neighbours(counts, model, distance, bearing, top)
+        return Sample(z=z, level=mean, group=place[order], row=order)
+    return _from_neighbours(recording, model, top)
 
 
-def _from_neighbours(counts: Floats, model: Floats, distance: Floats, bearing: Floats, top: float) -> Sample:
+def _from_neighbours(recording: SensorRecording, model: Floats, top: float) -> Sample:
     """Fourth differences over bearings, of what the model leaves over, where readings are not steep.
 
     Where too few bearings were read at a distance, over the distances of each bearing.
     """
-    z, level, modelled, own = [], [], [], []
+    z, level, own = [], [], []
+    counts, distance, bearing = recording.counts, recording.distance_cm, recording.bearing_deg
     reach = len(FOURTH) // 2
     rings = _rings(distance, bearing, close=CLOSE_DEG, turn=360.0)
     for rows, apart in rings or _rings(bearing, distance, close=CLOSE_CM):
@@ -131,14 +123,12 @@ def _from_neighbours(counts: Floats, model: Floats, distance: Floats, bearing: F
         )
         # Any of them may be clipped: let the one nearest to an end speak for all.
         level.append(np.where(near.mean(0) < top / 2, near.min(0), near.max(0)))
-        modelled.append(model[rows])
         own.append(rows)
     if not z:
         nothing = np.zeros((0, counts.shape[1]))
-        return Sample(z=nothing, level=nothing, model=nothing, group=np.zeros(0, np.int64))
+        return Sample(z=nothing, level=nothing, group=np.zeros(0, np.int64))
     return Sample(
-        z=np.concatenate(z), level=np.concatenate(level), model=np.concatenate(modelled),
-        group=np.arange(sum(map(len, z))) // 4,
+        z=np.concatenate(z), level=np.concatenate(level), group=np.arange(sum(map(len, z))) // 4,
         row=np.concatenate(own), tails=float((FOURTH**4).sum() / (FOURTH**2).sum() ** 2),
     )  # fmt: skip
 
@@ -246,7 +236,7 @@ def dark_noise(counts: Floats, model: Floats, place: NDArray[np.int64], top: flo
     use = (model <= 0) & (counts < 2 * DARK_COUNTS * count_unit(top))
     many = np.maximum(use.sum(axis=0), 1)
     mean = np.where(use, counts, 0.0).sum(axis=0) / many
-    sample = Sample(z=counts - mean, level=counts, model=model, group=place)
+    sample = Sample(z=counts - mean, level=counts, group=place)
     return _estimate(sample, use, "proximity_dark")
 
 

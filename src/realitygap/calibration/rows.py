@@ -23,15 +23,9 @@ from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
 __all__ = [
-    "FOLDS",
-    "PROXIMITY_COUNTS",
-    "REFLECTANCE",
-    "Rows",
-    "dead_zone",
-    "means",
-    "repeated_noise",
-    "saturation",
-]
+    "FOLDS", "PROXIMITY_COUNTS", "REFLECTANCE", "Rows", "at_places", "dead_zone", "means", "places_of",
+    "repeated_noise", "saturation",
+]  # fmt: skip
 
 FOLDS = 4
 REFLECTANCE = "reflectance_"
@@ -83,11 +77,7 @@ class Rows:
                 f"{recordings[0].source}: reflectance: expected a number for at least one recording; all say "
                 "that it is unknown: only how surfaces differ can be fitted. Set it to 1 for one of them."
             )
-        places, first = [], 0
-        for recording in recordings:
-            places.append(recording.place() + first)
-            first = int(places[-1].max()) + 1
-        self.place = np.concatenate(places)
+        self.place = places_of(recordings)
         self.use = np.isfinite(np.concatenate([r.counts for r in recordings]))
         for use, gone in zip(self.split(self.use), dead, strict=True):
             use[:, list(gone)] = False
@@ -148,15 +138,15 @@ class Rows:
             if out.any() and not out.all():
                 yield out
 
+    def rmse(self, model: Floats) -> float:
+        """Of the readings in use, counts."""
+        return float(np.sqrt(((model - self.counts)[self.use] ** 2).mean()))
+
     def rmse_lit(self, model: Floats) -> float:
         """The same where readings are neither dark nor saturated; of all, where none are."""
         edge = LIT * self.unit
         lit = self.use & (self.counts > edge) & (self.counts < self.top - edge)
         return float(np.sqrt(((model - self.counts)[lit if lit.any() else self.use] ** 2).mean()))
-
-    def rmse(self, model: Floats, rows: NDArray[np.bool_] | None = None) -> float:
-        use = self.use if rows is None else self.use & rows[:, None]
-        return float(np.sqrt(((model - self.counts)[use] ** 2).mean()))
 
 
 def _names(recordings: Sequence[SensorRecording]) -> list[str]:
@@ -169,17 +159,27 @@ def _names(recordings: Sequence[SensorRecording]) -> list[str]:
     return names
 
 
+def places_of(recordings: Sequence[SensorRecording]) -> NDArray[np.int64]:
+    """[n] the number of each row's place, through all recordings."""
+    places, first = [], 0
+    for recording in recordings:
+        places.append(recording.place() + first)
+        first = int(places[-1].max()) + 1
+    return np.concatenate(places)
+
+
+def at_places(values: Floats | NDArray[np.bool_], place: NDArray[np.int64]) -> Floats:
+    """[m, S] sums over the rows [n, S] of each place [n]."""
+    return np.stack([np.bincount(place, column) for column in values.T], 1)
+
+
 def means(rows: Rows) -> Floats:
     """[m, S] what was read at each place: the mean, or the sensor's end where half of its readings lie."""
-
-    def of_places(values: Floats) -> Floats:
-        return np.stack([np.bincount(rows.place, column) for column in values.T], 1)
-
-    many = np.maximum(of_places(np.where(rows.use, 1.0, 0.0)), 1.0)
-    mean = of_places(np.where(rows.use, rows.counts, 0.0)) / many
+    many = np.maximum(at_places(rows.use, rows.place), 1.0)
+    mean = at_places(np.where(rows.use, rows.counts, 0.0), rows.place) / many
     most = saturation(rows)
     for end, there in ((0.0, rows.counts <= 0), (most, rows.counts >= most)):
-        mean = np.where(of_places(np.where(rows.use & there, 1.0, 0.0)) >= many / 2, end, mean)
+        mean = np.where(at_places(rows.use & there, rows.place) >= many / 2, end, mean)
     return mean
 
 
@@ -187,7 +187,7 @@ def repeated_noise(rows: Rows) -> float:
     """The deviation of readings that were repeated at their places, counts; else as of the paper's robot."""
     lit = rows.use & (rows.counts > LIT_SHARE * rows.top) & (rows.counts < (1.0 - LIT_SHARE) * rows.top)
     many = np.maximum(np.bincount(rows.place), 1)
-    mean = np.stack([np.bincount(rows.place, column) for column in rows.counts.T], 1) / many[:, None]
+    mean = at_places(rows.counts, rows.place) / many[:, None]
     off = ((rows.counts - mean[rows.place]) ** 2)[lit & (many > 1)[rows.place][:, None]]
     spread = 1.0 - 1.0 / np.median(many) if np.median(many) > 1 else 1.0
     return float(np.sqrt(np.median(off) / MEDIAN / spread)) if len(off) else PROXIMITY_COUNTS * rows.unit

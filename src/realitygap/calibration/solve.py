@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.constants import SIGMAS, Constant, blind_pairs, filling
+from realitygap.calibration.constants import SIGMAS, blind_pairs, filling
 from realitygap.values import Floats
+from realitygap.world.provenance import Constant
 
 __all__ = ["ROBUST_AT", "Fit", "Free", "Measured", "Values", "solve"]
 

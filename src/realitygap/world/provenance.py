@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from realitygap.world.files import Value
 
-__all__ = ["FittedChannel", "FittedConstant", "Provenance", "SourceFile"]
+__all__ = ["FittedChannel", "Constant", "Provenance", "SourceFile"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +33,7 @@ class FittedChannel(Value):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FittedConstant(Value):
+class Constant(Value):
     """A constant and its 95 % interval; `told` is false where the data did not decide it."""
 
     key: str
@@ -54,7 +54,7 @@ class Provenance(Value):
     pulses_per_mm: tuple[float, ...] = ()
     files: tuple[SourceFile, ...] = ()
     fits: tuple[FittedChannel, ...] = ()
-    constants: tuple[FittedConstant, ...] = ()
+    constants: tuple[Constant, ...] = ()
 
     def cm_per_pulse(self, pulses_per_mm: float) -> tuple[float, float]:
         """Of the left and the right counter, as measured; by `pulses_per_mm` where nothing was."""

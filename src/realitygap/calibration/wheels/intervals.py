@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.constants import SIGMAS, Constant, blind_pairs, filling
+from realitygap.calibration.constants import SIGMAS, blind_pairs, filling
 from realitygap.calibration.wheels.odometry import Odometry
 from realitygap.values import Floats
+from realitygap.world.provenance import Constant
 
 __all__ = ["ASSUMED", "at_bound", "intervals", "with_lengths"]
 

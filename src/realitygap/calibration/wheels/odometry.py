@@ -13,9 +13,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.constants import SIGMAS, Constant
+from realitygap.calibration.constants import SIGMAS
 from realitygap.calibration.recordings.recording import WheelRecording
 from realitygap.values import Floats
+from realitygap.world.provenance import Constant
 
 __all__ = ["Odometry", "enough_pictures", "measure_odometry", "measured_speeds"]
 
