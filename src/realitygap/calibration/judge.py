@@ -30,20 +30,8 @@ from realitygap.calibration.recordings.recording import (
     count_unit,
 )
 from realitygap.calibration.rows import PROXIMITY_COUNTS
-from realitygap.calibration.wheels.checks import (
-    refuse_camera,
-    refuse_counters,
-    refuse_fast,
-    refuse_few_steps,
-    refuse_lengths,
-    refuse_still,
-)
-from realitygap.calibration.wheels.odometry import (
-    Odometry,
-    enough_pictures,
-    measure_odometry,
-    measured_speeds,
-)
+from realitygap.calibration.wheels.checks import refuse_few_steps, refuse_odd
+from realitygap.calibration.wheels.odometry import measure_odometry, measured_speeds
 from realitygap.errors import CalibrationError
 from realitygap.values import Floats
 from realitygap.world.profile import Profile
@@ -214,6 +202,11 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
     measured = measured_speeds(recording, odometry, per_pulse)
     refuse_few_steps(recording, measured)
     model = wheel_speeds(profile, recording)
+    said = list(recording.warnings)
+    try:
+        refuse_odd(recording, odometry, profile)
+    except CalibrationError as error:  # what a calibration would refuse
+        said.append(str(error))
     off = model - measured
     rmse, bias = np.sqrt(np.nanmean(off**2, axis=0)), np.nanmean(off, axis=0)
     sides = tuple(
@@ -225,21 +218,5 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
         bias=float(bias.mean()),
         per_sensor=sides, noise={"wheel": (odometry.slip, profile.noise.wheel)} if odometry else {},
         turn_deg=0.0, brightness=1.0, reflectance=1.0, within=math.nan, counts=measured, model=model,
-        warnings=_wheel_doubts(recording, profile, odometry),
+        warnings=tuple(dict.fromkeys(said)),
     )  # fmt: skip
-
-
-def _wheel_doubts(recording: WheelRecording, profile: Profile, odometry: Odometry | None) -> tuple[str, ...]:
-    """What a calibration would warn of or refuse, in words."""
-    said = list(recording.warnings)
-    try:
-        refuse_still(recording)
-        refuse_fast(recording, profile)
-        refuse_counters(recording)
-        if odometry is not None:
-            refuse_lengths(recording, odometry, profile)
-        elif enough_pictures(recording, profile.wheels.track_cm):
-            refuse_camera(recording)
-    except CalibrationError as error:
-        said.append(str(error))
-    return tuple(dict.fromkeys(said))

@@ -3,15 +3,12 @@
 import numpy as np
 
 from realitygap.calibration.recordings.recording import WheelRecording
-from realitygap.calibration.wheels.odometry import Odometry
+from realitygap.calibration.wheels.odometry import Odometry, enough_pictures
 from realitygap.errors import CalibrationError
 from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
-__all__ = [
-    "refuse_camera", "refuse_counters", "refuse_fast", "refuse_few_steps", "refuse_lengths", "refuse_still",
-    "refuse_wheels",
-]  # fmt: skip
+__all__ = ["refuse_few_steps", "refuse_odd", "refuse_wheels"]
 
 SIDES = ("left", "right")
 FEWEST_STEPS = 30
@@ -24,7 +21,26 @@ TRACK_SHARE = 0.3
 EXPLAINED = 0.5
 
 
-def refuse_still(recording: WheelRecording) -> None:
+def refuse_odd(recording: WheelRecording, odometry: Odometry | None, base: Profile) -> None:
+    """Refuse a recording that no robot of the base's kind can have made, by what the camera tells of it.
+
+    Raises:
+        CalibrationError: a wheel or counter that stands, commands or lengths in other units, swapped columns.
+    """
+    _refuse_still(recording)
+    _refuse_fast(recording, base)
+    _refuse_counters(recording)
+    if odometry is not None:
+        _refuse_lengths(recording, odometry, base)
+    elif enough_pictures(recording, base.wheels.track_cm):
+        raise CalibrationError(
+            f"{recording.source}: the camera's poses fit no wheels with these counters or commands. Are x_cm "
+            "and y_cm in cm, heading_deg in degrees, and commands in units of --base? Without these three "
+            "columns counters alone are used."
+        )
+
+
+def _refuse_still(recording: WheelRecording) -> None:
     """Refuse a recording in which a wheel, or its counter, never moved."""
     for w, side in enumerate(SIDES):
         if not (recording.commands[:, w] != 0).any():
@@ -33,12 +49,8 @@ def refuse_still(recording: WheelRecording) -> None:
             raise CalibrationError(f"{recording.source}: counter_{side} never changes: it looks dead.")
 
 
-def refuse_fast(recording: WheelRecording, base: Profile) -> None:
-    """Refuse commands that no controller of the base's robot gives.
-
-    Raises:
-        CalibrationError: names the largest.
-    """
+def _refuse_fast(recording: WheelRecording, base: Profile) -> None:
+    """Refuse commands that no controller of the base's robot gives."""
     most, top = float(np.abs(recording.commands).max(initial=0.0)), base.wheels.top_command
     if most > top:
         left, right = base.wheels.speed_per_unit_cm_s
@@ -59,12 +71,8 @@ def refuse_few_steps(recording: WheelRecording, measured: Floats) -> None:
         )
 
 
-def refuse_counters(recording: WheelRecording) -> None:
-    """Refuse counters that follow the other wheel's command, or run against their own.
-
-    Raises:
-        CalibrationError: names the columns.
-    """
+def _refuse_counters(recording: WheelRecording) -> None:
+    """Refuse counters that follow the other wheel's command, or run against their own."""
     if not recording.counted:
         return
     within = np.diff(recording.trial) == 0
@@ -83,25 +91,8 @@ def refuse_counters(recording: WheelRecording) -> None:
             )
 
 
-def refuse_camera(recording: WheelRecording) -> None:
-    """Say that the camera's poses fit no wheels that the counters could belong to.
-
-    Raises:
-        CalibrationError: always.
-    """
-    raise CalibrationError(
-        f"{recording.source}: the camera's poses fit no wheels with these counters or commands. Are x_cm and "
-        "y_cm in cm, heading_deg in degrees, and commands in units of --base? Without these three columns "
-        "counters alone are used."
-    )
-
-
-def refuse_lengths(recording: WheelRecording, odometry: Odometry, base: Profile) -> None:
-    """Refuse pulses per mm (without counters: speeds per unit) and a track that no such robot has.
-
-    Raises:
-        CalibrationError: says which, and what was expected.
-    """
+def _refuse_lengths(recording: WheelRecording, odometry: Odometry, base: Profile) -> None:
+    """Refuse pulses per mm (without counters: speeds per unit) and a track that no such robot has."""
     cure = "Are x_cm and y_cm in cm, heading_deg in degrees, and counters in pulses?"
     low, high = (share * recording.pulses_per_mm for share in PULSES_SHARE)
     for side, length in zip(SIDES, odometry.cm_per_pulse, strict=True):

@@ -10,29 +10,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.constants import Constant
 from realitygap.calibration.forms import Tick
 from realitygap.calibration.forward import wheel_speeds
 from realitygap.calibration.recordings.recording import WheelRecording
-from realitygap.calibration.wheels.checks import (
-    refuse_camera,
-    refuse_counters,
-    refuse_fast,
-    refuse_few_steps,
-    refuse_lengths,
-    refuse_still,
-    refuse_wheels,
-)
+from realitygap.calibration.wheels.checks import refuse_few_steps, refuse_odd, refuse_wheels
 from realitygap.calibration.wheels.friction import Friction, measure_friction
 from realitygap.calibration.wheels.intervals import at_bound, intervals, with_lengths
-from realitygap.calibration.wheels.odometry import (
-    Odometry,
-    enough_pictures,
-    measure_odometry,
-    measured_speeds,
-)
+from realitygap.calibration.wheels.odometry import Odometry, measure_odometry, measured_speeds
 from realitygap.values import Floats
 from realitygap.world.profile import Profile, largest_pole
+from realitygap.world.provenance import Constant
 
 __all__ = ["WHEEL_FORMS", "WheelFit", "doubts", "fit_wheels"]
 
@@ -95,10 +82,8 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
     """
     tick()
     recording = recording.of_robot(base)
-    refuse_still(recording)
-    refuse_fast(recording, base)
-    refuse_counters(recording)
-    odometry = _seen(recording, base)
+    odometry = measure_odometry(recording, base.wheels.track_cm)
+    refuse_odd(recording, odometry, base)
     per_pulse = odometry.cm_per_pulse if odometry else (0.1 / recording.pulses_per_mm,) * 2
     measured = measured_speeds(recording, odometry, per_pulse)
     refuse_few_steps(recording, measured)
@@ -167,16 +152,6 @@ def _with_others(
         return constants
     value, low, high = friction.value, friction.low, friction.high
     return (*constants, Constant(key="friction_cm_s2", value=value, low=low, high=high, told=low > 0))
-
-
-def _seen(recording: WheelRecording, base: Profile) -> Odometry | None:
-    """What the camera tells; None where it saw too little to tell anything."""
-    odometry = measure_odometry(recording, base.wheels.track_cm)
-    if odometry is not None:
-        refuse_lengths(recording, odometry, base)
-    elif enough_pictures(recording, base.wheels.track_cm):
-        refuse_camera(recording)
-    return odometry
 
 
 class _Fitted(NamedTuple):
