@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.misfit import LIMITS, Misfit
+from realitygap.calibration.misfit import LIMITS, Misfit, lit_ratio
 from realitygap.calibration.noise import NoiseEstimate
 from realitygap.calibration.solve import Fit
 from realitygap.values import Floats
@@ -80,8 +80,7 @@ class ChannelFit:
     def ratio(self) -> float:
         """Model error over noise of all sensors on places held out, where readings are neither dark nor
         saturated: the figure that reports and limits go by; NaN where there are none."""
-        told = [m.lit_ratio for m in self.judged if np.isfinite(m.lit_ratio)]
-        return float(np.sqrt(np.mean(np.square(told)))) if told else np.nan
+        return lit_ratio(self.judged)
 
     @property
     def ratio_placed(self) -> float:
@@ -96,9 +95,8 @@ def doubts(made: ChannelFit) -> list[str]:
     if over:
         which = ", ".join(f"{m.sensor} ({m.lit_ratio:.1f})" for m in over)
         out.append(
-            f"{kind}: model error is more than {limit:g} noise deviations ({made.deviation:.3g} "
-            f"counts) for sensors "
-            f"{which}: model error exceeds noise there"
+            f"{kind}: model error is more than {limit:g} noise deviations ({made.deviation:.3g} counts) for "
+            f"sensors {which}: model error exceeds noise there"
         )
     if not np.isfinite(made.ratio):
         out.append(f"{kind}: {UNLIT}")

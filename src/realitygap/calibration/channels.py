@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -109,20 +110,19 @@ def agreed(form: str, fits: Mapping[str, Fit]) -> tuple[Fit, tuple[str, ...]]:
     words which those are. An interval holds if its form does: what two forms say that err as little is
     neither's doing.
     """
-    fit, said = fits[form], []
+    fit, doubted, said = fits[form], set(), []
     others = [(name, c) for name, one in fits.items() if name != form for c in one.constants]
     for c in fit.constants:
         for name, other in others:
             apart = other.key == c.key and (other.low > c.high or other.high < c.low)
             if c.key.startswith(REFLECTANCE) and apart:
-                fit = replace(
-                    fit, constants=tuple(replace(k, told=False) if k is c else k for k in fit.constants)
-                )
+                doubted.add(c.key)
                 said.append(
                     f"infrared: {c.key} hangs on the form: {c.value:.3f} by {form}, {other.value:.3f} by "
                     f"{name}; state it if you can"
                 )
-    return fit, tuple(said)
+    constants = tuple(replace(c, told=c.told and c.key not in doubted) for c in fit.constants)
+    return replace(fit, constants=constants), tuple(said)
 
 
 def fit_light(
@@ -222,9 +222,6 @@ def _with_noise(made: ChannelFit, rows: Rows) -> Profile:
     speed = np.concatenate(list(still))[sample.row]
     table, rise = noise_tables(sample, rows.live(), model, speed, rows.top, kind=made.kind)
     columns = {"noise": [tuple(row) for row in table.round(3).tolist()], "noise_rise": rise.round(5).tolist()}
-    infrared, ambient = made.profile.infrared, made.profile.ambient
-    if made.kind == "ambient":
-        ambient = replace(ambient, sensors=with_columns(ambient.sensors, columns))
-    else:
-        infrared = replace(infrared, sensors=with_columns(infrared.sensors, columns))
-    return replace(made.profile, infrared=infrared, ambient=ambient)
+    law: Any = made.profile.channel(made.kind)
+    law = replace(law, sensors=with_columns(law.sensors, columns))
+    return replace(made.profile, **{made.kind: law})

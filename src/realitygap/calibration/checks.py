@@ -15,10 +15,10 @@ from realitygap.calibration.recordings.recording import Recording, SensorRecordi
 from realitygap.errors import CalibrationError
 from realitygap.values import Floats
 from realitygap.world.profile import Profile
-from realitygap.world.sensors import AmbientSensor, ProximitySensor
+from realitygap.world.sensor_checks import Sensor
 
 __all__ = [
-    "dead_sensors", "refuse_mixed", "refuse_nonsense", "refuse_other_kind", "refuse_silent",
+    "dead_sensors", "recorded", "refuse_mixed", "refuse_nonsense", "refuse_other_kind", "refuse_silent",
     "refuse_swapped", "refuse_units",
 ]  # fmt: skip
 
@@ -43,7 +43,7 @@ def dead_sensors(recording: SensorRecording, top: float) -> dict[int, str]:
     """Sensors that tell nothing in a recording, of a converter that counts to `top`, and why, in words."""
     dead = {}
     looks = "it looks dead" if _all_round(recording) else "it looks dead, or away from the object"
-    for k in _recorded(recording):
+    for k in recorded(recording):
         values = recording.counts[np.isfinite(recording.counts[:, k]), k]
         low, high = np.percentile(values, [0.2, 99.8])
         if np.ptp(values) == 0:
@@ -69,7 +69,7 @@ def refuse_silent(
         CalibrationError: most sensors are; or few readings lie between dark and saturated.
     """
     where = ", ".join(recording.source for recording in recordings)
-    there = [set(_recorded(recording)) for recording in recordings]
+    there = [set(recorded(recording)) for recording in recordings]
     lives = {k for has, gone in zip(there, dead, strict=True) for k in has - gone.keys()}
     silent = {k: why for gone in dead for k, why in gone.items() if k not in lives}
     if len(silent) > len(set().union(*there)) // 2:
@@ -103,11 +103,8 @@ def refuse_swapped(recording: SensorRecording, profile: Profile, dead: dict[int,
     mirrored = live & (_apart(-answers, looks) <= ASIDE_DEG)
     if odd.sum() >= MOST_ODD:
         which = ", ".join(f"{k} at {answers[k]:.0f}° (looks to {looks[k]:.0f}°)" for k in np.flatnonzero(odd))
-        cure = (
-            "The bearings seem to run the other way round."
-            if mirrored[live].all()
-            else "Are columns swapped?"
-        )
+        turned = "The bearings seem to run the other way round."
+        cure = turned if mirrored[live].all() else "Are columns swapped?"
         raise CalibrationError(
             f"{recording.source}: sensors answer to another side than they look: {which}. {cure}"
         )
@@ -119,7 +116,7 @@ def refuse_swapped(recording: SensorRecording, profile: Profile, dead: dict[int,
     )
 
 
-def _expected(sensors: Sequence[ProximitySensor] | Sequence[AmbientSensor]) -> Floats:
+def _expected(sensors: Sequence[Sensor]) -> Floats:
     """[S] the bearing that each sensor should answer to: between its direction and that of its place."""
     there = np.array([math.degrees(math.atan2(s.y_cm, s.x_cm)) for s in sensors])
     looks = np.array([s.direction_deg for s in sensors])
@@ -163,17 +160,16 @@ def refuse_units(recording: SensorRecording, top: float) -> None:
         return
     distance, brightest = recording.distance_cm, np.nan_to_num(recording.counts).max(axis=1)
     last, bright = float(distance.max()), BRIGHT * count_unit(top)
-    if (distance > BLIND_CM).any() and np.percentile(brightest[distance > BLIND_CM], 90) > bright:
-        seen = float(np.percentile(brightest[distance > BLIND_CM], 90))
+    far = brightest[distance > BLIND_CM]
+    if len(far) and (seen := float(np.percentile(far, 90))) > bright:
         raise CalibrationError(
             f"{recording.source}: {seen:.0f} counts beyond {BLIND_CM:g} cm, where infrared sees nothing: the "
             f"distances, up to {last:g} cm, are too large. Are units mixed up?"
         )
     if last < DAZZLED_CM and np.percentile(brightest[distance == last], 90) < bright:
         raise CalibrationError(
-            f"{recording.source}: hardly anything is seen at {last:g} cm, where an object "
-            f"dazzles: the distances "
-            "are too small. Are units mixed up?"
+            f"{recording.source}: hardly anything is seen at {last:g} cm, where an object dazzles: the "
+            "distances are too small. Are units mixed up?"
         )
 
 
@@ -236,7 +232,7 @@ def refuse_mixed(recordings: Sequence[Recording]) -> None:
             )
 
 
-def _recorded(recording: SensorRecording) -> list[int]:
+def recorded(recording: SensorRecording) -> list[int]:
     """The sensors that a recording has readings of."""
     return [int(k) for k in np.flatnonzero(np.isfinite(recording.counts).any(axis=0))]
 

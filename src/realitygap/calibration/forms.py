@@ -14,7 +14,7 @@ from realitygap.calibration.solve import Fit, Free, Measured, Model, Values, sol
 from realitygap.values import Floats
 from realitygap.world.arena import WHITEST
 from realitygap.world.profile import Profile
-from realitygap.world.sensors import AmbientSensor, ProximitySensor
+from realitygap.world.sensor_checks import Sensor
 
 __all__ = [
     "FINE_DEG", "Problem", "Tick", "columns_of", "fit_forms", "free_directions", "free_reflectances",
@@ -22,8 +22,7 @@ __all__ = [
 ]  # fmt: skip
 
 Tick = Callable[[], None]
-S = TypeVar("S", ProximitySensor, AmbientSensor)
-Sensors = Sequence[ProximitySensor] | Sequence[AmbientSensor]
+S = TypeVar("S", bound=Sensor)
 
 NEUTRAL = {"offset_cm": np.zeros(1), "exponent": np.ones(1)}
 DRAWS_HELD_OUT = 500
@@ -74,7 +73,7 @@ def free_reflectances(scenes: Sequence[tuple[str, Scene]]) -> list[Free]:
     return [Free(key=key, start=np.ones(1), low=0.01, high=WHITEST, step=1e-3) for key in paints]
 
 
-def free_directions(sensors: Sensors, *, tie: float | None = 0.02, jump: float = 0.0) -> Free:
+def free_directions(sensors: Sequence[Sensor], *, tie: float | None = 0.02, jump: float = 0.0) -> Free:
     """Where each sensor looks."""
     start = np.array([s.direction_deg for s in sensors])
     return Free(
@@ -83,7 +82,7 @@ def free_directions(sensors: Sensors, *, tie: float | None = 0.02, jump: float =
     )  # fmt: skip
 
 
-def columns_of(values: Values, keys: Sequence[str], sensors: Sensors) -> dict[str, list[float]]:
+def columns_of(values: Values, keys: Sequence[str], sensors: Sequence[Sensor]) -> dict[str, list[float]]:
     """Those constants that were fitted, one a sensor; directions within what a profile can hold."""
     n = len(sensors)
     columns = {key: np.broadcast_to(values[key], (n,)).tolist() for key in keys if key in values}

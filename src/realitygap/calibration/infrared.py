@@ -49,11 +49,9 @@ def infrared_problems(rows: Rows, base: Profile) -> tuple[dict[str, Problem], st
     noise = PROXIMITY_COUNTS * rows.unit
     glossy, matt = (solve_form(rows, problem, noise, intervals=False) for problem in tried)
     for_matt = preference(rows, matt, over=glossy)
-    if for_matt <= AGAINST:
-        problems["extended"] = replace(tried[0], begin=glossy.values)
-    else:
-        problems["extended"] = replace(tried[1], begin=matt.values)
-    chosen = "are not" if for_matt <= AGAINST else "are"
+    against = for_matt <= AGAINST
+    problem, begin, chosen = (tried[0], glossy, "are not") if against else (tried[1], matt, "are")
+    problems["extended"] = replace(problem, begin=begin.values)
     doubt = (
         "infrared: whether surfaces are Lambertian is not identifiable from these recordings; "
         f"it is assumed that they {chosen}"
@@ -121,12 +119,9 @@ def with_infrared(profile: Profile, values: Values) -> Profile:
 def infrared_model(profile: Profile, values: Values, scenes: Sequence[tuple[str, Scene]]) -> Floats:
     """Noise-free readings [n, P] of several recordings, one after another, at each rig's turn."""
     made = with_infrared(profile, values)
-    return np.concatenate(
-        [
-            proximity(made, scene.tried(values), float(values[rig][0]) if rig in values else 0.0)
-            for rig, scene in scenes
-        ]
-    )
+    turns = [float(values[rig][0]) if rig in values else 0.0 for rig, _ in scenes]
+    tried = zip(scenes, turns, strict=True)
+    return np.concatenate([proximity(made, scene.tried(values), turn) for (_, scene), turn in tried])
 
 
 def neutral_infrared(base: Profile) -> Profile:

@@ -9,11 +9,12 @@ import numpy as np
 from realitygap.calibration.channel_fit import unmeasured
 from realitygap.calibration.checks import (
     dead_sensors,
+    recorded,
     refuse_other_kind,
     refuse_silent,
     refuse_swapped,
     refuse_units,
-)
+)  # fmt: skip
 from realitygap.calibration.forward import (
     Scene,
     illumination,
@@ -22,7 +23,7 @@ from realitygap.calibration.forward import (
     scene_of,
     wheel_speeds,
 )
-from realitygap.calibration.misfit import LIMITS, Misfit, Yardstick, measure_noise, misfits, within
+from realitygap.calibration.misfit import LIMITS, Misfit, Yardstick, lit_ratio, measure_noise, misfits, within
 from realitygap.calibration.recordings.recording import (
     Recording,
     SensorRecording,
@@ -75,8 +76,7 @@ class Judgement:
     def ratio(self) -> float:
         """Model error over noise of all sensors where readings are neither dark nor saturated, as a
         calibration says it of places held out; NaN where there are none."""
-        told = [m.lit_ratio for m in self.per_sensor if np.isfinite(m.lit_ratio)]
-        return float(np.sqrt(np.mean(np.square(told)))) if told else math.nan
+        return lit_ratio(self.per_sensor)
 
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON."""
@@ -108,8 +108,7 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     recording = recording.of_robot(profile)
     part = profile.channel(recording.kind)
     dead, warnings = _doubts(recording, profile)
-    recorded = np.flatnonzero(np.isfinite(recording.counts).any(axis=0)).tolist()
-    live = [k for k in recorded if k not in dead]
+    live = [k for k in recorded(recording) if k not in dead]
     paint = math.isnan(recording.reflectance)
     turn, scale, model = _fitted_out(recording, profile, scene_of(recording), live)
     known = np.where(np.isin(np.arange(recording.sensors), live), recording.counts, np.nan)

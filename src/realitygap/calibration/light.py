@@ -140,7 +140,7 @@ def with_light(profile: Profile, values: Values, form: str) -> Profile:
     """A profile with fitted constants in place."""
     law = profile.ambient
     n = len(law.sensors)
-    columns = columns_of(values, ("direction_deg", "floor_shift", "dark_shift"), law.sensors)
+    columns = columns_of(values, ("direction_deg",), law.sensors)
     common = {key: float(values[key][0]) for key in COMMON if key in values}
     if "dark" in values:  # what a profile can hold, where few places are dark or bright enough to tell
         common["dark"] = min(common["dark"], law.top)

@@ -15,7 +15,7 @@ from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
 __all__ = [
-    "LIMITS", "Misfit", "Yardstick", "contradiction", "measure_noise", "misfits", "misplaced",
+    "LIMITS", "Misfit", "Yardstick", "contradiction", "lit_ratio", "measure_noise", "misfits", "misplaced",
     "pooled_noise", "within",
 ]  # fmt: skip
 
@@ -103,24 +103,33 @@ def misfits(counts: Floats, model: Floats, place: NDArray[np.int64], noise: Yard
     off, lit, many = _at_places(counts, model, place, noise)
     size = max(noise.deviation, 1e-9)
     noisy = noise.measured * noise.deviation**2 / many[:, None] * np.where(lit, 1.0, 0.0)
+
+    def left(k: int, use: NDArray[np.bool_]) -> float:
+        """RMS over some places without the noise."""
+        return float(np.sqrt(max(0.0, float((off[use, k] ** 2 - noisy[use, k]).mean()))))
+
     out = []
     for k in range(counts.shape[1]):
         known = np.isfinite(off[:, k])
         if not known.any():
             continue
-        error = np.sqrt(max(0.0, float((off[known, k] ** 2 - noisy[known, k]).mean())))
-        some = lit[:, k] & known
-        in_light = (
-            np.sqrt(max(0.0, float((off[some, k] ** 2 - noisy[some, k]).mean()))) if some.any() else np.nan
-        )
+        error, some = left(k, known), lit[:, k] & known
+        in_light = left(k, some) if some.any() else np.nan
         raw = (model - counts)[np.isfinite(counts[:, k]), k]
         out.append(
             Misfit(
-                sensor=k, rmse=float(np.sqrt((raw**2).mean())), bias=float(raw.mean()), error=float(error),
-                ratio=float(error / size), lit_ratio=float(in_light / size),
+                sensor=k, rmse=float(np.sqrt((raw**2).mean())), bias=float(raw.mean()), error=error,
+                ratio=error / size, lit_ratio=in_light / size,
             )
         )  # fmt: skip
     return tuple(out)
+
+
+def lit_ratio(judged: Sequence[Misfit]) -> float:
+    """Model error over noise of all sensors where readings are neither dark nor saturated; NaN where there
+    are none."""
+    told = [m.lit_ratio for m in judged if np.isfinite(m.lit_ratio)]
+    return float(np.sqrt(np.mean(np.square(told)))) if told else np.nan
 
 
 def within(counts: Floats, model: Floats, place: NDArray[np.int64], noise: Yardstick) -> float:
@@ -157,16 +166,12 @@ def _dark(mean: Floats, deviation: float) -> Floats:
 def misplaced(rows: Rows, profile: Profile, values: Values, deviation: float) -> float:
     """By how many deviations lit readings change where what was set up by hand is a millimetre off."""
     change = np.full(rows.counts.shape, np.nan)
-    first = 0
-    for recording, (name, scene) in zip(rows.recordings, rows.scenes, strict=True):
+    for recording, (name, scene), part in zip(rows.recordings, rows.scenes, rows.split(change), strict=True):
         turn = float(values[name][0]) if name in values else 0.0
         painted = scene.tried(values)
         there, *moved = (proximity(profile, painted, turn, away) for away in (0.0, -PLACED_CM, PLACED_CM))
-        last = first + len(there)
-        by_hand = "unit" not in recording.facts and (scene.bare or recording.from_sensor is not None)
-        if by_hand:
-            change[first:last] = np.sqrt(np.mean(np.square(np.array(moved) - there), axis=0))
-        first = last
+        if "unit" not in recording.facts and (scene.bare or recording.from_sensor is not None):
+            part[:] = np.sqrt(np.mean(np.square(np.array(moved) - there), axis=0))
     mean = at_places(rows.live(), rows.place) / np.bincount(rows.place)[:, None]
     edge, dark = 3 * deviation, _dark(mean, deviation)
     lit = rows.use & (rows.counts > dark + edge) & (rows.counts < rows.top - edge) & np.isfinite(change)

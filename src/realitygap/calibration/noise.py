@@ -63,7 +63,6 @@ class NoiseEstimate:
         kurtosis: excess over the normal's, of one reading's noise.
         beyond: share of values beyond three deviations (normal: 0.27 %).
         values: noise in deviations, for a picture.
-        count: how many values.
     """
 
     channel: str
@@ -73,7 +72,6 @@ class NoiseEstimate:
     bins: tuple[tuple[float, float], ...]
     kurtosis: float
     beyond: float
-    count: int
     values: Floats = field(repr=False)
 
     @property
@@ -261,7 +259,6 @@ def _estimate(sample: Sample, use: NDArray[np.bool_], channel: str) -> NoiseEsti
         bins=_bins(sample.level[use], sample.z[use]),
         kurtosis=kurtosis / sample.tails,
         beyond=float((np.abs(unit) > 3.0).mean()),
-        count=int(use.sum()),
         values=unit,
     )
 

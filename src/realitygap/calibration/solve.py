@@ -121,7 +121,7 @@ def _descend(packed: _Packed, inside: Floats, use: NDArray[np.bool_], *, careful
     packed.use = packed.moving(inside)
     for _ in range(ROUNDS):
         found = least_squares(
-            packed.residuals, inside, jac=packed.sparse_jacobian, bounds=packed.bounds(), x_scale="jac",
+            packed.residuals, inside, jac=packed.jacobian, bounds=packed.bounds(), x_scale="jac",
             loss="soft_l1", f_scale=ROBUST_AT, xtol=1e-5 if careful else 1e-4, ftol=1e-6, gtol=1e-8,
             max_nfev=60 if careful else 25, tr_solver="lsmr",
             tr_options={"maxiter": 4 * len(inside), "atol": 1e-7, "btol": 1e-7},
@@ -213,14 +213,10 @@ class _Packed:
             self.use & (np.abs(self.readings(theta) - self.counts) > ROBUST_AT * self.noise)
         )
 
-    def jacobian(self, theta: Floats) -> Floats:
-        rows = self._columns(theta)[self.use]
-        return np.concatenate([rows, *self._prior_rows(len(theta))])
-
-    def sparse_jacobian(self, theta: Floats) -> Any:
+    def jacobian(self, theta: Floats) -> Any:
         from scipy.sparse import csr_matrix
 
-        return csr_matrix(self.jacobian(theta))
+        return csr_matrix(np.concatenate([self._columns(theta)[self.use], *self._prior_rows(len(theta))]))
 
     def _prior_rows(self, n: int, *, ties_only: bool = False) -> list[Floats]:
         rows, first = [], 0

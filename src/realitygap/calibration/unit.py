@@ -163,16 +163,13 @@ def _calibrated(
     on_progress: Progress | None = None,
     meanwhile: Sequence[Work] = (),
 ) -> Path:
-    folder = as_path(folder, "folder").resolve()
-    claim(folder, settings)
-    if not (folder / PROFILE).is_file():
-        _carry_out(folder, workers, on_progress or (lambda name, done, total: None), meanwhile)
-    return folder / PROFILE
-
-
-def _carry_out(folder: Path, workers: Workers, report: Progress, meanwhile: Sequence[Work]) -> None:
     """Record what is not there yet and fit it, each kind of recordings in a job: one is fitted while
     another is recorded, and what else is to be done meanwhile is done."""
+    folder = as_path(folder, "folder").resolve()
+    claim(folder, settings)
+    if (folder / PROFILE).is_file():
+        return folder / PROFILE
+    report = on_progress or (lambda name, done, total: None)
     parts = parts_of(folder)
     kinds = list(dict.fromkeys(kind_of(name) for name in parts))
     left = {name for name in parts if not is_recorded(folder, name)}
@@ -191,6 +188,7 @@ def _carry_out(folder: Path, workers: Workers, report: Progress, meanwhile: Sequ
     with _recorders(workers, len(jobs)) as pool:
         pool.work(Setup(Bench, (str(folder),)), jobs, heard)
     whole.write(folder / PROFILE, _profile(folder, fits))
+    return folder / PROFILE
 
 
 def _recorders(workers: Workers, jobs: int) -> AbstractContextManager[Pool]:

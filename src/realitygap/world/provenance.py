@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from realitygap.world.files import Value
 
-__all__ = ["FittedChannel", "Constant", "Provenance", "SourceFile"]
+__all__ = ["Constant", "FittedChannel", "Provenance", "SourceFile"]
 
 
 @dataclass(frozen=True, kw_only=True)

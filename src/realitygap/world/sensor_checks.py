@@ -2,51 +2,42 @@
 
 import math
 from collections.abc import Sequence
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import ConfigError
-from realitygap.world.files import require
+from realitygap.world.files import Value, require
 
-__all__ = [
-    "check_alike", "check_bands", "check_direction", "check_radians", "check_tables", "places", "table",
-]  # fmt: skip
+__all__ = ["Sensor", "check_alike", "check_bands", "check_radians", "places", "table"]
 
 FEWEST_TURNED, OUTWARDS_DEG = 2, 35.0
 """So many sensors that look aside tell radians from degrees; and how nearly a sensor looks outwards."""
 
 
-class Sensor(Protocol):
-    """Its place and direction in the robot's frame, and its tables."""
+@dataclass(frozen=True, kw_only=True)
+class Sensor(Value):
+    """Its place and direction in the robot's frame; both kinds end with the same tables."""
 
-    @property
-    def x_cm(self) -> float: ...
-    @property
-    def y_cm(self) -> float: ...
-    @property
-    def direction_deg(self) -> float: ...
-    @property
-    def curve(self) -> tuple[float, ...]: ...
-    @property
-    def noise(self) -> tuple[float, ...]: ...
-    @property
-    def noise_rise(self) -> float: ...
+    x_cm: float
+    y_cm: float
+    direction_deg: float
+
+    def _check(self) -> None:
+        require(-360 <= self.direction_deg <= 360, "direction_deg", "degrees from -360 to 360",
+                self.direction_deg)  # fmt: skip
+        own: Any = self
+        for key, values in (("curve", own.curve), ("noise", own.noise)):
+            require(len(values) != 1, key, "two values or more, or none", values)
+            require(all(value >= 0 for value in values), key, "values of 0 or more", values)
+        require(own.noise_rise >= 0, "noise_rise", "0 or more", own.noise_rise)
 
 
 def table(rows: Sequence[Sequence[float]]) -> NDArray[np.float64]:
     """[sensors, n] one row a sensor."""
     return np.array(rows, float).reshape(len(rows), len(rows[0]) if rows else 0)
-
-
-def check_tables(sensor: Sensor) -> None:
-    """Refuse a curve or noise of one value or below 0."""
-    for key in ("curve", "noise"):
-        values = getattr(sensor, key)
-        require(len(values) != 1, key, "two values or more, or none", values)
-        require(all(value >= 0 for value in values), key, "values of 0 or more", values)
-    require(sensor.noise_rise >= 0, "noise_rise", "0 or more", sensor.noise_rise)
 
 
 def check_alike(sensors: Sequence[Sensor], top: float) -> None:
@@ -62,11 +53,6 @@ def check_alike(sensors: Sequence[Sensor], top: float) -> None:
 def places(sensors: Sequence[Sensor]) -> NDArray[np.float64]:
     """[sensors, 2] cm, in the robot's frame."""
     return np.array([(s.x_cm, s.y_cm) for s in sensors]).reshape(-1, 2)
-
-
-def check_direction(direction_deg: float) -> None:
-    """Refuse what is no direction in degrees."""
-    require(-360 <= direction_deg <= 360, "direction_deg", "degrees from -360 to 360", direction_deg)
 
 
 def check_radians(sensors: Sequence[Sensor]) -> None:

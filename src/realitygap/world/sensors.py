@@ -12,15 +12,7 @@ from realitygap.kernels.params import CONE, LANES, NARROW, RAYS
 from realitygap.world.files import Value, require
 from realitygap.world.look_up import LookUp
 from realitygap.world.rays import fan_weights, ray_weights, rays, unit
-from realitygap.world.sensor_checks import (
-    check_alike,
-    check_bands,
-    check_direction,
-    check_radians,
-    check_tables,
-    places,
-    table,
-)
+from realitygap.world.sensor_checks import Sensor, check_alike, check_bands, check_radians, places, table
 
 __all__ = ["RAY_NUMBERS", "RESPONSES", "UNLIT", "Ambient", "AmbientSensor", "Infrared", "ProximitySensor"]
 
@@ -35,12 +27,9 @@ RAY_NUMBERS = (10, 16, 18, 20, 24, 27, 30, 32, 36, 40, 45, 48, 50, 54, 60)
 
 
 @dataclass(frozen=True, kw_only=True)
-class ProximitySensor(Value):
+class ProximitySensor(Sensor):
     """Place and direction in the robot's frame (x forward, y left), and the law's constants."""
 
-    x_cm: float
-    y_cm: float
-    direction_deg: float
     a: float
     b: float
     offset_cm: float = 0.0
@@ -49,9 +38,8 @@ class ProximitySensor(Value):
     noise_rise: float = 0.0
 
     def _check(self) -> None:
-        check_direction(self.direction_deg)
+        super()._check()
         require(self.a > 0, "a", "more than 0", self.a)
-        check_tables(self)
         rising = all(one <= two for one, two in pairwise(self.curve))
         require(rising, "curve", "counts that never fall", self.curve)
 
@@ -153,15 +141,12 @@ class Infrared(Value):
 
 
 @dataclass(frozen=True, kw_only=True)
-class AmbientSensor(Value):
+class AmbientSensor(Sensor):
     """Place and direction in the robot's frame; `gain` multiplies the total illumination.
 
     The shifts are added to the robot's floor and dark readings (counts), 0 in the paper.
     """
 
-    x_cm: float
-    y_cm: float
-    direction_deg: float
     gain: float = 1.0
     floor_shift: float = 0.0
     dark_shift: float = 0.0
@@ -170,9 +155,8 @@ class AmbientSensor(Value):
     noise_rise: float = 0.0
 
     def _check(self) -> None:
-        check_direction(self.direction_deg)
+        super()._check()
         require(self.gain > 0, "gain", "more than 0", self.gain)
-        check_tables(self)
         falling = all(one >= two for one, two in pairwise(self.curve))
         require(falling, "curve", "counts that never rise", self.curve)
 
@@ -215,11 +199,10 @@ class Ambient(Value):
         return self.response == "measured"
 
     def _check(self) -> None:
-        require(self.floor >= 0, "floor", "0 or more", self.floor)
+        for key in ("floor", "reflectance", "exponent", "near_cm", "sensor_height_cm"):
+            require(getattr(self, key) >= 0, key, "0 or more", getattr(self, key))
         require(self.dark > self.floor, "dark", f"more than floor ({self.floor:g})", self.dark)
         require(self.top >= self.dark, "top", f"at least dark ({self.dark:g})", self.top)
-        require(self.reflectance >= 0, "reflectance", "0 or more", self.reflectance)
-        require(self.exponent >= 0, "exponent", "0 or more", self.exponent)
         dark, bright = check_bands(self.bands)
         require(dark > bright, "bands", "what is read in the dark, then what is read near a lamp",
                 self.bands, TURN)  # fmt: skip
@@ -230,9 +213,7 @@ class Ambient(Value):
         require(0 <= self.lamp_narrow <= 1, "lamp_narrow", "a share from 0 to 1", self.lamp_narrow)
         require(0 <= self.lamp_proud_cm <= 5, "lamp_proud_cm", "0 to 5", self.lamp_proud_cm)
         require(self.falloff in (1.0, 2.0), "falloff", "2 (as in the paper) or 1", self.falloff)
-        require(self.near_cm >= 0, "near_cm", "0 or more", self.near_cm)
         require(self.matt in (0.0, 1.0), "matt", "0 (as in the paper) or 1", self.matt)
-        require(self.sensor_height_cm >= 0, "sensor_height_cm", "0 or more", self.sensor_height_cm)
         check_alike(self.sensors, self.top)
         curves = [bool(sensor.curve) for sensor in self.sensors]
         alike = any(curves) == self.measured and (self.curve_light > 0) == self.measured

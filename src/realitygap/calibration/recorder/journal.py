@@ -28,29 +28,26 @@ class Journal:
         columns: of the table.
         key: the columns that name a place.
         rows: how many rows a finished place has, by its key.
-        resume: go on with what is there; otherwise a recording there is refused.
 
     Raises:
-        RecordingError: a recording is there already, or another one than is to be resumed.
+        RecordingError: another recording than this is there.
     """
 
     def __init__(
         self,
-        folder: str | Path,
+        folder: Path,
         *,
         facts: Mapping[str, Any],
         columns: Sequence[str],
         key: Sequence[str],
         rows: Callable[[tuple[str, ...]], int],
-        resume: bool,
     ) -> None:
-        self.folder = Path(folder)
+        self.folder = folder
         self.path = self.folder / (STEPS if facts["kind"] == "wheels" else READINGS)
         self.columns = tuple(columns)
         self._key = [self.columns.index(name) for name in key]
         self.done: set[tuple[str, ...]] = set()
         if (self.folder / FACTS).exists():
-            refuse_another(self.folder, resume=resume)
             self._check(facts)
             self._take_up(rows)
             return

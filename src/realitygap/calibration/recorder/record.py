@@ -8,10 +8,10 @@ record(Wanted(plan="all"), "unit-7", Address.parse("twin:7").open())
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from realitygap import whole
 from realitygap.calibration.recorder.acts import drive_trial, read_standing
@@ -25,6 +25,7 @@ from realitygap.calibration.recordings.files import POSE, STEP_COLUMNS, UNITS
 from realitygap.errors import UsageError
 from realitygap.robots.body import Body, Filmed, Seen, attend, channel, facts_of
 from realitygap.values import Pose
+from realitygap.world.arena import Arena
 from realitygap.world.profile import Profile, load_profile
 
 __all__ = ["REPEATS", "Made", "Wanted", "check_period", "record"]
@@ -39,8 +40,6 @@ OF_COUNTERS = ("counter_", "speed_")
 
 Progress = Callable[[str, int, int], None]
 """Is told the recording's name, the places done, and all."""
-
-Stop = TypeVar("Stop", Place, Trial)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,51 +115,47 @@ def record(
     if wanted.base is None and "base" in (own := facts_of(body)):
         wanted = replace(wanted, base=load_profile(own["base"]))
     parts = _parts(wanted, body)
-    names = [part.name if isinstance(part, SensorPlan) else "wheels" for part in parts]
-    places = [Path(folder)] if len(parts) == 1 else [Path(folder) / name for name in names]
+    places = [Path(folder) / part.name if len(parts) > 1 else Path(folder) for part in parts]
     for place in places:
         refuse_another(place, resume=resume)
     made: list[Made] = []
-    for part, name, place in zip(parts, names, places, strict=True):
-        room = part.room if isinstance(part, SensorPlan) else ROOM
-        with site_of(body, ask, room, part=name, seed=wanted.seed, marker=wanted.marker) as site:
-            work = _Work(wanted, name, place, resume, site, on_progress or (lambda name, done, total: None))
-            made.append(
-                _sensors(part, body, work) if isinstance(part, SensorPlan) else _wheels(part, body, work)
-            )
+    for part, place in zip(parts, places, strict=True):
+        with site_of(body, ask, part.room, part=part.name, seed=wanted.seed, marker=wanted.marker) as site:
+            report = on_progress or (lambda name, done, total: None)
+            made.append(_recorded(part, place, wanted, body, site, report))
         if made[-1].stopped:
             break
     return made
 
 
-class _Work(NamedTuple):
-    """How a part of a plan is recorded."""
+class _Part(NamedTuple):
+    """A part of a plan: its `stops`, by what names them in the columns `key` of its table.
 
-    wanted: Wanted
+    `own`: what recording.toml says of it alone; `rows`: how many rows a finished stop has, by its key;
+    `read`: brings the robot to a stop and returns its rows, none if it is left out.
+    """
+
     name: str
-    folder: Path
-    resume: bool
-    site: Site
-    report: Progress
-
-    def facts(self, body: Body, places: int) -> dict[str, Any]:
-        """What recording.toml says of the robot and of what was asked for."""
-        wanted, known = self.wanted, dict(facts_of(body))
-        units = UNITS.format(known.pop("units", OWN_UNITS))
-        if self.name == "wheels" and wanted.marker is not None:
-            known["marker"] = wanted.marker
-        asked = {"notes": wanted.notes, "repeats": wanted.repeats, "seed": wanted.seed, "places": places}
-        return {"plan": wanted.plan, "units": units, **known, **asked}
+    own: dict[str, Any]
+    room: Mapping[str, Any]
+    begins: str
+    channel: str
+    columns: tuple[str, ...]
+    key: tuple[str, ...]
+    stops: Mapping[tuple[str, ...], Any]
+    rows: Callable[[tuple[str, ...]], int]
+    read: Callable[[Site, Any], list[tuple[str, ...]]]
+    arena: Arena | None = None
 
 
-def _parts(wanted: Wanted, body: Body) -> list[SensorPlan | tuple[Trial, ...]]:
+def _parts(wanted: Wanted, body: Body) -> list[_Part]:
     """The parts of the plan that the robot has sensors for.
 
     Raises:
         UsageError: it lacks the sensors that are asked for, or has others than the base.
     """
     base, kinds = wanted.base, [one.name for one in body.channels]
-    parts: list[SensorPlan | tuple[Trial, ...]] = []
+    parts: list[_Part] = []
     for part in sensor_plans(wanted.plan, wanted.object, base.body if base else KHEPERA, wanted.reflectance):
         kind = CHANNELS[part.kind]
         if wanted.plan != "all" or kind in kinds:
@@ -171,15 +166,14 @@ def _parts(wanted: Wanted, body: Body) -> list[SensorPlan | tuple[Trial, ...]]:
             if theirs != has:
                 expected = f"{theirs} {kind} sensors, as the base {base.name!r} has" if base else ""
                 raise UsageError(f"robot: expected {expected}; this one has {has}.")
-            parts.append(part)
+            parts.append(_sensors(part, wanted, body))
     if base is not None:
         check_period(body, base)
     followed = not body.counts_turns and isinstance(body, Seen | Filmed)
     if wanted.plan == "wheels" or (wanted.plan == "all" and (body.counts_turns or followed)):
         wheels = base.wheels if base else None
-        parts.append(
-            wheel_plan(wanted.repeats, wanted.seed, wheels, period_s=body.period_s, followed=followed)
-        )
+        plan = wheel_plan(wanted.repeats, wanted.seed, wheels, period_s=body.period_s, followed=followed)
+        parts.append(_wheels(plan, body))
     return parts
 
 
@@ -196,78 +190,84 @@ def check_period(body: Body, base: Profile) -> None:
         )
 
 
-def _sensors(plan: SensorPlan, body: Body, work: _Work) -> Made:
-    begun, wanted = time.perf_counter(), work.wanted
+def _sensors(plan: SensorPlan, wanted: Wanted, body: Body) -> _Part:
+    """Readings of sensors that stand."""
     one = channel(body, CHANNELS[plan.kind])
     own = {"kind": plan.kind, "object": plan.object, **stated_shape(wanted.base, one)}
     if plan.reflectance != 1.0:
         own["reflectance"] = plan.reflectance if math.isfinite(plan.reflectance) else UNKNOWN
     if plan.arena is not None:
         own |= {"arena": ARENA, **stated_heights(wanted.base)}
-        work.folder.mkdir(parents=True, exist_ok=True)
-    journal = Journal(
-        work.folder,
-        facts={**own, **work.facts(body, len(plan.places))},
-        columns=(*plan.columns, "repeat", *(f"s{i}" for i in range(one.sensors))),
-        key=plan.columns,
-        rows=lambda key: wanted.repeats,
-        resume=work.resume,
-    )
-    if plan.arena is not None:
-        whole.write(work.folder / ARENA, plan.arena.to_toml())
-    left = [place for place in plan.places if _texts(place.where) not in journal.done]
-    if not left:
-        return _made(journal, work.name, plan.kind, len(plan.places), begun)
 
-    def visit(site: Site, place: Place) -> None:
-        if site.stand(place):
-            readings = read_standing(body, one.name, wanted.repeats)
-            where = _texts(place.where)
-            journal.add([(*where, str(k), *map(str, row)) for k, row in enumerate(readings)])
-        work.report(work.name, len(journal.done), len(plan.places))
+    def read(site: Site, place: Place) -> list[tuple[str, ...]]:
+        if not site.stand(place):
+            return []
+        readings = read_standing(body, one.name, wanted.repeats)
+        return [(*_texts(place.where), str(k), *row) for k, row in enumerate(readings)]
 
-    attend(body, one.name, turns=False)
-    stopped = _visited(work.site, plan.begins, left, visit)
-    return _made(journal, work.name, plan.kind, len(plan.places), begun, stopped=stopped)
+    return _Part(
+        name=plan.name, own=own, room=plan.room, begins=plan.begins, channel=one.name,
+        columns=(*plan.columns, "repeat", *(f"s{i}" for i in range(one.sensors))), key=plan.columns,
+        stops={_texts(place.where): place for place in plan.places}, rows=lambda key: wanted.repeats,
+        read=read, arena=plan.arena,
+    )  # fmt: skip
 
 
-def _wheels(trials: Sequence[Trial], body: Body, work: _Work) -> Made:
-    begun = time.perf_counter()
-    lengths = {str(trial.number): len(trial.commands) for trial in trials}
+def _wheels(trials: Sequence[Trial], body: Body) -> _Part:
+    """Drives, step by step."""
     counted = [name for name in STEP_COLUMNS if body.counts_turns or not name.startswith(OF_COUNTERS)]
+    stops = {(str(trial.number),): trial for trial in trials}
+
+    def read(site: Site, trial: Trial) -> list[tuple[str, ...]]:
+        if not site.begin(trial):
+            return []
+        rows, poses = drive_trial(body, trial)
+        seen = {**poses, **site.end(trial)}
+        return [(*row, *_pose(seen.get(k))) for k, row in enumerate(rows)]
+
+    return _Part(
+        name="wheels", own={"kind": "wheels"}, room=ROOM, begins=FLOOR, channel=body.channels[0].name,
+        columns=(*counted, *POSE), key=("trial",), stops=stops,
+        rows=lambda key: len(stops[key].commands) if key in stops else -1, read=read,
+    )  # fmt: skip
+
+
+def _recorded(part: _Part, folder: Path, wanted: Wanted, body: Body, site: Site, report: Progress) -> Made:
+    """Bring the robot to what is left of a part that is not left out, and write each stop down at once."""
+    begun, kind, stopped = time.perf_counter(), part.own["kind"], False
     journal = Journal(
-        work.folder,
-        facts={"kind": "wheels", **work.facts(body, len(trials))},
-        columns=(*counted, *POSE),
-        key=("trial",),
-        rows=lambda key: lengths.get(key[0], -1),
-        resume=work.resume,
-    )
-    left = [trial for trial in trials if (str(trial.number),) not in journal.done]
-    if not left:
-        return _made(journal, "wheels", "wheels", len(trials), begun)
-
-    def visit(site: Site, trial: Trial) -> None:
-        if site.begin(trial):
-            rows, poses = drive_trial(body, trial)
-            seen = {**poses, **site.end(trial)}
-            journal.add([(*row, *_pose(seen.get(k))) for k, row in enumerate(rows)])
-        work.report("wheels", len(journal.done), len(trials))
-
-    attend(body, body.channels[0].name)
-    stopped = _visited(work.site, FLOOR, left, visit)
-    return _made(journal, "wheels", "wheels", len(trials), begun, stopped=stopped)
-
-
-def _visited(site: Site, begins: str, stops: Sequence[Stop], visit: Callable[[Site, Stop], None]) -> bool:
-    """Visit all stops of a part that is not left out; whether the person stops there for today."""
+        folder, facts={**part.own, **_facts(part, wanted, body)}, columns=part.columns, key=part.key,
+        rows=part.rows,
+    )  # fmt: skip
+    if part.arena is not None:
+        whole.write(folder / ARENA, part.arena.to_toml())
+    left = [stop for key, stop in part.stops.items() if key not in journal.done]
+    if left:
+        attend(body, part.channel, turns=kind == "wheels")
     try:
-        if site.prepare(begins):
-            for stop in stops:
-                visit(site, stop)
+        if left and site.prepare(part.begins):
+            for stop in left:
+                if rows := part.read(site, stop):
+                    journal.add(rows)
+                report(part.name, len(journal.done), len(part.stops))
     except EnoughError:
-        return True
-    return False
+        stopped = True
+    if not journal.done:  # left out: an empty table would only be in the way of a calibration
+        journal.discard()
+    return Made(
+        folder=folder, name=part.name, kind=kind, places=len(part.stops), done=len(journal.done),
+        seconds=time.perf_counter() - begun, stopped=stopped,
+    )  # fmt: skip
+
+
+def _facts(part: _Part, wanted: Wanted, body: Body) -> dict[str, Any]:
+    """What recording.toml says of the robot and of what was asked for."""
+    known = dict(facts_of(body))
+    units = UNITS.format(known.pop("units", OWN_UNITS))
+    if part.name == "wheels" and wanted.marker is not None:
+        known["marker"] = wanted.marker
+    asked = {"notes": wanted.notes, "repeats": wanted.repeats, "seed": wanted.seed}
+    return {"plan": wanted.plan, "units": units, **known, **asked, "places": len(part.stops)}
 
 
 def _texts(numbers: Sequence[float]) -> tuple[str, ...]:
@@ -278,14 +278,3 @@ def _pose(pose: Pose | None) -> tuple[str, ...]:
     if pose is None:
         return ("", "", "")
     return f"{pose.x:.4f}", f"{pose.y:.4f}", f"{math.degrees(pose.heading):.3f}"
-
-
-def _made(
-    journal: Journal, name: str, kind: str, places: int, begun: float, *, stopped: bool = False
-) -> Made:
-    if not journal.done:  # left out: an empty table would only be in the way of a calibration
-        journal.discard()
-    return Made(
-        folder=journal.folder, name=name, kind=kind, places=places, done=len(journal.done),
-        seconds=time.perf_counter() - begun, stopped=stopped,
-    )  # fmt: skip

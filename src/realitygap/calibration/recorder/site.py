@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from realitygap import temporary
 from realitygap.calibration.recorder.plans import Place
@@ -28,22 +28,6 @@ Ask = Callable[[str], str]
 
 class EnoughError(Exception):
     """The person stops for today."""
-
-
-class Site(Protocol):
-    """Somebody's hand that brings a robot to a place."""
-
-    def prepare(self, says: str) -> bool:
-        """Make ready for a plan; False if it is left out."""
-
-    def stand(self, place: Place) -> bool:
-        """Bring the robot to a place; False if that place is left out."""
-
-    def begin(self, trial: Trial) -> bool:
-        """Bring the robot to the start of a trial; False if it is left out."""
-
-    def end(self, trial: Trial) -> Mapping[int, Pose]:
-        """Where the robot was seen, by the trial's steps."""
 
 
 class OwnSite(Closing):
@@ -165,6 +149,11 @@ class PersonSite:
                 x, y, heading = map(float, words)
                 if all(map(math.isfinite, (x, y, heading))):
                     return Pose.from_degrees(x, y, heading)
+
+
+Site = OwnSite | PersonSite
+"""Brings a robot to a place: `prepare`, `stand` and `begin` return False for what is left out; `end` says
+where the robot was seen, by the trial's steps."""
 
 
 def site_of(

@@ -2,8 +2,8 @@
 
 import math
 import random
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from realitygap.values import Pose
@@ -42,31 +42,29 @@ SEEN_EVERY = 10
 """A camera that is asked for pictures looks at every tenth step (1 s) or at each, first and last."""
 
 Command = tuple[int, int]
-Sketch = tuple[tuple[str, list[Command], Pose, str], dict[str, bool]]
-"""A trial's kind, commands (of TOP), pose and words, and what a camera sees of it."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Trial:
     """One trial: commands for steps, from standing to standing.
 
     Attributes:
-        number: from 0.
         kind: "step", "start", "straight" or "turn".
         commands: left and right of each step.
         pose: where a twin starts; a person needs only the room that `says` asks for.
+        says: what a person prepares.
         filmed: whether a camera, if there is one, sees it.
         watched: whether it sees every step of it.
-        says: what a person prepares.
+        number: from 0.
     """
 
-    number: int
     kind: str
-    commands: tuple[Command, ...]
+    commands: Sequence[Command]
     pose: Pose
-    filmed: bool
     says: str
+    filmed: bool = False
     watched: bool = False
+    number: int = 0
 
     def seen(self) -> tuple[int, ...]:
         """The steps at which a camera looks."""
@@ -91,35 +89,31 @@ def wheel_plan(
     draw = random.Random(f"wheels/{seed}")
     scale = 1.0 if wheels is None else wheels.top_command / TOP
     unit_cm_s = UNIT_CM_S if wheels is None else scale * math.fsum(wheels.speed_per_unit_cm_s) / 2
-
-    def trial(
-        number: int, kind: str, commands: list[Command], pose: Pose, says: str, camera: dict[str, bool]
-    ) -> Trial:
-        scaled = [(round(scale * left), round(scale * right)) for left, right in commands]
+    trials = []
+    for number, sketch in enumerate([*_without_camera(draw, repeats), *_filmed(draw, unit_cm_s)]):
+        scaled = [(round(scale * left), round(scale * right)) for left, right in sketch.commands]
         tenths = (*scaled, *[(0, 0)] * _steps(STAND_S))
         steps = round(len(tenths) / STEPS_A_SECOND / period_s)
         whole = tuple(tenths[int(k * period_s * STEPS_A_SECOND + 1e-6)] for k in range(steps))
-        seen = {"filmed": followed, **camera, **({"watched": True} if followed else {})}
-        return Trial(number=number, kind=kind, commands=whole, pose=pose, says=says, **seen)
-
-    wanted = [*_without_camera(draw, repeats), *_filmed(draw, unit_cm_s)]
-    return tuple(trial(k, *what, camera) for k, (what, camera) in enumerate(wanted))
+        filmed, watched = sketch.filmed or followed, sketch.watched or followed
+        trials.append(replace(sketch, number=number, commands=whole, filmed=filmed, watched=watched))
+    return tuple(trials)
 
 
-def _without_camera(draw: random.Random, repeats: int) -> Iterator[Sketch]:
-    """Steps and standing starts."""
+def _without_camera(draw: random.Random, repeats: int) -> Iterator[Trial]:
+    """Steps and standing starts, of commands of TOP in tenths of a second."""
     for level in LEVELS:
-        yield ("step", _steps_of(level), _anywhere(draw), "15 cm free all round"), {}
-    yield ("step", _between(), _anywhere(draw), "15 cm free all round"), {}
+        yield Trial("step", _steps_of(level), _anywhere(draw), "15 cm free all round")
+    yield Trial("step", _between(), _anywhere(draw), "15 cm free all round")
     for _ in range(RANDOM_TRIALS):
-        yield ("step", _random(draw), _anywhere(draw), "25 cm free all round"), {}
+        yield Trial("step", _random(draw), _anywhere(draw), "25 cm free all round")
     for _ in range(HASTY_TRIALS):
-        yield ("step", _hasty(draw), _anywhere(draw), "25 cm free all round"), {}
+        yield Trial("step", _hasty(draw), _anywhere(draw), "25 cm free all round")
     for level in START_LEVELS:
-        yield ("start", _starts(level, repeats), _anywhere(draw), "10 cm free ahead and behind"), {}
+        yield Trial("start", _starts(level, repeats), _anywhere(draw), "10 cm free ahead and behind")
 
 
-def _filmed(draw: random.Random, unit_cm_s: float) -> Iterator[Sketch]:
+def _filmed(draw: random.Random, unit_cm_s: float) -> Iterator[Trial]:
     """Straight lines and turns, which a camera sees."""
     for level in STRAIGHT:
         for run in range(STRAIGHT_RUNS):
@@ -129,13 +123,13 @@ def _filmed(draw: random.Random, unit_cm_s: float) -> Iterator[Sketch]:
             ahead = "ahead" if sign > 0 else "behind"
             line = [(sign * level, sign * level)] * _steps(seconds)
             watched = run < WATCHED.get(level, 0)
-            yield ("straight", line, pose, f"35 cm free {ahead}"), {"filmed": True, "watched": watched}
+            yield Trial("straight", line, pose, f"35 cm free {ahead}", filmed=True, watched=watched)
     for level in SPINS:
         for sign in (1, -1):
             spin = [(-sign * level, sign * level)] * _steps(TURN_S)
-            yield ("turn", spin, _anywhere(draw), "10 cm free all round"), {"filmed": True}
+            yield Trial("turn", spin, _anywhere(draw), "10 cm free all round", filmed=True)
     for arc in ARCS:
-        yield ("turn", [arc] * _steps(TURN_S), _anywhere(draw), "25 cm free all round"), {"filmed": True}
+        yield Trial("turn", [arc] * _steps(TURN_S), _anywhere(draw), "25 cm free all round", filmed=True)
 
 
 def _anywhere(draw: random.Random) -> Pose:

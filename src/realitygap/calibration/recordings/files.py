@@ -34,7 +34,7 @@ from realitygap.calibration.recordings.recording import (
     check_object,
 )
 from realitygap.calibration.recordings.sam import read_sam
-from realitygap.calibration.recordings.thymio import LIKE, NAME, read_thymio
+from realitygap.calibration.recordings.thymio import LIKE, read_thymio, sensor_of
 from realitygap.errors import RecordingError
 from realitygap.table import Table
 from realitygap.text import as_path, refuse_unknown
@@ -85,7 +85,7 @@ def load_recording(path: str | Path, *, object: str | None = None, kind: str | N
         return read_sam(path, object=object, kind=kind)
     if path.suffix.lower() == ".csv":
         return read_thymio(path)
-    return read_folder(path.parent if path.name == "recording.toml" else path, object=object)
+    return read_folder(path.parent if path.name == FACTS else path, object=object)
 
 
 def find_recordings(path: str | Path) -> Sequence[Path]:
@@ -95,18 +95,14 @@ def find_recordings(path: str | Path) -> Sequence[Path]:
         RecordingError: there is none.
     """
     path = Path(path)
-    if (
-        path.suffix.lower() in (".sam", ".csv")
-        or path.name == "recording.toml"
-        or (path / "recording.toml").is_file()
-    ):
+    if path.suffix.lower() in (".sam", ".csv") or path.name == FACTS or (path / FACTS).is_file():
         return (path,)
-    inside = sorted(found.parent for found in path.glob("*/recording.toml"))
+    inside = sorted(found.parent for found in path.glob(f"*/{FACTS}"))
     if inside:
         return tuple(inside)
     if series := _series(path):
         return series
-    below = sorted(found.parent for found in path.glob("*/*/recording.toml"))
+    below = sorted(found.parent for found in path.glob(f"*/*/{FACTS}"))
     if below:
         groups = list(dict.fromkeys(str(found.parent) for found in below))
         more = f" and {len(groups) - 3} more" if len(groups) > 3 else ""
@@ -121,11 +117,7 @@ def _series(folder: Path) -> tuple[Path, ...]:
     """A Thymio's series in a folder; none is left out for its name."""
     there = sorted(found for found in folder.glob("*") if LIKE.fullmatch(found.name))
     for found in there:
-        if NAME.fullmatch(found.name) is None:
-            raise RecordingError(
-                f"{found}: expected the name of a Thymio's series, as sensor02_light.csv, with the sensor's "
-                "number 0 to 6. Rename it, or move it elsewhere."
-            )
+        sensor_of(found, "Rename it, or move it elsewhere.")
     return tuple(there)
 
 

@@ -34,7 +34,7 @@ from realitygap.values import Floats
 from realitygap.world.arena import Arena
 from realitygap.world.body import Body
 from realitygap.world.profile import Profile, load_profile
-from realitygap.world.sensors import AmbientSensor, ProximitySensor
+from realitygap.world.sensor_checks import Sensor
 
 __all__ = [
     "BODY_RADIUS_CM", "HEIGHTS_CM", "KINDS", "PULSES_PER_MM", "STEP_KINDS", "Recording", "SensorRecording",
@@ -130,24 +130,23 @@ class SensorRecording(Recorded):
             RecordingError: the robot has another number of sensors, or another full scale.
         """
         part, whose = robot.channel(self.kind), f"profile {robot.name!r}"
-        top, there = part.top, len(part.sensors)
+        top, there, cure = part.top, len(part.sensors), "Give the profile of the robot that was recorded."
         if self.sensors != there:
             copied = f"Give --base a copy of it with an [{self.kind}] of its own."
             raise RecordingError(
                 f"{self.source}: expected {there} sensors, as {whose} has, got {self.sensors}. "
-                + ("Give the profile of the robot that was recorded." if there else copied)
+                + (cure if there else copied)
             )
         if self.full_scale not in (None, top):
             raise RecordingError(
-                f"{self.source}: full_scale: expected {top:g}, as {whose} has, got {self.full_scale:g}. Give "
-                "the profile of the robot that was recorded."
+                f"{self.source}: full_scale: expected {top:g}, as {whose} has, got {self.full_scale:g}. "
+                + cure
             )
         if (self.counts > top).any():
             row, sensor = np.argwhere(self.counts > top)[0].tolist()
             raise RecordingError(
                 f"{self.source}: s{sensor}: expected counts from 0 to {top:g}, the full scale of {whose}, "
-                f"got {self.counts[row, sensor]:g} in reading {row + 1}. Give the profile of the robot that "
-                "was recorded."
+                f"got {self.counts[row, sensor]:g} in reading {row + 1}. {cure}"
             )
         if self.from_sensor is not None:
             return self._before(part.sensors[self.from_sensor])
@@ -162,7 +161,7 @@ class SensorRecording(Recorded):
             distance_cm=self.distance_cm - nearer, warnings=(*self.warnings, told),
         )  # fmt: skip
 
-    def _before(self, sensor: ProximitySensor | AmbientSensor) -> SensorRecording:
+    def _before(self, sensor: Sensor) -> SensorRecording:
         """The same with poses in a room, one sensor straight before its wall."""
         heading = -math.radians(sensor.direction_deg)
         c, s = math.cos(heading), math.sin(heading)
@@ -244,7 +243,7 @@ class WheelRecording(Recorded):
         if self.pose is None:
             return False
         seen = np.asarray(np.isfinite(self.pose).all(axis=1))
-        both: NDArray[np.bool_] = seen[1:] & seen[:-1] & (np.diff(self.trial) == 0)
+        both = seen[1:] & seen[:-1] & (np.diff(self.trial) == 0)
         return int(both.sum()) >= FOLLOWED_STEPS
 
     def of_robot(self, base: Profile) -> WheelRecording:

@@ -16,7 +16,7 @@ from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.errors import RecordingError
 from realitygap.text import read_text, refuse_separator
 
-__all__ = ["LIKE", "NAME", "read_thymio"]
+__all__ = ["LIKE", "read_thymio", "sensor_of"]
 
 NAME = re.compile(r"sensor0*([0-6])_.*\.csv", re.IGNORECASE)
 LIKE = re.compile(r"sensor.*\.csv", re.IGNORECASE)
@@ -29,19 +29,28 @@ SHOWN = 40
 """Characters of a line that a message shows."""
 
 
+def sensor_of(path: Path, cure: str) -> int:
+    """The number of a series' sensor, by the file's name.
+
+    Raises:
+        RecordingError: it names none; with the cure.
+    """
+    named = NAME.fullmatch(path.name)
+    if named is None:
+        raise RecordingError(
+            f"{path}: expected the name of a Thymio's series, as sensor02_light.csv, with the sensor's "
+            f"number 0 to 6. {cure}"
+        )
+    return int(named[1])
+
+
 def read_thymio(path: Path) -> SensorRecording:
     """A series as a recording of seven sensors, six of which are unknown (NaN).
 
     Raises:
         RecordingError: names file and line, what was expected and what came.
     """
-    named = NAME.fullmatch(path.name)
-    if named is None:
-        raise RecordingError(
-            f"{path}: expected the name of a Thymio's series, as sensor02_light.csv, with the sensor's "
-            "number 0 to 6. Other tables are folders with a recording.toml."
-        )
-    sensor = int(named[1])
+    sensor = sensor_of(path, "Other tables are folders with a recording.toml.")
     distance, values = [], []
     text = read_text(path, RecordingError, "Give the path of a Thymio's series.")
     refuse_separator(path, text.partition("\n")[0], RecordingError)

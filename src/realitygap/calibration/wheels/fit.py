@@ -5,6 +5,7 @@ pulses; only what is seen from outside tells pulses per millimetre, the track, a
 """
 
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +31,11 @@ SPEED_KEYS, SPEED_BOUNDS = ("speed_left", "speed_right"), (0.0625, 25.0)
 GAINS = ("kp", "ki", "kd", "lag")
 PRINTED = {"kp": 3800.0, "ki": 800.0, "kd": 100.0, "divisor": 50000.0, "lag": 0.0, "play_cm": 0.0}
 """§3.2.2, whatever the base has; lag and play are beyond the paper."""
+FIRST_GAINS: dict[str, tuple[tuple[float, ...], ...]] = {
+    "printed": ((),),
+    "refitted": ((3800.0, 100.0, 100.0, 0.1, 0.01), (4800.0, 1.0, 1.0, 0.4, 0.08)),
+}
+"""Where a form's search begins: gains, lag and play."""
 ROBUST_AT, SETTLING = 0.5, 0.999
 """cm/s from which on a step counts less than its square; the largest pole that is tried."""
 ROUGH = 1.15
@@ -184,18 +190,16 @@ def _fit(form: str, base: Profile, recording: WheelRecording, measured: Floats) 
         off = (wheel_speeds(made(theta), recording) - measured)[use]
         return np.asarray(np.clip(off, -1e3, 1e3))
 
-    found = None
-    for gains in ((3800.0, 100.0, 100.0, 0.1, 0.01), (4800.0, 1.0, 1.0, 0.4, 0.08)):
-        begin = np.array([*speeds, *gains][: len(keys)])
-        step = np.array([1e-4, 1e-4, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3][: len(keys)])
-        one = least_squares(
+    step = np.array([1e-4, 1e-4, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3][: len(keys)])
+    begun = [np.array([*speeds, *gains][: len(keys)]) for gains in FIRST_GAINS[form]]
+    tried = [
+        least_squares(
             residuals, np.clip(begin, low, high), bounds=(low, high), x_scale=np.maximum(begin, 10.0 * step),
             diff_step=step, loss="soft_l1", f_scale=ROBUST_AT,
-        )  # fmt: skip
-        found = one if found is None or one.cost < found.cost else found
-        if form == "printed":
-            break
-    assert found is not None
+        )
+        for begin in begun
+    ]  # fmt: skip
+    found = min(tried, key=attrgetter("cost"))
     trial = np.broadcast_to(recording.trial[:, None], use.shape)[use]
     told = intervals(keys, found.x, (low, high), residuals, trial, robust_at=ROBUST_AT)
     return _Fitted(made(found.x), *told)

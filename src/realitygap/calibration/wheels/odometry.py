@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,8 +57,7 @@ class Odometry:
     beyond: Floats = field(repr=False)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Ways:
+class _Ways(NamedTuple):
     """Ways between two pictures: pulses [m, 2], Σ of the steps' squares [m, 2], camera's way and turn [m],
     whether both wheels were told the same [m], and whether it is one step of a steady drive [m]."""
 
@@ -69,10 +69,7 @@ class _Ways:
     steady: NDArray[np.bool_]
 
     def only(self, some: NDArray[np.bool_]) -> _Ways:
-        return _Ways(
-            pulses=self.pulses[some], squares=self.squares[some], way=self.way[some], turn=self.turn[some],
-            straight=self.straight[some], steady=self.steady[some],
-        )  # fmt: skip
+        return _Ways(*(part[some] for part in self))
 
 
 def measured_speeds(
@@ -188,8 +185,7 @@ def _between_pictures(recording: WheelRecording, track_cm: float, *, apart: int)
             found.append((pulses, (steps**2).sum(axis=0), way, turn, same, steady))
     if len(found) < FEWEST:
         return None
-    each = (np.array(column) for column in zip(*found, strict=True))
-    return _Ways(**dict(zip(("pulses", "squares", "way", "turn", "straight", "steady"), each, strict=True)))
+    return _Ways(*(np.array(column) for column in zip(*found, strict=True)))
 
 
 def _moved(a: Floats, b: Floats, guess: float) -> tuple[float, float]:
