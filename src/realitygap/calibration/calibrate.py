@@ -14,7 +14,6 @@ import numpy as np
 from realitygap.calibration.channel_fit import UNLIT, ChannelFit, unmeasured
 from realitygap.calibration.channels import fit_infrared, fit_light, ticks
 from realitygap.calibration.checks import refuse_mixed
-from realitygap.calibration.forms import Tick
 from realitygap.calibration.recordings.body import as_recorded, tells_heights
 from realitygap.calibration.recordings.recording import Recording, SensorRecording, WheelRecording, count_unit
 from realitygap.calibration.rows import REFLECTANCE
@@ -122,7 +121,11 @@ def calibrate(
     driven = [r for r in recordings if isinstance(r, WheelRecording) and (r.counted or r.followed)]
     infrared_form, light_form, wheel_form = FORMS[form]
     total = len(driven) + ticks(near, infrared_form) + ticks(lit, light_form, beside=beside)
-    tick = _counter(on_progress, total)
+    begun, report = count(), on_progress or (lambda done, total: None)
+
+    def tick() -> None:
+        report(next(begun), total)
+
     infrared = fit_infrared(near, base, infrared_form, tick=tick) if near else None
     ambient = fit_light(lit, base, light or light_form, beside=beside, tick=tick) if lit else None
     wheels = fit_wheels(driven[0], base, wheel_form, tick=tick) if driven else None
@@ -174,18 +177,6 @@ def _refuse(recordings: Sequence[Recording], form: str) -> None:
     driven = sum(isinstance(r, WheelRecording) for r in recordings)
     if driven > 1:
         raise CalibrationError(f"expected one recording of wheels, got {driven}. Give the best one.")
-
-
-def _counter(report: Callable[[int, int], None] | None, total: int) -> Tick:
-    """Tells, each time that it is called, that one more of all fits is begun."""
-    done = count()
-
-    def tick() -> None:
-        begun = next(done)
-        if report is not None:
-            report(begun, total)
-
-    return tick
 
 
 def _joined(made: Calibration) -> Profile:

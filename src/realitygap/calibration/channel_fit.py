@@ -14,7 +14,7 @@ from realitygap.world.profile import Profile
 __all__ = ["LOOKUP", "MEASURED", "UNLIT", "ChannelFit", "doubts", "unmeasured"]
 
 MEASURED = "measured"
-"""The form of curves: measured.py, light_measured.py."""
+"""The form of curves: measured.py, LightCurves."""
 LOOKUP = "lookup"
 """The form without a law: lookup.py."""
 UNLIT = "no reading held out is neither dark nor saturated: model error over noise is that of all readings"

@@ -12,8 +12,7 @@ from realitygap.calibration.descent import PLAIN
 from realitygap.calibration.forms import Tick, fit_forms, mended, with_columns
 from realitygap.calibration.infrared import INFRARED_FORMS, infrared_problems, with_infrared
 from realitygap.calibration.light import LIGHT_FORMS, as_bright_as_the_paper, with_light
-from realitygap.calibration.light_forms import AMBIENT_COUNTS, light_problems
-from realitygap.calibration.light_measured import LightCurves
+from realitygap.calibration.light_forms import AMBIENT_COUNTS, LightCurves, light_problems
 from realitygap.calibration.lookup import fit_lookup
 from realitygap.calibration.measured import fit_measured
 from realitygap.calibration.misfit import (

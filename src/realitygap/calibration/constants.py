@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from realitygap.values import Floats
 from realitygap.world.provenance import Constant
 
-__all__ = ["SIGMAS", "blind_pairs", "filling", "moved"]
+__all__ = ["SIGMAS", "blind_pairs", "bounded", "filling", "moved"]
 
 SIGMAS = 1.96
 """Intervals hold 95 %."""
@@ -23,6 +23,18 @@ def moved(constant: Constant, values: Mapping[str, Floats]) -> Constant:
     value = float(values[key][int(number or 0)])
     by = value - constant.value
     return replace(constant, value=value, low=constant.low + by, high=constant.high + by)
+
+
+def bounded(
+    names: Sequence[str], values: Floats, size: Floats, low: Floats, high: Floats, told: NDArray[np.bool_]
+) -> tuple[Constant, ...]:
+    """Constants with 95 % intervals by the `size` of their deviations [p], cut off at their bounds [p]."""
+    least, most = np.fmax(low, values - SIGMAS * size), np.fmin(high, values + SIGMAS * size)
+    columns = (column.tolist() for column in (values, least, most, told))
+    return tuple(
+        Constant(key=name, value=value, low=a, high=b, told=sure)
+        for name, value, a, b, sure in zip(names, *columns, strict=True)
+    )
 
 
 def filling(scores: Floats, clusters: NDArray[np.int64]) -> Floats:

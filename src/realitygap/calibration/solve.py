@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.constants import SIGMAS, blind_pairs, filling
+from realitygap.calibration.constants import blind_pairs, bounded, filling
 from realitygap.values import Floats
 from realitygap.world.provenance import Constant
 
@@ -259,13 +259,4 @@ class _Packed:
         moves = np.diag(self.curvature(theta)) > 0
         deviation = np.where(moves | np.isfinite(limits), deviation, np.inf)
         told = (theta > low + span) & (theta < high - span) & (alone < limits) & moves
-        return tuple(
-            Constant(
-                key=name,
-                value=float(theta[i]),
-                low=float(max(low[i], theta[i] - SIGMAS * deviation[i])),
-                high=float(min(high[i], theta[i] + SIGMAS * deviation[i])),
-                told=bool(told[i]),
-            )
-            for i, name in enumerate(self.names())
-        )
+        return bounded(self.names(), theta, deviation, low, high, told)

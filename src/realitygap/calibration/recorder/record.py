@@ -160,9 +160,7 @@ def _parts(wanted: Wanted, body: Body) -> list[_Part]:
         kind = CHANNELS[part.kind]
         if wanted.plan != "all" or kind in kinds:
             has = channel(body, kind).sensors
-            theirs = (
-                has if base is None else len((base.infrared if kind == "proximity" else base.ambient).sensors)
-            )
+            theirs = has if base is None else len(base.channel(kind).sensors)
             if theirs != has:
                 expected = f"{theirs} {kind} sensors, as the base {base.name!r} has" if base else ""
                 raise UsageError(f"robot: expected {expected}; this one has {has}.")
@@ -216,7 +214,7 @@ def _sensors(plan: SensorPlan, wanted: Wanted, body: Body) -> _Part:
 def _wheels(trials: Sequence[Trial], body: Body) -> _Part:
     """Drives, step by step."""
     counted = [name for name in STEP_COLUMNS if body.counts_turns or not name.startswith(OF_COUNTERS)]
-    stops = {(str(trial.number),): trial for trial in trials}
+    stops: dict[tuple[str, ...], Trial] = {(str(trial.number),): trial for trial in trials}
 
     def read(site: Site, trial: Trial) -> list[tuple[str, ...]]:
         if not site.begin(trial):

@@ -28,8 +28,7 @@ def stated_shape(base: Profile | None, one: Channel) -> dict[str, Any]:
     if body.outline_cm:
         shape["body_outline_cm"] = [list(corner) for corner in body.outline_cm]
     shape["sensors"] = one.sensors
-    usual = load_profile(USUAL)
-    if one.high != (usual.infrared if one.name == "proximity" else usual.ambient).top:
+    if one.high != load_profile(USUAL).channel(one.name).top:
         shape["full_scale"] = one.high
     return shape
 

@@ -95,7 +95,9 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
     refuse_few_steps(recording, measured)
     # Of a wheel that only a camera sees nobody knows in which step it began to turn.
     friction = measure_friction(recording, measured) if recording.counted else None
-    start = _measured_alone(base, odometry, friction)
+    track = odometry.track_cm if odometry else base.wheels.track_cm
+    threshold = friction.value if friction else base.wheels.friction_cm_s2
+    start = replace(base, wheels=replace(base.wheels, track_cm=track, friction_cm_s2=threshold))
     fits = {name: _fit(name, start, recording, measured) for name in WHEEL_FORMS}
     profile, constants, alike = fits[form]
     constants = _with_others(constants, odometry, friction)
@@ -138,13 +140,6 @@ def doubts(wheels: WheelFit, base: Profile) -> list[str]:
             f"{wheels.rmse['refitted']:.2f}: this misfit is no noise"
         )
     return out
-
-
-def _measured_alone(base: Profile, odometry: Odometry | None, friction: Friction | None) -> Profile:
-    """The base with what no fit of speeds is needed for: track and friction."""
-    track = odometry.track_cm if odometry else base.wheels.track_cm
-    threshold = friction.value if friction else base.wheels.friction_cm_s2
-    return replace(base, wheels=replace(base.wheels, track_cm=track, friction_cm_s2=threshold))
 
 
 def _with_others(

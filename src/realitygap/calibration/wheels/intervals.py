@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.constants import SIGMAS, blind_pairs, filling
+from realitygap.calibration.constants import SIGMAS, blind_pairs, bounded, filling
 from realitygap.calibration.wheels.odometry import Odometry
 from realitygap.values import Floats
 from realitygap.world.provenance import Constant
@@ -58,11 +58,8 @@ def intervals(
     inner = filling(scores, _groups(trial)) + np.eye(len(theta))
     spread = np.maximum(np.diag(bread @ inner @ bread), np.diag(bread))
     deviation = np.sqrt(spread) * (high - low)
-    constants = tuple(
-        _clipped(name, float(v), float(d), float(least), float(most))
-        for name, v, d, least, most in zip(names, theta, deviation, low, high, strict=True)
-    )
-    return constants, blind_pairs(names, curvature)
+    told = (low < theta - SIGMAS * deviation) & (theta + SIGMAS * deviation < high)
+    return bounded(names, theta, deviation, low, high, told), blind_pairs(names, curvature)
 
 
 def with_lengths(constants: Sequence[Constant], odometry: Odometry | None) -> tuple[Constant, ...]:
@@ -114,10 +111,3 @@ def _columns(
                 ways.append((residuals(moved) - off) / (to - value))
         out[:, i] = min(ways, key=np.linalg.norm)
     return out
-
-
-def _clipped(name: str, value: float, deviation: float, low: float, high: float) -> Constant:
-    least, most = value - SIGMAS * deviation, value + SIGMAS * deviation
-    return Constant(
-        key=name, value=value, low=max(low, least), high=min(high, most), told=low < least and most < high
-    )

@@ -69,7 +69,7 @@ class _Ways(NamedTuple):
     steady: NDArray[np.bool_]
 
     def only(self, some: NDArray[np.bool_]) -> _Ways:
-        return _Ways(*(part[some] for part in self))
+        return _Ways._make(part[some] for part in self)
 
 
 def measured_speeds(
@@ -185,7 +185,7 @@ def _between_pictures(recording: WheelRecording, track_cm: float, *, apart: int)
             found.append((pulses, (steps**2).sum(axis=0), way, turn, same, steady))
     if len(found) < FEWEST:
         return None
-    return _Ways(*(np.array(column) for column in zip(*found, strict=True)))
+    return _Ways._make(np.array(column) for column in zip(*found, strict=True))
 
 
 def _moved(a: Floats, b: Floats, guess: float) -> tuple[float, float]:
