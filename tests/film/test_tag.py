@@ -9,9 +9,8 @@ import pytest
 
 from realitygap.errors import FilmError
 from realitygap.film.calibrate import calibrate_camera
-from realitygap.film.marker import load_marker
+from realitygap.film.marker import Tag, load_marker
 from realitygap.film.sheet import save_sheet, sheet
-from realitygap.film.tag import Tag
 from realitygap.film.tracker import Tracker, track_film
 from realitygap.track import read_track
 from tests.film.conftest import known_frames, pinhole, write_film

@@ -16,7 +16,7 @@ from realitygap.controller.layout import Layout
 from realitygap.controller.network import NetworkController
 from realitygap.errors import RobotError, UsageError
 from realitygap.film.disk import load_disk
-from realitygap.film.tag import Tag
+from realitygap.film.marker import Tag
 from realitygap.film.tracker import Tracker
 from realitygap.robots.recording import Recording
 from realitygap.tasks import load_task

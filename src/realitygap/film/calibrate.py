@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 
 from realitygap.errors import FilmError
 from realitygap.film.camera import CameraModel
-from realitygap.film.finder import Finder
+from realitygap.film.finder import Finder, first_look
 from realitygap.film.fit import fit_camera, lens_place
-from realitygap.film.marker import Marker, finder_of, without_camera
-from realitygap.film.tag import Tag, TagFinder, on_floor, why_not
+from realitygap.film.marker import Marker, Tag, on_floor
+from realitygap.film.pattern import Grey
+from realitygap.film.tag import BELIEVED, TagFinder, finder_of, seen_in, why_not
 from realitygap.table import read_table
 from realitygap.values import Pose
 
@@ -159,7 +160,7 @@ def calibrate_camera(
     _check(frames, marker, lens_height_cm)
     report = on_progress or (lambda done, total: None)
     total = 2 * len(frames)
-    seen = without_camera([frame.picture for frame in frames], marker, lambda done: report(done, total))
+    seen = _without_camera([frame.picture for frame in frames], marker, lambda done: report(done, total))
     camera = _fitted(frames, seen, marker, None)
     for turn in range(2):
         finder = finder_of(camera, marker)
@@ -206,6 +207,20 @@ def _check_spread(poses: list[Pose], what: str) -> None:
         raise FilmError(
             f"the {what} lie in a line, which says nothing across it. Put the robot all over the floor."
         )
+
+
+def _without_camera(
+    pictures: list[Grey], marker: Marker, report: Callable[[int], None]
+) -> list[NDArray[Any] | None]:
+    """Where the marker's points are in each picture, [n, 2] px; `report` is given the pictures done."""
+    if not isinstance(marker, Tag):
+        return first_look(pictures, marker, report)
+    looks: list[NDArray[Any] | None] = []
+    for done, picture in enumerate(pictures):
+        seen = seen_in(picture, marker, 1) or seen_in(picture, marker, 3)
+        looks.append(seen[0][0] if len(seen) == 1 and seen[0][1] >= BELIEVED else None)
+        report(done + 1)
+    return looks
 
 
 def _closely(finder: Finder | TagFinder, frame: KnownFrame) -> NDArray[Any] | None:

@@ -17,7 +17,8 @@ import numpy as np
 from realitygap.errors import FilmError
 from realitygap.film.camera import CameraModel
 from realitygap.film.finder import Look, Sighting
-from realitygap.film.marker import Marker, finder_of
+from realitygap.film.marker import Marker
+from realitygap.film.tag import finder_of
 from realitygap.film.video import FilmReader, Image
 from realitygap.track import COLUMNS, Track
 from realitygap.values import Pose

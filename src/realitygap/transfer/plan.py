@@ -12,8 +12,7 @@ from realitygap.controller.network import NetworkController
 from realitygap.controller.own import OwnController, named_controller
 from realitygap.errors import UsageError
 from realitygap.film.disk import Disk
-from realitygap.film.marker import Marker
-from realitygap.film.tag import Tag
+from realitygap.film.marker import Marker, Tag
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import BAUD, Address
 from realitygap.robots.body import Body, Paced, Placing, Seen, channel
