@@ -19,6 +19,7 @@ from realitygap.kernels.params import Path
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.track import Track
+from realitygap.values import Floats
 from realitygap.world.arena import Arena
 from realitygap.world.profile import Profile, load_profile
 
@@ -26,8 +27,6 @@ __all__ = [
     "DESCRIPTORS", "FOR_NAMES", "Descriptor", "chosen", "describe", "describe_all", "in_units", "jitter",
     "mirrored",
 ]  # fmt: skip
-
-Floats = NDArray[np.float64]
 
 SLOW_CM_S, STILL_DEG_S = 0.5, 10.0
 """Below these a robot does not seem to move; to turn."""

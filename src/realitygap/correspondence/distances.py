@@ -18,11 +18,10 @@ from numpy.typing import NDArray
 
 from realitygap.correspondence.descriptors import chosen, describe_all, in_units
 from realitygap.correspondence.trials import Trial
+from realitygap.values import Floats
 from realitygap.world.arena import Arena
 
 __all__ = ["Distances", "matched_starts"]
-
-Floats = NDArray[np.float64]
 
 BLUR_CM = 4.0
 """Width of the blur of an occupancy map (standard deviation): a little more than a body's radius."""

@@ -31,11 +31,10 @@ from realitygap.correspondence.trials import RADIUS_CM, Trial
 from realitygap.errors import TrackError
 from realitygap.tasks.load import load_task
 from realitygap.text import must_be
+from realitygap.values import Floats
 from realitygap.world.arena import Arena
 
 __all__ = ["KINDS", "NONE", "Name", "Namer", "common_name", "descriptors_of", "namer", "rows_of", "shares"]
-
-Floats = NDArray[np.float64]
 
 NONE = "none of these"
 KINDS = {

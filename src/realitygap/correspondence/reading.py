@@ -15,17 +15,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.correspondence.trials import RADIUS_CM, Trial, resampled
 from realitygap.errors import ConfigError, TrackError
 from realitygap.text import as_path
 from realitygap.track import COLUMNS, Track, read_tracks
+from realitygap.values import Floats
 from realitygap.world.profile import load_profile
 
 __all__ = ["agreement", "doubt_of_disk", "doubts_of", "read_transfer", "read_trials"]
-
-Floats = NDArray[np.float64]
 
 SIMULATED, SITUATED = "simulated.csv", "situated.csv"
 TRANSFER = "transfer.toml"

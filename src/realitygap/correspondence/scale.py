@@ -7,14 +7,12 @@ from functools import partial
 from importlib.resources import files
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.correspondence.distances import Distances
 from realitygap.correspondence.trials import Trial
+from realitygap.values import Floats
 
 __all__ = ["CALM", "EDGE", "PARTS", "Scale", "exemplar_scale", "scale_of"]
-
-Floats = NDArray[np.float64]
 
 PARTS = {"behaviour": 0.8, "layout": 0.2}
 """What counts how much. Layout is the weaker witness: two behaviours may fill an arena alike."""

@@ -6,17 +6,15 @@ from os import PathLike
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.correspondence.trials import RADIUS_CM, Trial, require_trials
 from realitygap.errors import TrackError
 from realitygap.tasks.load import TASKS, load_task
 from realitygap.tasks.task import Task
+from realitygap.values import Floats
 from realitygap.world.arena import Arena
 
 __all__ = ["Around", "Setting", "around", "fits", "setting_of"]
-
-Floats = NDArray[np.float64]
 
 NEARLY_CM = 0.25
 """A body that is nearly so wide as the exemplars' is described with theirs: four times the difference can

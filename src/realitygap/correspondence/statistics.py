@@ -9,13 +9,12 @@ from numpy.typing import NDArray
 from realitygap.correspondence.distances import Distances
 from realitygap.correspondence.trials import RADIUS_CM, STEP_S, Trial
 from realitygap.errors import UsageError
+from realitygap.values import Floats
 
 __all__ = [
     "Correlation", "correlation", "parting_s", "ranks", "resampled_weights", "transferability",
     "two_sample_p",
 ]  # fmt: skip
-
-Floats = NDArray[np.float64]
 
 NEIGHBOURS = 3
 

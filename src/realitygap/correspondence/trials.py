@@ -7,15 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.errors import TrackError
 from realitygap.text import must_be
 from realitygap.track import Track, Trajectory
+from realitygap.values import Floats
 
 __all__ = ["RADIUS_CM", "SHORTEST_S", "STEP_S", "Trial", "require_trials", "resampled", "trial_of"]
-
-Floats = NDArray[np.float64]
 
 RADIUS_CM = 2.9
 """A Khepera's body (§3.1), as the scale's exemplars have it."""

@@ -3,16 +3,14 @@
 import math
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from realitygap.correspondence.descriptors import describe_all
 from realitygap.correspondence.scale import EDGE
 from realitygap.correspondence.trials import Trial
+from realitygap.values import Floats
 
 __all__ = ["ANOTHER", "differences", "noisiness", "signed"]
 
-Told = dict[str, NDArray[np.float64]]
+Told = dict[str, Floats]
 """Descriptors of a set's trials, by name (`describe_all`)."""
 
 QUIET_DEG_S = 2.0

@@ -7,12 +7,11 @@ from numbers import Real
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.errors import FilmError
 from realitygap.text import refuse_unknown
 from realitygap.toml import read_toml
-from realitygap.values import Pose
+from realitygap.values import Floats, Pose
 
 __all__ = ["Disk", "load_disk"]
 
@@ -57,11 +56,11 @@ class Disk:
             )
 
     @property
-    def points(self) -> NDArray[np.float64]:
+    def points(self) -> Floats:
         """The middles of both patches, [2, 2] cm ahead and to the left of the robot's centre."""
         return np.array([(0.0, 0.0), (self.front_distance_cm, 0.0)])
 
-    def pose_of(self, points: NDArray[np.float64]) -> Pose:
+    def pose_of(self, points: Floats) -> Pose:
         """The pose of a robot whose patches are seen at these places, [2, 2] cm."""
         (x, y), (front_x, front_y) = points.tolist()
         return Pose(x=x, y=y, heading=math.atan2(front_y - y, front_x - x))

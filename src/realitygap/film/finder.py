@@ -21,7 +21,7 @@ from realitygap.film.camera import OUTSIDE, CameraModel, turning_point
 from realitygap.film.disk import Disk
 from realitygap.film.pattern import OUTER, Grey, Picture, correlation, pattern_of, responses, spots
 from realitygap.film.window import Aim, Optics, lay_out, sightings
-from realitygap.values import Pose
+from realitygap.values import Floats, Pose
 
 __all__ = ["FOUND_ANEW", "KNOWN_AGAIN", "Finder", "Look", "Sighting", "first_look"]
 
@@ -62,7 +62,7 @@ _RING = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], 1)
 class Sighting(NamedTuple):
     """A marker as it was seen: its points on its plane [n, 2] (cm), the robot's pose, quality 0 to 1."""
 
-    points: NDArray[np.float64]
+    points: Floats
     pose: Pose
     quality: float
 
@@ -72,11 +72,11 @@ class _Square(NamedTuple):
     each [2, n, n], for least and largest column and row [4], for tops and for what is found."""
 
     aim: Aim
-    axis: NDArray[np.float64]
+    axis: Floats
     sides: Picture
-    ends: NDArray[np.float64]
-    tops: NDArray[np.float64]
-    found: NDArray[np.float64]
+    ends: Floats
+    tops: Floats
+    found: Floats
 
 
 class Finder:
@@ -112,9 +112,7 @@ class Finder:
         self._step = min(max(1 / self._scale, front / 9), front / 4)
         self._shrink = max(1, int(front * self._scale / 2.5))
 
-    def near(
-        self, picture: Grey | Look, place: NDArray[np.float64], reach_cm: float = REACH_CM
-    ) -> Sighting | None:
+    def near(self, picture: Grey | Look, place: Floats, reach_cm: float = REACH_CM) -> Sighting | None:
         """The disk whose centre lies within `reach_cm` of a place (cm), or None."""
         disk, square = self.disk, self._square(reach_cm)
         for_centre, for_front, fine = responses(self._laid_out(picture, place, square), disk, 1 / self._step)
@@ -161,7 +159,7 @@ class Finder:
             )
         return self._squares[reach_cm]
 
-    def _laid_out(self, picture: Grey | Look, place: NDArray[np.float64], square: _Square) -> Picture:
+    def _laid_out(self, picture: Grey | Look, place: Floats, square: _Square) -> Picture:
         """A square of the disk's plane about a place."""
         columns, rows = square.sides
         lay_out(self._optics, place, square.axis, columns, rows, square.ends)
@@ -169,7 +167,7 @@ class Finder:
             picture = picture(self._window(square.ends.tolist()))
         return _sampled(picture, columns, rows).astype(np.float32)
 
-    def _shows(self, ends: NDArray[np.float64]) -> bool:
+    def _shows(self, ends: Floats) -> bool:
         """Whether all between these columns and rows is in the picture, a pixel from its edge."""
         left, right, top, bottom = ends
         return bool(min(left, top) >= 0.5 and right <= self._last[0] and bottom <= self._last[1])
@@ -185,14 +183,14 @@ class Finder:
         left, right, top, bottom = ends
         return about(top, bottom, self.camera.height_px - 1), about(left, right, self.camera.width_px - 1)
 
-    def _quality(self, fine: Picture, points: NDArray[np.float64]) -> float:
+    def _quality(self, fine: Picture, points: Floats) -> float:
         """How much the place looks like the disk."""
         columns, rows = self._spots
         spots(self._pattern, points, self._step, columns, rows)
         seen = _sampled(fine, columns, rows)[:, 0].astype(np.float64)
         return float(correlation(seen, self._pattern, self._sums))
 
-    def _candidates(self, picture: Grey) -> NDArray[np.float64]:
+    def _candidates(self, picture: Grey) -> Floats:
         """Places (cm) where both masks respond together, the likeliest first, [n, 2]."""
         shrink = self._shrink
         height, width = (n // shrink for n in picture.shape)
@@ -215,9 +213,7 @@ class Finder:
         return np.asarray(places[order[together[order] > 0]])
 
 
-def first_look(
-    pictures: list[Grey], disk: Disk, report: Callable[[int], None]
-) -> list[NDArray[np.float64] | None]:
+def first_look(pictures: list[Grey], disk: Disk, report: Callable[[int], None]) -> list[Floats | None]:
     """Where the disk's points are in each picture, [2, 2] px, found without knowing the camera.
 
     `report` is given the number of pictures done.
@@ -231,7 +227,7 @@ def first_look(
     finders = [_flat(disk, scale, (width, height)) for scale in scales]
     few = [pictures[i] for i in np.unique(np.linspace(0, len(pictures) - 1, 4).astype(int))]
     best = _likeliest(finders, few)
-    looks: list[list[tuple[float, NDArray[np.float64] | None]]] = []
+    looks: list[list[tuple[float, Floats | None]]] = []
     for finder in finders[max(best - 1, 0) : best + 2]:
         looks.append([])
         for done, picture in enumerate(pictures):
@@ -263,7 +259,7 @@ def _flat(disk: Disk, scale: float, size: tuple[int, int]) -> Finder:
     return Finder(flat, disk, slack=_LOOSE)
 
 
-def _at_scale(finder: Finder, picture: Grey) -> tuple[float, NDArray[np.float64] | None]:
+def _at_scale(finder: Finder, picture: Grey) -> tuple[float, Floats | None]:
     """The best disk of a picture: quality and both points in pixels."""
     seen = finder.anywhere(picture)
     return (0.0, None) if seen is None else (seen.quality, finder.camera.to_pixels(seen.points))

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from realitygap.film.disk import Disk
 from realitygap.film.window import jit, step
+from realitygap.values import Floats
 
 __all__ = ["INNER", "OUTER", "Pattern", "blurred", "correlation", "pattern_of", "responses", "spots"]
 
@@ -70,7 +71,7 @@ def _seen_of(disk: Disk) -> Pattern:
     return Pattern(np.stack([x, y], 1), white, np.hypot(x, y) < between, white < 0.15, np.empty((2, len(x))))
 
 
-def _soft_disc(distance: NDArray[np.float64], radius: float, sigma: float) -> NDArray[np.float64]:
+def _soft_disc(distance: Floats, radius: float, sigma: float) -> Floats:
     """A white disc under a Gaussian curve, by numbers: rings summed over their angle."""
     angles = (np.arange(64) + 0.5) * (math.tau / 64)
     rings = (np.arange(40) + 0.5) * (radius / 40)
@@ -81,8 +82,6 @@ def _soft_disc(distance: NDArray[np.float64], radius: float, sigma: float) -> ND
     return np.asarray(np.interp(distance, known, soft))
 
 
-Array = NDArray[np.float64]
-
 HIDDEN = 0.25
 """Part of the disk's black face that may be hidden by something bright."""
 
@@ -91,11 +90,11 @@ class Pattern(NamedTuple):
     """The disk as a correlation judges it: places on it [n, 2] (disk's axes, cm) and how white they are;
     which of them are nearer to the centre patch than to the front one, and which are black; room [2, n]."""
 
-    places: Array
-    white: Array
+    places: Floats
+    white: Floats
     inner: NDArray[np.bool_]
     black: NDArray[np.bool_]
-    room: Array
+    room: Floats
 
 
 @jit

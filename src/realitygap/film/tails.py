@@ -10,7 +10,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap import whole
 from realitygap.errors import FilmError
@@ -18,6 +17,7 @@ from realitygap.film.camera import CameraModel
 from realitygap.film.marker import Marker
 from realitygap.film.video import Image
 from realitygap.track import Track
+from realitygap.values import Floats
 
 __all__ = ["draw_tails", "save_tails"]
 
@@ -71,7 +71,7 @@ def save_tails(path: str | Path, picture: Image) -> None:
     whole.write(path, data.tobytes())
 
 
-def _strokes(track: Track, camera: CameraModel, marker: Marker) -> NDArray[np.float64]:
+def _strokes(track: Track, camera: CameraModel, marker: Marker) -> Floats:
     """From centre to leading edge, [n, 2, 2] px, where the robot was found."""
     seen = track.only(track.found)
     centre = np.stack([seen.x, seen.y], 1)
@@ -79,7 +79,7 @@ def _strokes(track: Track, camera: CameraModel, marker: Marker) -> NDArray[np.fl
     return camera.to_pixels(np.stack([centre, edge], 1), marker.height_cm)
 
 
-def _floor_under(frame: Image, strokes: NDArray[np.float64]) -> float:
+def _floor_under(frame: Image, strokes: Floats) -> float:
     """How bright the picture is along the path; 0 if there is none."""
     height, width = frame.shape[:2]
     columns, rows = np.rint(strokes[:, 0]).astype(int).clip(0, (width - 1, height - 1)).T

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.machine_code import Shelf
+from realitygap.values import Floats
 
 __all__ = ["Aim", "Optics", "jit", "lay_out", "sightings", "step"]
 
@@ -22,8 +22,6 @@ _SHELF = Shelf(
 )
 jit = partial(_SHELF.compiled, error_model="numpy", nogil=True, _nrt=False)
 step = partial(jit, forceinline=True, part=True)
-
-Array = NDArray[np.float64]
 
 LEAST, UPHILL = 0.5, 6
 """A mask's response that is a top, and how many steps it is from a place on the ring to one, at most."""
@@ -35,7 +33,7 @@ class Optics(NamedTuple):
     middle, half diagonal, radial terms and where they turn back; where goes what no ray brings into the
     picture (px)."""
 
-    homography: Array
+    homography: Floats
     lens: tuple[float, float]
     move: tuple[float, float]
     middle: tuple[float, float]
@@ -54,7 +52,7 @@ class Aim(NamedTuple):
     reach: float
     ring: float
     slack: float
-    round: Array
+    round: Floats
 
 
 @step
