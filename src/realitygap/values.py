@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from realitygap.errors import UsageError
 
-__all__ = ["Closing", "Command", "Floats", "Pose", "Readings", "as_count", "as_stream", "fed"]
+__all__ = ["Closing", "Command", "Floats", "Pose", "Readings", "as_count", "as_stream", "fed", "shown"]
 
 Floats = NDArray[np.float64]
 
@@ -54,6 +54,11 @@ def as_count(value: object, name: str, least: int = 1) -> int:
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise UsageError(f"{name}: expected a whole number, {least} or more, got {value!r}.")
     return int(value)
+
+
+def shown(value: object) -> str:
+    """A value that is refused, in few words: an array's type and shape, or what else it is."""
+    return f"{value.dtype}{list(value.shape)}" if isinstance(value, np.ndarray) else type(value).__name__
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,12 +11,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.controller.layout import EXPRESSED, FIRST_LINK, LINK_FIELDS, THRESHOLD, Genes, Layout, shown
+from realitygap.controller.layout import Genes, Layout, genes_of
 from realitygap.controller.network import NetworkController, check_networks
 from realitygap.controller.operators import Variation
 from realitygap.errors import UsageError
 from realitygap.kernels.params import Networks
 from realitygap.user_code import blamed_on, made
+from realitygap.values import shown
 
 __all__ = ["SLOTS", "Encoding", "as_slots", "controller_of", "facts_of", "links_into", "make_encoding"]
 
@@ -108,15 +109,7 @@ def as_slots(encoding: Encoding, genes: NDArray[Any]) -> tuple[Genes, Layout]:
         return genes, encoding.layout
     nets = encoding.decode(genes[np.newaxis])
     inputs, into = int(nets.inputs[0]), links_into(nets)
-    neurons = len(into)
-    layout = Layout(inputs=inputs, slots=inputs + neurons, links=max(1, *map(len, into)))
-    made: Genes = np.zeros(layout.shape, np.int8)
-    made[:, EXPRESSED] = 1
-    made[inputs:, THRESHOLD] = nets.thresholds[0, :neurons]
-    for slot, links in enumerate(into, start=inputs):
-        for k, link in enumerate(links):
-            made[slot, FIRST_LINK + LINK_FIELDS * k :][:LINK_FIELDS] = (1, *link)
-    return made, layout
+    return genes_of(inputs, nets.thresholds[0, : len(into)], into)
 
 
 def links_into(nets: Networks) -> list[list[tuple[int, int, int]]]:

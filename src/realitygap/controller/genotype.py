@@ -34,6 +34,7 @@ from realitygap.controller.layout import (
     THRESHOLD,
     Genes,
     Layout,
+    bare,
     check_genes,
 )
 from realitygap.controller.operators import Variation
@@ -120,8 +121,7 @@ class _Reader:
         if self.advance() != HEADER:
             self.refuse(f'"{HEADER}"')
         self.layout = self.read_layout()
-        self.genes: Genes = np.zeros(self.layout.shape, np.int8)
-        self.genes[: self.layout.first_hidden, EXPRESSED] = 1
+        self.genes = bare(self.layout)
         slot = -1
         while self.advance() != "end":
             if self.line.startswith("slot"):

@@ -19,24 +19,23 @@ What is left out is 0; a `from` is an input's number or a neuron's name.
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from realitygap.controller.genotype import load_genotype
 from realitygap.controller.layout import (
-    EXPRESSED,
-    FIRST_LINK,
-    LINK_FIELDS,
     MAX_DELAY,
     MAX_THRESHOLD,
     MAX_WEIGHT,
-    THRESHOLD,
     Genes,
     Layout,
+    bare,
     check_layout,
+    genes_of,
+    write_neuron,
 )
 from realitygap.errors import GenotypeError, UsageError
 from realitygap.text import refuse_unknown
@@ -72,15 +71,10 @@ def _genes(table: Mapping[str, Any], inputs: int) -> Genes:
         parts[name] = _table(f"hidden.{name}", part)
     slots = {name: inputs + i for i, name in enumerate(parts)}
     links = [_links(name, part, inputs, slots) for name, part in parts.items()]
-    layout = Layout(inputs=inputs, slots=inputs + len(parts), links=max(1, *map(len, links)))
-    genes: Genes = np.zeros(layout.shape, np.int8)
-    genes[:, EXPRESSED] = 1
-    for (name, part), into in zip(parts.items(), links, strict=True):
-        slot = slots[name]
-        genes[slot, THRESHOLD] = _whole(f"{name}.threshold", part.get("threshold", 0), MAX_THRESHOLD)
-        for k, link in enumerate(into):
-            genes[slot, FIRST_LINK + LINK_FIELDS * k :][:LINK_FIELDS] = (1, *link)
-    return genes
+    thresholds = (
+        _whole(f"{name}.threshold", part.get("threshold", 0), MAX_THRESHOLD) for name, part in parts.items()
+    )
+    return genes_of(inputs, thresholds, links)[0]
 
 
 def _links(name: str, part: Mapping[str, Any], inputs: int, slots: Mapping[str, int]) -> list[list[int]]:
@@ -116,22 +110,14 @@ def _whole(name: str, value: object, most: int, least: int | None = None) -> int
     return value
 
 
-class _Vehicle(NamedTuple):
-    """Two motors: a threshold, and the weight of each of the eight sensors."""
-
-    left_threshold: int
-    left: Sequence[int]
-    right_threshold: int
-    right: Sequence[int]
-
-
+# Of the left and the right motor: a threshold, and the weight of each of the eight sensors.
 # A motor's speed is Σ weight · input − threshold. In the open all inputs are −10 and both run at 8.
 # A sensor that feels a wall drives its own side's wheel and brakes the other one. Walls on both
 # sides brake the left wheel only, so that a robot head-on to a wall turns left and never stands.
-_AVOIDS = _Vehicle(2, (0, 1, 1, -2, -1, 0, 0, 0), -8, (0, -1, -2, 2, 1, 0, 0, 0))
+_AVOIDS = (2, (0, 1, 1, -2, -1, 0, 0, 0)), (-8, (0, -1, -2, 2, 1, 0, 0, 0))
 # A sensor lit by the lamp (9, by reflections about 1) brakes its own side's wheel and drives the
 # other one. The left wheel lives on the light in front: where it is dark, the robot turns left.
-_SEEKS = _Vehicle(0, (-1, -1, 1, 1, 1, 1, 0, 0), -8, (1, 1, 0, 0, -1, -1, 0, 0))
+_SEEKS = (0, (-1, -1, 1, 1, 1, 1, 0, 0)), (-8, (1, 1, 0, 0, -1, -1, 0, 0))
 
 
 def constant(left: int, right: int, layout: Layout) -> Genes:
@@ -141,7 +127,7 @@ def constant(left: int, right: int, layout: Layout) -> Genes:
         UsageError: a command that is no whole number of −10 .. 10.
     """
     check_layout(layout)
-    genes = _bare(layout)
+    genes = bare(layout)
     for name, slot, value in (("left", layout.inputs, left), ("right", layout.inputs + 1, right)):
         whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
         if not whole or not -MAX_THRESHOLD <= value <= MAX_THRESHOLD:
@@ -149,7 +135,7 @@ def constant(left: int, right: int, layout: Layout) -> Genes:
                 f"the {name} command of a constant controller: expected a whole number from "
                 f"-{MAX_THRESHOLD} to {MAX_THRESHOLD}, got {value!r}."
             )
-        genes[slot, THRESHOLD] = -value
+        write_neuron(genes, slot, -value, ())
     return genes
 
 
@@ -164,34 +150,21 @@ def braitenberg(feeds: str, layout: Layout) -> Genes:
             f'a Braitenberg controller: feeds: expected "proximity" or "ambient", got {feeds!r}.'
         )
     check_layout(layout)
-    vehicle = _AVOIDS if feeds == "proximity" else _SEEKS
-    if layout.inputs != len(vehicle.left):
+    if layout.inputs != 8:
         raise UsageError(
             f"the Braitenberg controller is made for the Khepera's eight sensors; this task feeds "
             f"{layout.inputs}: name another controller"
         )
-    genes = _bare(layout)
-    _wire(genes, layout, layout.inputs, vehicle.left_threshold, vehicle.left)
-    _wire(genes, layout, layout.inputs + 1, vehicle.right_threshold, vehicle.right)
+    genes = bare(layout)
+    for slot, (threshold, weights) in enumerate(_AVOIDS if feeds == "proximity" else _SEEKS, layout.inputs):
+        links = [(source, weight, 0) for source, weight in enumerate(weights) if weight]
+        if len(links) > layout.links:
+            raise UsageError(
+                f"the Braitenberg controller needs {len(links)} link fields a slot; the layout has "
+                f"{layout.links}"
+            )
+        write_neuron(genes, slot, threshold, links)
     return genes
-
-
-def _bare(layout: Layout) -> Genes:
-    genes: Genes = np.zeros(layout.shape, np.int8)
-    genes[: layout.first_hidden, EXPRESSED] = 1
-    return genes
-
-
-def _wire(genes: Genes, layout: Layout, slot: int, threshold: int, weights: Sequence[int]) -> None:
-    links = [(source, weight) for source, weight in enumerate(weights) if weight]
-    if len(links) > layout.links:
-        raise UsageError(
-            f"the Braitenberg controller needs {len(links)} link fields a slot; the layout has {layout.links}"
-        )
-    genes[slot, THRESHOLD] = threshold
-    for k, (source, weight) in enumerate(links):
-        at = FIRST_LINK + LINK_FIELDS * k
-        genes[slot, at : at + LINK_FIELDS] = (1, source, weight, 0)
 
 
 def controller_genes(spec: str, feeds: str, layout: Layout) -> Genes:

@@ -7,6 +7,7 @@ What is not expressed carries no information: the operators keep it blank (zeros
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -14,9 +15,11 @@ from numpy.typing import NDArray
 
 from realitygap.errors import GenotypeError, UsageError
 from realitygap.kernels.params import MAX_DELAY
+from realitygap.values import shown
 
 __all__ = [
-    "MAX_DELAY", "MAX_THRESHOLD", "MAX_WEIGHT", "Genes", "Layout", "check_genes", "check_layout", "shown",
+    "MAX_DELAY", "MAX_THRESHOLD", "MAX_WEIGHT", "Genes", "Layout", "bare", "check_genes", "check_layout",
+    "genes_of", "write_neuron",
 ]  # fmt: skip
 
 Genes = NDArray[np.int8]
@@ -85,9 +88,29 @@ class Layout:
         return cls(inputs=inputs, slots=slots, links=(columns - FIRST_LINK) // LINK_FIELDS)
 
 
-def shown(value: object) -> str:
-    """A value that is refused, in few words: an array's type and shape, or what else it is."""
-    return f"{value.dtype}{list(value.shape)}" if isinstance(value, np.ndarray) else type(value).__name__
+def bare(layout: Layout) -> Genes:
+    """A genotype of sensor and motor neurons, thresholds 0 and no links."""
+    genes: Genes = np.zeros(layout.shape, np.int8)
+    genes[: layout.first_hidden, EXPRESSED] = 1
+    return genes
+
+
+def write_neuron(genes: Genes, slot: int, threshold: int, links: Iterable[Iterable[int]]) -> None:
+    """Put a neuron into a slot: its threshold, and its first links: source slot, weight and delay of each."""
+    genes[slot, EXPRESSED], genes[slot, THRESHOLD] = 1, threshold
+    for k, link in enumerate(links):
+        genes[slot, FIRST_LINK + LINK_FIELDS * k :][:LINK_FIELDS] = (1, *link)
+
+
+def genes_of(
+    inputs: int, thresholds: Iterable[int], links: Sequence[Sequence[Iterable[int]]]
+) -> tuple[Genes, Layout]:
+    """The smallest genotype of motor and hidden neurons, and its layout; links as of `write_neuron`."""
+    layout = Layout(inputs=inputs, slots=inputs + len(links), links=max(1, *map(len, links)))
+    genes = bare(layout)
+    for slot, (threshold, into) in enumerate(zip(thresholds, links, strict=False), inputs):
+        write_neuron(genes, slot, threshold, into)
+    return genes, layout
 
 
 def check_layout(layout: object) -> None:

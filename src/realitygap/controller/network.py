@@ -23,13 +23,12 @@ from realitygap.controller.layout import (
     Layout,
     check_genes,
     check_layout,
-    shown,
 )
 from realitygap.errors import GenotypeError, UsageError
 from realitygap.kernels.network import first_unfit
 from realitygap.kernels.params import UPDATES, Networks
 from realitygap.lazy import above
-from realitygap.values import Command
+from realitygap.values import Command, shown
 
 __all__ = ["Link", "NetworkController", "Neuron", "check_networks", "decode", "neurons"]
 
@@ -136,10 +135,6 @@ class NetworkController:
         check_genes(genes, self.layout)
         self.genes = genes
         self.neurons = neurons(genes, self.layout)
-        self._plain = [
-            (one.slot, one.threshold, [(link.weight, link.delay, link.source) for link in one.links])
-            for one in self.neurons
-        ]
         self.reset()
 
     def _repr_html_(self) -> str:
@@ -170,9 +165,9 @@ class NetworkController:
         empty = held + [0] * (self.layout.slots - len(held))
         for _ in range(UPDATES):
             now, past = empty.copy(), list(self._past)
-            for slot, threshold, links in self._plain:
+            for slot, threshold, links in self.neurons:
                 total = -threshold
-                for weight, delay, source in links:
+                for _, source, weight, delay in links:
                     total += weight * past[delay][source]
                 now[slot] = max(-TOP, min(TOP, total))
             self._past.appendleft(now)

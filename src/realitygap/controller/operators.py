@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 
 from realitygap.controller import breeding
-from realitygap.controller.layout import Genes, Layout, check_layout, shown
+from realitygap.controller.layout import Genes, Layout, check_layout
 from realitygap.controller.network import decode
 from realitygap.errors import GenotypeError, UsageError
 from realitygap.kernels.params import Networks
-from realitygap.values import as_stream
+from realitygap.values import as_stream, shown
 
 __all__ = ["Variation"]
 

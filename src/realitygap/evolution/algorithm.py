@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import UsageError
+from realitygap.values import shown
 
 __all__ = [
     "NOBODY",
@@ -136,7 +137,7 @@ def check_batch(batch: object, state: State, n: int, one: Genes) -> int:
     genes, count = batch.genes, len(np.atleast_1d(batch.genes))
     if not isinstance(genes, np.ndarray) or (genes.dtype, genes.shape[1:]) != (one.dtype, one.shape):
         expected = f"{one.dtype}[n{''.join(f', {k}' for k in one.shape)}]"
-        raise UsageError(f"ask: expected genes {expected}, got {_form(genes)}.")
+        raise UsageError(f"ask: expected genes {expected}, got {shown(genes)}.")
     if genes.dtype.kind == "f" and not np.isfinite(genes).all():
         raise UsageError("ask: expected genes that are finite numbers, got NaN or infinity among them.")
     if not 1 <= count <= n or batch.number != state.evaluations:
@@ -144,7 +145,7 @@ def check_batch(batch: object, state: State, n: int, one: Genes) -> int:
         raise UsageError(f"ask: expected 1 to {n} individuals from number {state.evaluations}, got {there}.")
     for name, array, shape in (("parents", batch.parents, (count, 2)), ("cells", batch.cells, (count,))):
         if not _is_whole(array, shape):
-            raise UsageError(f"ask: expected {name} int64{list(shape)}, got {_form(array)}.")
+            raise UsageError(f"ask: expected {name} int64{list(shape)}, got {shown(array)}.")
     return count
 
 
@@ -170,10 +171,10 @@ def check_state(state: State, cells: int, batch: Batch, fitness: NDArray[np.floa
     numbers, genes = state.numbers, state.genes
     if not _is_whole(numbers, (cells,)) or not ((numbers >= NOBODY) & (numbers < told)).all():
         expected = f"int64[{cells}], the evaluation in each cell or {NOBODY}"
-        raise UsageError(f"tell: expected numbers {expected}, got {_form(numbers)} {numbers!s:.60}.")
+        raise UsageError(f"tell: expected numbers {expected}, got {shown(numbers)} {numbers!s:.60}.")
     shape = (cells, *batch.genes.shape[1:])
     if not isinstance(genes, np.ndarray) or (genes.dtype, genes.shape) != (kind, shape):
-        raise UsageError(f"tell: expected genes {kind}{list(shape)}, a cell each, got {_form(genes)}.")
+        raise UsageError(f"tell: expected genes {kind}{list(shape)}, a cell each, got {shown(genes)}.")
     best, top, high = state.best_number, state.best_fitness, float(np.max(fitness))
     known = isinstance(best, int | np.integer) and 0 <= best < told
     its = float(fitness[best - first]) if known and best >= first else max(high, top)
@@ -187,11 +188,6 @@ def check_state(state: State, cells: int, batch: Batch, fitness: NDArray[np.floa
 
 def _is_whole(array: object, shape: tuple[int, ...]) -> bool:
     return isinstance(array, np.ndarray) and array.dtype.kind == "i" and array.shape == shape
-
-
-def _form(array: object) -> str:
-    """What came, in a word."""
-    return f"{array.dtype}{list(array.shape)}" if isinstance(array, np.ndarray) else type(array).__name__
 
 
 def same(one: Batch, other: Batch) -> bool:

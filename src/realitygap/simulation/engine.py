@@ -11,7 +11,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.controller.layout import shown
 from realitygap.controller.network import check_networks
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import batch, halves
@@ -20,7 +19,7 @@ from realitygap.kernels.work import Work, farthest_notice, new_work, spread_fan
 from realitygap.simulation.spread import drawn
 from realitygap.tasks.scoring import CompiledScore
 from realitygap.tasks.task import Task
-from realitygap.values import Floats
+from realitygap.values import Floats, shown
 from realitygap.world.profile import Profile
 
 __all__ = ["Cores", "Engine", "Streams"]

@@ -7,7 +7,6 @@ from os import PathLike
 
 import numpy as np
 
-from realitygap.controller.layout import shown
 from realitygap.controller.network import check_networks
 from realitygap.errors import UsageError
 from realitygap.kernels import batch, halves
@@ -17,7 +16,7 @@ from realitygap.simulation.engine import Cores, Engine, Streams
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.track import Trajectory
-from realitygap.values import Floats, Pose, as_stream
+from realitygap.values import Floats, Pose, as_stream, shown
 from realitygap.world.arena import Arena, load_arena
 from realitygap.world.noise import noise_level
 from realitygap.world.profile import Profile, load_profile
