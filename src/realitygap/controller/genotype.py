@@ -109,8 +109,8 @@ class _Reader:
     """Reads a text form line by line, and knows where it is."""
 
     def __init__(self, text: str, source: str) -> None:
-        bare = (line.split("#", 1)[0].split() for line in text.splitlines())
-        self.lines = [(number, " ".join(words)) for number, words in enumerate(bare, 1) if words]
+        stripped = (line.split("#", 1)[0].split() for line in text.splitlines())
+        self.lines = [(number, " ".join(words)) for number, words in enumerate(stripped, 1) if words]
         self.source = source
         self.number = 0
         self.line = ""

@@ -22,6 +22,7 @@ __all__ = ["Agreement", "Pair", "agreement", "blind_pairs", "page", "read_marks"
 Row = dict[str, Any]
 MARKS = ("pair", "judge", "mark")
 FRAMES_HZ = 10
+ROOM = ("cylinders", "walls", "lamps")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,10 +175,5 @@ def _film(trial: Trial) -> dict[str, list[float]]:
 
 
 def _room(arena: Arena | None) -> dict[str, Any]:
-    cylinders, walls, lamps = (arena.cylinders, arena.walls, arena.lamps) if arena else ((), (), ())
-    return {
-        "size": list(arena.size_cm) if arena else None,
-        "cylinders": [[c.x_cm, c.y_cm, c.radius_cm] for c in cylinders],
-        "walls": [list(wall) for wall in walls],
-        "lamps": [[lamp.x_cm, lamp.y_cm] for lamp in lamps],
-    }
+    plain = arena.plain() if arena else {}
+    return {"size": plain.get("size_cm"), **{name: plain.get(name, []) for name in ROOM}}

@@ -10,7 +10,6 @@ import re
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -134,14 +133,8 @@ def _read_in(place: Path, file: Path) -> list[Trial]:
 
 def _radius_cm(folder: Path) -> float:
     """Of the body that a trial of `realitygap transfer` was made with, as its study's profile has it."""
-    profile = folder.joinpath(*[".."] * 4, "profile.toml")
-    return _body_of(profile, profile.stat().st_mtime_ns) if profile.is_file() else RADIUS_CM
-
-
-@lru_cache(maxsize=1)
-def _body_of(profile: Path, changed_ns: int) -> float:
     with suppress(ConfigError):
-        return load_profile(profile).body.radius_cm
+        return load_profile(folder.joinpath(*[".."] * 4, "profile.toml")).body.radius_cm
     return RADIUS_CM
 
 

@@ -122,10 +122,8 @@ def correlation(
             f"got {len(x)} and {len(y)}."
         )
     draw = np.random.default_rng(0)
-    made = []
-    for _ in range(resamples):
-        rows = draw.integers(0, len(x), len(x))
-        made.append(_pearson(x[rows], y[rows]))
+    drawn = (draw.integers(0, len(x), len(x)) for _ in range(resamples))
+    made = [_pearson(x[rows], y[rows]) for rows in drawn]
     low, high = np.nanquantile(made, [0.025, 0.975]) if np.isfinite(made).any() else (np.nan, np.nan)
     return Correlation(
         r=_pearson(x, y), rho=_pearson(ranks(x), ranks(y)), interval=(float(low), float(high)),

@@ -108,36 +108,34 @@ class DistributedGA(_Cellular):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Panmictic(_Cellular):
-    """As the torus, but the mate is drawn from all others and the replaced cell from all."""
+class _Sized(_Cellular):
+    """So many cells, beside no others."""
 
     size: int = 64
 
-    def __post_init__(self) -> None:
-        _check_size(self.size, 2, "size of the population")
-
     @property
     def cells(self) -> int:
-        """How many individuals the population has."""
+        """How many individuals there are."""
         return self.size
+
+
+@dataclass(frozen=True, kw_only=True)
+class Panmictic(_Sized):
+    """As the torus, but the mate is drawn from all others and the replaced cell from all."""
+
+    def __post_init__(self) -> None:
+        _check_size(self.size, 2, "size of the population")
 
     def _next(self, state: Population, event: np.uint64) -> Batch:
         return self._offspring(state, event, panmictic_event(state.fitness, event))
 
 
 @dataclass(frozen=True, kw_only=True)
-class RandomSearch(_Cellular):
+class RandomSearch(_Sized):
     """No selection and no inheritance; the cells hold the best `size` so far, for a retest."""
-
-    size: int = 64
 
     def __post_init__(self) -> None:
         _check_size(self.size, 1, "size of the random search")
-
-    @property
-    def cells(self) -> int:
-        """How many individuals are kept."""
-        return self.size
 
     def tell(self, state: Population, batch: Batch, fitness: NDArray[np.float64]) -> Population:
         """Each takes its cell only if it is fitter than who lives there."""
@@ -154,10 +152,6 @@ def _event(state: Population, number: int, name: int) -> np.uint64:
 
 
 def _check_size(size: object, low: int, what: str) -> None:
-    """Refuse a size that is no whole number from `low` to LARGEST.
-
-    Raises:
-        UsageError: says what `what` must be.
-    """
+    """Refuse a size that is no whole number from `low` to LARGEST."""
     if isinstance(size, bool) or not isinstance(size, int) or not low <= size <= LARGEST:
         raise UsageError(f"{what}: expected a whole number from {low} to {LARGEST}, got {size!r}.")

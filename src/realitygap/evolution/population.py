@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from realitygap.errors import StudyError, UsageError
 from realitygap.evolution.algorithm import NOBODY, Batch, Genes
+from realitygap.values import shown
 
 __all__ = ["MAGIC", "Population", "pack", "unpack"]
 
@@ -206,9 +207,7 @@ class Population:
         kind, shape, cells = batch.genes.dtype, batch.genes.shape[1:], len(self.fitness)
         right = (kind, shape) == (self.best_genes.dtype, self.best_genes.shape)
         if not right or batch.cells.min() < 0 or batch.cells.max() >= cells:
-            expected = (
-                f"genes {self.best_genes.dtype}{list(self.best_genes.shape)} for cells of 0 to {cells - 1}"
-            )
+            expected = f"genes {shown(self.best_genes)} for cells of 0 to {cells - 1}"
             raise UsageError(
                 f"the batch: expected {expected}, got {kind}{list(shape)} for {batch.cells.tolist()}"
             )

@@ -241,13 +241,9 @@ def _fitted(
     if len(pairs) < LEAST_FRAMES:
         unseen = next(frame.picture for frame, one in zip(frames, seen, strict=True) if one is None)
         doubt = why_not(unseen, marker, before) if isinstance(marker, Tag) else ""
-        raise FilmError(
-            f"the {marker.name} is seen in {len(pairs)} of {len(frames)} frames, {LEAST_FRAMES} are needed. "
-            + (
-                doubt
-                or f"Check that the robot carries the {marker.name}, and its sizes, or take more frames."
-            )
-        )
+        cure = f"Check that the robot carries the {marker.name}, and its sizes, or take more frames."
+        few = f"the {marker.name} is seen in {len(pairs)} of {len(frames)} frames, {LEAST_FRAMES} are needed."
+        raise FilmError(f"{few} {doubt or cure}")
     used = [frame.pose for frame, _ in pairs]
     _check_spread(used, f"poses of the frames in which the {marker.name} is seen")
     scale = np.median([math.dist(*pixels[:2]) for _, pixels in pairs]) / math.dist(*marker.points[:2])

@@ -182,11 +182,11 @@ class CameraModel:
             return sides
         self.check_height(low if high == self.plane_cm else high)
         assert self.lens_cm is not None
-        (x, y), (lens_x, lens_y, above) = sides, self.lens_cm
-        return (
-            lens_x + (x - lens_x) * (above - high) / (above - low),
-            lens_y + (y - lens_y) * (above - high) / (above - low),
+        *lens, above = self.lens_cm
+        x, y = (
+            at + (side - at) * (above - high) / (above - low) for side, at in zip(sides, lens, strict=True)
         )
+        return x, y
 
 
 def _can_be_inverted(matrix: Floats) -> bool:

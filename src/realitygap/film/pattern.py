@@ -112,10 +112,8 @@ def spots(pattern: Any, points: Any, step: float, columns: Any, rows: Any) -> No
     ahead_x, ahead_y = dx / length, dy / length
     for k in range(pattern.white.shape[0]):
         x, y = pattern.places[k, 0], pattern.places[k, 1]
-        columns[k, 0], rows[k, 0] = (
-            x * ahead_x - y * ahead_y + points[0],
-            x * ahead_y + y * ahead_x + points[1],
-        )
+        columns[k, 0] = x * ahead_x - y * ahead_y + points[0]
+        rows[k, 0] = x * ahead_y + y * ahead_x + points[1]
 
 
 @step

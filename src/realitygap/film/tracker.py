@@ -54,16 +54,14 @@ class Tracker:
 
     def see(self, picture: Image | Look) -> tuple[Pose, float] | None:
         """The robot's pose in a picture [height, width], or what shows one, and its quality, or None."""
-        seen, last = None, self._last
+        finder, last, seen = self._finder, self._last, None
         if last is not None:
-            seen = self._believed(
-                self._finder.near(picture, np.array([last.x, last.y])), self._finder.known_again
-            )
+            seen = self._believed(finder.near(picture, np.array([last.x, last.y])), finder.known_again)
         if seen is None:
             whole = picture(None) if callable(picture) else picture
-            seen = self._believed(self._finder.anywhere(whole), self._finder.found_anew)
+            seen = self._believed(finder.anywhere(whole), finder.found_anew)
             if seen is None and not self.doubt:
-                self.doubt = self._finder.why_not(whole)
+                self.doubt = finder.why_not(whole)
         self._last = None if seen is None else seen.pose
         return None if seen is None else (seen.pose, seen.quality)
 

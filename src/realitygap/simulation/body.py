@@ -62,12 +62,11 @@ class SimulatedBody:
         self.kinds = tuple(kind for kind in KINDS if kind in kinds)
         self._world = simulation._cores.world_of(stream)
         robot, trial = self._world.robot, self._world.task
-        near, light = simulation.profile.infrared, simulation.profile.ambient
-        there = {"proximity": (len(near.sensors), near.top), "ambient": (len(light.sensors), light.top)}
+        there = {kind: simulation.profile.channel(kind) for kind in self.kinds}
         self.channels = tuple(
-            Channel(name=kind, sensors=there[kind][0], high=int(there[kind][1]))
-            for kind in self.kinds
-            if there[kind][0]
+            Channel(name=kind, sensors=len(one.sensors), high=int(one.top))
+            for kind, one in there.items()
+            if one.sensors
         )
         self._nobody = halves.quiet()
         self._work = new_work(robot, trial, self._nobody)

@@ -76,23 +76,14 @@ class Cuda:
         self._kept: dict[tuple[int, int], Work] = {}
 
     def scores(self, networks: Networks, streams: Streams) -> Floats:
-        """Scores of trials of N networks: streams [N, trials] → scores [N, trials].
-
-        Raises:
-            UsageError: networks of another task's layout, or streams that are not a row for each.
-            TaskError: a score was not a finite number.
-        """
+        """As `Engine` has it."""
         scores = [self._taken(batch) for batch in self._launched(networks, streams)]
         found = np.concatenate(scores) if scores else np.empty(0)
         self.cores.require_finite(found)
         return found.reshape(streams.shape)
 
     def tracks(self, networks: Networks, streams: Streams) -> Path:
-        """What the scores are taken from: arrays [N, trials, steps] of where the robots were.
-
-        Raises:
-            UsageError: networks of another task's layout, or streams that are not a row for each.
-        """
+        """As `Engine` has it."""
         found = [_fetched(batch.paths) for batch in self._launched(networks, streams)]
         paths = np.concatenate(found) if found else np.empty((0, len(Path._fields), self.cores.trial.steps))
         self.cores.require_finite_path(paths)

@@ -33,10 +33,19 @@ class Engine(Protocol):
     """Batches of trials; each trial is a function of its network and its stream alone."""
 
     def scores(self, networks: Networks, streams: Streams) -> Floats:
-        """Scores of trials of N networks: streams [N, trials] → scores [N, trials]."""
+        """Scores of trials of N networks: streams [N, trials] → scores [N, trials].
+
+        Raises:
+            UsageError: networks of another task's layout, or streams that are not a row for each.
+            TaskError: a score was not a finite number.
+        """
 
     def tracks(self, networks: Networks, streams: Streams) -> Path:
-        """What the scores are taken from: arrays [N, trials, steps] of where the robots were."""
+        """What the scores are taken from: arrays [N, trials, steps] of where the robots were.
+
+        Raises:
+            UsageError: networks of another task's layout, or streams that are not a row for each.
+        """
 
     def compile(self) -> None:
         """Compile what evolution needs, or load it from the cache; the first time takes seconds."""
@@ -101,12 +110,7 @@ class Cores:
         return np.zeros((CHUNK, len(Path._fields), self.trial.steps))
 
     def scores(self, networks: Networks, streams: Streams) -> Floats:
-        """Scores of trials of N networks: streams [N, trials] → scores [N, trials].
-
-        Raises:
-            UsageError: networks of another task's layout, or streams that are not a row for each.
-            TaskError: a score was not a finite number.
-        """
+        """As `Engine` has it."""
         which, flat = self.named(networks, streams)
         scores = np.empty(flat.shape[0])
         for first in range(0, flat.shape[0], CHUNK):
@@ -118,11 +122,7 @@ class Cores:
         return scores.reshape(streams.shape)
 
     def tracks(self, networks: Networks, streams: Streams) -> Path:
-        """What the scores are taken from: arrays [N, trials, steps] of where the robots were.
-
-        Raises:
-            UsageError: networks of another task's layout, or streams that are not a row for each.
-        """
+        """As `Engine` has it."""
         which, flat = self.named(networks, streams)
         paths = np.zeros((flat.shape[0], len(Path._fields), self.trial.steps))
         self._run(networks, which, flat, paths)

@@ -11,6 +11,7 @@ from realitygap.controller.network import check_networks
 from realitygap.errors import UsageError
 from realitygap.kernels import batch, halves
 from realitygap.kernels.params import Networks, Path, Trial, World
+from realitygap.kernels.rng import substream
 from realitygap.kernels.work import Record, Work, farthest_notice, new_aside, new_noise, new_work
 from realitygap.simulation.engine import Cores, Engine, Streams
 from realitygap.tasks.load import load_task
@@ -185,10 +186,9 @@ class Simulation:
         proximity, ambient = np.zeros((repeat, proximity_n)), np.zeros((repeat, ambient_n))
         streams = batch_streams(stream, repeat)
         noise = new_noise(max(proximity_n, ambient_n))
-        cores = self._cores
-        world = World(robot=cores.robot, arena=cores.arena, task=nothing_fed, level=self.noise)
+        world = World(robot=self._cores.robot, arena=self._cores.arena, task=nothing_fed, level=self.noise)
         batch.probe(world, streams, work, noise, proximity, ambient)
-        cores.require_finite_path(proximity, ambient)
+        self._cores.require_finite_path(proximity, ambient)
         return proximity, ambient
 
     def compile(self) -> None:
@@ -234,8 +234,6 @@ class Simulation:
 
 def batch_streams(stream: int, count: int) -> Streams:
     """`count` streams under one: substream(stream, 0), substream(stream, 1), …"""
-    from realitygap.kernels.rng import substream
-
     named = as_stream(stream)
     return np.array([substream(named, i) for i in range(count)], np.uint64)
 

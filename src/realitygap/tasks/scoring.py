@@ -76,8 +76,9 @@ class CompiledScore:
                 self.plain(Path(*map(np.copy, path)), room)
         except Exception as again:
             error = again
-        own = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == _file(self.plain)]
-        where = f"{_file(self.plain)}, line {own[-1]}" if own else _where(self.plain)
+        file, stack = inspect.getfile(self.plain), traceback.extract_tb(error.__traceback__)
+        own = [frame.lineno for frame in stack if frame.filename == file]
+        where = f"{file}, line {own[-1]}" if own else _where(self.plain)
         told = f"{type(error).__name__}: {error}".rstrip(": ")
         there = f"{path.x.size} rows, the room {len(room.lamps)} lamps and {len(room.cylinders)} cylinders"
         cure = f"This path has {there}." if isinstance(error, IndexError) else "Correct that line."
@@ -120,7 +121,7 @@ def _refuse_unrepeatable(function: Any, seen: set[Any]) -> None:
     """
     seen.add(function)
     for line, found, name in used(function):
-        where = f"{_file(function)}, line {line}"
+        where = f"{inspect.getfile(function)}, line {line}"
         if found is print:
             raise TaskError(f"{where}: a score is called a thousand times: take `print` out.")
         if _is_random(found):
@@ -150,13 +151,9 @@ def example() -> tuple[Path, Room]:
     return path, room
 
 
-def _file(score: Score) -> str:
-    return inspect.getfile(score)
-
-
 def _where(score: Score, error: Any = None) -> str:
     line = getattr(getattr(error, "loc", None), "line", None) or score.__code__.co_firstlineno
-    return f"{_file(score)}, line {line}"
+    return f"{inspect.getfile(score)}, line {line}"
 
 
 def _named(returned: Any) -> str:

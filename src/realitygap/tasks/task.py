@@ -125,10 +125,8 @@ class Task:
         if not spread:
             return self
         within = f"±{100 * spread:g} %" + (f", the wheels' ±{100 * wheels:g} %" if wheels is not None else "")
-        name, title = (
-            self.plain_name + ending(spread, wheels),
-            self.title.partition(DRAWN)[0] + DRAWN + within,
-        )
+        name = self.plain_name + ending(spread, wheels)
+        title = self.title.partition(DRAWN)[0] + DRAWN + within
         return replace(self, name=name, title=title, spread=spread, spread_wheels=wheels)
 
     @property
@@ -266,8 +264,7 @@ class Task:
         require(isinstance(self.arena, Arena), "arena", "an Arena, a name or a path", self.arena)
         require(isinstance(self.start, Start), "start", "a Start(x_cm=…, y_cm=…)", self.start)
         require(self.feeds in FEEDS, "feeds", " or ".join(map(repr, FEEDS)), self.feeds)
-        size = len(self.sensors)
-        require(size <= MAX_INPUTS, "sensors", f"at most {MAX_INPUTS} sensors", self.sensors)
+        require(len(self.sensors) <= MAX_INPUTS, "sensors", f"at most {MAX_INPUTS} sensors", self.sensors)
         for sensor in self.sensors:
             whole = isinstance(sensor, int) and not isinstance(sensor, bool) and sensor >= 0
             require(whole, "sensors", "whole numbers, 0 or more", self.sensors)
