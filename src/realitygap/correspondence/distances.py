@@ -92,8 +92,7 @@ class Distances:
     def energy(self, wa: Floats | None = None, wb: Floats | None = None) -> float:
         """The energy distance of the descriptors: `2 E|X − Y| − E|X − X'| − E|Y − Y'|`; may be below 0.
 
-        Args:
-            wa, wb: weights [n] of the trials on the one side and on the other; by default a and b.
+        Weights are [n], of the trials on the one side and on the other; by default a and b.
         """
         wa, wb = self._weights(wa, wb)
         counts, far = self.counts, self._between * self.counts

@@ -121,13 +121,7 @@ class Variation(Protocol):
 
 
 def check_batch(batch: object, state: State, n: int, one: Genes) -> int:
-    """Refuse what is no answer to `ask(state, n)`, of individuals as `one`; how many there are.
-
-    Args:
-        batch: the answer.
-        state: that was asked about.
-        n: as many as were asked for.
-        one: an individual, of the type and shape of all.
+    """Refuse what is no answer to `ask(state, n)`, of individuals like one; how many there are.
 
     Raises:
         UsageError: says what was expected of the algorithm and what came.
@@ -150,13 +144,9 @@ def check_batch(batch: object, state: State, n: int, one: Genes) -> int:
 
 
 def check_state(state: State, cells: int, batch: Batch, fitness: NDArray[np.float64]) -> None:
-    """Refuse a state that does not tell of the evaluations that it was told of.
+    """Refuse a state of so many cells that does not tell of the evaluations that it was told of.
 
-    Args:
-        state: after them.
-        cells: of its algorithm.
-        batch: all of them since a state that was checked.
-        fitness: theirs.
+    The batch is all of them since a state that was checked, with their fitness [n].
 
     Raises:
         UsageError: says what was expected of the algorithm and what came.

@@ -55,13 +55,8 @@ def _neighbourhood(cell, rows, columns, cells):
 
 @routine
 def torus_event(fitness, rows, columns, event):
-    """(cell that breeds, its mate, the cell that the offspring takes) on the grid (§5.1).
-
-    Args:
-        fitness: [rows · columns] of the grid.
-        rows, columns: its size.
-        event: random numbers.
-    """
+    """(cell that breeds, its mate, the cell that the offspring takes) on a grid with fitness [rows · columns]
+    (§5.1)."""
     cell = below(substream(event, CELL), 0, rows * columns)
     cells = np.empty(9, np.int64)
     _neighbourhood(cell, rows, columns, cells)

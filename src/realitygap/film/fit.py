@@ -34,8 +34,7 @@ def fit_camera(
     """The camera that takes places [n, 2] (cm) to pixels [n, 2]; None if there is none.
 
     Args:
-        places: on the disk's plane.
-        pixels: where they were seen.
+        places, pixels: on the disk's plane, and where they were seen.
         size: width and height of the picture, px.
         plane_cm: the plane's height.
         radial: whether to fit the lens's two terms.

@@ -99,14 +99,8 @@ class Pattern(NamedTuple):
 
 @jit
 def spots(pattern: Any, points: Any, step: float, columns: Any, rows: Any) -> None:
-    """Where a disk's pattern is in a window.
-
-    Args:
-        pattern: its.
-        points: [4] columns and rows of its two patches.
-        step: of the window, cm.
-        columns, rows: [n, 1] into which they go.
-    """
+    """Where a disk's pattern is in a window of steps (cm), into columns and rows [n, 1], from the columns and
+    rows of its two patches, `points` [4]."""
     dx, dy = points[2] - points[0], points[3] - points[1]
     length = math.sqrt(dx * dx + dy * dy) * step
     ahead_x, ahead_y = dx / length, dy / length
@@ -193,10 +187,7 @@ def correlation(seen: Any, pattern: Any, sums: Any) -> Any:
     quarter is left out, whatever it is, so that a hand or a cable may lie there. Light that grows
     evenly across the disk, as a lamp's reflection does, is taken away first.
 
-    Args:
-        seen: [n] what is there.
-        pattern: what should be.
-        sums: [4, 5] room.
+    `seen` is [n], `sums` room for [4, 5].
     """
     even = pattern.room[1]
     _light(seen, pattern, _limit(seen, pattern, pattern.room[0]), sums)

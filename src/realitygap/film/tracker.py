@@ -40,12 +40,7 @@ class Tracked:
 
 
 class Tracker:
-    """Follows one marker from frame to frame; `doubt` says why it was lost, if that can be told.
-
-    Args:
-        camera: which took the frames.
-        marker: what the robot carries.
-    """
+    """Follows one marker from frame to frame; `doubt` says why it was lost, if that can be told."""
 
     def __init__(self, camera: CameraModel, marker: Marker) -> None:
         self._finder, self._marker = finder_of(camera, marker), marker

@@ -158,10 +158,24 @@ class Simulation:
 
     def _lived(self, record: Record) -> tuple[Trajectory, float]:
         """What a record tells, and its score."""
-        self._cores.require_finite_path(*record.path, record.proximity, record.ambient)
-        score = np.array([self._cores.score(record.path, self._cores.room)])
+        path = record.path
+        self._cores.require_finite_path(*path, record.proximity, record.ambient)
+        score = np.array([self._cores.score(path, self._cores.room)])
         self._cores.require_finite(score)
-        return _trajectory(record, self.profile.period_s), float(score[0])
+        trajectory = Trajectory(
+            t=np.arange(record.pose.shape[0], dtype=np.float64) * self.profile.period_s,
+            x=record.pose[:, 0],
+            y=record.pose[:, 1],
+            heading=record.pose[:, 2],
+            proximity=record.proximity,
+            ambient=record.ambient,
+            inputs=record.inputs,
+            commands=record.commands,
+            wheels=record.wheels,
+            contact=path.contact > 0,
+            end=Pose(x=float(path.x[-1]), y=float(path.y[-1]), heading=float(path.heading[-1])),
+        )
+        return trajectory, float(score[0])
 
     def start(self, stream: int) -> Pose:
         """Where a trial on this stream starts."""
@@ -236,20 +250,3 @@ def batch_streams(stream: int, count: int) -> Streams:
     """`count` streams under one: substream(stream, 0), substream(stream, 1), …"""
     named = as_stream(stream)
     return np.array([substream(named, i) for i in range(count)], np.uint64)
-
-
-def _trajectory(record: Record, period_s: float) -> Trajectory:
-    path = record.path
-    return Trajectory(
-        t=np.arange(record.pose.shape[0], dtype=np.float64) * period_s,
-        x=record.pose[:, 0],
-        y=record.pose[:, 1],
-        heading=record.pose[:, 2],
-        proximity=record.proximity,
-        ambient=record.ambient,
-        inputs=record.inputs,
-        commands=record.commands,
-        wheels=record.wheels,
-        contact=path.contact > 0,
-        end=Pose(x=float(path.x[-1]), y=float(path.y[-1]), heading=float(path.heading[-1])),
-    )
