@@ -121,7 +121,7 @@ class Variation(Protocol):
 
 
 def check_batch(batch: object, state: State, n: int, one: Genes) -> int:
-    """Refuse what is no answer to `ask(state, n)`, of individuals like one; how many there are.
+    """Refuse what is no answer to `ask(state, n)`, of individuals like `one`; how many there are.
 
     Raises:
         UsageError: says what was expected of the algorithm and what came.
