@@ -4,7 +4,7 @@ from realitygap.study.load import load_study
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.run import run_transfer
 
-transfer(load_study("out/reproduce"), Transfer(robots=("twin:1", "twin:2"), starts=3))
+run_transfer(load_study("out/reproduce"), Transfer(robots=("twin:1", "twin:2"), starts=3))
 """
 
 from collections.abc import Callable, Iterator, Sequence
