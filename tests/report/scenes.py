@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from realitygap.kernels.params import MAX_DELAY
 from realitygap.report.statistics import Mean, mean_of
-from realitygap.report.tables import NoiseClass, Row, Table
+from realitygap.report.tables import NoiseClass, Row, TaskPart
 from realitygap.track import Trajectory
 from realitygap.values import Pose
 
@@ -55,18 +57,20 @@ def table(
     champion: dict[float, list[float]],
     stored: float = 0.7,
     scale: float = 1.0,
-) -> Table:
+) -> TaskPart:
     """A table whose individuals score the same at every noise level: given means by noise class."""
     classes = []
     for level, means in fittest.items():
         rows = tuple(
             Row(
-                index=k + 1,
-                run=k + 1,
-                name=f"made-up/{level}/{k + 1}",
-                evaluations=1000,
-                finished=True,
-                stored=stored * scale,
+                run=SimpleNamespace(
+                    index=k + 1,
+                    id=k + 1,
+                    name=f"made-up/{level}/{k + 1}",
+                    evaluations=1000,
+                    finished=True,
+                    best_fitness=stored * scale,
+                ),
                 means={
                     (who, at): _mean(value * scale)
                     for who, value in (("fittest", means[k]), ("champion", champion[level][k]))
@@ -76,7 +80,12 @@ def table(
             for k in range(len(means))
         )
         classes.append(NoiseClass(level=level, name=LEVELS[level], rows=rows))
-    return Table(task="made-up", unit="", scale=scale, classes=tuple(classes), levels=LEVELS)
+    return TaskPart(task=made_up(scale), conditions=tuple(classes), levels=LEVELS)
+
+
+def made_up(scale: float = 1.0) -> SimpleNamespace:
+    """What a table needs to know of its task."""
+    return SimpleNamespace(name="made-up", fitness_unit="", fitness_scale=scale)
 
 
 def _mean(value: float) -> Mean:

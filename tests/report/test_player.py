@@ -60,7 +60,7 @@ def test_a_situated_drive_is_the_recording(played: Study) -> None:
     assert told["steps"] == 20 and np.array_equal(readings, kept.proximity)
     assert np.array_equal(_unpacked(told["commands"], "i1").reshape(-1, 2), kept.commands)
     poses = _unpacked(told["poses"], "<i2").reshape(-1, 3) / 100
-    assert np.allclose(poses[:, 0], pair.situated.x, atol=0.0051)
+    assert np.allclose(poses[:, 0], pair.paths[1].x, atol=0.0051)
     assert np.allclose(poses[:, 1], pair.situated.y, atol=0.0051)
 
 
@@ -105,7 +105,7 @@ def test_what_was_not_kept_is_not_made_up(played: Study, tmp_path: Path) -> None
     row = parts[LIGHT].conditions[0].rows[0]
     copy = Study(study.folder)
     copy.folder = tmp_path
-    write_transfer(copy, row.source, film=False)
+    write_transfer(copy, row.run, film=False)
     pairs = {part.task.name: [] for part in parts} | pairs_of(copy, parts)
     data = player.player_data(study, parts, pairs, Paths(study))
     assert data is not None

@@ -18,7 +18,7 @@ from realitygap.report.gather import parts_of
 from realitygap.report.page import Figures
 from realitygap.report.paths import PathPanel, Scene, pairs_figure
 from realitygap.report.situated import SituatedPart, make_situated
-from realitygap.report.transfers import groups_of, pairs_of, robots_of, shown_pair
+from realitygap.report.transfers import groups_of, pairs_of, robots_of, shown_pair, transfers_csv
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study, load_study
 from realitygap.study.runner import run_study
@@ -95,9 +95,9 @@ def test_figures_3_and_5_hold_both_paths_and_films_are_shown(study: Study) -> No
     """Pairs stand in the place of the simulated paths and name the robot; films are reached from there."""
     _all(study)
     shown = _situated(study, AVOID).shown
-    assert [pair.row.run for pair in shown] == [run.id for run in shown_runs(study)[:3]]
+    assert [pair.run for pair in shown] == [run.id for run in shown_runs(study)[:3]]
     shutil.rmtree(shown[1].folder)
-    write_transfer(study, shown[1].row.source, film=True)
+    write_transfer(study, study.run(shown[1].run), film=True)
     text = _built(study)
     for name, label in ((AVOID, "Figure 3"), (LIGHT, "Figure 5")):
         found = re.search(rf'<figure id="{name}-pairs".*?</figure>', text, re.DOTALL)
@@ -124,7 +124,7 @@ def test_a_report_that_is_given_away_keeps_its_films(
     _all(study)
     shown = _situated(study, AVOID).shown[0]
     shutil.rmtree(shown.folder)
-    film = write_transfer(study, shown.row.source, film=True) / "film.mp4"
+    film = write_transfer(study, study.run(shown.run), film=True) / "film.mp4"
     for content in (b"a film", b"another film"):
         film.write_bytes(content)
         text = _built(study)
@@ -203,15 +203,15 @@ def test_the_table_has_every_transfer(study: Study) -> None:
     for robot in ("serial-ttyUSB0", "twin-1", "twin-2"):
         for start in (1, 2):
             write_transfer(study, run, robot=robot, start=start, fitness=(0.7, 0.1 * start))
-    made = _situated(study, AVOID)
-    rows = list(csv.DictReader(made.csv(parts_of(study)[0].table, study.folder).splitlines()))
+    made, part = _situated(study, AVOID), parts_of(study)[0]
+    rows = list(csv.DictReader(transfers_csv(part.task, made.groups, study.folder).splitlines()))
     assert [(row["robot"], row["start"]) for row in rows] == [
         (robot, start) for robot in ("serial-ttyUSB0", "twin-1", "twin-2") for start in "12"
     ]
     for row in rows:
         assert row["name"] == run.name and (study.folder / row["folder"] / "situated.csv").is_file()
         assert float(row["drop"]) == pytest.approx(0.7 - 0.1 * int(row["start"]))
-    shown = [(group.kind, made.rows(group, parts_of(study)[0].table)) for group in made.groups]
+    shown = [(group.kind, made.rows(group, part)) for group in made.groups]
     assert [(kind, len(rows)) for kind, rows in shown] == [("robot", 3), ("twin", 5)]
     assert [row["where"] for row in shown[0][1][:-1]] == ["Khepera on ttyUSB0"] * 2
     means = [float(value) for value, _ in shown[1][1][-1]["cells"]]
@@ -244,7 +244,7 @@ def test_a_figure_shows_one_robot_of_each_kind(study: Study) -> None:
     parts = parts_of(study)
     pairs = pairs_of(study, parts)[AVOID]
     assert robots_of(pairs) == ["twin-7", "twin-1-noise-2.0"]
-    alone = [pair for pair in pairs if pair.row.run == runs[1].id]
+    alone = [pair for pair in pairs if pair.run == runs[1].id]
     assert shown_pair(parts[0].conditions[0], alone) is alone[0]
     names: list[str] = []
     made = _situated(study, AVOID, names)
@@ -274,5 +274,6 @@ def test_a_path_is_thinned_to_the_simulations_steps(study: Study) -> None:
     (folder / "situated.csv").write_text("\n".join(fine) + "\n", encoding="utf-8")
     parts = parts_of(study)
     pair = pairs_of(study, parts)[AVOID][0]
-    assert len(pair.simulated.x) == STEPS + 1 and len(pair.situated.x) in (STEPS, STEPS + 1)
-    assert pair.situated.end.x == pytest.approx(pair.situated.x[-1]) and np.isfinite(pair.situated.x).all()
+    simulated, situated = pair.paths
+    assert len(simulated.x) == STEPS + 1 and len(situated.x) in (STEPS, STEPS + 1)
+    assert situated.end.x == pytest.approx(situated.x[-1]) and np.isfinite(situated.x).all()

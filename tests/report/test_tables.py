@@ -7,8 +7,8 @@ import csv
 import pytest
 
 from realitygap.report.reading import read_table
-from realitygap.report.tables import NoiseClass, Table, decimals, number, table_csv
-from tests.report.scenes import LEVELS, table
+from realitygap.report.tables import NoiseClass, TaskPart, decimals, number, table_csv
+from tests.report.scenes import LEVELS, made_up, table
 
 EQUAL = {0.0: [0.5, 0.6, 0.55], 1.0: [0.56, 0.52, 0.58], 2.0: [0.54, 0.6, 0.5]}
 APART = {0.0: [0.5, 0.51, 0.52], 1.0: [0.9, 0.91, 0.92], 2.0: [0.2, 0.21, 0.22]}
@@ -51,13 +51,8 @@ def test_the_reading_says_in_how_many_runs_the_retest_finds_better_ones() -> Non
 
 def test_an_empty_table_is_read_as_nothing() -> None:
     """A study that has just begun makes no sentences and a table without numbers."""
-    empty = Table(
-        task="made-up",
-        unit="",
-        scale=1.0,
-        levels=LEVELS,
-        classes=(NoiseClass(level=1.0, name="observed", rows=()),),
-    )
+    condition = NoiseClass(level=1.0, name="observed", rows=())
+    empty = TaskPart(task=made_up(), levels=LEVELS, conditions=(condition,))
     assert read_table(empty) == []
     assert len(table_csv(empty).splitlines()) == 2
     assert empty.show(None) == ("–", "")

@@ -158,7 +158,7 @@ def test_a_camera_is_calibrated_all_over_the_floor(name):
 
 def test_films_are_of_the_runs_that_the_figures_show(finished):
     """Whom `reproduce` films is whom the report shows, one of each task and noise level."""
-    shown = {chosen(c).run for part in parts_of(finished) for c in part.conditions}
+    shown = {chosen(c).run.id for part in parts_of(finished) for c in part.conditions}
     assert {run.id for run in shown_runs(finished)} == shown
     assert len(shown) == 2
 

@@ -5,18 +5,20 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from realitygap import temporary
 from realitygap.experiments.reproduction import again
 from realitygap.report import words
 from realitygap.report.calibrated import calibrated_part
-from realitygap.report.gather import PER_CONDITION, TaskPart, parts_of
+from realitygap.report.gather import PER_CONDITION, parts_of
 from realitygap.report.lead import departures, is_paper, lead
 from realitygap.report.page import Figures, OnProgress, Steps, noise_key, report_folder, write_page
 from realitygap.report.player import player_data, player_json
 from realitygap.report.robots import robot_figure
-from realitygap.report.sections import Section, Sections
+from realitygap.report.sections import Sections
 from realitygap.report.statistics import mean_of
+from realitygap.report.tables import TaskPart
 from realitygap.report.transfers import pairs_of
 from realitygap.robots.address import ROBOT
 from realitygap.study.load import Study, load_study
@@ -110,11 +112,10 @@ def scripts() -> str:
     return f'"use strict";\n(() => {{\n{text}}})();'
 
 
-def _stand_in(sections: Sequence[Section]) -> dict[str, str]:
+def _stand_in(sections: Sequence[dict[str, Any]]) -> dict[str, str]:
     """What the evolved networks drove besides the simulation: "twin", "robot", "both" or nothing; and that
     in words."""
-    groups = [group for s in sections if s.situated for group in s.situated.groups]
-    driven = {pair.kind for group in groups for pair in group.pairs}
+    driven = {group.kind for s in sections if s["situated"] for group in s["situated"].groups}
     kinds = {name == ROBOT for name in driven}
     which = "both" if len(kinds) > 1 else "" if not kinds else "robot" if True in kinds else "twin"
     told = "a physics twin of the robot"

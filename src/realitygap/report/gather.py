@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +11,7 @@ from realitygap.controller.layout import Genes, Layout
 from realitygap.kernels.rng import substream
 from realitygap.report.paths import PathPanel
 from realitygap.report.statistics import mean_of, running_best
-from realitygap.report.tables import NoiseClass, Row, Table
+from realitygap.report.tables import NoiseClass, Row, TaskPart
 from realitygap.streams import PICTURES
 from realitygap.study.load import Run, Study
 from realitygap.tasks.task import Task
@@ -23,76 +21,48 @@ from realitygap.world.noise import NOISE_LEVELS, noise_level, noise_name
 if TYPE_CHECKING:
     from realitygap.simulation.simulation import Simulation
 
-__all__ = ["PER_CONDITION", "Paths", "TaskPart", "best_so_far", "chosen", "individual", "parts_of", "path_of"]
+__all__ = ["PER_CONDITION", "Paths", "best_so_far", "chosen", "individual", "parts_of", "path_of"]
 
 PER_CONDITION = 5
 """Runs of a condition whose paths, networks and table rows a page shows, however many there are."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class TaskPart:
-    """All that a study has of one task."""
-
-    task: Task
-    table: Table
-
-    @property
-    def conditions(self) -> tuple[NoiseClass, ...]:
-        """The runs by noise level, rising."""
-        return self.table.classes
-
-    @property
-    def names(self) -> dict[float, str]:
-        """Noise levels as a legend names them."""
-        return {c.level: f"{c.name} noise" for c in self.conditions}
-
-
 def parts_of(study: Study) -> list[TaskPart]:
     """The study's runs by task and by noise level, tasks in the study's order, levels rising."""
-    groups: dict[str, dict[float, list[Run]]] = {}
+    groups: dict[str, dict[float, list[Row]]] = {}
     for run in study.runs:
-        groups.setdefault(run.task, {}).setdefault(noise_level(run.noise), []).append(run)
+        groups.setdefault(run.task, {}).setdefault(noise_level(run.noise), []).append(_row(run))
     return [_part(study.task(name), levels) for name, levels in groups.items()]
 
 
-def _part(task: Task, groups: dict[float, list[Run]]) -> TaskPart:
+def _part(task: Task, groups: dict[float, list[Row]]) -> TaskPart:
     """One task's runs as its table holds them."""
     classes = tuple(
-        NoiseClass(level=level, name=noise_name(level), rows=tuple(map(_row, groups[level])))
-        for level in sorted(groups)
+        NoiseClass(level=level, name=noise_name(level), rows=tuple(rows))
+        for level, rows in sorted(groups.items())
     )
-    tested = {level for one in classes for row in one.rows for _, level in row.means}
+    tested = {level for rows in groups.values() for row in rows for _, level in row.means}
     levels = {level: noise_name(level) for level in sorted(tested or NOISE_LEVELS.values())}
-    table = Table(
-        task=task.name, unit=task.fitness_unit, scale=task.fitness_scale, classes=classes, levels=levels
-    )
-    return TaskPart(task=task, table=table)
+    return TaskPart(task=task, conditions=classes, levels=levels)
 
 
 def _row(run: Run) -> Row:
     """A run as a table shows it."""
-    best = run.best_fitness
     means = {(who, noise_level(noise)): mean_of(scores) for (who, noise), scores in run.tests.items()}
-    return Row(
-        index=run.index, run=run.id, name=run.name, evaluations=run.evaluations, finished=run.finished,
-        stored=best if best is not None and math.isfinite(best) else None,
-        means={key: mean for key, mean in means.items() if mean is not None}, source=run,
-    )  # fmt: skip
+    return Row(run=run, means={key: mean for key, mean in means.items() if mean is not None})
 
 
-def individual(row: Row) -> Genes:
+def individual(run: Run) -> Genes:
     """The genotype of slots that stands for a run in pictures: its champion's, or its fittest's so far."""
-    run = row.source
-    assert run is not None
     genes = run.fittest if run.champion is None else run.champion
-    assert genes is not None  # the row is of a run that has begun
+    assert genes is not None  # the run has begun
     return run.study.slots(run.task, genes)[0]
 
 
 def best_so_far(study: Study, part: TaskPart) -> dict[float, list[np.ndarray]]:
     """For each noise level the running best fitness of each run, read one run at a time."""
     return {
-        one.level: [running_best(study.evaluations(row.run)["fitness"]) for row in one.begun]
+        one.level: [running_best(study.evaluations(row.run.id)["fitness"]) for row in one.begun]
         for one in part.conditions
         if one.begun
     }
@@ -100,9 +70,8 @@ def best_so_far(study: Study, part: TaskPart) -> dict[float, list[np.ndarray]]:
 
 def chosen(condition: NoiseClass) -> Row | None:
     """The run a figure shows: the study's median one of the condition."""
-    rows = {row.run: row for row in condition.begun}
-    run = median_run(row.source for row in rows.values() if row.source is not None)
-    return None if run is None else rows[run.id]
+    run = median_run(row.run for row in condition.begun)
+    return next((row for row in condition.begun if row.run is run), None)
 
 
 class Paths:
@@ -114,14 +83,7 @@ class Paths:
         self._simulations: dict[tuple[str, float], Simulation] = {}
 
     def panel(self, part: TaskPart, condition: NoiseClass, row: Row, title: str) -> PathPanel:
-        """One trial of a run's champion at the noise it evolved under; `title` may hold {score}.
-
-        Args:
-            part: the task.
-            condition: the noise it evolved under.
-            row: the run.
-            title: may hold {score}.
-        """
+        """One trial of a run's champion at the noise it evolved under; `title` may hold {score}."""
         from realitygap.controller.network import decode
         from realitygap.simulation.simulation import Simulation
 
@@ -129,7 +91,7 @@ class Paths:
         key = (task.name, condition.level)
         if key not in self._simulations:
             self._simulations[key] = Simulation(task, self._study.profile, condition.level)
-        genes = individual(row)
+        genes = individual(row.run)
         networks = decode(genes, Layout.of(genes, inputs=len(task.sensors)))
         trajectory, score = self._simulations[key].trajectory(networks, stream=self._stream)
         shown = f"{score / task.fitness_scale:.2f}"

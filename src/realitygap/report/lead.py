@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from realitygap.report.gather import TaskPart
+from realitygap.report.tables import TaskPart
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study
 from realitygap.study.parts import Encoding, Evolution

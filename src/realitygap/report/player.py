@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from realitygap.controller.layout import Genes
-from realitygap.report.gather import PER_CONDITION, Paths, TaskPart, chosen, individual
+from realitygap.report.gather import PER_CONDITION, Paths, chosen, individual
 from realitygap.report.network import network_drawing
 from realitygap.report.player_tracks import Inside, activity, poses_of, track
 from realitygap.report.robots import WHEEL_CM, front
 from realitygap.report.style import noise_styles
-from realitygap.report.tables import NoiseClass, Row
+from realitygap.report.tables import NoiseClass, Row, TaskPart
 from realitygap.report.transfers import Pair, robots_of
 from realitygap.robots.recording import Recording
 from realitygap.simulation.simulation import Simulation
@@ -157,24 +157,24 @@ class _Gather:
             "colour": self.styles[condition.level].colour,
             "shown": 0 if shown is None else runs.index(shown),
             "runs": [
-                self.run(part, condition, row, [p for p in pairs if p.row.run == row.run]) for row in runs
+                self.run(part, condition, row, [p for p in pairs if p.run == row.run.id]) for row in runs
             ],
         }
 
     def run(self, part: TaskPart, condition: NoiseClass, row: Row, pairs: Sequence[Pair]) -> Json:
         """A run: its network and its trials, transferred ones where there are any."""
-        genes, task = individual(row), part.task
+        run, genes, task = row.run, individual(row.run), part.task
         drawing, slots = network_drawing(genes, task, self.study.profile)
         cast = _Cast(task=task, genes=genes, slots=slots, unit_cm=_unit_cm(task))
         order = {robot: i for i, robot in enumerate(robots_of(pairs))}
         there = sorted(
-            (p for p in pairs if len(p.situated.x)),
+            (p for p in pairs if len(p.paths[1])),
             key=lambda p: (p.individual != "champion", order.get(p.robot, len(order)), p.start),
         )
         trials = [self.transfer(part, pair, cast) for pair in there[:MOST_TRIALS]]
-        name = f"#{row.index}" + ("" if row.finished else ", unfinished")
+        name = f"#{run.index}" + ("" if run.finished else ", unfinished")
         trials = trials or [self.alone(part, condition, row, cast)]
-        return {"name": name, "link": row.name, "network": drawing, "trials": trials}
+        return {"name": name, "link": run.name, "network": drawing, "trials": trials}
 
     def alone(self, part: TaskPart, condition: NoiseClass, row: Row, cast: _Cast) -> Json:
         """A run that drove no robot: its trial in the simulation, as the figures of paths show it."""
@@ -187,7 +187,7 @@ class _Gather:
     def transfer(self, part: TaskPart, pair: Pair, cast: _Cast) -> Json:
         """One transfer: both drives, as far as they are known."""
         replay = self.replays.of(pair.folder)
-        scores = [part.table.text(value) for value in pair.fitness]
+        scores = [part.text(value) for value in pair.fitness]
         known = replay.simulated
         with placed(pair.folder) as here:
             path = read_track(here / SIMULATED) if known is None else known.track

@@ -6,23 +6,23 @@ import numpy as np
 
 from realitygap.report.scores import SCORES, ScoreClass, ScoreTable
 from realitygap.report.statistics import difference, mean_of
-from realitygap.report.tables import Table, counted
+from realitygap.report.tables import TaskPart, counted
 from realitygap.report.transfers import Group
 from realitygap.robots.address import ROBOT
 
 __all__ = ["read_scores", "read_table", "read_transfers"]
 
 
-def read_table(table: Table) -> list[str]:
+def read_table(table: TaskPart) -> list[str]:
     """A few sentences on a table; fewer where an unfinished study leaves it empty."""
     sentences = [_overrating(table), _order(table), _champions(table), *_robustness(table)]
     return [sentence for sentence in sentences if sentence]
 
 
-def _pairs(table: Table, who: str) -> list[tuple[float, float]]:
+def _pairs(table: TaskPart, who: str) -> list[tuple[float, float]]:
     """(stored fitness, mean on fresh trials at its own noise) of every tested run."""
     pairs = []
-    for one in table.classes:
+    for one in table.conditions:
         for row in one.rows:
             fresh = row.mean(who, one.level)
             if fresh is not None and row.stored is not None:
@@ -30,7 +30,7 @@ def _pairs(table: Table, who: str) -> list[tuple[float, float]]:
     return pairs
 
 
-def _overrating(table: Table) -> str:
+def _overrating(table: TaskPart) -> str:
     """How far the stored fitness of the fittest is from what it scores again."""
     pairs = np.array(_pairs(table, "fittest"))
     if not len(pairs):
@@ -52,12 +52,12 @@ def _overrating(table: Table) -> str:
     )
 
 
-def _order(table: Table) -> str:
+def _order(table: TaskPart) -> str:
     """Which noise class does best where the robot's own noise is, and whether the runs can tell."""
     level = 1.0 if 1.0 in table.levels else next(iter(table.levels), None)
     if level is None:
         return ""
-    ranked = [(one, one.means("fittest", level)) for one in table.classes]
+    ranked = [(one, one.means("fittest", level)) for one in table.conditions]
     ranked = sorted(((one, m) for one, m in ranked if m.size), key=lambda pair: -pair[1].mean())
     if len(ranked) < 2:
         return ""
@@ -75,7 +75,7 @@ def _order(table: Table) -> str:
     )
 
 
-def _champions(table: Table) -> str:
+def _champions(table: TaskPart) -> str:
     """Whether the retest finds better individuals than the stored fitness does."""
     fittest, champion = [
         np.array([fresh for _, fresh in _pairs(table, who)]) for who in ("fittest", "champion")
@@ -93,12 +93,12 @@ def _champions(table: Table) -> str:
     )
 
 
-def _robustness(table: Table) -> list[str]:
+def _robustness(table: TaskPart) -> list[str]:
     """How each class fares from the least to the most noise it was tested at."""
     if len(table.levels) < 2:
         return []
     low, high = min(table.levels), max(table.levels)
-    ends = [(one.name, one.mean("fittest", low), one.mean("fittest", high)) for one in table.classes]
+    ends = [(one.name, one.mean("fittest", low), one.mean("fittest", high)) for one in table.conditions]
     parts = "; ".join(
         f"evolved at {name} noise, from {table.text(before.value)} to {table.text(after.value)}"
         for name, before, after in ends
@@ -147,12 +147,12 @@ def _best(known: list[tuple[float, ScoreClass]], of: str) -> str:
     return f"; the runs do not tell {best.name} noise, the highest, from every other"
 
 
-def read_transfers(table: Table, groups: Sequence[Group], kind: str) -> str:
+def read_transfers(table: TaskPart, groups: Sequence[Group], kind: str) -> str:
     """How simulated and situated scores compare on one kind of robot, by noise level."""
     return " ".join(_told_transfers(table, [group for group in groups if group.kind == kind], kind))
 
 
-def _told_transfers(table: Table, groups: Sequence[Group], kind: str) -> Iterator[str]:
+def _told_transfers(table: TaskPart, groups: Sequence[Group], kind: str) -> Iterator[str]:
     where = "On robots" if kind == ROBOT else f"On the {kind} (pseudo-reality)"
     parts, drops = [], []
     for group in groups:

@@ -1,15 +1,16 @@
 """A task's section of a study's page: its figures, its tables, its sentences."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
+from typing import Any
 
 from realitygap.report import words
 from realitygap.report.arenas import arena_figure
 from realitygap.report.curves import Curves, curves_figure
 from realitygap.report.few_runs import few_figure, few_sentences, few_words, shows_few
-from realitygap.report.gather import PER_CONDITION, Paths, TaskPart, best_so_far, chosen, individual, path_of
+from realitygap.report.gather import PER_CONDITION, Paths, best_so_far, chosen, individual, path_of
 from realitygap.report.network import network_figure
 from realitygap.report.page import Figures, Picture
 from realitygap.report.paths import Scene, panels_figure, sheet_figure
@@ -17,39 +18,18 @@ from realitygap.report.reading import read_scores, read_table
 from realitygap.report.scores import ScoreTable, score_tables, scores_csv
 from realitygap.report.situated import SituatedPart, make_situated
 from realitygap.report.statistics import mean_of
-from realitygap.report.tables import NoiseClass, Row, Table, table_csv
-from realitygap.report.transfers import Pair
-from realitygap.study.load import Study
-from realitygap.tasks.task import Task
+from realitygap.report.tables import NoiseClass, TaskPart, table_csv
+from realitygap.report.transfers import Pair, transfers_csv
+from realitygap.study.load import Run, Study
 from realitygap.transfer.score_rows import ScoreRow
 
-__all__ = ["Section", "Sections"]
+__all__ = ["Sections"]
 
 PAPER = {
     "obstacle-avoidance": ("Figure 1", "Figure 4", "Figure 3", "Table 1"),
     "light-seeking": ("Figure 2", "Figure 6", "Figure 5", "Table 2"),
 }
 """What the paper calls each task's arena, curves, paths and table."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Section:
-    """One task's part of the page."""
-
-    task: Task
-    arena: Picture
-    curves: Picture | None
-    paths: Picture | None
-    situated: SituatedPart | None
-    sheet: Picture | None
-    table: Table
-    scores: list[ScoreTable]
-    score_label: str
-    few: Picture | None
-    few_sentences: list[str]
-    sentences: list[str]
-    networks: list[tuple[Picture, bool]]
-    """Champions' networks; True marks those of the runs that the paths show."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,18 +44,19 @@ class Sections:
     marks: Sequence[ScoreRow]
     paper: bool
     """Whether it is the paper's study, so that a kept one may stand beside it."""
-    paths: Paths = field(init=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "paths", Paths(self.study))
+    @cached_property
+    def paths(self) -> Paths:
+        """Of the study's individuals."""
+        return Paths(self.study)
 
-    def section(self, part: TaskPart) -> Section:
-        """All figures and tables of one task."""
-        task, table = part.task, part.table
+    def section(self, part: TaskPart) -> dict[str, Any]:
+        """What a page shows of one task; `networks` with whether each is of a run that the paths show."""
+        task = part.task
         usual = ("Arena", "Curves", "Paths", "")
         labels = PAPER.get(task.name, usual) if task.source is None else usual
         scores = score_tables(task, [one.level for one in part.conditions], self.marks)
-        self.tables[task.name] = table_csv(table)
+        self.tables[task.name] = table_csv(part)
         self.tables[f"{task.name}-scores"] = scores_csv(scores)
         start = task.to_kernel(self.study.profile).start
         draw = partial(arena_figure, task.arena, self.study.profile, task.feeds, start)
@@ -83,16 +64,16 @@ class Sections:
         situated = self._situated(part, labels[2])
         whole = situated is not None and situated.stands_for(part)
         few = next((one for one in scores if self.paper and shows_few(one)), None)
-        read = [*(said for one in scores for said in read_scores(one)), *read_table(table)]
-        return Section(
-            task=task, arena=arena, table=table, scores=scores, score_label=labels[3],
-            few=None if few is None else self._few(few),
-            few_sentences=[] if few is None else few_sentences(few),
-            sentences=[*read, *(situated.sentences if situated else ())],
-            curves=self._curves(part, table, labels[1]),
-            paths=None if whole else self._chosen_paths(part, "" if situated else labels[2]),
-            situated=situated, sheet=self._sheet(part), networks=self._networks(part),
-        )  # fmt: skip
+        read = [*(said for one in scores for said in read_scores(one)), *read_table(part)]
+        return {
+            "task": task, "arena": arena, "table": part, "scores": scores, "score_label": labels[3],
+            "few": None if few is None else self._few(few),
+            "few_sentences": [] if few is None else few_sentences(few),
+            "sentences": [*read, *(situated.sentences if situated else ())],
+            "curves": self._curves(part, labels[1]),
+            "paths": None if whole else self._chosen_paths(part, "" if situated else labels[2]),
+            "situated": situated, "sheet": self._sheet(part), "networks": self._networks(part),
+        }  # fmt: skip
 
     def _few(self, table: ScoreTable) -> Picture:
         told = few_words(table, self.study.config.evaluations)
@@ -103,17 +84,17 @@ class Sections:
         if not pairs:
             return None
         made = make_situated(part, pairs, self._scene(part), label, self.figures, self.folder)
-        self.tables[f"{part.task.name}-transfers"] = made.csv(part.table, self.study.folder)
+        self.tables[f"{part.task.name}-transfers"] = transfers_csv(part.task, made.groups, self.study.folder)
         return made
 
     def _scene(self, part: TaskPart) -> Scene:
         return Scene.of(part.task, self.study.profile)
 
-    def _curves(self, part: TaskPart, table: Table, label: str) -> Picture | None:
+    def _curves(self, part: TaskPart, label: str) -> Picture | None:
         runs = best_so_far(self.study, part)
         if not runs:
             return None
-        means = {c.level: mean_of(c.means("fittest", c.level)) for c in table.classes}
+        means = {c.level: mean_of(c.means("fittest", c.level)) for c in part.conditions}
         fresh = {level: mean.value for level, mean in means.items() if mean is not None}
         task, told = part.task, words.curve_words(part, runs, bool(fresh))
         curves = Curves(
@@ -124,10 +105,10 @@ class Sections:
     def _chosen_paths(self, part: TaskPart, label: str) -> Picture | None:
         panels = []
         for condition in part.conditions:
-            run = chosen(condition)
-            if run is not None:
-                title = f"{condition.name} noise, #{run.index}: {{score}}"
-                panels.append(self.paths.panel(part, condition, run, title))
+            row = chosen(condition)
+            if row is not None:
+                title = f"{condition.name} noise, #{row.run.index}: {{score}}"
+                panels.append(self.paths.panel(part, condition, row, title))
         if not panels:
             return None
         told = words.path_words(part, path_of(part.names, [panels]))
@@ -137,8 +118,8 @@ class Sections:
     def _sheet(self, part: TaskPart) -> Picture | None:
         rows = [
             [
-                self.paths.panel(part, c, run, f"{c.name} #{run.index}: {{score}}")
-                for run in c.begun[:PER_CONDITION]
+                self.paths.panel(part, c, row, f"{c.name} #{row.run.index}: {{score}}")
+                for row in c.begun[:PER_CONDITION]
             ]
             for c in part.conditions
             if c.begun
@@ -153,17 +134,17 @@ class Sections:
         cards = []
         for condition in part.conditions:
             shown = chosen(condition)
-            runs = list(condition.begun[:PER_CONDITION])
-            if shown is not None and shown not in runs:
-                runs.append(shown)
-            cards += [(self._network(part, condition, run), run is shown) for run in runs]
+            rows = list(condition.begun[:PER_CONDITION])
+            if shown is not None and shown not in rows:
+                rows.append(shown)
+            cards += [(self._network(part, condition, row.run), row is shown) for row in rows]
         return cards
 
-    def _network(self, part: TaskPart, condition: NoiseClass, row: Row) -> Picture:
-        genes, task = individual(row), part.task
-        title = f"{condition.name} noise, #{row.index}"
-        told = words.network_words(genes, title, len(task.sensors), champion=row.finished)
+    def _network(self, part: TaskPart, condition: NoiseClass, run: Run) -> Picture:
+        genes, task = individual(run), part.task
+        title = f"{condition.name} noise, #{run.index}"
+        told = words.network_words(genes, title, len(task.sensors), champion=run.finished)
         draw = partial(
             network_figure, genes, self.study.profile, title=title, feeds=task.feeds, sensors=task.sensors
         )
-        return self.figures.add(f"{task.name}-network-{condition.name}-{row.index}", draw, told)
+        return self.figures.add(f"{task.name}-network-{condition.name}-{run.index}", draw, told)

@@ -10,35 +10,22 @@ from pathlib import Path
 
 from realitygap import whole
 from realitygap.report import transfers
-from realitygap.report.gather import PER_CONDITION, TaskPart, chosen
+from realitygap.report.gather import PER_CONDITION, chosen
 from realitygap.report.page import Figures, Picture
 from realitygap.report.paths import PathPanel, Scene, pairs_figure, sheet_figure
 from realitygap.report.reading import read_transfers
 from realitygap.report.style import SIMULATED, SITUATED
-from realitygap.report.tables import Table, number
+from realitygap.report.tables import TaskPart, number
 from realitygap.report.transfers import Group, Pair
 from realitygap.report.words import about, pair_words, transfer_sheet_words
 from realitygap.transfer.plan import WHEELS
 
-__all__ = ["Film", "SituatedPart", "film_of", "make_situated"]
+__all__ = ["SituatedPart", "make_situated"]
 
 FILM_PX = 720
 """Width of a film's last frame on the page."""
 ROWS = 2 * PER_CONDITION
 """Rows of the table that a page shows of each noise level."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Film:
-    """A film's last frame under its track's tail, and the copy of the film, as seen from the page."""
-
-    head: str
-    caption: str
-    alt: str
-    picture: str
-    """A data URI."""
-    size: tuple[int, int]
-    link: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,35 +36,31 @@ class SituatedPart:
     shown: list[Pair]
     figures: list[Picture]
     sheets: list[Picture]
-    films: list[Film]
+    films: list[dict[str, object]]
     groups: list[Group]
     sentences: list[str]
     total: int
 
     def stands_for(self, part: TaskPart) -> bool:
         """Whether its figures show every run that a figure of simulated paths alone would show."""
-        runs = {pair.row.run for pair in self.shown}
-        return all(run is None or run.run in runs for run in map(chosen, part.conditions))
+        runs = {pair.run for pair in self.shown}
+        return all(row is None or row.run.id in runs for row in map(chosen, part.conditions))
 
     @property
     def counted(self) -> bool:
         """Whether some paths are reckoned from the wheels."""
-        return any(pair.source in WHEELS for group in self.groups for pair in group.pairs)
+        return any(pair.situated_from in WHEELS for group in self.groups for pair in group.pairs)
 
     @property
     def cut(self) -> bool:
         """Whether the table leaves rows to its CSV."""
         return any(len(group.pairs) > ROWS for group in self.groups)
 
-    def csv(self, table: Table, study: Path) -> str:
-        """All transfers as CSV."""
-        return transfers.transfers_csv(table, self.groups, study)
-
-    def rows(self, group: Group, table: Table) -> list[dict[str, object]]:
+    def rows(self, group: Group, table: TaskPart) -> list[dict[str, object]]:
         """A group's rows for the template, then their average."""
         rows: list[dict[str, object]] = [
             {
-                "head": f"{p.row.index}", "where": p.where, "start": p.start, "source": p.source,
+                "head": f"{p.index}", "where": p.where, "start": p.start, "source": p.situated_from,
                 "cells": [table.show(value) for value in (*p.fitness, p.drop)], "average": False,
             }
             for p in group.pairs[:ROWS]
@@ -101,7 +84,7 @@ def make_situated(
         report: the report's folder, into which films are copied.
     """
     groups = transfers.groups_of(part, pairs)
-    figures, sheets, films, seen = list[Picture](), list[Picture](), list[Film](), list[Pair]()
+    figures, sheets, films, seen = list[Picture](), list[Picture](), list[dict[str, object]](), list[Pair]()
     for robot in transfers.robots_of(pairs):
         here = transfers.on_robot(pairs, robot)
         shown = [pair for c in part.conditions if (pair := transfers.shown_pair(c, here)) is not None]
@@ -111,8 +94,8 @@ def make_situated(
         figures.append(_figure(part, shown, scene, name, label, listed))
         seen += shown
         sheets += _sheet(part, here, scene, name, listed)
-        films += [film for pair in shown if (film := film_of(part, pair, report)) is not None]
-    sentences = [read_transfers(part.table, groups, kind) for kind in transfers.kinds_of(pairs)]
+        films += [film for pair in shown if (film := _film(part, pair, report)) is not None]
+    sentences = [read_transfers(part, groups, kind) for kind in transfers.kinds_of(pairs)]
     return SituatedPart(
         about=about(pairs), shown=seen, figures=figures, sheets=sheets, films=films, groups=groups,
         sentences=sentences, total=len(pairs),
@@ -123,7 +106,7 @@ def _figure(
     part: TaskPart, shown: Sequence[Pair], scene: Scene, name: str, label: str, listed: Figures
 ) -> Picture:
     """Figure 3 or 5: a column a noise level, simulated above, situated below."""
-    heads = [f"{part.names[pair.level]}, #{pair.row.index}" for pair in shown]
+    heads = [f"{part.names[pair.level]}, #{pair.index}" for pair in shown]
     above = [_panel(part, pair, situated=False, title="simulated: {}") for pair in shown]
     below = [_panel(part, pair, situated=True, title=f"{pair.where}: {{}}") for pair in shown]
     return listed.add(
@@ -134,9 +117,8 @@ def _figure(
 def _panel(part: TaskPart, pair: Pair, *, situated: bool, title: str) -> PathPanel:
     score = pair.fitness[situated]
     told = "–" if score != score else number(score / part.task.fitness_scale, 2)
-    route = pair.situated if situated else pair.simulated
     look = SITUATED if situated else SIMULATED
-    return PathPanel(noise=pair.level, title=title.format(told), trajectory=route, look=look)
+    return PathPanel(noise=pair.level, title=title.format(told), trajectory=pair.paths[situated], look=look)
 
 
 def _sheet(part: TaskPart, here: Sequence[Pair], scene: Scene, name: str, listed: Figures) -> list[Picture]:
@@ -144,24 +126,24 @@ def _sheet(part: TaskPart, here: Sequence[Pair], scene: Scene, name: str, listed
     rows: list[list[PathPanel | None]] = []
     many = 0
     for condition in part.conditions:
-        runs = {p.row.run: p for p in reversed(here) if p.level == condition.level and len(p.situated.x)}
+        runs = {p.run: p for p in reversed(here) if p.level == condition.level and len(p.paths[1])}
         pairs = [runs[run] for run in sorted(runs)][:PER_CONDITION]
         many += len(pairs)
         if pairs:
-            titles = [f"{condition.name} #{p.row.index}: {{}}" for p in pairs]
+            titles = [f"{condition.name} #{p.index}: {{}}" for p in pairs]
             above = zip(pairs, titles, strict=True)
             rows.append([_panel(part, p, situated=False, title=title) for p, title in above])
             rows.append([_panel(part, p, situated=True, title="situated: {}") for p in pairs])
     if many <= len(part.conditions) and len(rows) == 2 * many:
         return []
-    told = transfer_sheet_words(many, here[0].where, counted=any(p.source in WHEELS for p in here))
+    told = transfer_sheet_words(many, here[0].where, counted=any(p.situated_from in WHEELS for p in here))
     return [listed.add(f"{name}-all", partial(sheet_figure, scene, rows), told)]
 
 
-def film_of(part: TaskPart, pair: Pair, report: Path) -> Film | None:
-    """A film's last frame, if there is one and it can be read; the film is copied into the report.
+def _film(part: TaskPart, pair: Pair, report: Path) -> dict[str, object] | None:
+    """A film's last frame under its track's tail (a data URI), if there is one; the film's link.
 
-    So the report's folder can be given away without the study's, and its films still play.
+    It is copied into the report, so that its folder can be given away without the study's.
     """
     path = pair.folder / "tails.png"
     if not (pair.filmed and path.is_file()):
@@ -173,10 +155,10 @@ def film_of(part: TaskPart, pair: Pair, report: Path) -> Film | None:
         (report / link).parent.mkdir(parents=True, exist_ok=True)
         with whole.new(report / link) as spare:
             shutil.copyfile(film, spare)
-    head = f"{part.names[pair.level]}, #{pair.row.index}"
+    head = f"{part.names[pair.level]}, #{pair.index}"
     alt = f"Last frame of the film of {head} on {pair.where}, from above, with its tail in white."
     caption = f"{pair.where}, start {pair.start}"
-    return Film(head=head, caption=caption, alt=alt, picture=picture, size=size, link=link)
+    return {"head": head, "caption": caption, "alt": alt, "picture": picture, "size": size, "link": link}
 
 
 def _embedded(path: Path) -> tuple[str, tuple[int, int]]:

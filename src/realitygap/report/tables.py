@@ -5,15 +5,16 @@ Behaviour names and correspondence scores need a situated robot; these columns n
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from realitygap.report.statistics import Mean, mean_of
 from realitygap.study.load import Run
+from realitygap.tasks.task import Task
 from realitygap.text import to_csv
 
-__all__ = ["WHO", "NoiseClass", "Row", "Table", "counted", "decimals", "number", "table_csv"]
+__all__ = ["WHO", "NoiseClass", "Row", "TaskPart", "counted", "decimals", "number", "table_csv"]
 
 WHO = ("fittest", "champion")
 """The paper's individual (highest stored fitness) and the retested champion."""
@@ -21,17 +22,16 @@ WHO = ("fittest", "champion")
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One run: its number in its noise class, the stored fitness of its fittest, its fresh trials."""
+    """One run, and its fresh trials by (who, noise level)."""
 
-    index: int
-    run: int
-    name: str
-    evaluations: int
-    finished: bool
-    stored: float | None
+    run: Run
     means: Mapping[tuple[str, float], Mean]
-    source: Run | None = field(default=None, repr=False, compare=False)
-    """The study's own run, for what a table does not show."""
+
+    @property
+    def stored(self) -> float | None:
+        """The stored fitness of its fittest; None before there is one."""
+        best = self.run.best_fitness
+        return best if best is not None and math.isfinite(best) else None
 
     def mean(self, who: str, level: float) -> Mean | None:
         """Mean and 95 % interval over the fresh trials of the fittest or the champion at a noise level."""
@@ -66,14 +66,22 @@ class NoiseClass:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Table:
-    """Table 1 or 2 of one task; `levels` are the noise levels of the fresh trials."""
+class TaskPart:
+    """All that a study has of one task, as table 1 or 2 has it.
 
-    task: str
-    unit: str
-    scale: float
-    classes: tuple[NoiseClass, ...]
+    Attributes:
+        conditions: the runs by noise level, rising.
+        levels: the noise levels of the fresh trials, and what each is called.
+    """
+
+    task: Task
+    conditions: tuple[NoiseClass, ...]
     levels: Mapping[float, str]
+
+    @property
+    def names(self) -> dict[float, str]:
+        """Noise levels of evolution as a legend names them."""
+        return {c.level: f"{c.name} noise" for c in self.conditions}
 
     @property
     def tests(self) -> list[tuple[str, float]]:
@@ -83,10 +91,8 @@ class Table:
     @property
     def places(self) -> int:
         """Decimal places that show three significant digits of the largest value."""
-        values = [
-            abs(v) / self.scale for c in self.classes for v in (*c.stored(), *c.means("fittest", c.level))
-        ]
-        return decimals(max(values, default=1.0))
+        values = [v for c in self.conditions for v in (*c.stored(), *c.means("fittest", c.level))]
+        return decimals(max((abs(v) / self.task.fitness_scale for v in values), default=1.0))
 
     def show(self, mean: Mean | float | None) -> tuple[str, str]:
         """A value and its ± as text, in the table's unit; a dash where there is none (or NaN)."""
@@ -95,7 +101,9 @@ class Table:
 
     def text(self, value: float | None) -> str:
         """A fitness in the table's unit; a dash where there is none (or NaN)."""
-        return "–" if value is None or math.isnan(value) else number(value / self.scale, self.places)
+        if value is None or math.isnan(value):
+            return "–"
+        return number(value / self.task.fitness_scale, self.places)
 
 
 def decimals(largest: float) -> int:
@@ -115,7 +123,7 @@ def number(value: float, places: int) -> str:
     return f"{value:.{places}f}".replace("-", "−")
 
 
-def table_csv(table: Table) -> str:
+def table_csv(table: TaskPart) -> str:
     """The table as CSV: a row a run and an average a noise class, fitness unscaled.
 
     Columns `fittest_LEVEL_mean`, `_sd` and `_n` are over fresh trials; in an average's row they are
@@ -126,13 +134,14 @@ def table_csv(table: Table) -> str:
         f"{who}_{table.levels[level]}_{part}" for who, level in table.tests for part in ("mean", "sd", "n")
     ]
     lines: list[list[object]] = [[*head]]
-    for one in table.classes:
+    for one in table.conditions:
         for row in one.rows:
-            run = [row.index, row.run, row.name, row.evaluations, int(row.finished), _exact(row.stored)]
-            lines.append([table.task, one.name, *run, *_cells(table, row)])
+            run = row.run
+            told = [run.index, run.id, run.name, run.evaluations, int(run.finished), _exact(row.stored)]
+            lines.append([table.task.name, one.name, *told, *_cells(table, row)])
         stored = mean_of(one.stored())
         average = _exact(None if stored is None else stored.value)
-        lines.append([table.task, one.name, "average", "", "", "", "", average, *_cells(table, one)])
+        lines.append([table.task.name, one.name, "average", "", "", "", "", average, *_cells(table, one)])
     return to_csv(lines, end="\r\n")
 
 
@@ -141,7 +150,7 @@ def _exact(value: float | None) -> str:
     return "" if value is None or math.isnan(value) else repr(float(value))
 
 
-def _cells(table: Table, of: Row | NoiseClass) -> list[str]:
+def _cells(table: TaskPart, of: Row | NoiseClass) -> list[str]:
     """Mean, deviation and count of each test, empty where there is none."""
     cells: list[str] = []
     for mean in (of.mean(*test) for test in table.tests):

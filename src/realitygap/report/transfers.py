@@ -2,16 +2,17 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
 
-from realitygap.report.gather import TaskPart, chosen
+from realitygap.report.gather import chosen
 from realitygap.report.statistics import Mean, mean_of
-from realitygap.report.tables import NoiseClass, Row, Table
+from realitygap.report.tables import NoiseClass, TaskPart
 from realitygap.robots.address import ROBOT, StandIn
 from realitygap.study.load import Study
+from realitygap.tasks.task import Task
 from realitygap.text import to_csv
 from realitygap.track import Track
 from realitygap.transfer.load import Transferred, load_transfers
@@ -31,24 +32,21 @@ MAKES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pair:
-    """One transfer: an individual's trial in simulation and on a robot; fitness NaN where there is none."""
+class Pair(Transferred):
+    """One transfer, of a run that is `index` among those evolved at a noise level.
 
-    task: str
+    Attributes:
+        paths: simulated and situated, as their tails are drawn: thinned, without poses that were lost.
+    """
+
     level: float
-    row: Row
-    robot: str
-    """Its folder's name: twin-1, serial-ttyUSB0."""
-    individual: str
-    start: int
-    simulated: Track
-    situated: Track
-    fitness: tuple[float, float]
-    """Simulated and situated, unscaled."""
-    filmed: bool
-    source: str
-    """What the situated path is from, one of plan.SOURCES."""
-    folder: Path
+    index: int
+    paths: tuple[Track, Track]
+
+    @property
+    def fitness(self) -> tuple[float, float]:
+        """Simulated and situated, unscaled; NaN where there is none."""
+        return self.fitness_simulated, self.fitness_situated
 
     @property
     def stand_in(self) -> StandIn | None:
@@ -89,7 +87,7 @@ class Group:
         for pair in self.pairs:
             value = {"simulated": pair.fitness[0], "situated": pair.fitness[1], "drop": pair.drop}[of]
             if math.isfinite(pair.drop):
-                runs.setdefault(pair.row.run, []).append(value)
+                runs.setdefault(pair.run, []).append(value)
         return [float(np.mean(values)) for values in runs.values()]
 
     def mean(self, of: str) -> Mean | None:
@@ -99,21 +97,15 @@ class Group:
 
 def pairs_of(study: Study, parts: Sequence[TaskPart]) -> dict[str, list[Pair]]:
     """The study's transfers by task, in the order of its runs, robots and starts."""
-    rows = {row.run: (c.level, row) for part in parts for c in part.conditions for row in c.rows}
-    pairs = [_pair(one, *rows[one.run]) for one in load_transfers(study.folder) if one.run in rows]
-    pairs.sort(
-        key=lambda pair: (pair.row.run, pair.stand_in is not None, len(pair.robot), pair.robot, pair.start)
-    )
+    runs = {row.run.id: (c.level, row.run.index) for part in parts for c in part.conditions for row in c.rows}
+    pairs = [_pair(one, *runs[one.run]) for one in load_transfers(study.folder) if one.run in runs]
+    pairs.sort(key=lambda p: (p.run, p.stand_in is not None, len(p.robot), p.robot, p.start))
     return {part.task.name: [p for p in pairs if p.task == part.task.name] for part in parts}
 
 
-def _pair(one: Transferred, level: float, row: Row) -> Pair:
-    return Pair(
-        task=one.task, level=level, row=row, robot=one.robot, individual=one.individual, start=one.start,
-        simulated=_drawn(one.simulated), situated=_drawn(one.situated),
-        fitness=(one.fitness_simulated, one.fitness_situated), filmed=one.filmed,
-        source=one.situated_from, folder=one.folder,
-    )  # fmt: skip
+def _pair(one: Transferred, level: float, index: int) -> Pair:
+    known = {field.name: getattr(one, field.name) for field in fields(one)}
+    return Pair(**known, level=level, index=index, paths=(_drawn(one.simulated), _drawn(one.situated)))
 
 
 def _drawn(track: Track) -> Track:
@@ -150,9 +142,9 @@ def on_robot(pairs: Sequence[Pair], robot: str) -> list[Pair]:
 
 def shown_pair(condition: NoiseClass, pairs: Sequence[Pair]) -> Pair | None:
     """The pair a figure shows: of the run that the report shows, where there is one; filmed ones first."""
-    run = chosen(condition)
-    here = [pair for pair in pairs if pair.level == condition.level and len(pair.situated.x)]
-    key = lambda p: (run is None or p.row.run != run.run, not p.filmed, p.row.run, p.start)  # noqa: E731
+    row = chosen(condition)
+    here = [pair for pair in pairs if pair.level == condition.level and len(pair.paths[1])]
+    key = lambda p: (row is None or p.run != row.run.id, not p.filmed, p.run, p.start)  # noqa: E731
     return min(here, key=key, default=None)
 
 
@@ -167,13 +159,13 @@ def groups_of(part: TaskPart, pairs: Sequence[Pair]) -> list[Group]:
     return groups
 
 
-def transfers_csv(table: Table, groups: Sequence[Group], study: Path) -> str:
+def transfers_csv(task: Task, groups: Sequence[Group], study: Path) -> str:
     """The transfers as CSV: a row each, fitness unscaled; folders as seen from the study's."""
     head = "task noise run name individual robot start path_from simulated situated drop folder"
     rows: list[list[object]] = [[*head.split()]]
     for group in groups:
         for p in group.pairs:
             told = [repr(v) if math.isfinite(v) else "" for v in (*p.fitness, p.drop)]
-            who = [p.row.run, p.row.name, p.individual, p.robot, p.start, p.source]
-            rows.append([table.task, group.name, *who, *told, p.folder.relative_to(study).as_posix()])
+            who = [p.run, p.name, p.individual, p.robot, p.start, p.situated_from]
+            rows.append([task.name, group.name, *who, *told, p.folder.relative_to(study).as_posix()])
     return to_csv(rows, end="\r\n")

@@ -14,13 +14,14 @@ import numpy as np
 
 from realitygap import whole
 from realitygap.errors import RealityGapError
-from realitygap.report.gather import TaskPart, parts_of
+from realitygap.report.gather import parts_of
 from realitygap.report.page import noise_key, rendered
 from realitygap.report.statistics import running_best
 from realitygap.report.style import noise_styles
-from realitygap.report.tables import Row
+from realitygap.report.tables import TaskPart
 from realitygap.simulation.simulation import Simulation
-from realitygap.study.load import Study, load_study
+from realitygap.study.load import Run, Study, load_study
+from realitygap.tasks.task import Task
 from realitygap.work.progress import Progress
 
 __all__ = ["PAGE", "Watch"]
@@ -78,22 +79,22 @@ class Watch:
         """A task's curves and its best robot."""
         styles, scale = noise_styles(part.names), part.task.fitness_scale
         curves = [
-            (styles[one.level].colour, running_best(study.evaluations(row.run)["fitness"]) / scale)
+            (styles[one.level].colour, running_best(study.evaluations(row.run.id)["fitness"]) / scale)
             for one in part.conditions for row in one.begun
         ]  # fmt: skip
         most = max((float(best[-1]) for _, best in curves), default=0.0) or 1.0
         total = study.config.evaluations
-        every = [row for one in part.conditions for row in one.begun if row.source is not None]
-        best = max(every, key=lambda row: row.source.best_fitness or 0.0, default=None)  # type: ignore[union-attr]
+        every = [row.run for one in part.conditions for row in one.begun]
+        best = max(every, key=lambda run: run.best_fitness or 0.0, default=None)
         return {
             "title": part.task.title, "unit": part.task.fitness_unit, "most": f"{most:.3g}", "total": total,
             "curves": [(colour, _line(best, total, most)) for colour, best in curves],
-            "key": noise_key(part.names), "drive": None if best is None else self._drive(study, part, best),
+            "key": noise_key(part.names), "drive": None if best is None else self._drive(part.task, best),
         }  # fmt: skip
 
-    def _drive(self, study: Study, part: TaskPart, row: Row) -> dict[str, Any]:
+    def _drive(self, task: Task, run: Run) -> dict[str, Any]:
         """The fittest robot on one trial, always the same one, at its own noise."""
-        run, task = study.run(row.run), part.task
+        study = run.study
         kept = self._simulations.setdefault(run.name, Simulation(task, study.profile, run.noise))
         assert run.fittest is not None
         lived, score = kept.trajectory(study.networks(run.task, run.fittest), stream=1)

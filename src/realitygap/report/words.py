@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from realitygap.report.gather import PER_CONDITION, TaskPart
+from realitygap.report.gather import PER_CONDITION
 from realitygap.report.page import Words
-from realitygap.report.tables import counted
+from realitygap.report.tables import TaskPart, counted
 from realitygap.report.transfers import Pair
 from realitygap.report.wiring import OUTPUTS, read_wiring
 from realitygap.world.profile import Profile
@@ -148,7 +148,7 @@ def pair_words(part: TaskPart, shown: Sequence[Pair]) -> Words:
     kind = "physics stand-in" if shown[0].kind.startswith(("twin", "stranger")) else "stand-in"
     stood_in = shown[0].stand_in is not None
     what = f"{where}, a {kind} for the robot (pseudo-reality)" if stood_in else f"the {where}"
-    sources = {pair.source for pair in shown}
+    sources = {pair.situated_from for pair in shown}
     source = ", or ".join(words for name, words in SOURCES.items() if name in sources)
     who = {"champion": "retested champion", "fittest": "fittest individual"}
     names = {who.get(pair.individual, pair.individual) for pair in shown}
@@ -163,10 +163,10 @@ def pair_words(part: TaskPart, shown: Sequence[Pair]) -> Words:
         + "Each stroke of the tail joins the robot’s centre to its leading edge, every 0.1 s; none is erased."
     )
     ends = "; ".join(
-        f"{part.names[p.level]}: from ({p.simulated.x[0]:.0f}, {p.simulated.y[0]:.0f}) simulated to "
-        f"({p.simulated.x[-1]:.0f}, {p.simulated.y[-1]:.0f}), on {p.where} to "
-        f"({p.situated.x[-1]:.0f}, {p.situated.y[-1]:.0f}) cm"
+        f"{part.names[p.level]}: from ({before.x[0]:.0f}, {before.y[0]:.0f}) simulated to "
+        f"({before.x[-1]:.0f}, {before.y[-1]:.0f}), on {p.where} to ({after.x[-1]:.0f}, {after.y[-1]:.0f}) cm"
         for p in shown
+        for before, after in [p.paths]
     )
     return Words(f"Paths. {ends}.", caption)
 
