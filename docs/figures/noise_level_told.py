@@ -113,7 +113,7 @@ class Told:
     def situated(self, task: str, level: float) -> str:
         """Mean fitness on the twin."""
         row = next(r for r in self.report.facts.fitness if r.task == task and r.level == level)
-        return f"{row.situated.value / self.report.scales[task][0]:.2f}"
+        return f"{row.situated.value / self.report.facts.scales[task][0]:.2f}"
 
     def fitness_range(self, task: str) -> str:
         """Cliff's deltas of fitness on the twin against the robot's level: lowest to highest."""
@@ -123,7 +123,7 @@ class Told:
 
     def drops(self, task: str) -> str:
         """What fitness loses on the twin: least to most of all levels."""
-        scale = self.report.scales[task][0]
+        scale = self.report.facts.scales[task][0]
         drops = [r.drop.value / scale for r in self.report.facts.fitness if r.task == task]
         return f"{min(drops):.2f} to {max(drops):.2f}".replace("0.", ".")
 

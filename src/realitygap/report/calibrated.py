@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from itertools import cycle
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 
 from realitygap.report.lead import twin_unit
 from realitygap.report.noise.results import real_misfits
-from realitygap.report.page import Figures, Picture, Words
+from realitygap.report.page import Figures, Words
 from realitygap.report.style import GRID, INK, MUTED, PAGE, new_figure
 from realitygap.study.load import Study
 
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from realitygap.calibration.judge import Judgement
     from realitygap.world.profile import Profile
 
-__all__ = ["CalibratedPart", "calibrated_part"]
+__all__ = ["calibrated_part"]
 
 CHANNELS = {"infrared": "infrared proximity", "ambient": "ambient light", "wheels": "wheels"}
 UNITS = {"infrared": "counts", "ambient": "counts", "wheels": "cm/s"}
@@ -34,20 +33,11 @@ FEWEST = 20
 """Steps that make a part's average worth drawing."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class CalibratedPart:
-    """The section on the calibration: where from, how well, and a figure if the recordings are there."""
+def calibrated_part(study: Study, figures: Figures) -> dict[str, object] | None:
+    """The section for a study's page: where from, how well, and a figure if the recordings are there.
 
-    said: str
-    rows: list[list[str]]
-    sensors: list[list[str]]
-    limits: str
-    real: str
-    figure: Picture | None
-
-
-def calibrated_part(study: Study, figures: Figures) -> CalibratedPart | None:
-    """The section for a study's page; None where the robot's profile was not fitted to recordings."""
+    None where the robot's profile was not fitted to recordings.
+    """
     from realitygap.calibration.judge import LIMITS
 
     where = study.profile.provenance
@@ -73,14 +63,11 @@ def calibrated_part(study: Study, figures: Figures) -> CalibratedPart | None:
         )
         words = Words("Model error over noise, by channel.", caption)
         figure = figures.add("calibration", partial(_errors_figure, found), words)
-    return CalibratedPart(
-        said=_said(study, bool(found)),
-        rows=rows,
-        sensors=[_ratios(one) for one in found if one.kind in LIMITS],
-        limits=" and ".join(f"{value:g} for {CHANNELS[kind]}" for kind, value in LIMITS.items()),
-        real=_real(study.profile),
-        figure=figure,
-    )
+    return {
+        "said": _said(study, bool(found)), "rows": rows, "figure": figure, "real": _real(study.profile),
+        "sensors": [_ratios(one) for one in found if one.kind in LIMITS],
+        "limits": " and ".join(f"{value:g} for {CHANNELS[kind]}" for kind, value in LIMITS.items()),
+    }  # fmt: skip
 
 
 def _real(profile: Profile) -> str:

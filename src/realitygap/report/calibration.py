@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from realitygap.calibration.judge import LIMITS
 from realitygap.calibration.recordings.recording import WheelRecording
@@ -36,8 +36,7 @@ NOISE = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Table:
+class _Table(NamedTuple):
     title: str
     head: list[str]
     rows: list[list[str]]
@@ -100,7 +99,7 @@ def _sensors(fit: ChannelFit, figures: Figures) -> _Part:
         f"model error exceeds noise: on places held out, where readings are neither dark nor saturated. "
         f"{beside_real(fit.kind)}Over all: of all readings, the places fitted"
     )
-    part.tables.append(_Table(title=title, head=head, rows=rows))
+    part.tables.append(_Table(title, head, rows))
     what = f"Sensors of {fit.source.split('/')[-1]}"
     look = draw.look_of(fit)
     over = "distance" if look == "distance" else "distance and bearing"
@@ -116,7 +115,7 @@ def _sensors(fit: ChannelFit, figures: Figures) -> _Part:
 
 def _forms(rmse: Mapping[str, float], fitted: str, unit: str, places: int) -> _Table:
     rows = [[name, f"{value:.{places}f}", "fitted" if name == fitted else ""] for name, value in rmse.items()]
-    return _Table(title="All forms side by side", head=["form", f"RMSE, {unit}", ""], rows=rows)
+    return _Table("All forms side by side", ["form", f"RMSE, {unit}", ""], rows)
 
 
 def beside_real(kind: str) -> str:
@@ -162,7 +161,7 @@ def _wheels(fit: WheelFit, recording: WheelRecording, figures: Figures) -> _Part
     part = _Part(name="wheels", title="Wheels")
     part.tables.append(_forms(fit.rmse, fit.form, "cm/s", 3))
     rows = [[c.key, f"{c.value:.5g}", f"{c.low:.5g} to {c.high:.5g}"] for c in fit.constants]
-    part.tables.append(_Table(title="Constants", head=["constant", "value", "95 % interval"], rows=rows))
+    part.tables.append(_Table("Constants", ["constant", "value", "95 % interval"], rows))
     if fit.friction is not None:
         part.sentences.append(
             f"Of {fit.friction.starts} standing starts the threshold of friction lies between "

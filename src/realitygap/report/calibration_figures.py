@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import cycle, product
 from typing import TYPE_CHECKING, Literal
 
@@ -41,7 +40,7 @@ def curves_figure(fit: ChannelFit) -> Figure:
         if look == "bearing":
             _curves_over_bearing(fit, k, axes)
         elif look == "distance":
-            _curves_over_distance(fit, k, axes)
+            _over_distance(fit, k, axes, left=False)
         else:
             top = fit.profile.channel(fit.kind).top
             axes.plot([0, top], [0, top], color=MUTED, lw=0.8)
@@ -75,7 +74,7 @@ def maps_figure(fit: ChannelFit) -> Figure:
     for axes, (name, k) in zip(panels, product(recordings, live), strict=True):
         axes.set_title(f"sensor {k}" + (f"\n{_named(name)}" if len(recordings) > 1 else ""))
         if look == "distance":
-            _left_over_distance(fit, k, axes)
+            _over_distance(fit, k, axes, left=True)
             continue
         if look == "bearing":
             distance, bearing, table = _table(fit, off[:, k], recordings[name])
@@ -216,29 +215,20 @@ def _curves_over_bearing(fit: ChannelFit, k: int, axes: Axes) -> None:
     axes.grid(True, color=GRID, lw=0.5)
 
 
-def _curves_over_distance(fit: ChannelFit, k: int, axes: Axes) -> None:
-    for name, rows, colour, mark in _series(fit, k):
-        _dots(axes, fit.distance_cm[rows], fit.counts[rows, k], mark, colour, _named(name))
-        axes.plot(*_means(fit.distance_cm[rows], fit.model[rows, k]), color=colour, lw=1.0)
-    axes.grid(True, color=GRID, lw=0.5)
-    axes.legend(fontsize=6, markerscale=2.5)
-
-
-def _left_over_distance(fit: ChannelFit, k: int, axes: Axes) -> None:
-    for name, rows, colour, mark in _series(fit, k):
-        left = fit.model[rows, k] - fit.counts[rows, k]
-        _dots(axes, fit.distance_cm[rows], left, mark, colour, _named(name))
-    axes.axhline(0, color=MUTED, lw=0.8)
-    axes.grid(True, color=GRID, lw=0.5)
-    axes.legend(fontsize=6, markerscale=2.5)
-
-
-def _series(fit: ChannelFit, k: int) -> Iterator[tuple[str, NDArray[np.bool_], str, str]]:
-    """Of each recording in which a sensor told something: name, rows, colour and mark."""
+def _over_distance(fit: ChannelFit, k: int, axes: Axes, *, left: bool) -> None:
+    """Readings and the model's curve, or what is `left` over, of each recording in which a sensor told
+    something."""
     told = np.isfinite(fit.counts[:, k])
     some = {name: rows & told for name, rows in _by_recording(fit).items() if (rows & told).any()}
     for (name, rows), colour, mark in zip(some.items(), cycle(COLOURS), cycle(MARKS)):
-        yield name, rows, colour, mark
+        distance, counts, model = fit.distance_cm[rows], fit.counts[rows, k], fit.model[rows, k]
+        _dots(axes, distance, model - counts if left else counts, mark, colour, _named(name))
+        if not left:
+            axes.plot(*_means(distance, model), color=colour, lw=1.0)
+    if left:
+        axes.axhline(0, color=MUTED, lw=0.8)
+    axes.grid(True, color=GRID, lw=0.5)
+    axes.legend(fontsize=6, markerscale=2.5)
 
 
 def _dots(axes: Axes, x: Floats, counts: Floats, mark: str, colour: str, label: str) -> None:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from realitygap.report.statistics import student
 from realitygap.report.style import COLUMN, NoiseStyle, new_figure, noise_styles
 
-__all__ = ["Curves", "curves_figure", "draw_curves", "mean_curve"]
+__all__ = ["Curves", "curves_figure", "mean_curve"]
 
 
 def mean_curve(runs: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -44,8 +44,10 @@ class Curves:
     unit: str = ""
 
 
-def draw_curves(ax: Axes, curves: Curves) -> None:
-    """One curve a noise level with its 95 % band."""
+def curves_figure(curves: Curves) -> Figure:
+    """Figure 4 or 6 in one column of a paper: a curve a noise level with its 95 % band."""
+    figure = new_figure(COLUMN * 1.25, COLUMN * 0.85, layout="constrained")
+    ax = figure.add_subplot()
     styles, scale = noise_styles(curves.runs), curves.scale
     drawn = {level: [run for run in runs if len(run)] for level, runs in curves.runs.items()}
     longest = max(
@@ -69,6 +71,7 @@ def draw_curves(ax: Axes, curves: Curves) -> None:
     ax.grid(axis="y")
     ax.set_axisbelow(True)
     ax.legend(loc="lower right")
+    return figure
 
 
 def _draw_one(ax: Axes, runs: Sequence[np.ndarray], name: str, look: NoiseStyle, scale: float) -> int:
@@ -84,10 +87,3 @@ def _draw_one(ax: Axes, runs: Sequence[np.ndarray], name: str, look: NoiseStyle,
         markevery=list(marks), markersize=4, zorder=3,
     )  # fmt: skip
     return len(mean)
-
-
-def curves_figure(curves: Curves) -> Figure:
-    """Figure 4 or 6 in one column of a paper."""
-    figure = new_figure(COLUMN * 1.25, COLUMN * 0.85, layout="constrained")
-    draw_curves(figure.add_subplot(), curves)
-    return figure

@@ -46,15 +46,10 @@ def shows_few(table: ScoreTable) -> bool:
 
 
 def few_figure(table: ScoreTable) -> Figure:
-    """The averages by noise level: the paper's, these runs' and the kept study's."""
+    """The averages by noise level: a star for the paper's, a marker with dots for these runs', dots with a
+    bar for the kept study's."""
     figure = new_figure(COLUMN * 1.25, COLUMN * 0.85, layout="constrained")
-    draw_few(figure.add_subplot(), _told(table), kept_scores(table.task))
-    return figure
-
-
-def draw_few(ax: Axes, classes: Sequence[ScoreClass], kept: Kept) -> None:
-    """A star for the paper's average, a marker with dots for these runs, dots with a bar for the kept
-    ones."""
+    ax, classes, kept = figure.add_subplot(), _told(table), kept_scores(table.task)
     styles = noise_styles(one.level for one in classes)
     for place, one in enumerate(classes):
         look = styles[one.level]
@@ -74,6 +69,7 @@ def draw_few(ax: Axes, classes: Sequence[ScoreClass], kept: Kept) -> None:
         ax.plot([], [], ".", color=MUTED, markersize=4)[0],
     ]
     ax.legend(handles, ["the paper", "here", "kept study"], loc="lower right", ncols=3, columnspacing=1.2)
+    return figure
 
 
 def _draw_runs(ax: Axes, x: float, scores: Sequence[float], colour: str, marker: str) -> None:

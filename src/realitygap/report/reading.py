@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from realitygap.report.scores import SCORES, ScoreClass, ScoreTable
-from realitygap.report.statistics import difference, mean_of
+from realitygap.report.statistics import Mean, difference, mean_of
 from realitygap.report.tables import TaskPart, counted
 from realitygap.report.transfers import Group
 from realitygap.robots.address import ROBOT
@@ -70,9 +70,14 @@ def _order(table: TaskPart) -> str:
     return f"{text} First and last differ by {' '.join(table.show(gap))} (95 % interval): " + (
         f"more than the spread among {counted(len(ranked[0][1]), 'run')} explains, though they were picked "
         "as the extremes."
-        if gap.value - gap.half > 0
+        if _sure(gap)
         else f"with {counted(len(ranked[0][1]), 'run')} each this does not tell them apart."
     )
+
+
+def _sure(gap: Mean | None) -> bool:
+    """Whether the 95 % interval of a difference is above zero."""
+    return gap is not None and gap.value - gap.half > 0
 
 
 def _champions(table: TaskPart) -> str:
@@ -136,10 +141,9 @@ def _best(known: list[tuple[float, ScoreClass]], of: str) -> str:
     ranked = sorted(known, key=lambda pair: -pair[0])
     best = ranked[0][1]
     gaps = [difference(best.values(of), other.values(of)) for _, other in ranked[1:]]
-    if any(gap is None for gap in gaps):
+    if None in gaps:
         return ""
-    sure = [gap is not None and gap.value - gap.half > 0 for gap in gaps]
-    if all(sure):
+    if all(map(_sure, gaps)):
         return (
             f"; {best.name} noise has the highest by more than the spread among the runs explains, "
             "though it was picked as the highest"
@@ -171,13 +175,12 @@ def _told_transfers(table: TaskPart, groups: Sequence[Group], kind: str) -> Iter
         ranked = sorted(drops, key=lambda pair: pair[0])
         (least, first), (most, last) = ranked[0], ranked[-1]
         gap = difference(last.values("drop"), first.values("drop"))
-        told = gap is not None and gap.value - gap.half > 0
         yield (
             f"The drop is least at {first.name} noise ({table.text(least)}) "
             f"and largest at {last.name} noise ({table.text(most)}): "
             + (
                 "more than the spread among the runs explains, though these two were picked as the extremes."
-                if told
+                if _sure(gap)
                 else "these runs do not tell them apart."
             )
         )

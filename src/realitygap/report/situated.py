@@ -86,7 +86,7 @@ def make_situated(
     groups = transfers.groups_of(part, pairs)
     figures, sheets, films, seen = list[Picture](), list[Picture](), list[dict[str, object]](), list[Pair]()
     for robot in transfers.robots_of(pairs):
-        here = transfers.on_robot(pairs, robot)
+        here = [pair for pair in pairs if pair.robot == robot]
         shown = [pair for c in part.conditions if (pair := transfers.shown_pair(c, here)) is not None]
         if not shown:
             continue

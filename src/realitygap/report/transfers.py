@@ -17,10 +17,7 @@ from realitygap.text import to_csv
 from realitygap.track import Track
 from realitygap.transfer.load import Transferred, load_transfers
 
-__all__ = [
-    "Group", "Pair", "groups_of", "kinds_of", "on_robot", "pairs_of", "robots_of",
-    "shown_pair", "transfers_csv",
-]  # fmt: skip
+__all__ = ["Group", "Pair", "groups_of", "kinds_of", "pairs_of", "robots_of", "shown_pair", "transfers_csv"]
 
 TAIL_S = 0.1
 """Strokes of a tail are this far apart, whatever the film's rate: as the simulation's steps are."""
@@ -125,19 +122,16 @@ def robots_of(pairs: Sequence[Pair]) -> list[str]:
     """The robots a figure shows: of each kind the one with the most noise levels, films, then pairs."""
     found = []
     for kind in kinds_of(pairs):
-        here = [pair for pair in pairs if pair.kind == kind]
-        names = dict.fromkeys(pair.robot for pair in here)
-        found.append(max(names, key=lambda name: _worth(on_robot(here, name))))
+        robots: dict[str, list[Pair]] = {}
+        for pair in pairs:
+            if pair.kind == kind:
+                robots.setdefault(pair.robot, []).append(pair)
+        found.append(max(robots, key=lambda robot: _worth(robots[robot])))
     return found
 
 
 def _worth(pairs: Sequence[Pair]) -> tuple[int, int, int]:
     return len({pair.level for pair in pairs}), sum(pair.filmed for pair in pairs), len(pairs)
-
-
-def on_robot(pairs: Sequence[Pair], robot: str) -> list[Pair]:
-    """Those on one robot."""
-    return [pair for pair in pairs if pair.robot == robot]
 
 
 def shown_pair(condition: NoiseClass, pairs: Sequence[Pair]) -> Pair | None:

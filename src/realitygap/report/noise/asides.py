@@ -8,7 +8,7 @@ from realitygap.experiments.noise.claims import Contrast, Split
 from realitygap.report.noise.facts import FAILED, SATURATED, Fall, NoiseFacts, Scope, Span
 from realitygap.report.noise.figures import titled
 from realitygap.report.noise.results import Misfit, real_misfits
-from realitygap.report.noise.tables import NoiseTable, Number, Row, contrast_table, effect_spans
+from realitygap.report.noise.tables import NoiseTable, Number, Row, contrast_table, effect_spans, in_unit
 
 __all__ = [
     "CHANNELS", "aside_tables", "calibration_table", "effect_words", "ends_words", "falls_words",
@@ -18,16 +18,11 @@ __all__ = [
 CHANNELS = {"infrared": "proximity", "ambient": "light"}
 
 
-def aside_tables(
-    facts: NoiseFacts, settings: Mapping[str, object], scales: Mapping[str, tuple[float, str]]
-) -> dict[str, NoiseTable]:
+def aside_tables(facts: NoiseFacts, settings: Mapping[str, object]) -> dict[str, NoiseTable]:
     """Every one, by its name; those of the calibration unit only where scores of it were kept."""
-    every = [
-        split_table(f"{s.name.replace(' ', '-')}-split", s.name, s.split, facts.data.robot)
-        for s in facts.scopes
-    ]
+    every = [split_table(f"{s.file}-split", s.name, s.split, facts.data.robot) for s in facts.scopes]
     every += [home_table(scope, settings) for scope in facts.scopes if scope.home]
-    every += [ends_table(facts), falls_table(facts, scales)]
+    every += [ends_table(facts), falls_table(facts)]
     return {table.name: table for table in every}
 
 
@@ -60,12 +55,12 @@ def home_table(scope: Scope, settings: Mapping[str, object]) -> NoiseTable:
     first, starts = scope.home[0], settings.get("starts", "a unit's")
     title = (
         f"(c), calibration unit alone, {scope.name}: each controller on the unit that it was evolved for, "
-        f"against "
-        f"the simulation that it was evolved in. {first.first} controllers evolved at {first.level:g}, "
-        f"{', '.join(f'{c.second} at {c.other:g}' for c in scope.home)}. Not planned: Holm's correction is "
-        f"over these comparisons alone. The scale is that for {starts} pairs of trials: its floor is wider."
+        f"against the simulation that it was evolved in. {first.first} controllers evolved at "
+        f"{first.level:g}, {', '.join(f'{c.second} at {c.other:g}' for c in scope.home)}. "
+        f"Not planned: Holm's correction is over these comparisons alone. The scale is that for {starts} "
+        "pairs of trials: its floor is wider."
     )
-    return contrast_table(f"{scope.name.replace(' ', '-')}-home", title, scope.home)
+    return contrast_table(f"{scope.file}-home", title, scope.home)
 
 
 def ends_table(facts: NoiseFacts) -> NoiseTable:
@@ -90,15 +85,12 @@ def ends_table(facts: NoiseFacts) -> NoiseTable:
     )  # fmt: skip
 
 
-def falls_table(facts: NoiseFacts, scales: Mapping[str, tuple[float, str]]) -> NoiseTable:
+def falls_table(facts: NoiseFacts) -> NoiseTable:
     """How fitness on the twin falls from the calibration unit to the others, by evolved level."""
     rows: list[Row] = []
     for fall in facts.falls:
-        scale, unit = scales[fall.task]
-        places = 2 if scale != 1 else 3
-        name = titled(fall.task) + (f", {unit}" if unit else "")
         for row in fall.rows:
-            shown = [Number(span=s, places=places, scale=scale) for s in (row.home, row.foreign, row.fall)]
+            name, shown = in_unit(facts, fall.task, (row.home, row.foreign, row.fall))
             rho = Number(span=fall.rho, signed=True) if row is fall.rows[0] else ""
             rows.append((name, f"{row.level:g}", row.runs, *shown, rho))
     return NoiseTable(

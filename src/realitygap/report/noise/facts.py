@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from realitygap.experiments.noise.claims import RESAMPLES, Contrast, Finding, Sp
 from realitygap.experiments.noise.contrasts import crossing, interval, peak, unpaired
 from realitygap.experiments.noise.crossed import FEWEST, Crossed
 from realitygap.report.scores import PAPER_ROWS
+from realitygap.tasks import load_task
 from realitygap.values import Floats
 
 __all__ = [
@@ -123,6 +125,11 @@ class Scope:
     split: tuple[Split, ...]
     home: tuple[Contrast, ...]
 
+    @property
+    def file(self) -> str:
+        """What the names of its tables begin with."""
+        return self.name.replace(" ", "-")
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NoiseFacts:
@@ -137,6 +144,17 @@ class NoiseFacts:
     def headline(self) -> Scope:
         """Both tasks, or the only one."""
         return self.scopes[0]
+
+    @property
+    def by_task(self) -> list[Scope]:
+        """Each task alone."""
+        return [scope for scope in self.scopes if scope.name in self.data.tasks]
+
+    @cached_property
+    def scales(self) -> dict[str, tuple[float, str]]:
+        """For each task what fitness is divided by, and the unit that remains."""
+        tasks = {name: load_task(name) for name in self.data.tasks}
+        return {name: (task.fitness_scale, task.fitness_unit) for name, task in tasks.items()}
 
 
 def gather_facts(data: Crossed, *, resamples: int = RESAMPLES) -> NoiseFacts:

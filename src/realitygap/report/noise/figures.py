@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from realitygap.experiments.noise.crossed import Crossed
 from realitygap.report import style
-from realitygap.report.noise.facts import PAPER, Curve, FitnessRow, NoiseFacts, Scope, Span, heat, points
+from realitygap.report.noise.facts import PAPER, Curve, NoiseFacts, Scope, Span, heat, points
 from realitygap.report.style import INK, MUTED, PAGE, new_figure, noise_styles
 from realitygap.values import Floats
 
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.typing import LineStyleType
 
 __all__ = [
-    "SETS", "claims_figure", "fitness_figure", "legend", "levels_axis", "map_figure", "noisiness_figure",
-    "panel", "titled",
+    "claims_figure", "fitness_figure", "legend", "levels_axis", "map_figure", "noisiness_figure", "panel",
+    "titled",
 ]  # fmt: skip
 
 SETS = ((0, (4, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)), (0, (8, 2)))
@@ -93,7 +93,7 @@ def _draw_map(ax: Axes, data: Crossed, means: Floats, ends: tuple[float, float])
 
 def claims_figure(facts: NoiseFacts) -> Figure:
     """A panel a claim and task: every run a dot, seed sets as lines, all together with intervals."""
-    scopes = [s for s in facts.scopes if s.name in facts.data.tasks]
+    scopes = facts.by_task
     figure = new_figure(PAGE, 2.35 * len(scopes) + 0.35, layout="constrained")
     axes = figure.subplots(len(scopes), 3, squeeze=False, sharey=True)
     for row, scope in zip(axes, scopes, strict=True):
@@ -193,23 +193,19 @@ def legend(figure: Figure, axes: NDArray[np.object_]) -> None:
     figure.legend(list(found.values()), list(found), loc="outside lower center", ncols=len(found))
 
 
-def fitness_figure(facts: NoiseFacts, scales: Mapping[str, tuple[float, str]], who: str = "twin") -> Figure:
-    """Two panels a task: fitness in simulation and on the twin, and its drop, by evolved level.
-
-    Args:
-        facts: of the study.
-        scales: for each task what fitness is divided by, and the unit that remains.
-        who: drove: "twin", or "robot" where it is the user's own.
-    """
+def fitness_figure(facts: NoiseFacts, who: str) -> Figure:
+    """Two panels a task: fitness in simulation and on the twin (or the robot), its drop, by evolved level."""
     tasks = facts.data.tasks
     figure = new_figure(PAGE, 2.2 * len(tasks) + 0.35, layout="constrained")
     axes = figure.subplots(len(tasks), 2, squeeze=False)
     for (both, drop), task in zip(axes, tasks, strict=True):
-        data, (scale, unit) = facts.data.part(task=task), scales[task]
-        rows = [row for row in facts.fitness if row.task == task]
-        _fitness_panel(both, data, rows, scale, f"on the {who}")
+        data, (scale, unit) = facts.data.part(task=task), facts.scales[task]
+        rows, x = [row for row in facts.fitness if row.task == task], np.sqrt(data.levels)
+        _dots(both, data, data.evolved, data.situated / scale, data.seed_set)
+        _bars(both, x - 0.012, [_scaled(r.simulated, scale) for r in rows], "simulated")
+        _bars(both, x + 0.012, [_scaled(r.situated, scale) for r in rows], "situated", f"on the {who}")
         _dots(drop, data, data.evolved, (data.simulated - data.situated) / scale, data.seed_set)
-        _bars(drop, np.sqrt(data.levels), [_scaled(r.drop, scale) for r in rows], "drop")
+        _bars(drop, x, [_scaled(r.drop, scale) for r in rows], "drop")
         drop.axhline(0, color=MUTED, linewidth=0.7)
         for ax in (both, drop):
             levels_axis(ax, data.levels, data.robot)
@@ -221,20 +217,13 @@ def fitness_figure(facts: NoiseFacts, scales: Mapping[str, tuple[float, str]], w
     return figure
 
 
-def _fitness_panel(ax: Axes, data: Crossed, rows: Sequence[FitnessRow], scale: float, situated: str) -> None:
-    _dots(ax, data, data.evolved, data.situated / scale, data.seed_set)
-    x = np.sqrt(data.levels)
-    _bars(ax, x - 0.012, [_scaled(r.simulated, scale) for r in rows], "simulated")
-    _bars(ax, x + 0.012, [_scaled(r.situated, scale) for r in rows], "situated", situated)
-
-
 def _scaled(span: Span, scale: float) -> Span:
     return Span(*(value / scale for value in span))
 
 
-def noisiness_figure(facts: NoiseFacts, who: str = "twin") -> Figure:
+def noisiness_figure(facts: NoiseFacts, who: str) -> Figure:
     """A panel a task: how much noisier the twin (or the robot) is than the simulation at each level."""
-    scopes = [s for s in facts.scopes if s.name in facts.data.tasks]
+    scopes = facts.by_task
     figure = new_figure(PAGE, 2.6, layout="constrained")
     axes = figure.subplots(1, len(scopes), squeeze=False, sharey=True)
     for ax, scope in zip(axes[0], scopes, strict=True):

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import cast
@@ -18,7 +18,6 @@ from realitygap.report.noise.results import NoiseResults, read_results, real_mis
 from realitygap.report.noise.tables import NoiseTable, noise_tables
 from realitygap.report.noise.words import TEXTS, limits, robot_words, thoughts, warnings
 from realitygap.report.page import Figures, OnProgress, Steps, Words, noise_key, report_folder, write_page
-from realitygap.tasks import load_task
 from realitygap.world.noise import noise_name
 
 __all__ = ["NoiseReport", "build_noise_report", "noise_summary"]
@@ -84,16 +83,10 @@ class NoiseReport:
         return gather_facts(self.results.data)
 
     @cached_property
-    def scales(self) -> dict[str, tuple[float, str]]:
-        """For each task what fitness is divided by, and the unit that remains."""
-        tasks = {name: load_task(name) for name in self.results.data.tasks}
-        return {name: (task.fitness_scale, task.fitness_unit) for name, task in tasks.items()}
-
-    @cached_property
     def tables(self) -> dict[str, NoiseTable]:
         """Every table by its name."""
-        planned = noise_tables(self.facts, self.results.calibration, self.scales)
-        planned |= aside_tables(self.facts, self.results.settings, self.scales)
+        planned = noise_tables(self.facts, self.results.calibration)
+        planned |= aside_tables(self.facts, self.results.settings)
         return {
             name: replace(table, title=self.said(table.title), head=tuple(map(self.said, table.head)))
             for name, table in planned.items()
@@ -110,7 +103,7 @@ class NoiseReport:
         draws = {
             "noise-map": partial(draw.map_figure, data),
             "noise-claims": partial(draw.claims_figure, self.facts),
-            "noise-fitness": partial(draw.fitness_figure, self.facts, self.scales, who),
+            "noise-fitness": partial(draw.fitness_figure, self.facts, who),
             "noise-noisiness": partial(draw.noisiness_figure, self.facts, who),
         }
         for name, words in CAPTIONS.items():
@@ -127,7 +120,7 @@ class NoiseReport:
     @cached_property
     def thoughts(self) -> list[str]:
         """The paragraph's parts, without its warnings."""
-        told = thoughts(self.facts, self.results.settings, self.scales, self.results.calibration)
+        told = thoughts(self.facts, self.results.settings, self.results.calibration)
         return [self.said(thought) for thought in told]
 
     @property
@@ -180,14 +173,11 @@ def noise_summary(out: str | Path) -> Facts:
 def _claims(facts: NoiseFacts) -> list[Facts]:
     return [
         {
-            **{key: getattr(f.claim, key) for key in ("key", "title", "text", "test", "measured")},
-            "verdict": f.verdict,
-            "verdicts_by_task": {
-                s.name: s.findings[i].verdict for s in facts.scopes if s.name in facts.data.tasks
-            },
+            **asdict(f.claim), "verdict": f.verdict,
+            "verdicts_by_task": {scope.name: scope.findings[i].verdict for scope in facts.by_task},
         }
         for i, f in enumerate(facts.headline.findings)
-    ]
+    ]  # fmt: skip
 
 
 def _scope(scope: Scope) -> Facts:

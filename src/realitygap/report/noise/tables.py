@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,7 @@ from realitygap.text import to_csv
 
 __all__ = [
     "NoiseTable", "Number", "Row", "calibration_table", "claim_table", "contrast_table", "effect_spans",
-    "fitness_table", "names_table", "noise_tables", "paper_table", "peaks_table", "probability",
+    "fitness_table", "in_unit", "names_table", "noise_tables", "paper_table", "peaks_table", "probability",
 ]  # fmt: skip
 
 
@@ -81,16 +81,14 @@ def _exact(cell: Cell, span: bool) -> list[str]:
     return ["" if math.isnan(v) else f"{v:.6g}" for v in (cell.span if span else cell.span[:1])]
 
 
-def noise_tables(
-    facts: NoiseFacts, calibration: Sequence[Misfit], scales: Mapping[str, tuple[float, str]]
-) -> dict[str, NoiseTable]:
+def noise_tables(facts: NoiseFacts, calibration: Sequence[Misfit]) -> dict[str, NoiseTable]:
     """Every table, by its name."""
     every = [
         *(
-            claim_table(f"{scope.name.replace(' ', '-')}-{finding.claim.key}", scope.name, finding)
+            claim_table(f"{scope.file}-{finding.claim.key}", scope.name, finding)
             for scope in facts.scopes for finding in scope.findings
         ),
-        peaks_table(facts), fitness_table(facts, scales), names_table(facts), paper_table(facts),
+        peaks_table(facts), fitness_table(facts), names_table(facts), paper_table(facts),
         calibration_table(calibration),
     ]  # fmt: skip
     return {table.name: table for table in every}
@@ -132,8 +130,7 @@ def contrast_table(
             probability(c.effect.p), probability(c.p_holm), c.found,
         ))  # fmt: skip
     return NoiseTable(
-        name=name,
-        title=title,
+        name=name, title=title,
         head=(
             "against level", f"mean at {robot:g}", "mean there", "difference", "Cliff's delta",
             *(f"delta, set {s}" for s in sets), "p", "p (Holm)", "found",
@@ -169,17 +166,15 @@ def peaks_table(facts: NoiseFacts) -> NoiseTable:
     )
 
 
-def fitness_table(facts: NoiseFacts, scales: Mapping[str, tuple[float, str]]) -> NoiseTable:
+def fitness_table(facts: NoiseFacts) -> NoiseTable:
     """Fitness in simulation, on the twin, the drop, by evolved level."""
     rows: list[Row] = []
     for row in facts.fitness:
-        scale, unit = scales[row.task]
-        places = 2 if scale != 1 else 3
-        shown = [Number(span=s, places=places, scale=scale) for s in (row.simulated, row.situated, row.drop)]
+        name, shown = in_unit(facts, row.task, (row.simulated, row.situated, row.drop))
         pair = row.correlation
         r = Span(math.nan) if pair is None else Span(pair.r, *pair.interval)
         rows.append((
-            titled(row.task) + (f", {unit}" if unit else ""), f"{row.level:g}", row.count, *shown,
+            name, f"{row.level:g}", row.count, *shown,
             "–" if row.delta is None else Number(span=row.delta, signed=True), Number(span=r),
         ))  # fmt: skip
     return NoiseTable(
@@ -189,6 +184,14 @@ def fitness_table(facts: NoiseFacts, scales: Mapping[str, tuple[float, str]]) ->
         head=("task", "level", "runs", "simulated", "on the twin", "drop", "delta on the twin", "r"),
         rows=tuple(rows),
     )
+
+
+def in_unit(facts: NoiseFacts, task: str, spans: Sequence[Span]) -> tuple[str, list[Number]]:
+    """A task with the unit of its fitness, and figures of fitness in it."""
+    scale, unit = facts.scales[task]
+    places = 2 if scale != 1 else 3
+    shown = [Number(span=span, places=places, scale=scale) for span in spans]
+    return titled(task) + (f", {unit}" if unit else ""), shown
 
 
 def names_table(facts: NoiseFacts) -> NoiseTable:

@@ -13,7 +13,7 @@ from realitygap.report.noise.facts import FitnessRow, NoiseFacts, Scope
 from realitygap.report.noise.figures import titled
 from realitygap.report.noise.results import Misfit
 
-__all__ = ["CHANNEL_TASKS", "Scales", "limits", "robot_words", "thoughts", "warnings"]
+__all__ = ["CHANNEL_TASKS", "limits", "robot_words", "thoughts", "warnings"]
 
 TEXTS: dict[str, Any] = tomllib.loads(Path(__file__).with_name("texts.toml").read_text("utf-8"))
 """What is said whatever came out."""
@@ -25,8 +25,6 @@ STAND_INS = {
     "stranger": "a twin outside the family of laws that calibration can fit",
 }
 """By kind of address: what may stand in the twin's place."""
-
-Scales = Mapping[str, tuple[float, str]]
 
 CHANNEL_TASKS = {"infrared": "obstacle-avoidance", "ambient": "light-seeking"}
 
@@ -45,17 +43,8 @@ _WHAT = {
 }
 
 
-def thoughts(
-    facts: NoiseFacts, settings: Mapping[str, object], scales: Scales, calibration: Sequence[Misfit]
-) -> list[str]:
-    """What came out: a few sentences each on the study, the claims, noisiness and fitness.
-
-    Args:
-        facts: what the study says.
-        settings: of its `study.toml`.
-        scales: for each task what fitness is divided by, and the unit that remains.
-        calibration: how near the simulations come to the twin.
-    """
+def thoughts(facts: NoiseFacts, settings: Mapping[str, object], calibration: Sequence[Misfit]) -> list[str]:
+    """What came out: a few sentences each on the study, the claims, noisiness and fitness."""
     findings = facts.headline.findings
     said = [
         _opening(facts, settings),
@@ -65,7 +54,7 @@ def thoughts(
         _together(findings),
         asides.ends_words(facts),
         _noisiness(facts.headline),
-        " ".join([*_drops(facts, scales), _fitness(facts.fitness)]),
+        " ".join([*_drops(facts), _fitness(facts.fitness)]),
         asides.falls_words(facts.falls),
         "" if "robot" in settings else f"{asides.nearness_words(calibration)} {SET_BY_US}".strip(),
     ]
@@ -144,8 +133,8 @@ def _claim(facts: NoiseFacts, finding: Finding) -> list[str]:
     if better:
         said.append(f"Reliably better than the robot's level: {_levels(better)}.")
     said += _disagreements(facts, finding)
-    if finding.verdict == "not supported":
-        said += [hidden for hidden in [_hidden(contrasts)] if hidden]
+    if finding.verdict == "not supported" and (hidden := _hidden(contrasts)):
+        said.append(hidden)
     top = facts.headline.curves[key].top
     levels = facts.data.levels
     if finding.verdict != "not supported" and math.isfinite(top.low):
@@ -159,12 +148,11 @@ def _disagreements(facts: NoiseFacts, finding: Finding) -> list[str]:
     split = [c for c in finding.contrasts if len({s.effect.delta > 0 for s in c.sets}) > 1]
     if split:
         said.append(f"The seed sets disagree about {_levels(split)}.")
-    one = len(finding.contrasts[0].sets) == 1
-    if one and finding.verdict not in ("not supported",):
+    if len(finding.contrasts[0].sets) == 1 and finding.verdict != "not supported":
         said.append("One seed set alone: nothing has been repeated.")
     others = {
         scope.name: other.verdict
-        for scope in facts.scopes[1:] if len(facts.scopes) > 1
+        for scope in facts.scopes[1:]
         for other in scope.findings
         if other.claim.key == finding.claim.key and other.verdict != finding.verdict
     }  # fmt: skip
@@ -242,12 +230,12 @@ def _fitness(rows: Sequence[FitnessRow]) -> str:
     )
 
 
-def _drops(facts: NoiseFacts, scales: Scales) -> list[str]:
+def _drops(facts: NoiseFacts) -> list[str]:
     """What fitness loses on the way to the twin: at the robot's level and those that decide."""
     levels = sorted({facts.data.robot, *facts.headline.findings[0].coarse})
     said = []
     for task in facts.data.tasks:
-        scale, unit = scales[task]
+        scale, unit = facts.scales[task]
         drops = {row.level: row.drop.value / scale for row in facts.fitness if row.task == task}
         parts = ", ".join(f"{drops[level]:.3f} at {level:g}".replace("-", "−") for level in levels)
         said.append(
