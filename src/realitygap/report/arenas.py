@@ -23,13 +23,9 @@ AMBIENT_RAYS_CM = 15.0
 
 
 def draw_arena(ax: Axes, arena: Arena, *, labels: bool = True, names: bool = False) -> None:
-    """Floor, walls, inner walls, cylinders and lamps of an arena, to scale.
+    """Floor, walls, inner walls, cylinders and lamps of an arena, to scale; the axes become cm.
 
-    Args:
-        ax: where; its axes become cm.
-        arena: as the kernels see it.
-        labels: axes with ticks in cm; otherwise nothing but the picture.
-        names: write "lamp" at the lamps.
+    With `labels` they have ticks, otherwise there is nothing but the picture; with `names` lamps have theirs.
     """
     width, depth = (float(v) for v in arena.size)
     edge = 0.02 * max(width, depth)
@@ -133,9 +129,7 @@ def sensor_rays(arena: Arena, place: F, ray: F, pose: tuple[float, float, float]
     """Where the rays of all sensors start and end, [S · RAYS, 2 ends, 2] in cm.
 
     Args:
-        arena: the room.
-        place: [S, 2] sensors in the robot's frame, cm.
-        ray: [S, 2, lanes] unit vectors in the robot's frame.
+        place, ray: [S, 2] cm, [S, 2, lanes] unit vectors; both in the robot's frame.
         pose: x, y (cm), heading (rad).
         reach: [S] cm: bounds each sensor's rays.
     """
@@ -158,11 +152,7 @@ def _draw_rays(ax: Axes, robot: Robot, arena: Arena, feeds: str, pose: tuple[flo
 def rays_of(robot: Robot, arena: Arena, feeds: str, pose: tuple[float, float, float]) -> F:
     """The rays of what is fed to a network, to what they meet or as far as they matter: [rays, 2 ends, 2] cm.
 
-    Args:
-        robot: the robot.
-        arena: the room.
-        feeds: as a task has it.
-        pose: x, y (cm), heading (rad).
+    The pose is x, y (cm), heading (rad); `feeds` as a task has it.
     """
     found = []
     for kind in feeds.split("+"):
@@ -195,11 +185,7 @@ def _sensing_pose(arena: world.Arena, robot: Robot, start: np.ndarray) -> tuple[
 def arena_figure(room: world.Arena, profile: Profile, feeds: str, start: np.ndarray) -> Figure:
     """Figure 1 or 2: a task's arena, with a robot that senses by what is fed to it, to scale.
 
-    Args:
-        room: the task's arena.
-        profile: the robot.
-        feeds: "proximity", "ambient" or "proximity+ambient".
-        start: where trials begin, as `draw_start` has it.
+    `feeds` is "proximity", "ambient" or "proximity+ambient"; `start` as `draw_start` has it.
     """
     arena, robot = room.to_kernel(), profile.to_kernel()
     width, depth = (float(v) for v in arena.size)

@@ -73,14 +73,7 @@ class Figures(dict[str, Picture]):
         self.workers = workers
 
     def add(self, name: str, draw: Callable[[], Figure], words: Words, label: str = "") -> Picture:
-        """Another figure, to be drawn with all the others.
-
-        Args:
-            name: of its files.
-            draw: makes it, perhaps in another process.
-            words: its text for those who do not see it, and its caption.
-            label: what the paper calls it.
-        """
+        """Another figure, to be drawn with all the others: see Picture."""
         self[name] = Picture(name=name, draw=draw, words=words, label=label)
         return self[name]
 

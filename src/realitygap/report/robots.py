@@ -31,14 +31,9 @@ def draw_robot(
     *,
     edge: str = style.INK,
 ) -> list[Patch | Line2D]:
-    """A robot to scale: body, wheels, and a line to its leading edge; its artists are returned.
+    """A robot to scale at a pose (x, y in cm, heading in rad), its outline in the colour `edge`.
 
-    Args:
-        ax: the axes, in cm.
-        robot: its body.
-        pose: x, y (cm), heading (rad).
-        look: colours and lines.
-        edge: the outline's colour.
+    Body, wheels, and a line to its leading edge: its artists are returned.
     """
     x, y, heading = pose
     cos, sin = math.cos(heading), math.sin(heading)

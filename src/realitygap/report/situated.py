@@ -73,15 +73,9 @@ class SituatedPart:
 def make_situated(
     part: TaskPart, pairs: Sequence[Pair], scene: Scene, label: str, listed: Figures, report: Path
 ) -> SituatedPart:
-    """All of it.
+    """All of it, of a task's transfers, of which there are some.
 
-    Args:
-        part: the task's runs.
-        pairs: its transfers, at least one.
-        scene: the arena, and the robot that was simulated.
-        label: what the paper calls the figure.
-        listed: the page's figures, to which its own are added.
-        report: the report's folder, into which films are copied.
+    Its figures are added to those `listed`, its films copied into the report's folder.
     """
     groups = transfers.groups_of(part, pairs)
     figures, sheets, films, seen = list[Picture](), list[Picture](), list[dict[str, object]](), list[Pair]()
