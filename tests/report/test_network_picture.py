@@ -24,7 +24,7 @@ ROBOT = PROFILE.to_kernel()
 def test_the_picture_and_the_controller_read_a_genotype_alike(seed: int, hidden: float) -> None:
     """The same neurons, thresholds and live links."""
     genes = random_genes(seed, hidden=hidden)
-    wiring = read_wiring(genes, inputs=8, outputs=2)
+    wiring = read_wiring(genes, inputs=8)
     told = neurons(genes, Layout())
     assert wiring.thresholds == {n.slot: n.threshold for n in told}
     assert len(wiring.links) == sum(len(n.links) for n in told)
@@ -34,7 +34,7 @@ def test_the_picture_and_the_controller_read_a_genotype_alike(seed: int, hidden:
 @given(seed=st.integers(0, 10**6), hidden=st.sampled_from([0.05, 0.3, 1.0]))
 def test_neurons_do_not_overlap_and_stay_on_the_robot(seed: int, hidden: float) -> None:
     """Whatever the genotype, with a picture large enough for it."""
-    wiring = read_wiring(random_genes(seed, hidden=hidden), inputs=8, outputs=2)
+    wiring = read_wiring(random_genes(seed, hidden=hidden), inputs=8)
     unit = 0.92 if len(wiring.hidden) <= 3 else 0.73 if len(wiring.hidden) <= 7 else 0.5
     places = place_neurons(wiring, ROBOT, ROBOT.proximity_place, range(8), unit)
     spots = np.array(list(places.values()))
@@ -45,7 +45,7 @@ def test_neurons_do_not_overlap_and_stay_on_the_robot(seed: int, hidden: float) 
 
 def test_sensors_stand_at_their_places_and_motors_at_their_wheels() -> None:
     """The robot looks up: what is ahead is drawn above, what is left is drawn left."""
-    wiring = read_wiring(random_genes(1, hidden=0), inputs=8, outputs=2)
+    wiring = read_wiring(random_genes(1, hidden=0), inputs=8)
     places = place_neurons(wiring, ROBOT, ROBOT.proximity_place, range(8), 0.92)
     for sensor, (forward, left) in enumerate(ROBOT.proximity_place):
         assert places[sensor] == pytest.approx([-left, forward])
@@ -54,7 +54,7 @@ def test_sensors_stand_at_their_places_and_motors_at_their_wheels() -> None:
 
 def test_every_link_has_a_curve_and_a_place_for_its_number() -> None:
     """Self-links and parallel links included."""
-    wiring = read_wiring(random_genes(3, hidden=0.7), inputs=8, outputs=2)
+    wiring = read_wiring(random_genes(3, hidden=0.7), inputs=8)
     places = place_neurons(wiring, ROBOT, ROBOT.proximity_place, range(8), 0.73)
     curves = bend_links(wiring, places, dict.fromkeys(places, 0.26), 0.73)
     spots = label_places(curves, np.array(list(places.values())), np.full(len(places), 0.26), 0.73)
@@ -69,7 +69,7 @@ def test_only_what_can_move_a_wheel_counts_as_working() -> None:
     genes[8, 2:6] = (1, 10, 3, 2)  # hidden 10 drives the left motor
     genes[9, 2:6] = (1, 11, 0, 0)  # a link that weighs nothing from hidden 11
     genes[10, 2:6] = (1, 0, -2, 4)
-    wiring = read_wiring(genes, inputs=8, outputs=2)
+    wiring = read_wiring(genes, inputs=8)
     assert [(k.source, k.target, k.weight, k.delay) for k in wiring.links if wiring.works(k)] == [
         (10, 8, 3, 2),
         (0, 10, -2, 4),
@@ -84,7 +84,7 @@ def test_a_picture_names_weights_delays_and_thresholds(hidden: float, feeds: str
     with styled():
         figure = network_figure(genes, PROFILE, title="a run", feeds=feeds, sensors=range(8))
     texts = [text.get_text() for text in figure.axes[0].texts]
-    wiring = read_wiring(genes, inputs=8, outputs=2)
+    wiring = read_wiring(genes, inputs=8)
     assert sum(t.startswith("θ") for t in texts) == len(wiring.thresholds)
     assert sum(t[0] in "+−" for t in texts) == sum(wiring.works(k) for k in wiring.links)
 

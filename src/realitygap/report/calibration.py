@@ -81,8 +81,6 @@ def _parts(made: Calibration, figures: Figures) -> list[_Part]:
 
 
 def _sensors(fit: ChannelFit, figures: Figures) -> _Part:
-    part = _Part(name=fit.kind, title=TITLES[fit.kind], sentences=_read(fit))
-    part.tables.append(_forms(fit.by_form, fit.form, "counts", 1))
     limit = LIMITS[fit.kind]
     held_out = {m.sensor: m.lit_ratio for m in fit.judged}
     rows = [
@@ -99,18 +97,22 @@ def _sensors(fit: ChannelFit, figures: Figures) -> _Part:
         f"model error exceeds noise: on places held out, where readings are neither dark nor saturated. "
         f"{beside_real(fit.kind)}Over all: of all readings, the places fitted"
     )
-    part.tables.append(_Table(title, head, rows))
-    what = f"Sensors of {fit.source.split('/')[-1]}"
-    look = draw.look_of(fit)
+    what, look = f"Sensors of {fit.source.split('/')[-1]}", draw.look_of(fit)
     over = "distance" if look == "distance" else "distance and bearing"
-    told = Words(f"{what}: measured and fitted.", f"Readings: {SHOWN[look]}.")
-    part.cards.append(figures.add(f"{fit.kind}-curves", partial(draw.curves_figure, fit), told))
-    told = Words(f"{what}: what is left over.", LEFT_OVER.format(over))
-    part.cards.append(figures.add(f"{fit.kind}-maps", partial(draw.maps_figure, fit), told))
+    told = {
+        "curves": (draw.curves_figure, f"{what}: measured and fitted.", f"Readings: {SHOWN[look]}."),
+        "maps": (draw.maps_figure, f"{what}: what is left over.", LEFT_OVER.format(over)),
+    }
     if fit.measured:
-        told = Words(f"{what}: noise against a normal.", NOISE)
-        part.cards.append(figures.add(f"{fit.kind}-noise", partial(draw.noise_figure, fit), told))
-    return part
+        told["noise"] = (draw.noise_figure, f"{what}: noise against a normal.", NOISE)
+    return _Part(
+        name=fit.kind, title=TITLES[fit.kind], sentences=_read(fit),
+        tables=[_forms(fit.by_form, fit.form, "counts", 1), _Table(title, head, rows)],
+        cards=[
+            figures.add(f"{fit.kind}-{name}", partial(figure, fit), Words(*words))
+            for name, (figure, *words) in told.items()
+        ],
+    )  # fmt: skip
 
 
 def _forms(rmse: Mapping[str, float], fitted: str, unit: str, places: int) -> _Table:

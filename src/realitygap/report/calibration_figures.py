@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from realitygap.calibration.channel_fit import ChannelFit
-    from realitygap.calibration.noise import NoiseEstimate
     from realitygap.calibration.wheels.fit import WheelFit
 
 __all__ = ["curves_figure", "look_of", "maps_figure", "noise_figure", "slip_figure", "steps_figure"]
@@ -98,20 +97,20 @@ def noise_figure(fit: ChannelFit) -> Figure:
     left, right = figure.subplots(1, 2)
     x = np.linspace(-5, 5, 201)
     left.plot(x, np.exp(-(x**2) / 2) / np.sqrt(2 * np.pi), color=INK, lw=1.0, label="normal")
-    for estimate, colour, mark in zip(_shown(fit), COLOURS, MARKS, strict=False):
+    shown = [estimate for estimate in fit.noise if estimate.channel != "proximity_dark"]
+    for estimate, colour, mark in zip(shown, COLOURS, MARKS, strict=False):
         density, edges = np.histogram(estimate.values, bins=np.arange(-5.125, 5.2, 0.25), density=True)
         middle = (edges[1:] + edges[:-1]) / 2
         seen = density > 0
         name = f"{estimate.channel}: {estimate.deviation:.3g} counts"
         left.plot(middle[seen], density[seen], mark, ms=3.5, color=colour, label=name)
-        if estimate.channel != "proximity_dark":
-            levels, sizes = zip(*estimate.bins, strict=True)
-            right.plot(levels, sizes, mark + "-", ms=4, lw=0.8, color=colour)
-            right.axhspan(estimate.low, estimate.high, color=colour, alpha=0.15, lw=0)
+        levels, sizes = zip(*estimate.bins, strict=True)
+        right.plot(levels, sizes, mark + "-", ms=4, lw=0.8, color=colour)
+        right.axhspan(estimate.low, estimate.high, color=colour, alpha=0.15, lw=0)
     left.set(yscale="log", ylim=(1e-4, 2), xlabel="noise in its own deviations", ylabel="density")
     left.legend(loc="lower center", fontsize=6.5)
     right.set(xlabel="reading, counts", ylabel="deviation, counts")
-    right.set_ylim(0, 1.25 * max([e.high for e in _shown(fit)] + [s for e in _shown(fit) for _, s in e.bins]))
+    right.set_ylim(0, 1.25 * max([e.high for e in shown] + [s for e in shown for _, s in e.bins]))
     for axes in (left, right):
         axes.grid(True, color=GRID, lw=0.5)
     return figure
@@ -166,10 +165,6 @@ def _panels(count: int) -> tuple[Figure, list[Axes]]:
 def _label(figure: Figure, x: str, y: str) -> None:
     figure.supxlabel(x, fontsize=8)
     figure.supylabel(y, fontsize=8)
-
-
-def _shown(fit: ChannelFit) -> tuple[NoiseEstimate, ...]:
-    return tuple(e for e in fit.noise if e.channel != "proximity_dark")
 
 
 def _live(fit: ChannelFit) -> list[int]:

@@ -100,12 +100,8 @@ class Paths:
 
 def path_of(names: Mapping[float, str], rows: Sequence[Sequence[PathPanel]]) -> str:
     """What a picture of paths shows, for those who cannot see it."""
-    parts = []
-    for row in rows:
-        for panel in row:
-            end = panel.trajectory.end
-            parts.append(
-                f"{names[panel.noise]}: from ({panel.trajectory.x[0]:.0f}, {panel.trajectory.y[0]:.0f}) "
-                f"to ({end.x:.0f}, {end.y:.0f}) cm"
-            )
-    return "; ".join(parts)
+    paths = ((names[panel.noise], panel.trajectory) for row in rows for panel in row)
+    return "; ".join(
+        f"{name}: from ({path.x[0]:.0f}, {path.y[0]:.0f}) to ({path.end.x:.0f}, {path.end.y:.0f}) cm"
+        for name, path in paths
+    )

@@ -54,7 +54,7 @@ def draw_network(
     """
     robot = profile.to_kernel()
     spots = _spots(robot, feeds)
-    wiring = read_wiring(np.asarray(genes), inputs=len(sensors), outputs=OUTPUTS)
+    wiring = read_wiring(np.asarray(genes), inputs=len(sensors))
     unit = _unit(ax, robot.radius)
     laid = lay_out(wiring, robot, spots, sensors, unit)
     draw_robot(ax, robot, (0.0, 0.0, math.pi / 2), edge=style.CYLINDER)
@@ -127,9 +127,9 @@ def _draw_neurons(ax: Axes, wiring: Wiring, laid: Layout, sensors: Sequence[int]
     for n, (x, y) in laid.places.items():
         pale, size = 1.0 if n in wiring.useful else 0.4, laid.sizes[n]
         shape: Patch
-        if n < wiring.inputs:
+        if wiring.kind(n) == "input":
             shape = Circle((x, y), size, facecolor=style.FLOOR, edgecolor=style.RAY, linewidth=1.2)
-        elif n < wiring.inputs + wiring.outputs:
+        elif wiring.kind(n) == "output":
             shape = Rectangle((x - size, y - size), 2 * size, 2 * size, facecolor=style.PAPER)
             shape.set(edgecolor=style.INK, linewidth=1.2)
         else:
@@ -203,7 +203,7 @@ def network_drawing(genes: Genes, task: Task, profile: Profile) -> tuple[dict[st
     """
     robot = profile.to_kernel()
     spots = _spots(robot, task.feeds)
-    wiring = read_wiring(genes, inputs=len(task.sensors), outputs=OUTPUTS)
+    wiring = read_wiring(genes, inputs=len(task.sensors))
     unit = UNIT_INCHES * (2 * float(robot.radius) + 0.24) / width_inches(len(wiring.hidden))
     laid = lay_out(wiring, robot, spots, task.sensors, unit)
     slots = sorted(laid.places)

@@ -81,8 +81,8 @@ NOTHING = Inside()
 
 
 def track(who: str, score: str, poses: Floats, unit_cm: float, inside: Inside = NOTHING) -> dict[str, object]:
-    """One drive for the page: poses [n + 1, 3] in cm, cm, degrees, places packed in units of `unit_cm`; rows of
-    what went on inside belong to the first n."""
+    """One drive for the page: poses [n + 1, 3] in cm, cm, degrees, places packed in units of `unit_cm`;
+    rows of what went on inside belong to the first n."""
     steps = len(poses) - 1
     packed = {"poses": pack(poses * np.array([1 / unit_cm, 1 / unit_cm, TURN]), "<i2")}
     rows = {

@@ -21,13 +21,8 @@ def read_table(table: TaskPart) -> list[str]:
 
 def _pairs(table: TaskPart, who: str) -> list[tuple[float, float]]:
     """(stored fitness, mean on fresh trials at its own noise) of every tested run."""
-    pairs = []
-    for one in table.conditions:
-        for row in one.rows:
-            fresh = row.mean(who, one.level)
-            if fresh is not None and row.stored is not None:
-                pairs.append((row.stored, fresh.value))
-    return pairs
+    tested = ((row.stored, row.mean(who, one.level)) for one in table.conditions for row in one.rows)
+    return [(stored, fresh.value) for stored, fresh in tested if stored is not None and fresh is not None]
 
 
 def _overrating(table: TaskPart) -> str:

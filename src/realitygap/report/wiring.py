@@ -42,7 +42,6 @@ class Wiring:
     """The live part of a genotype: inputs 0 .. inputs − 1, then outputs, then hidden slots."""
 
     inputs: int
-    outputs: int
     hidden: tuple[int, ...]
     thresholds: dict[int, int]
     links: tuple[Link, ...]
@@ -51,18 +50,18 @@ class Wiring:
 
     def kind(self, slot: int) -> str:
         """What a slot is: "input", "output" or "hidden"."""
-        return "input" if slot < self.inputs else "output" if slot < self.inputs + self.outputs else "hidden"
+        return "input" if slot < self.inputs else "output" if slot < self.inputs + OUTPUTS else "hidden"
 
     def works(self, link: Link) -> bool:
         """Whether a link has any effect on an output."""
         return bool(link.weight) and link.target in self.useful
 
 
-def read_wiring(genes: np.ndarray, *, inputs: int, outputs: int) -> Wiring:
+def read_wiring(genes: np.ndarray, *, inputs: int) -> Wiring:
     """The neurons and links that a genotype [slots, 2 + 4 · links] expresses."""
-    slots = len(genes)
-    hidden = tuple(int(s) for s in range(inputs + outputs, slots) if genes[s, 0])
-    computing = (*range(inputs, inputs + outputs), *hidden)
+    wheels = range(inputs, inputs + OUTPUTS)
+    hidden = tuple(s for s in range(wheels.stop, len(genes)) if genes[s, 0])
+    computing = (*wheels, *hidden)
     alive = set(range(inputs)) | set(computing)
     links = [
         Link(source=int(source), target=target, weight=int(weight), delay=int(delay))
@@ -70,11 +69,11 @@ def read_wiring(genes: np.ndarray, *, inputs: int, outputs: int) -> Wiring:
         for expressed, source, weight, delay in genes[target, 2:].reshape(-1, 4)
         if expressed and int(source) in alive
     ]
-    useful = set(range(inputs, inputs + outputs))
+    useful = set(wheels)
     while more := {k.source for k in links if k.weight and k.target in useful} - useful:
         useful |= more
     return Wiring(
-        inputs=inputs, outputs=outputs, hidden=hidden, links=tuple(links),
+        inputs=inputs, hidden=hidden, links=tuple(links),
         thresholds={s: int(genes[s, 1]) for s in computing}, useful=frozenset(useful),
     )  # fmt: skip
 
@@ -120,11 +119,8 @@ def place_neurons(
             places[i] = np.array([-left, forward])
         else:
             places[i] = np.array([0.8 * unit * (i - (wiring.inputs - 1) / 2), -robot.radius - 0.5 * unit])
-    for k in range(wiring.outputs):
-        side = (-1, 1)[k % 2]
-        places[wiring.inputs + k] = np.array(
-            [side * (robot.track / 2 - 0.3 - 0.42 * unit), (-0.28 - 0.95 * (k // 2)) * unit]
-        )
+    for k, side in enumerate((-1, 1)):
+        places[wiring.inputs + k] = np.array([side * (robot.track / 2 - 0.3 - 0.42 * unit), -0.28 * unit])
     _place_hidden(wiring, robot.radius, places, unit)
     return places
 
@@ -167,7 +163,7 @@ def bend_links(wiring: Wiring, places: dict[int, F], sizes: dict[int, float], un
     outside = max(float(np.hypot(*place)) for place in places.values()) + 0.45 * unit
 
     def rim(neuron: int) -> tuple[float, bool]:
-        return sizes[neuron], wiring.inputs <= neuron < wiring.inputs + wiring.outputs
+        return sizes[neuron], wiring.kind(neuron) == "output"
 
     for link in wiring.links:
         if link.source == link.target:

@@ -11,7 +11,7 @@ from realitygap.report.gather import PER_CONDITION
 from realitygap.report.page import Words
 from realitygap.report.tables import TaskPart, counted
 from realitygap.report.transfers import Pair
-from realitygap.report.wiring import OUTPUTS, read_wiring
+from realitygap.report.wiring import read_wiring
 from realitygap.world.profile import Profile
 
 __all__ = [
@@ -93,7 +93,7 @@ def sheet_words(part: TaskPart, seen: str) -> Words:
 
 def network_words(genes: np.ndarray, title: str, inputs: int, *, champion: bool) -> Words:
     """Of a network's picture; `title` says whose it is, `champion` whether it was retested."""
-    wiring = read_wiring(genes, inputs=inputs, outputs=OUTPUTS)
+    wiring = read_wiring(genes, inputs=inputs)
     links = sum(wiring.works(link) for link in wiring.links)
     hidden = sum(h in wiring.useful for h in wiring.hidden)
     who = "Retested champion" if champion else "Fittest so far"
