@@ -129,9 +129,9 @@ def fit_forms(
     held_out = fits[form].model.copy()
     parts: list[tuple[NDArray[np.bool_], Values]] = []
     for out in rows.held_out(tick):
-        some = solve_form(rows, problem, noise, start=begin, without=out, intervals=False)
+        seen = rows.without(out).measured(noise)
+        some = solve(problem.frees, problem.model, seen, start=begin, intervals=False)
         if problem.steep:  # not from where the search ended that saw these places
-            seen = rows.measured(noise, without=out)
             some = _searched(problem, seen, some.values, draws=DRAWS_HELD_OUT, last=False)
         held_out[out] = some.model[out]
         parts.append((out, some.values))
@@ -151,7 +151,6 @@ def solve_form(
     noise: float,
     *,
     start: Values | None = None,
-    without: NDArray[np.bool_] | None = None,
     intervals: bool,
 ) -> Fit:
     """A form's least squares.
@@ -161,21 +160,14 @@ def solve_form(
         problem: the form.
         noise: counts.
         start: where to begin; None: as the problem has it.
-        without: [n] rows held out.
         intervals: whether they are estimated.
     """
-    measured = rows.measured(noise, without=without)
-
-    def once(begin: Values | None, intervals: bool) -> Fit:
-        return solve(problem.frees, problem.model, measured, start=begin, intervals=intervals)
-
-    if not problem.steep or without is not None:
-        return once(start or problem.begin, intervals)
-    begin = start or problem.begin
+    measured, begin = rows.measured(noise), start or problem.begin
     values: Values = begin or {f.key: f.start for f in problem.frees}
-    for reach in FINE_DEG if begin else SCANS_DEG:
-        values = once(scan(problem.model, values, measured, reach), False).values
-    return once(values, intervals)
+    for reach in (FINE_DEG if begin else SCANS_DEG) if problem.steep else ():
+        nearer = scan(problem.model, values, measured, reach)
+        values = solve(problem.frees, problem.model, measured, start=nearer, intervals=False).values
+    return solve(problem.frees, problem.model, measured, start=values, intervals=intervals)
 
 
 def _searched(problem: Problem, measured: Measured, start: Values, *, draws: int, last: bool) -> Fit:

@@ -107,10 +107,9 @@ class Rows:
         pairs = zip(self.recordings, self.split(self.live()), strict=True)
         return [replace(recording, counts=part) for recording, part in pairs]
 
-    def measured(self, noise: float, *, without: NDArray[np.bool_] | None = None) -> Measured:
-        """All readings of live sensors but those of rows [n] `without`, weighed by `noise` (counts)."""
-        use = self.use if without is None else self.use & ~without[:, None]
-        return Measured(counts=self.counts, noise=noise, use=use, clusters=self.block)
+    def measured(self, noise: float) -> Measured:
+        """All readings of live sensors, weighed by `noise` (counts)."""
+        return Measured(counts=self.counts, noise=noise, use=self.use, clusters=self.block)
 
     def _blocks(self) -> NDArray[np.int64]:
         """[n] patches of neighbouring distances and bearings: what errs, and is held out, together."""
