@@ -82,7 +82,7 @@ def evolve(
     """
     from realitygap.cli.evolve import begun_config, changed_config, folder_of
     from realitygap.cli.option import given, unusual
-    from realitygap.cli.studies import carry_out, run_shard
+    from realitygap.cli.studies import carry_out
     from realitygap.tasks.load import reference
     from realitygap.work.shard import Shard
     from realitygap.world.noise import noise_level
@@ -98,11 +98,11 @@ def evolve(
     chosen = changed_config(
         begun, name, tuple(map(noise_level, levels)), texts, {**given(fields), "spreads": spreads}
     )
-    how: Any = {"words": f"evolve {name}{unusual(engine)}", "workers": workers, "engine": engine}
-    how |= {"resume": resume, "watch": watch}
     with _stopping():
-        part = run_shard(folder, chosen, share, **how)
-        return carry_out(folder, chosen, **how).study if part is None else part
+        return carry_out(
+            folder, chosen, words=f"evolve {name}{unusual(engine)}", workers=workers, engine=engine,
+            resume=resume, shard=share, watch=watch,
+        ).study  # fmt: skip
 
 
 def merge(

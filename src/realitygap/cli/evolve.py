@@ -11,13 +11,7 @@ import click
 from realitygap.cli import option
 from realitygap.cli.estimate import consider
 from realitygap.cli.scene import note_dark
-from realitygap.cli.studies import (
-    carry_out,
-    interrupted_config,
-    run_shard,
-    show_shard_runs,
-    show_study,
-)
+from realitygap.cli.studies import carry_out, show_study
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -88,14 +82,8 @@ def evolve(
     if not resume:
         _notes(chosen, task, workers, shard)
     words = f"evolve {shlex.quote(task)}{option.unusual(engine)}"
-    share = run_shard(
-        folder, chosen, shard, words=words, workers=workers, engine=engine, resume=resume, watch=watch
-    )
-    if share is not None:
-        show_shard_runs(folder, share, json_output=json_output)
-        return
     carried = carry_out(
-        folder, chosen, words=words, workers=workers, engine=engine, resume=resume, watch=watch
+        folder, chosen, words=words, workers=workers, engine=engine, resume=resume, shard=shard, watch=watch
     )
     show_study(carried, json_output=json_output)
 
@@ -110,10 +98,11 @@ def folder_of(task: str) -> Path:
 def begun_config(folder: Path, task: str, config: Path | None, resume: bool) -> StudyConfig:
     """What a study begins from: a file, the study that is there, or one condition of the task."""
     from realitygap.study.config import StudyConfig
+    from realitygap.study.folder import exists, own_config
 
     if config is not None:
         return StudyConfig.from_toml(config, task=task)
-    return interrupted_config(folder, resume) or StudyConfig.single(task)
+    return own_config(folder) if resume and exists(folder) else StudyConfig.single(task)
 
 
 def changed_config(
@@ -143,7 +132,7 @@ def _notes(config: StudyConfig, task: str, workers: Workers, shard: Shard | None
     loaded = load_task(task).of(load_profile(config.profile))
     named = config.arenas.get(loaded.name)
     note_dark(loaded, loaded.arena if named is None else load_arena(named))
-    population = config.evolution.make(config.encoding_for(loaded.of(load_profile(config.profile)))).cells
+    population = config.evolution.make(config.encoding_for(loaded)).cells
     runs = config.runs * len(config.conditions)
     runs = runs if shard is None else len(shard.own(range(runs)))
     consider(runs=runs, evaluations=config.evaluations, workers=workers, population=population)

@@ -7,7 +7,7 @@ import click
 from realitygap.cli import option
 from realitygap.cli.kinds import Whole
 from realitygap.cli.output import print_json, print_table
-from realitygap.cli.scene import Scene
+from realitygap.cli.scene import facts, placed
 
 __all__ = ["probe"]
 
@@ -21,7 +21,7 @@ __all__ = ["probe"]
 @option.seed()
 @click.option("--repeat", type=Whole(1, 10**6), default=1, help="Read N times.")
 @option.as_json
-def probe(seed: int, repeat: int, json_output: bool, **scene_of: Any) -> None:
+def probe(seed: int, repeat: int, json_output: bool, **where: Any) -> None:
     """Read a robot's sensors at a place in TASK's arena.
 
     Readings are whole counts, as the robot's converter gives them; at noise zero they are shown
@@ -31,11 +31,10 @@ def probe(seed: int, repeat: int, json_output: bool, **scene_of: Any) -> None:
     Example: what the paper's model reads facing a cylinder, without noise
         realitygap probe avoidance --pose 25 15 180 --noise zero
     """
-    scene = Scene.load(**scene_of)
-    assert scene.pose is not None
-    proximity, ambient = scene.simulation().probe(scene.pose, stream=seed, repeat=repeat)
+    simulation, pose = placed(**where)
+    proximity, ambient = simulation.probe(pose, stream=seed, repeat=repeat)
     if json_output:
-        print_json({**scene.facts(seed), "proximity": proximity, "ambient": ambient})
+        print_json({**facts(simulation, seed), "proximity": proximity, "ambient": ambient})
         return
     for title, readings in (("proximity", proximity), ("ambient", ambient)):
         if not readings.shape[1]:

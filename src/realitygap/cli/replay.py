@@ -11,13 +11,12 @@ from realitygap.cli import option
 from realitygap.cli.estimate import ask_trust
 from realitygap.cli.kinds import FILM
 from realitygap.cli.output import print_json
-from realitygap.cli.scene import Scene, print_path
+from realitygap.cli.scene import facts, print_path
 from realitygap.errors import StudyError
 
 if TYPE_CHECKING:
-    from realitygap.cli.option import Numbers
     from realitygap.controller.layout import Genes
-    from realitygap.study.load import Run, Study
+    from realitygap.study.load import Run
 
 __all__ = ["replay", "the_individual"]
 
@@ -60,39 +59,34 @@ def replay(
     Example:
         realitygap replay out/reproduce 1 --noise double --animation champion.gif
     """
+    from realitygap.simulation.simulation import Simulation
     from realitygap.study.load import load_study
+    from realitygap.world.profile import load_profile
 
     ask_trust(study, trust)
     loaded = load_study(study)
     one = loaded.run(run)
     who, genes = the_individual(one, individual)
-    scene = _scene(loaded, one, profile, noise, pose)
-    trajectory, score = scene.simulation().trajectory(
-        loaded.networks(one.task, genes), stream=seed, pose=scene.pose, seconds=seconds
-    )
-    if picture is not None:
-        scene.save_picture(picture, trajectory)
-    if animation is not None:
-        scene.save_animation(animation, trajectory)
+    task, level = loaded.task(one.task), one.noise if noise is None else noise
+    robot = loaded.profile if profile is None else load_profile(profile)
+    place = None if pose is None else option.checked_pose(pose, task.arena, robot)
+    simulation, networks = Simulation(task, robot, level), loaded.networks(one.task, genes)
+    trajectory, score = simulation.trajectory(networks, stream=seed, pose=place, seconds=seconds)
+    if picture is not None or animation is not None:
+        from realitygap.report import save_animation, save_picture
+
+        for made, save in ((picture, save_picture), (animation, save_animation)):
+            if made is not None:
+                save(made, task, robot, trajectory, task.title)
     if json_output:
-        facts = {"study": study, "run": one.id, "name": one.name, "individual": who, **scene.facts(seed)}
-        print_json({**facts, **trajectory.to_dict(), "score": score})
+        whose = {"study": study, "run": one.id, "name": one.name, "individual": who}
+        print_json({**whose, **facts(simulation, seed), **trajectory.to_dict(), "score": score})
         return
     print_path(trajectory)
     click.echo(f"\n{one.name}, {who}: score {score:.6g}")
     for made in (picture, animation):
         if made is not None:
             click.echo(f"saved {made}")
-
-
-def _scene(study: Study, run: Run, profile: str | None, noise: float | None, pose: Numbers | None) -> Scene:
-    """The run's own task and robot; another robot, level of noise or pose if one is given."""
-    from realitygap.world.profile import load_profile
-
-    task, level = study.task(run.task), run.noise if noise is None else noise
-    robot = study.profile if profile is None else load_profile(profile)
-    place = None if pose is None else option.checked_pose(pose, task.arena, robot)
-    return Scene(task=task, profile=robot, noise=level, pose=place)
 
 
 def the_individual(run: Run, who: str) -> tuple[str, Genes]:

@@ -1,8 +1,8 @@
-"""What `simulate`, `probe` and `replay` have in common: a task, a robot and a simulation of both."""
+"""What `simulate`, `probe` and `replay` have in common: a simulation, and what is said of it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from realitygap.cli.estimate import note
@@ -10,85 +10,50 @@ from realitygap.cli.option import checked_pose
 from realitygap.cli.output import Figure, print_table
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from realitygap.cli.option import Numbers
-    from realitygap.controller.genotype import Layout
     from realitygap.simulation.simulation import Simulation
     from realitygap.tasks.task import Task
     from realitygap.track import Trajectory
     from realitygap.values import Pose
     from realitygap.world.arena import Arena
-    from realitygap.world.profile import Profile
 
-__all__ = ["Scene", "note_dark", "print_path"]
+__all__ = ["facts", "note_dark", "placed", "print_path"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Scene:
-    """A task and a robot at one level of noise, and where the robot is put (None: as the task says)."""
+def placed(
+    *, task: str, profile: str, noise: float, pose: Numbers, arena: str | None = None
+) -> tuple[Simulation, Pose]:
+    """The simulation that a person names, and the robot's pose there.
 
-    task: Task
-    profile: Profile
-    noise: float
-    pose: Pose | None
+    Args:
+        task: its name or file.
+        profile: the robot's.
+        noise: a scale.
+        pose: x, y (cm), heading (degrees).
+        arena: a file, instead of the task's own.
 
-    @classmethod
-    def load(cls, *, task: str, profile: str, noise: float, pose: Numbers, arena: str | None = None) -> Scene:
-        """The scene that a person names; `arena` takes the place of the task's own.
+    Raises:
+        BadParameter: the robot cannot stand at the pose.
+    """
+    from realitygap.simulation.simulation import Simulation
+    from realitygap.tasks import Start, load_task
+    from realitygap.world.arena import load_arena
+    from realitygap.world.profile import load_profile
 
-        Args:
-            task: its name or file.
-            profile: the robot's.
-            noise: a scale.
-            pose: x, y (cm), heading (degrees).
-            arena: a file, instead of the task's own.
+    loaded, robot = load_task(task), load_profile(profile)
+    room = loaded.arena if arena is None else load_arena(arena)
+    place = checked_pose(pose, room, robot)
+    note_dark(loaded, room)
+    faces = (place.heading_deg, place.heading_deg)
+    start = Start(x_cm=place.x, y_cm=place.y, heading_deg=faces)  # the task's own need not be free here
+    return Simulation(replace(loaded.of(robot), arena=room, start=start), robot, noise), place
 
-        Raises:
-            BadParameter: the robot cannot stand at the pose.
-        """
-        from realitygap.tasks import Start, load_task
-        from realitygap.world.arena import load_arena
-        from realitygap.world.profile import load_profile
 
-        loaded, robot = load_task(task), load_profile(profile)
-        room = loaded.arena if arena is None else load_arena(arena)
-        place = checked_pose(pose, room, robot)
-        note_dark(loaded, room)
-        faces = (place.heading_deg, place.heading_deg)
-        start = Start(x_cm=place.x, y_cm=place.y, heading_deg=faces)  # the task's own need not be free here
-        begun = replace(loaded.of(robot), arena=room, start=start)
-        return cls(task=begun, profile=robot, noise=noise, pose=place)
-
-    @property
-    def layout(self) -> Layout:
-        """The genotypes that fit the task: one input for each sensor it feeds."""
-        from realitygap.controller.genotype import Layout
-
-        return Layout(inputs=len(self.task.sensors))
-
-    def simulation(self) -> Simulation:
-        """The simulation of this scene."""
-        from realitygap.simulation.simulation import Simulation
-
-        return Simulation(self.task, self.profile, self.noise)
-
-    def save_picture(self, path: Path, trajectory: Trajectory) -> None:
-        """Draw a trajectory with its tail."""
-        from realitygap.report import save_picture
-
-        save_picture(path, self.task, self.profile, trajectory, self.task.title)
-
-    def save_animation(self, path: Path, trajectory: Trajectory) -> None:
-        """Film a trajectory."""
-        from realitygap.report import save_animation
-
-        save_animation(path, self.task, self.profile, trajectory, self.task.title)
-
-    def facts(self, seed: int) -> dict[str, Any]:
-        """What a person needs to make the same figures again."""
-        names = {"task": self.task.name, "arena": self.task.arena.name, "profile": self.profile.name}
-        return {**names, "noise": self.noise, "seed": seed}
+def facts(simulation: Simulation, seed: int) -> dict[str, Any]:
+    """What a person needs to make the same figures again."""
+    task, profile = simulation.task, simulation.profile
+    names = {"task": task.name, "arena": task.arena.name, "profile": profile.name}
+    return {**names, "noise": simulation.noise, "seed": seed}
 
 
 def note_dark(task: Task, arena: Arena) -> None:

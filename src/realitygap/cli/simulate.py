@@ -7,7 +7,7 @@ import click
 
 from realitygap.cli import option
 from realitygap.cli.output import print_json
-from realitygap.cli.scene import Scene, print_path
+from realitygap.cli.scene import facts, placed, print_path
 
 __all__ = ["simulate"]
 
@@ -29,7 +29,7 @@ def simulate(
     seconds: float | None,
     picture: Path | None,
     json_output: bool,
-    **scene_of: Any,
+    **where: Any,
 ) -> None:
     """Simulate one trial of TASK.
 
@@ -41,17 +41,20 @@ def simulate(
     Example:
         realitygap simulate avoidance --controller constant:5,-3 --pose 25 25 90 --json
     """
+    from realitygap.controller.layout import Layout
     from realitygap.controller.own import named_controller
     from realitygap.simulation.body import drive_simulated
 
-    scene = Scene.load(**scene_of)
-    driver = named_controller(controller, scene.task.feeds, scene.layout)
-    settings: dict[str, Any] = {"stream": seed, "pose": scene.pose, "seconds": seconds}
-    trajectory, score = drive_simulated(scene.simulation(), driver, **settings)
+    simulation, pose = placed(**where)
+    task = simulation.task
+    driver = named_controller(controller, task.feeds, Layout(inputs=len(task.sensors)))
+    trajectory, score = drive_simulated(simulation, driver, stream=seed, pose=pose, seconds=seconds)
     if picture is not None:
-        scene.save_picture(picture, trajectory)
+        from realitygap.report import save_picture
+
+        save_picture(picture, task, simulation.profile, trajectory, task.title)
     if json_output:
-        print_json({**scene.facts(seed), **trajectory.to_dict(), "score": score})
+        print_json({**facts(simulation, seed), **trajectory.to_dict(), "score": score})
         return
     print_path(trajectory)
     click.echo(f"\nscore {score:.6g}, end at ({trajectory.end.x:.1f}, {trajectory.end.y:.1f}) cm")

@@ -13,6 +13,7 @@ from realitygap.cli.failure import resumable
 from realitygap.cli.output import print_json, print_table, tell
 from realitygap.cli.progress import ProgressLine
 from realitygap.cli.show import describe, print_runs
+from realitygap.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -25,21 +26,18 @@ if TYPE_CHECKING:
 
     Then = Callable[[Study, ProgressLine], dict[str, Any]]
 
-__all__ = [
-    "carry_out", "interrupted_config", "print_scores", "reported", "run_shard", "show_shard",
-    "show_shard_runs", "show_study",
-]  # fmt: skip
+__all__ = ["carry_out", "reported", "show_shard", "show_study"]
 
 SCORES = ("behaviour", "correspondence")
 
 
 class Carried(NamedTuple):
-    """A study that was carried out, its report's page, its tables of scores, more parts of the JSON, and
-    how long each phase took, in words."""
+    """A study that was carried out, its report's page (of a shard None), its tables of scores, more parts of
+    the JSON, and how long each phase took, in words."""
 
     folder: Path
     study: Study
-    page: Path
+    page: Path | None
     tables: Sequence[ScoreTable]
     more: Mapping[str, Any]
     took: str
@@ -53,27 +51,35 @@ def carry_out(
     workers: Workers,
     engine: str,
     resume: bool,
+    shard: Shard | None = None,
     then: Then | None = None,
     watch: bool = False,
 ) -> Carried:
     """Run or continue the study in `folder`, then report on it; what came of it, for `show_study`.
 
     Args:
-        folder: the study's.
+        folder: the study's, or the shard's.
         config: what to do, or who finds that out first; a study that is there must have been made with it.
         words: how this command is called, up to its options: what to type to resume.
         workers: processes; one a core if None.
         engine: what evolution's trials run on.
         resume: continue what is there.
+        shard: which share of the study, without a report; None continues a shard that is there.
         then: what is done between the study and its report; it gives further parts of the JSON.
-        watch: keep a page up to date that shows how evolution goes.
+        watch: keep a page up to date that shows how evolution goes; refused of a shard.
 
     Raises:
+        UsageError: a shard is to be watched.
         StoppedError: on Ctrl-C, saying how to go on.
     """
     from realitygap.study.runner import run_study
+    from realitygap.work.shard import read_mark
 
-    with resumable(folder, _again(words, folder)), ProgressLine() as progress, ExitStack() as stack:
+    part = shard is not None or read_mark(folder) is not None
+    if part and watch:
+        raise UsageError("watch: a shard has no page. Leave it out.")
+    again = f"realitygap {words} --out {shlex.quote(str(folder))} --resume"
+    with resumable(folder, again), ProgressLine() as progress, ExitStack() as stack:
         requested, show = config(progress) if callable(config) else config, progress.show
         if watch:
             from realitygap.report.watch import Watch
@@ -81,13 +87,13 @@ def carry_out(
             seen = stack.enter_context(Watch(folder, show))
             click.echo(f"watch {seen.page.resolve().as_uri()}", err=True)
             show = seen.show
-        study = run_study(folder, requested, workers=workers, engine=engine, resume=resume, on_progress=show)
+        study = run_study(
+            folder, requested, workers=workers, engine=engine, resume=resume, shard=shard, on_progress=show
+        )
+        if part:
+            return Carried(folder, study, None, (), {}, progress.took())
         more = {} if then is None else then(study, progress)
         return reported(folder, study, workers, progress, more)
-
-
-def _again(words: str, folder: Path) -> str:
-    return f"realitygap {words} --out {shlex.quote(str(folder))} --resume"
 
 
 def reported(
@@ -111,56 +117,6 @@ def reported(
     return Carried(folder, study, page, study_tables(study), more, progress.took())
 
 
-def run_shard(
-    folder: Path,
-    config: StudyConfig,
-    shard: Shard | None,
-    *,
-    words: str,
-    workers: Workers,
-    engine: str,
-    resume: bool,
-    watch: bool,
-) -> Study | None:
-    """Run or continue a shard in its `folder`; None of a folder that is to hold a whole study.
-
-    Args:
-        folder: the study's, or the shard's.
-        config: of the whole study.
-        shard: which; None continues the one that is there.
-        words: how this command is called, up to its options.
-        workers: processes; one a core if None.
-        engine: what evolution's trials run on.
-        resume: continue what is there.
-        watch: refused of a shard.
-
-    Raises:
-        UsageError: a shard is to be watched.
-        StoppedError: on Ctrl-C, saying how to go on.
-    """
-    from realitygap.errors import UsageError
-    from realitygap.study.runner import run_study
-    from realitygap.work.shard import read_mark
-
-    if shard is None and read_mark(folder) is None:
-        return None
-    if watch:
-        raise UsageError("watch: a shard has no page. Leave it out.")
-    with resumable(folder, _again(words, folder)), ProgressLine() as progress:
-        return run_study(
-            folder, config, workers=workers, engine=engine, resume=resume, shard=shard,
-            on_progress=progress.show,
-        )  # fmt: skip
-
-
-def show_shard_runs(folder: Path, study: Study, *, json_output: bool) -> None:
-    """Print a shard's finished runs, and how all shards are put together."""
-    done = [run for run in study.runs if run.finished]
-    if not json_output:
-        print_runs(done)
-    show_shard(folder, {"runs": [describe(study, run) for run in done]}, json_output=json_output)
-
-
 def show_shard(folder: Path, more: Mapping[str, Any], *, json_output: bool) -> None:
     """Say where a shard is, and how all of them are put together."""
     from realitygap.work.shard import read_mark, whole_of
@@ -174,19 +130,26 @@ def show_shard(folder: Path, more: Mapping[str, Any], *, json_output: bool) -> N
 
 
 def show_study(carried: Carried, *, json_output: bool) -> None:
-    """Print a study's runs and scores, and where it and its report are."""
+    """Print a study's runs and scores, and where it and its report are; of a shard the finished runs, and how
+    all shards are put together."""
     folder, study, page, tables, more, _ = carried
+    if page is None:
+        done = [run for run in study.runs if run.finished]
+        if not json_output:
+            print_runs(done)
+        show_shard(folder, {"runs": [describe(study, run) for run in done]}, json_output=json_output)
+        return
     if json_output:
         runs = [describe(study, run) for run in study.runs]
         told = [table.to_dict() for table in tables]
         print_json({"study": str(folder), "report": str(page), "runs": runs, "tables": told, **more})
         return
     print_runs(study.runs)
-    print_scores(tables)
+    _print_scores(tables)
     click.echo(f"\nstudy  {folder}\nreport {page}")
 
 
-def print_scores(tables: Sequence[ScoreTable]) -> None:
+def _print_scores(tables: Sequence[ScoreTable]) -> None:
     """Tables 1 and 2 by their averages."""
     rows = [
         [
@@ -201,10 +164,3 @@ def print_scores(tables: Sequence[ScoreTable]) -> None:
         paper = tuple(f"paper's {name}" for name in SCORES)
         head = ("scores, 0 to 10", "noise", "on", *SCORES, *paper)
         print_table(head, [[*row, *("–",) * (len(head) - len(row))] for row in rows])
-
-
-def interrupted_config(folder: Path, resume: bool) -> StudyConfig | None:
-    """What the study in `folder` was made with, if it is to be resumed and there is one."""
-    from realitygap.study.folder import exists, own_config
-
-    return own_config(folder) if resume and exists(folder) else None
