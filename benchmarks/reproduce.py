@@ -30,7 +30,7 @@ from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.study.config import StudyConfig
 from realitygap.study.materials import gather
 from realitygap.study.plan import plans
-from realitygap.study.run import advance, begin, bench_for
+from realitygap.study.run import Bench, advance, begin
 from realitygap.tasks import load_task
 from realitygap.world.profile import load_profile
 
@@ -100,7 +100,7 @@ def proportional_mb(pid: int) -> float:
 def serial_share(task: str) -> tuple[float, float]:
     """Microseconds of an evaluation in all, and of its compiled trials alone, in pairs."""
     materials = gather(StudyConfig.single(task))
-    bench, plan = bench_for(materials, 0), plans(materials)[0]
+    bench, plan = Bench(materials, 0), plans(materials)[0]
     state, _ = advance(bench, plan, begin(bench, plan), 300)
     pairs = []
     for _ in range(7):

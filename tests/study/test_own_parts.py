@@ -12,9 +12,8 @@ from zlib import decompress
 import numpy as np
 import pytest
 
-from realitygap.controller.operators import Variation
 from realitygap.errors import RealityGapError, StudyError, UsageError
-from realitygap.evolution import Population, RandomSearch
+from realitygap.evolution import Population
 from realitygap.study import sources
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import load_study
@@ -22,8 +21,6 @@ from realitygap.study.materials import gather
 from realitygap.study.reader import DATABASE
 from realitygap.study.run import Asked, Bench
 from realitygap.study.runner import run_study
-from realitygap.tasks import load_task
-from realitygap.world.profile import load_profile
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 SMALL = {"evaluations": 9, "retest_trials": 1, "fresh_trials": 1}
@@ -100,12 +97,10 @@ def test_another_algorithm_does_not_resume(theirs, tmp_path):
 
 def test_decoding_changes_no_gene_that_is_kept():
     """An encoding that works on its argument leaves what the algorithm is told and the store keeps."""
-    task, noise = load_task("avoidance"), 0.0
-    rest = {"algorithm": RandomSearch(encoding=Variation()), "retest_trials": 1, "fresh_trials": 1}
-    in_place = SimpleNamespace(decode=lambda genes: np.negative(genes, out=genes))
-    bench = Bench(task=task, profile=load_profile("paper"), noise=noise, encoding=in_place, **rest)
-    bench._simulations[noise] = SimpleNamespace(scores=lambda networks, streams: networks)
-    asked = Asked(noise, np.ones((1, 3)), np.zeros((1, 2), np.uint64))
+    bench = Bench(gather(config()), 0)
+    bench.encoding = SimpleNamespace(decode=lambda genes: np.negative(genes, out=genes))
+    bench._simulations[1.0] = SimpleNamespace(scores=lambda networks, streams: networks)
+    asked = Asked(1.0, np.ones((1, 3)), np.zeros((1, 2), np.uint64))
     assert (bench.scores(asked) == -1).all() and (asked.genes == 1).all()
 
 

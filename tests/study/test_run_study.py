@@ -21,7 +21,7 @@ from realitygap.study.load import load_study
 from realitygap.study.materials import gather
 from realitygap.study.parts import Condition
 from realitygap.study.plan import plans
-from realitygap.study.run import advance, begin, bench_for
+from realitygap.study.run import Bench, advance, begin
 from realitygap.study.runner import run_study
 from realitygap.work.pool import Here
 from tests.study.helpers import content, small
@@ -82,7 +82,7 @@ def test_the_fittest_and_the_champion(finished):
 def test_how_a_run_is_cut_changes_no_bit():
     """advance by 40 is advance by 1, 7 and 32."""
     materials = gather(small())
-    bench, plan = bench_for(materials, 0, "cores"), Workshop(materials).plan(1)
+    bench, plan = Bench(materials, 0), Workshop(materials).plan(1)
 
     def answered(state, n):
         asking, scores = advance(bench, plan, state, n), None
@@ -196,7 +196,7 @@ def test_a_moved_study_goes_on(finished, folder):
         for _ in range(2):
             message = next(messages)
             assert isinstance(message, Advanced)
-            store.advance(message.run, message.records, message.kept)
+            store.advance(message)
     half = load_study(folder)
     assert [run.evaluations for run in half.runs] == [0, 40]
     assert half.runs[0].fittest is None and half.runs[1].champion is None and not half.runs[1].tests

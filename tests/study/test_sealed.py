@@ -149,7 +149,7 @@ def half_done(folder: Path) -> None:
     with Store(folder / DATABASE) as store:
         messages = Workshop(materials).messages([Job(2, None)])
         for message, _ in zip(messages, range(2), strict=False):
-            store.advance(message.run, message.records, message.kept)
+            store.advance(message)
 
 
 def test_an_unfinished_run_is_sealed_too(folder):

@@ -118,7 +118,7 @@ def test_a_worker_needs_nothing_but_messages(tmp_path):
     own.carry_out(Job(1, None), near.append)
     far.carry_out(Job(1, None), away.append)
     far.close()
-    assert [m.kept.state for m in near[:-1]] == [m.kept.state for m in away[:-1]]
+    assert [m.state for m in near[:-1]] == [m.state for m in away[:-1]]
     assert near[-1].results.champion == away[-1].results.champion
 
 

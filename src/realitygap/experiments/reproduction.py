@@ -176,11 +176,11 @@ def meanwhile(workers: Workers) -> list[Callable[[], None]]:
 def compile_ahead() -> None:
     """Compile what evolution and its transfer call, which is the same for all robots, and keep it on file."""
     from realitygap.study.materials import gather
-    from realitygap.study.run import bench_for
+    from realitygap.study.run import Bench
 
     materials = gather(StudyConfig.reproduction())
     for condition in range(len(materials.tasks)):
-        bench = bench_for(materials, condition, "cores")
+        bench = Bench(materials, condition)
         bench.compile()
         networks = bench.encoding.decode(bench.individual[np.newaxis])
         bench.simulation(bench.noise).trajectory(networks, stream=0)

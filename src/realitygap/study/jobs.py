@@ -13,7 +13,7 @@ from realitygap.errors import UsageError
 from realitygap.evolution.algorithm import State
 from realitygap.study.materials import Materials
 from realitygap.study.plan import Plan, plans
-from realitygap.study.run import WHO, Asked, Bench, Records, Results, advance, begin, bench_for, finish
+from realitygap.study.run import WHO, Asked, Bench, Records, Results, advance, begin, finish
 from realitygap.tasks.task import Task
 from realitygap.user_code import blamed_on
 from realitygap.values import Closing
@@ -33,21 +33,15 @@ class Job(NamedTuple):
     checkpoint: bytes | None
 
 
-class Kept(NamedTuple):
-    """What the store keeps of a run's state."""
+class Advanced(NamedTuple):
+    """Evaluations of a run, and what is kept of its state after them."""
 
+    run: int
+    records: Records
     evaluations: int
     best_fitness: float
     best_number: int
     state: bytes
-
-
-class Advanced(NamedTuple):
-    """Evaluations of a run, and its state after them."""
-
-    run: int
-    records: Records
-    kept: Kept
 
 
 class Finished(NamedTuple):
@@ -142,10 +136,9 @@ class Workshop:
             with self._blamed():
                 some = min(left, self.config.checkpoint_every)
                 state, records = yield from advance(bench, plan, state, some)
-                kept = Kept(
-                    state.evaluations, float(state.best_fitness), int(state.best_number), state.to_bytes()
-                )
-            yield Advanced(job.run, records, kept)
+                best, number = float(state.best_fitness), int(state.best_number)
+                message = Advanced(job.run, records, state.evaluations, best, number, state.to_bytes())
+            yield message
         with self._blamed():
             results = yield from finish(bench, plan, state)
         yield Finished(job.run, results)
@@ -184,7 +177,7 @@ class Workshop:
 
     def _bench(self, condition: int) -> Bench:
         if condition not in self._benches:
-            self._benches[condition] = bench_for(self._materials, condition, self.engine)
+            self._benches[condition] = Bench(self._materials, condition, self.engine)
         return self._benches[condition]
 
 

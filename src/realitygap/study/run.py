@@ -7,7 +7,6 @@ they ask for and are sent the scores, so that an engine may carry out those of m
 
 import math
 from collections.abc import Generator
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -22,11 +21,9 @@ from realitygap.simulation.simulation import Simulation
 from realitygap.streams import BREEDING, FRESH, RETEST, TRIALS
 from realitygap.study.materials import Materials
 from realitygap.study.plan import Plan, trial_streams
-from realitygap.tasks.task import Task
 from realitygap.world.noise import NOISE_LEVELS
-from realitygap.world.profile import Profile
 
-__all__ = ["WHO", "Asked", "Bench", "Records", "Results", "advance", "begin", "bench_for", "finish"]
+__all__ = ["WHO", "Asked", "Bench", "Records", "Results", "advance", "begin", "finish"]
 
 Scores = NDArray[np.float64]
 
@@ -73,19 +70,23 @@ class Results(NamedTuple):
     """Scores on fresh trials by (who, noise level)."""
 
 
-@dataclass(frozen=True, kw_only=True)
 class Bench:
-    """What carries out the runs of one condition; made once in a process."""
+    """What carries out the runs of one condition of a study; made once in a process.
 
-    task: Task
-    profile: Profile
-    noise: float
-    encoding: Encoding
-    algorithm: Algorithm[Any]
-    retest_trials: int
-    fresh_trials: int
-    engine: str = "cores"
-    _simulations: dict[float, Simulation] = field(default_factory=dict, init=False, repr=False)
+    Args:
+        materials: the study's.
+        condition: which, from 0.
+        engine: the name of what carries out its trials.
+    """
+
+    def __init__(self, materials: Materials, condition: int, engine: str = "cores") -> None:
+        config = materials.config
+        self.task, self.profile, self.engine = materials.tasks[condition], materials.profile, engine
+        self.noise = config.conditions[condition].noise
+        self.encoding: Encoding = config.encoding_for(self.task)
+        self.algorithm: Algorithm[Any] = config.evolution.make(self.encoding)
+        self.retest_trials, self.fresh_trials = config.retest_trials, config.fresh_trials
+        self._simulations: dict[float, Simulation] = {}
 
     def simulation(self, noise: float) -> Simulation:
         """At a level of noise, kept."""
@@ -142,22 +143,6 @@ class Bench:
                 "again (from_bytes), got others. Keep all that they follow from in the state; draw them by "
                 "its stream and evaluations, not with a generator that goes on."
             )
-
-
-def bench_for(materials: Materials, condition: int, engine: str) -> Bench:
-    """The bench of one condition of a study, whose trials an engine of this name carries out."""
-    config, task = materials.config, materials.tasks[condition]
-    encoding = config.encoding_for(task)
-    return Bench(
-        task=task,
-        profile=materials.profile,
-        noise=config.conditions[condition].noise,
-        encoding=encoding,
-        algorithm=config.evolution.make(encoding),
-        retest_trials=config.retest_trials,
-        fresh_trials=config.fresh_trials,
-        engine=engine,
-    )
 
 
 def begin(bench: Bench, plan: Plan) -> State:

@@ -151,7 +151,7 @@ class _Keeper:
         """What came of a job."""
         run, reporter = message.run, self._reporter
         if isinstance(message, Advanced):
-            self._store.advance(run, message.records, message.kept)
+            self._store.advance(message)
             count = len(message.records.number)
             self._done, self._new = self._done + count, self._new + count
             pace = self._new / max(reporter.spent, 1e-9) if reporter.spent else 0.0

@@ -18,7 +18,7 @@ from realitygap import whole
 from realitygap.controller.encoding import facts_of
 from realitygap.errors import StudyError
 from realitygap.study.digest import seal, seal_more, verify_all
-from realitygap.study.jobs import Kept
+from realitygap.study.jobs import Advanced
 from realitygap.study.materials import Materials
 from realitygap.study.plan import plans
 from realitygap.study.run import Records, Results
@@ -119,9 +119,9 @@ class Store(Closing):
             raise StudyError(f"{self.path}: run {run}: {error}. Restore the file from a copy.") from None
         return bytes(row[0])
 
-    def advance(self, run: int, records: Records, kept: Kept) -> None:
+    def advance(self, what: Advanced) -> None:
         """Keep evaluations, and the state after the last of them."""
-        done = kept.evaluations
+        run, records, done, best_fitness, best_number, state = what
         with self._transaction():
             genes = records.genes.astype(records.genes.dtype.newbyteorder("<"), copy=False)
             rows = _rows(run, records, self._trials)
@@ -131,10 +131,10 @@ class Store(Closing):
             else:
                 rows = ((*row, one.tobytes()) for row, one in zip(rows, genes, strict=True))
             self._database.executemany(self._insert, rows)
-            self._database.execute("REPLACE INTO checkpoint VALUES (?, ?, ?)", (run, done, kept.state))
+            self._database.execute("REPLACE INTO checkpoint VALUES (?, ?, ?)", (run, done, state))
             self._database.execute(
                 "UPDATE run SET evaluations = ?, best_fitness = ?, fittest = ? WHERE id = ?",
-                (done, kept.best_fitness, kept.best_number, run),
+                (done, best_fitness, best_number, run),
             )
             for part in ("evaluation", "genotypes")[: self._sealed + self._blocks]:
                 seal_more(self._database, run, part, done - len(genes))
