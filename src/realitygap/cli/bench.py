@@ -13,7 +13,7 @@ import click
 
 from realitygap.cli import option
 from realitygap.cli.kinds import Finite
-from realitygap.cli.output import Figure, print_json, print_table
+from realitygap.cli.output import Figure, table, tell
 
 if TYPE_CHECKING:
     from realitygap.kernels.params import Networks
@@ -46,12 +46,10 @@ def bench(profile: str, noise: float, seconds: float, json_output: bool) -> None
     from realitygap.work.workers import cores
 
     figures = {task: measure(task, profile=profile, noise=noise, seconds=seconds) for task in TASKS}
-    if json_output:
-        print_json({**figures, "cores": cores(), "profile": profile, "noise": noise})
-        return
+    facts = {**figures, "cores": cores(), "profile": profile, "noise": noise}
     head = ("task", "steps/s, one core", f"steps/s, {cores()} cores")
     rows = [[task, *(Figure(rate, ",.0f") for rate in rates.values())] for task, rates in figures.items()]
-    print_table(head, rows)
+    tell(json_output, facts, table(head, rows))
 
 
 def measure(

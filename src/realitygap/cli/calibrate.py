@@ -13,7 +13,7 @@ import click
 from realitygap import whole
 from realitygap.cli.kinds import FileToWrite
 from realitygap.cli.option import as_json
-from realitygap.cli.output import Figure, print_json, print_table, warn
+from realitygap.cli.output import Figure, print_json, table, warn
 from realitygap.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -290,7 +290,7 @@ def _tell_judgement(one: Judgement) -> None:
     head = [what, "rmse", "bias", "error/noise where lit", "over all"]
     keys = (("rmse", 3), ("bias", 3), ("lit_ratio", 2), ("ratio", 2))[: used - 1]
     rows = [[m.sensor, *(Figure(round(getattr(m, k), n), "") for k, n in keys)] for m in one.per_sensor]
-    print_table(head[:used], rows)
+    click.echo(table(head[:used], rows))
     if isfinite(one.ratio):
         click.echo(f"  model error over noise, neither dark nor saturated: {one.ratio:.2f}; "
                    f"{one.within:.0%} of places err by two deviations at most")  # fmt: skip

@@ -10,7 +10,7 @@ import click
 
 from realitygap.cli import option
 from realitygap.cli.kinds import PICTURE, FileToWrite, Finite
-from realitygap.cli.output import Figure, print_json, print_table
+from realitygap.cli.output import Figure, table, tell
 from realitygap.cli.progress import FILM_AFTER_S, ProgressLine
 
 if TYPE_CHECKING:
@@ -68,11 +68,7 @@ def calibrate(
         report = partial(line.frames, "calibrating")
         made = calibrate_camera(known, worn, lens_height_cm=lens_height, on_progress=report)
     made.camera.save(out)
-    if json_output:
-        print_json({"camera": str(out), **made.to_dict()})
-        return
-    _print(made)
-    click.echo(f"saved {out}")
+    tell(json_output, {"camera": str(out), **made.to_dict()}, *_told(made), f"saved {out}")
 
 
 @camera.command(name="sheet")
@@ -96,15 +92,14 @@ def print_sheet(out: Path, marker: str | None, disk: str | None) -> None:
     click.echo(f"saved {out}")
 
 
-def _print(made: Calibration) -> None:
+def _told(made: Calibration) -> tuple[str, str]:
     """The residuals, frame by frame, and their summary."""
     rows = []
     for r in made.residuals:
         numbers = (Figure(value, ".2f") for value in (r.x_mm, r.y_mm, r.distance_mm, r.heading_deg))
         rows.append((r.frame, *numbers, _remark(r.used, r.x_mm)))
-    print_table(("frame", "x mm", "y mm", "off mm", "heading deg", ""), rows)
     facts = made.to_dict()
-    click.echo(
+    return table(("frame", "x mm", "y mm", "off mm", "heading deg", ""), rows), (
         f"\n{facts['used']} of {facts['frames']} frames used; "
         f"mean {facts['mean_mm']:.2f} mm and {facts['mean_heading_deg']:.2f}°, "
         f"worst {facts['worst_mm']:.2f} mm and {facts['worst_heading_deg']:.2f}°"

@@ -3,7 +3,7 @@
 import click
 
 from realitygap.cli import option
-from realitygap.cli.output import print_json, print_table, warn
+from realitygap.cli.output import table, tell, warn
 
 __all__ = ["classify"]
 
@@ -32,12 +32,9 @@ def classify(tracks: str, task: str | None, json_output: bool) -> None:
     setting = setting_of(trials, load_task(task) if task else None)
     warnings = doubts_of(trials)
     named = namer(setting, trials[0].radius_cm).name(trials, setting)
-    if json_output:
-        entries = [name._asdict() for name in named]
-        found = {"task": setting.name, "name": common_name(named), "tracks": entries}
-        print_json({**found, "warnings": warnings})
-    else:
-        rows = [(n.start, n.name, f"{n.confidence:.2f}") for n in named]
-        print_table(("start", "name", "confidence"), rows)
-        click.echo(f"\n{common_name(named)} (task: {setting.name})")
+    common, tracks = common_name(named), [name._asdict() for name in named]
+    rows = [(n.start, n.name, f"{n.confidence:.2f}") for n in named]
+    facts = {"task": setting.name, "name": common, "tracks": tracks, "warnings": warnings}
+    shown = table(("start", "name", "confidence"), rows)
+    tell(json_output, facts, shown, f"\n{common} (task: {setting.name})")
     warn(warnings)

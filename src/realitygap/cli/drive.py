@@ -7,7 +7,7 @@ import click
 
 from realitygap.cli import option
 from realitygap.cli.kinds import ROBOT, Whole
-from realitygap.cli.output import print_json, print_table, shown
+from realitygap.cli.output import shown, table, tell
 
 if TYPE_CHECKING:
     from realitygap.robots.address import Address
@@ -32,12 +32,7 @@ __all__ = ["drive"]
 @option.twin_noise()
 @option.seed()
 @option.seconds
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    metavar="DIR",
-    help="Keep the tracks there, for `realitygap score DIR`.",
-)
+@option.out(says="Keep the tracks there, for `realitygap score DIR`.")
 @option.as_json
 def drive(
     task: str,
@@ -71,14 +66,9 @@ def drive(
     layout = Layout(inputs=len(simulation.task.sensors))
     driver = named_controller(controller, simulation.task.feeds, layout)
     made = list(pairs(simulation, driver, robot, pose=at, folder=out, **words))
-    if json_output:
-        print_json(
-            {"task": simulation.task.name, "robot": str(robot), "trials": [one.to_dict() for one in made]}
-        )
-        return
+    facts = {"task": simulation.task.name, "robot": str(robot), "trials": [one.to_dict() for one in made]}
     rows = [
         [one.start, shown(one.score_simulated), shown(one.score_situated), one.track.lost] for one in made
     ]
-    print_table(("start", "simulated", "situated", "steps lost"), rows)
-    if out is not None:
-        click.echo(f"\ntracks {out}")
+    kept = () if out is None else (f"\ntracks {out}",)
+    tell(json_output, facts, table(("start", "simulated", "situated", "steps lost"), rows), *kept)

@@ -32,9 +32,7 @@ __all__ = ["begun_config", "changed_config", "evolve", "folder_of"]
 @option.seed(None, " [default: 1995]")
 @option.runs("Runs [default: 1].")
 @option.evaluations
-@click.option(
-    "--out", type=click.Path(path_type=Path), metavar="DIR", help="The study's folder [default: out/TASK]."
-)
+@option.out(says="The study's folder [default: out/TASK].")
 @click.option("--config", type=click.Path(path_type=Path), metavar="FILE", help="Begin from a study's TOML.")
 @click.option(
     "--set",

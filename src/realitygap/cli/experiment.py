@@ -12,12 +12,12 @@ from realitygap.cli import option
 from realitygap.cli.estimate import consider
 from realitygap.cli.failure import resumable
 from realitygap.cli.kinds import Whole
-from realitygap.cli.output import print_json, print_table, shown, tell
+from realitygap.cli.output import shown, table, tell
 from realitygap.cli.progress import ProgressLine
 from realitygap.cli.studies import show_shard
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from realitygap.experiments.noise.config import NoiseConfig
     from realitygap.experiments.randomise.results import Comparison, Outcome
@@ -75,18 +75,13 @@ def measure_or_randomise(
         results = carry_out(out, config, workers=workers, resume=resume, on_progress=progress.show)
         picture = draw_outcomes(results)
     found, comparisons = compared_in(results)
-    if json_output:
-        told = [
-            {**one.condition._asdict(), **one._asdict(), "condition": one.condition.name} for one in found
-        ]
-        places = {"experiment": str(out), "results": str(results), "picture": str(picture)}
-        print_json({**places, "outcomes": told, "comparisons": [one._asdict() for one in comparisons]})
-        return
-    _print(found, comparisons)
-    click.echo(f"\nresults {results}\npicture {picture}")
+    told = [{**one.condition._asdict(), **one._asdict(), "condition": one.condition.name} for one in found]
+    places = {"experiment": str(out), "results": str(results), "picture": str(picture)}
+    facts = {**places, "outcomes": told, "comparisons": [one._asdict() for one in comparisons]}
+    tell(json_output, facts, *_told(found, comparisons), f"\nresults {results}\npicture {picture}")
 
 
-def _print(found: list[Outcome], comparisons: list[Comparison]) -> None:
+def _told(found: list[Outcome], comparisons: list[Comparison]) -> Iterator[str]:
     """A line a condition and outcome, then what was planned to be compared."""
     rows = [
         [
@@ -95,11 +90,10 @@ def _print(found: list[Outcome], comparisons: list[Comparison]) -> None:
         ]
         for one in found
     ]  # fmt: skip
-    print_table(("outcome", "known", "randomised", "noise", "mean", "low", "high"), rows)
-    click.echo()
+    yield table(("outcome", "known", "randomised", "noise", "mean", "low", "high"), rows) + "\n"
     for one in comparisons:
         span = f"95 %: {shown(one.low)} to {shown(one.high)}"
-        click.echo(
+        yield (
             f"{one.outcome}: {one.first} against {one.second}: {shown(one.difference)} ({span}), "
             f"p {shown(one.p_holm)} by Holm: {one.found}"
         )

@@ -36,9 +36,7 @@ USES = {"parquet": "tables", "csv": "tables", "rerun": "log", "mcap": "log"}
     help="Source of RUN's controller. c99: a header and a source file; micropython: a module; "
     "arduino: a sketch's folder; e-puck2: a project on its maker's library.",
 )  # fmt: skip
-@click.option(
-    "--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Folder to write into."
-)
+@option.out(says="Folder to write into.", required=True)
 @option.individual
 @click.option("--robot", metavar="ROBOT", help="Whose trial: its folder's name in transfer/, as twin-1.")
 @click.option("--start", type=Whole(1, 10**6), help="Which trial, from 1 [default: the first there is].")

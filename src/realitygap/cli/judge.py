@@ -11,10 +11,12 @@ import click
 from realitygap import whole
 from realitygap.cli import option
 from realitygap.cli.kinds import SEED, FileToWrite
-from realitygap.cli.output import print_json, warn
+from realitygap.cli.output import tell, warn
 from realitygap.errors import TrackError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from realitygap.correspondence.judging import Agreement, Pair
     from realitygap.correspondence.setting import Setting
 
@@ -87,10 +89,7 @@ def marks(files: tuple[str, ...], key: str, json_output: bool) -> None:
         for pair, of in read_marks(file).items():
             given.setdefault(pair, {}).update(of)
     made = agreement(given, _scores(Path(key)))
-    if json_output:
-        print_json(made.to_dict())
-        return
-    _print(made)
+    tell(json_output, made.to_dict(), *_told(made))
 
 
 def _pairs(folder: Path, task: str | None) -> tuple[list[Pair], Setting]:
@@ -126,11 +125,11 @@ def _scores(path: Path) -> dict[int, float]:
         raise TrackError(f"{path}: expected the key that `realitygap judge page` wrote.") from None
 
 
-def _print(made: Agreement) -> None:
+def _told(made: Agreement) -> Iterator[str]:
     found = made.correlation
     low, high = found.interval
-    click.echo(f"{made.judges} judges, {made.pairs} pairs")
-    click.echo(f"score and mean rating: r {found.r:.2f} (95 %: {low:.2f} to {high:.2f}), rho {found.rho:.2f}")
-    click.echo(f"ratings differ from the score by {made.difference:+.1f} on average")
+    yield f"{made.judges} judges, {made.pairs} pairs"
+    yield f"score and mean rating: r {found.r:.2f} (95 %: {low:.2f} to {high:.2f}), rho {found.rho:.2f}"
+    yield f"ratings differ from the score by {made.difference:+.1f} on average"
     if made.between_judges is not None:
-        click.echo(f"a judge and the others' mean: r {made.between_judges:.2f}")
+        yield f"a judge and the others' mean: r {made.between_judges:.2f}"

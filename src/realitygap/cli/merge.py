@@ -26,12 +26,7 @@ __all__ = ["merge"]
 
 @click.command()
 @click.argument("shards", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    metavar="DIR",
-    help="Folder for the merged study [default: the shards' name without -shard-I-of-N].",
-)
+@option.out(says="Folder for the merged study [default: the shards' name without -shard-I-of-N].")
 @option.workers
 @option.trust
 @option.as_json

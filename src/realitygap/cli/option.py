@@ -138,10 +138,12 @@ def runs(says: str) -> Callable[[Decorated], Decorated]:
     return click.option("--runs", type=Whole(1, 10**6, "K"), help=says)
 
 
-def out(default: str) -> Callable[[Decorated], Decorated]:
-    """`--out DIR`, a study's folder."""
-    kind = click.Path(path_type=Path)
-    return click.option("--out", type=kind, default=Path(default), metavar="DIR", help="The study's folder.")
+def out(
+    default: str | None = None, says: str = "The study's folder.", *, required: bool = False
+) -> Callable[[Decorated], Decorated]:
+    """`--out DIR`."""
+    kind, usual = click.Path(path_type=Path), None if default is None else Path(default)
+    return click.option("--out", type=kind, default=usual, required=required, metavar="DIR", help=says)
 
 
 def controller(required: bool = True) -> Callable[[Decorated], Decorated]:

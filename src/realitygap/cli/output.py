@@ -8,7 +8,7 @@ from typing import Any, Self
 
 import click
 
-__all__ = ["Figure", "at_terminal", "plain", "print_json", "print_table", "shown", "tell", "warn"]
+__all__ = ["Figure", "at_terminal", "plain", "print_json", "shown", "table", "tell", "warn"]
 
 
 def plain(value: Any) -> Any:
@@ -64,17 +64,19 @@ def shown(value: float | None) -> str:
     return str(Figure(value, ".3g"))
 
 
-def print_table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     """Columns that line up: numbers to the right, words to the left."""
     cells = [[str(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(head, *cells, strict=True)]
     right = [bool(rows) and not isinstance(row_cell, str) for row_cell in (rows[0] if rows else head)]
+    lines = []
     for line in ([*head], *cells):
         text = [
             cell.rjust(width) if to_right else cell.ljust(width)
             for cell, width, to_right in zip(line, widths, right, strict=True)
         ]
-        click.echo("  ".join(text).rstrip())
+        lines.append("  ".join(text).rstrip())
+    return "\n".join(lines)
 
 
 def at_terminal() -> bool:

@@ -6,7 +6,7 @@ import click
 
 from realitygap.cli import option
 from realitygap.cli.kinds import Whole
-from realitygap.cli.output import print_json, print_table
+from realitygap.cli.output import print_json, table
 from realitygap.cli.scene import facts, placed
 
 __all__ = ["probe"]
@@ -41,7 +41,7 @@ def probe(seed: int, repeat: int, json_output: bool, **where: Any) -> None:
             continue
         click.echo(f"{title}, counts")
         rows = [[k, *(_count(reading) for reading in row)] for k, row in enumerate(readings.tolist())]
-        print_table(["reading", *(f"s{i}" for i in range(readings.shape[1]))], rows)
+        click.echo(table(["reading", *(f"s{i}" for i in range(readings.shape[1]))], rows))
 
 
 def _count(reading: float) -> float | int:

@@ -11,7 +11,7 @@ from realitygap.cli import option
 from realitygap.cli.estimate import consider
 from realitygap.cli.failure import resumable
 from realitygap.cli.kinds import Whole
-from realitygap.cli.output import print_json, print_table, warn
+from realitygap.cli.output import print_json, table, warn
 from realitygap.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -79,9 +79,8 @@ def realities(
     if json_output:
         print_json({"folder": str(out), "report": str(page), **realities_summary(places)})
         return
-    table = matrix(read_realities(places))
-    print_table(table.head, table.texts())
-    click.echo(f"\nreport {page}")
+    rows = matrix(read_realities(places))
+    click.echo(f"{table(rows.head, rows.texts())}\n\nreport {page}")
 
 
 def _asked(out: Path, resume: bool, given: dict[str, Any]) -> Realities:

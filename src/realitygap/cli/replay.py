@@ -10,8 +10,8 @@ import click
 from realitygap.cli import option
 from realitygap.cli.estimate import ask_trust
 from realitygap.cli.kinds import FILM
-from realitygap.cli.output import print_json
-from realitygap.cli.scene import facts, print_path
+from realitygap.cli.output import tell
+from realitygap.cli.scene import facts, path_table
 from realitygap.errors import StudyError
 
 if TYPE_CHECKING:
@@ -78,15 +78,10 @@ def replay(
         for made, save in ((picture, save_picture), (animation, save_animation)):
             if made is not None:
                 save(made, task, robot, trajectory, task.title)
-    if json_output:
-        whose = {"study": study, "run": one.id, "name": one.name, "individual": who}
-        print_json({**whose, **facts(simulation, seed), **trajectory.to_dict(), "score": score})
-        return
-    print_path(trajectory)
-    click.echo(f"\n{one.name}, {who}: score {score:.6g}")
-    for made in (picture, animation):
-        if made is not None:
-            click.echo(f"saved {made}")
+    whose = {"study": study, "run": one.id, "name": one.name, "individual": who}
+    found = {**whose, **facts(simulation, seed), **trajectory.to_dict(), "score": score}
+    saved = [f"saved {made}" for made in (picture, animation) if made is not None]
+    tell(json_output, found, path_table(trajectory), f"\n{one.name}, {who}: score {score:.6g}", *saved)
 
 
 def the_individual(run: Run, who: str) -> tuple[str, Genes]:

@@ -6,7 +6,7 @@ import click
 
 from realitygap.cli import option
 from realitygap.cli.estimate import ask_trust
-from realitygap.cli.output import print_table, tell
+from realitygap.cli.output import table, tell
 from realitygap.cli.progress import ProgressLine
 
 __all__ = ["report"]
@@ -62,8 +62,8 @@ def _answer(folders: tuple[str, ...], out: Path, *, json_output: bool) -> None:
         arms = read_arms(folders)
         page = build_answer(arms, out, on_progress=progress.report)
     if not json_output:
-        table = answer_tables(arms)["verdicts"]
-        print_table(table.head, table.texts())
+        verdicts = answer_tables(arms)["verdicts"]
+        click.echo(table(verdicts.head, verdicts.texts()))
     summary = answer_summary(arms)
     heads = "\n".join(f"({name}) {text}" for name, text in summary["headlines"].items())
     tell(json_output, {"report": str(page), **summary}, f"\n{heads}\n\nreport {page}")

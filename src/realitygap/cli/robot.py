@@ -10,7 +10,7 @@ from click.core import ParameterSource
 
 from realitygap.cli import option
 from realitygap.cli.kinds import ROBOT, Finite
-from realitygap.cli.output import print_json, print_table
+from realitygap.cli.output import print_json, table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -216,7 +216,7 @@ def _counters(body: Body) -> tuple[int, int] | None:
 def _tell(facts: dict[str, Any], channels: Sequence[Channel]) -> None:
     most = max(one.sensors for one in channels)
     rows = [[one.name, *map(int, facts[one.name]), *[""] * (most - one.sensors)] for one in channels]
-    print_table(["counts", *(f"s{i}" for i in range(most))], rows)
+    click.echo(table(["counts", *(f"s{i}" for i in range(most))], rows))
     if facts["counters"] is not None:
         click.echo("counters: {} and {} pulses".format(*facts["counters"]))
     loop = facts["loop"]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from realitygap.cli.estimate import note
 from realitygap.cli.option import checked_pose
-from realitygap.cli.output import Figure, print_table
+from realitygap.cli.output import Figure, table
 
 if TYPE_CHECKING:
     from realitygap.cli.option import Numbers
@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from realitygap.values import Pose
     from realitygap.world.arena import Arena
 
-__all__ = ["facts", "note_dark", "placed", "print_path"]
+__all__ = ["facts", "note_dark", "path_table", "placed"]
+
+EVERY = 10
+"""Steps of a trajectory from one row that is shown to the next."""
 
 
 def placed(
@@ -62,15 +65,15 @@ def note_dark(task: Task, arena: Arena) -> None:
         note(f"arena {arena.name!r} has no lamp: the light sensors that task {task.name!r} feeds read dark")
 
 
-def print_path(trajectory: Trajectory, every: int = 10) -> None:
-    """Every `every`th step of a trajectory and its end, as a table."""
+def path_table(trajectory: Trajectory) -> str:
+    """Every tenth step of a trajectory."""
     rows: list[list[object]] = []
     places = (trajectory.t, trajectory.x, trajectory.y, trajectory.heading_deg)
-    for k in range(0, len(trajectory.t), every):
+    for k in range(0, len(trajectory.t), EVERY):
         place, wheels = (
             [Figure(v, ".1f") for v in row] for row in ([p[k] for p in places], trajectory.wheels[k])
         )
-        touched = "yes" if trajectory.contact[k : k + every].any() else ""
+        touched = "yes" if trajectory.contact[k : k + EVERY].any() else ""
         rows.append([*place, *map(int, trajectory.commands[k]), *wheels, touched])
     head = ("t s", "x cm", "y cm", "heading°", "left", "right", "wheel l", "wheel r", "contact")
-    print_table(head, rows)
+    return table(head, rows)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from realitygap.cli import option
-from realitygap.cli.output import Figure, print_json, print_table, warn
+from realitygap.cli.output import Figure, print_json, table, warn
 
 if TYPE_CHECKING:
     from realitygap.correspondence.score import Comparison
@@ -117,8 +117,8 @@ def _print_lived(found: WithoutCamera) -> None:
         ]
         for one in found.controllers
     ]  # fmt: skip
-    print_table(("run", "on", "individual", "trials", "readings", "commands", "speeds", "all",
-                 "camera's score", "replay cm"), rows)  # fmt: skip
+    click.echo(table(("run", "on", "individual", "trials", "readings", "commands", "speeds", "all",
+                 "camera's score", "replay cm"), rows))  # fmt: skip
     left_out = sum(one.left_out for one in found.controllers)
     if left_out:
         click.echo(f"left out: {left_out} trials without a recording, or that are simulated otherwise today")

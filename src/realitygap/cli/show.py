@@ -10,7 +10,7 @@ import click
 from realitygap import whole
 from realitygap.cli import option
 from realitygap.cli.kinds import PICTURE
-from realitygap.cli.output import print_json, print_table, shown
+from realitygap.cli.output import print_json, shown, table
 
 if TYPE_CHECKING:
     from realitygap.controller.layout import Genes
@@ -84,7 +84,7 @@ def print_runs(runs: list[Run]) -> None:
         ]
         for run in runs
     ]  # fmt: skip
-    print_table(("run", "name", "evaluations", "best fitness", "champion retested", ""), rows)
+    click.echo(table(("run", "name", "evaluations", "best fitness", "champion retested", ""), rows))
 
 
 def _print_run(study: Study, run: Run) -> None:

@@ -6,8 +6,8 @@ from typing import Any
 import click
 
 from realitygap.cli import option
-from realitygap.cli.output import print_json
-from realitygap.cli.scene import facts, placed, print_path
+from realitygap.cli.output import tell
+from realitygap.cli.scene import facts, path_table, placed
 
 __all__ = ["simulate"]
 
@@ -53,10 +53,7 @@ def simulate(
         from realitygap.report import save_picture
 
         save_picture(picture, task, simulation.profile, trajectory, task.title)
-    if json_output:
-        print_json({**facts(simulation, seed), **trajectory.to_dict(), "score": score})
-        return
-    print_path(trajectory)
-    click.echo(f"\nscore {score:.6g}, end at ({trajectory.end.x:.1f}, {trajectory.end.y:.1f}) cm")
-    if picture is not None:
-        click.echo(f"picture {picture}")
+    told = [f"\nscore {score:.6g}, end at ({trajectory.end.x:.1f}, {trajectory.end.y:.1f}) cm"]
+    told += [] if picture is None else [f"picture {picture}"]
+    found = {**facts(simulation, seed), **trajectory.to_dict(), "score": score}
+    tell(json_output, found, path_table(trajectory), *told)

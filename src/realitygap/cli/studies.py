@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from realitygap.cli.failure import resumable
-from realitygap.cli.output import print_json, print_table, tell
+from realitygap.cli.output import print_json, table, tell
 from realitygap.cli.progress import ProgressLine
 from realitygap.cli.show import describe, print_runs
 from realitygap.errors import UsageError
@@ -163,4 +163,4 @@ def _print_scores(tables: Sequence[ScoreTable]) -> None:
         click.echo()
         paper = tuple(f"paper's {name}" for name in SCORES)
         head = ("scores, 0 to 10", "noise", "on", *SCORES, *paper)
-        print_table(head, [[*row, *("–",) * (len(head) - len(row))] for row in rows])
+        click.echo(table(head, [[*row, *("–",) * (len(head) - len(row))] for row in rows]))

@@ -14,7 +14,7 @@ from realitygap.cli import option
 from realitygap.cli.estimate import ask_trust, consider
 from realitygap.cli.failure import StoppedError
 from realitygap.cli.kinds import Whole
-from realitygap.cli.output import print_json, print_table, shown
+from realitygap.cli.output import print_json, shown, table
 from realitygap.cli.progress import ProgressLine
 from realitygap.cli.studies import show_shard
 from realitygap.errors import RobotStoppedError, StudyInterruptedError
@@ -159,7 +159,7 @@ def print_transfers(made: list[Transferred]) -> None:
         ]
         for one in made
     ]  # fmt: skip
-    print_table(("robot", "run", "start", "simulated", "situated", "path from", "late steps"), rows)
+    click.echo(table(("robot", "run", "start", "simulated", "situated", "path from", "late steps"), rows))
     for one in made:
         if one.missed_steps:
             told = f"{one.missed_steps} steps had no answer in time; the last readings were used instead"
