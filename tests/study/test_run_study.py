@@ -82,7 +82,7 @@ def test_the_fittest_and_the_champion(finished):
 def test_how_a_run_is_cut_changes_no_bit():
     """advance by 40 is advance by 1, 7 and 32."""
     materials = gather(small())
-    bench, plan = Bench(materials, 0), Workshop(materials).plan(1)
+    bench, plan = Bench(materials, 0), plans(materials)[0]
 
     def answered(state, n):
         asking, scores = advance(bench, plan, state, n), None

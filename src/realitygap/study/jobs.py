@@ -12,7 +12,7 @@ import numpy as np
 from realitygap.errors import UsageError
 from realitygap.evolution.algorithm import State
 from realitygap.study.materials import Materials
-from realitygap.study.plan import Plan, plans
+from realitygap.study.plan import plans
 from realitygap.study.run import WHO, Asked, Bench, Records, Results, advance, begin, finish
 from realitygap.tasks.task import Task
 from realitygap.user_code import blamed_on
@@ -71,10 +71,6 @@ class Workshop:
     def runs(self) -> list[int]:
         """Ids of all runs."""
         return list(self._plans)
-
-    def plan(self, run: int) -> Plan:
-        """The plan of a run."""
-        return self._plans[run]
 
     def compile(self) -> None:
         """Load or compile once all that the conditions' runs call."""
