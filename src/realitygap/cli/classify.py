@@ -32,9 +32,9 @@ def classify(tracks: str, task: str | None, json_output: bool) -> None:
     setting = setting_of(trials, load_task(task) if task else None)
     warnings = doubts_of(trials)
     named = namer(setting, trials[0].radius_cm).name(trials, setting)
-    common, tracks = common_name(named), [name._asdict() for name in named]
+    common, entries = common_name(named), [name._asdict() for name in named]
     rows = [(n.start, n.name, f"{n.confidence:.2f}") for n in named]
-    facts = {"task": setting.name, "name": common, "tracks": tracks, "warnings": warnings}
+    facts = {"task": setting.name, "name": common, "tracks": entries, "warnings": warnings}
     shown = table(("start", "name", "confidence"), rows)
     tell(json_output, facts, shown, f"\n{common} (task: {setting.name})")
     warn(warnings)
