@@ -35,13 +35,7 @@ def as_path(value: object, what: str) -> Path:
 
 
 def must_be(value: object, kind: type | UnionType, what: str, cure: str) -> None:
-    """Refuse a Python caller's value of another kind.
-
-    Args:
-        value: what came.
-        kind: the class that was expected.
-        what: its name in the message.
-        cure: what to do.
+    """Refuse a Python caller's value of another kind; `what` is its name in the message.
 
     Raises:
         UsageError: says what was expected, what came, and the cure.
@@ -51,12 +45,7 @@ def must_be(value: object, kind: type | UnionType, what: str, cure: str) -> None
 
 
 def read_text(path: str | Path, error: type[UsageError], cure: str) -> str:
-    """The text of a file in UTF-8.
-
-    Args:
-        path: the file.
-        error: what to raise.
-        cure: what to do if there is none, such as "Give the path of a disk's .toml file."
+    """The text of a file in UTF-8; `cure` is what to do if there is none.
 
     Raises:
         UsageError: of the class `error`: no such file, no right to read it, or no text.

@@ -14,13 +14,7 @@ __all__ = ["parse_toml", "read_toml", "to_toml"]
 def read_toml(
     path: str | Path, error: type[UsageError], cure: str, *, broken: str = "Correct that line."
 ) -> dict[str, Any]:
-    """The table of a TOML file.
-
-    Args:
-        path: the file.
-        error: what to raise.
-        cure: what to do if there is none.
-        broken: what to do if it is no TOML.
+    """The table of a TOML file; `cure` says what to do if there is none, `broken` if it is no TOML.
 
     Raises:
         UsageError: of the class `error`: as of `read_text`, or broken TOML, with its line.

@@ -62,10 +62,7 @@ def made(text: str, what: str, ways: Iterable[str], settings: Mapping[str, Any],
 def named_object(text: str, error: type[UsageError], what: str) -> object:
     """What `file.py:Name` or `module:Name` names; the file is run, the module imported.
 
-    Args:
-        text: as a person types it.
-        error: what to raise.
-        what: what it is to be, for the message, such as "robot".
+    `what` it is to be, such as "robot", stands in the message.
 
     Raises:
         UsageError: of the class `error`: no such file, module or name, or one that stops with an error.

@@ -34,11 +34,7 @@ def note(text: str) -> None:
 
 
 def note_versions(found: Iterable[Mapping[str, Iterable[str]]]) -> None:
-    """Say what differed between the machines that shards were made on, as bits may.
-
-    Args:
-        found: the versions of each part, by name.
-    """
+    """Say what differed between the machines that shards were made on, as bits may."""
     seen: dict[str, dict[str, None]] = {}
     for one in found:
         for name, values in one.items():

@@ -146,10 +146,7 @@ def _close_stdout() -> None:
 def tidy(command: click.Command, ctx: click.Context, args: list[str]) -> list[str]:
     """The words after a command's name; "25,25,90" becomes three where an option takes three.
 
-    Args:
-        command: whose words they are; of a group's, the subcommand's are looked at too.
-        ctx: the group's that holds it.
-        args: the words.
+    Of a group's the subcommand's are looked at too.
 
     Raises:
         click.UsageError: an option that takes one value and is given twice, or too few numbers.

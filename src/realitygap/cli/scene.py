@@ -26,14 +26,7 @@ EVERY = 10
 def placed(
     *, task: str, profile: str, noise: float, pose: Numbers, arena: str | None = None
 ) -> tuple[Simulation, Pose]:
-    """The simulation that a person names, and the robot's pose there.
-
-    Args:
-        task: its name or file.
-        profile: the robot's.
-        noise: a scale.
-        pose: x, y (cm), heading (degrees).
-        arena: a file, instead of the task's own.
+    """The simulation that a person names, and the robot's pose there; `arena` instead of the task's own.
 
     Raises:
         BadParameter: the robot cannot stand at the pose.

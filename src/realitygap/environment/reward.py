@@ -19,13 +19,7 @@ __all__ = ["Rewards"]
 
 
 class Rewards:
-    """Of N robots.
-
-    Args:
-        score: the task's.
-        room: what it sees besides the path.
-        robots: how many.
-        steps: of a whole trial.
+    """Of N robots, for trials of so many steps.
 
     Attributes:
         sums: float[N], of each trial so far: at its end its score.

@@ -48,11 +48,7 @@ def lock(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def locked(file: Path, *, within_s: float = 0.0) -> Iterator[None]:
-    """Hold a file against other processes.
-
-    Args:
-        file: made if need be.
-        within_s: how long whoever holds it is waited for.
+    """Hold a file, made if need be, against other processes; who holds it is waited for `within_s`.
 
     Raises:
         BlockingIOError: another process holds it.

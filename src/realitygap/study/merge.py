@@ -88,11 +88,7 @@ def _empty(half: Path) -> None:
 
 
 def merge_runs(shards: Mapping[Shard, Path], out: Path) -> Study:
-    """The study of all shards' runs, in a folder of its own.
-
-    Args:
-        shards: their folders, as `all_shards` has them.
-        out: the study's, made whole or not at all.
+    """The study of all shards' runs, in a folder of its own, made whole or not at all.
 
     Raises:
         StudyError: shards of different studies, a damaged one, one whose runs are not finished, or `out`

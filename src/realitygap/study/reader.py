@@ -104,11 +104,7 @@ class Reader:
     def table(self, name: str, kinds: Mapping[str, Any], order: str, run: int | None) -> Table:
         """Columns of a table, of a run or of all; NaN where there is nothing.
 
-        Args:
-            name: the table's.
-            kinds: NumPy types by column.
-            order: SQL, what the rows are ordered by.
-            run: whose rows; all runs' if None.
+        `kinds` are NumPy types by column, `order` is what SQL orders the rows by.
         """
         where, values = ("", ()) if run is None else ("WHERE run = ?", (run,))
         with self.reading(name, run) as database:
@@ -119,10 +115,6 @@ class Reader:
 
     def query(self, sql: str, config: Mapping[str, Any]) -> Table:
         """Columns of what a statement of SQL selects from the tables and the views.
-
-        Args:
-            sql: one statement that selects.
-            config: the study's configuration, for the views.
 
         Raises:
             StudyError: the statement cannot be carried out, or writes.

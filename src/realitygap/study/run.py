@@ -71,13 +71,7 @@ class Results(NamedTuple):
 
 
 class Bench:
-    """What carries out the runs of one condition of a study; made once in a process.
-
-    Args:
-        materials: the study's.
-        condition: which, from 0.
-        engine: the name of what carries out its trials.
-    """
+    """What carries out the runs of one condition of a study; made once in a process."""
 
     def __init__(self, materials: Materials, condition: int, engine: str = "cores") -> None:
         config = materials.config
@@ -155,12 +149,6 @@ def advance(
     bench: Bench, plan: Plan, state: State, n: int
 ) -> Generator[Asked, Scores, tuple[State, Records]]:
     """Carry out the next `n` evaluations of a run, as many at once as the algorithm gives.
-
-    Args:
-        bench: task, engine and algorithm.
-        plan: of the run.
-        state: of the algorithm.
-        n: evaluations.
 
     Returns:
         The state after them, and their records.

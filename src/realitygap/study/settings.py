@@ -27,12 +27,7 @@ EDITED = "Put it back as it was, or begin another study with it, in a folder of 
 
 
 def whole(key: str, value: object, low: int, high: int) -> None:
-    """Refuse what is no whole number from `low` to `high`.
-
-    Args:
-        key: its name in the message.
-        value: what came.
-        low, high: the limits, both allowed.
+    """Refuse what is no whole number from `low` to `high`, both allowed.
 
     Raises:
         ConfigError: names the key.
@@ -95,11 +90,7 @@ def refuse_difference(
 ) -> None:
     """Refuse to go on with other settings than those that something was made with.
 
-    Args:
-        what: where it is and how it came about: "FOLDER: the study was made".
-        there: its settings.
-        requested: those of now.
-        cure: what to do.
+    `what` says where it is and how it came about: "FOLDER: the study was made".
 
     Raises:
         StudyError: names the first key that differs, and both values.

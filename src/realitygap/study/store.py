@@ -29,12 +29,7 @@ __all__ = ["Store", "create"]
 
 
 def create(path: Path, materials: Materials, sources: Mapping[str, bytes]) -> None:
-    """Make a database with the runs of a study, whole or not at all.
-
-    Args:
-        path: the database's.
-        materials: the study's.
-        sources: all that the study follows from: files by their names in its folder.
+    """Make a database with the runs of a study, whole or not at all; `sources` are its files by their names.
 
     Raises:
         StudyError: it cannot be written there.
