@@ -37,6 +37,12 @@ def as_path(value: object, what: str) -> Path:
 def must_be(value: object, kind: type | UnionType, what: str, cure: str) -> None:
     """Refuse a Python caller's value of another kind; `what` is its name in the message.
 
+    Args:
+        value: what came.
+        kind: the class that was expected.
+        what: its name in the message.
+        cure: what to do.
+
     Raises:
         UsageError: says what was expected, what came, and the cure.
     """

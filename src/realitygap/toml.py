@@ -16,6 +16,12 @@ def read_toml(
 ) -> dict[str, Any]:
     """The table of a TOML file; `cure` says what to do if there is none, `broken` if it is no TOML.
 
+    Args:
+        path: the file.
+        error: what to raise.
+        cure: what to do if there is none.
+        broken: what to do if it is no TOML.
+
     Raises:
         UsageError: of the class `error`: as of `read_text`, or broken TOML, with its line.
     """

@@ -55,7 +55,14 @@ def bench(profile: str, noise: float, seconds: float, json_output: bool) -> None
 def measure(
     task: str, *, profile: str = "paper", noise: float = 1.0, seconds: float = 3.0
 ) -> dict[str, float]:
-    """Steps per second of `task` on one core and on all, for `seconds` each."""
+    """Steps per second of `task` on one core and on all, for `seconds` each.
+
+    Args:
+        task: its name or file.
+        profile: the robot's.
+        noise: a scale.
+        seconds: of either measurement.
+    """
     from realitygap.work.workers import cores
 
     settings: dict[str, Any] = {"profile": profile, "noise": noise, "seconds": seconds}
@@ -72,6 +79,13 @@ def steps_per_second(
 
     Each thread has its own simulation and random networks, and evaluates them batch after batch
     until the time is up.
+
+    Args:
+        task: its name or file.
+        profile: the robot's.
+        noise: a scale.
+        threads: how many.
+        seconds: how long.
     """
     from realitygap.simulation.simulation import Simulation
     from realitygap.tasks import load_task

@@ -199,6 +199,12 @@ def show_noise(out: Path, results: Path, more: Mapping[str, Any], *, json_output
     """Make the report of a study of noise, and print what it came to; of an arm of the plan its tables only.
 
     `more` are further parts of the JSON.
+
+    Args:
+        out: its folder.
+        results: its tables.
+        more: further parts of the JSON.
+        json_output: print JSON.
     """
     from realitygap.experiments.noise.config import NoiseConfig
     from realitygap.report.noise.report import build_noise_report, noise_summary

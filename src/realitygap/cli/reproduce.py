@@ -91,7 +91,17 @@ def carried_out(
     resume: bool,
     watch: bool = False,
 ) -> Carried:
-    """Calibrate, evolve, let the champions drive the twin if there is to be a `transfer`, report."""
+    """Calibrate, evolve, let the champions drive the twin if there is to be a `transfer`, report.
+
+    Args:
+        out: the study's folder.
+        requested: what is asked for.
+        transfer: let the champions drive the twin.
+        workers: processes; one a core if None.
+        engine: what evolution's trials run on.
+        resume: continue what is there.
+        watch: keep a page up to date that shows how evolution goes.
+    """
     from realitygap.experiments.reproduction import configured, transferred
     from realitygap.work.workers import opened
 

@@ -109,7 +109,14 @@ def _fresh_neuron(genes, slot, rates, stream):
 
 @routine
 def random_genes(slots, links, rates, stream):
-    """A random genotype of slots, and links in each: first which slots hold a neuron, then what each is."""
+    """A random genotype of slots, and links in each: first which slots hold a neuron, then what each is.
+
+    Args:
+        slots: how many neurons there is room for.
+        links: how many each has room for.
+        rates: how many inputs there are, and how likely neurons and links are.
+        stream: random numbers.
+    """
     genes = np.zeros((slots, FIRST_LINK + LINK_FIELDS * links), np.int8)
     stream = substream(stream, START)
     first_hidden = rates.inputs + 2
@@ -228,7 +235,13 @@ def crosses(crossover, stream):
 @routine
 def offspring(first, second, rates, stream):
     """One offspring of parents int8 [slots, fields]: crossover, point mutation, neuron added, deleted, link
-    added, deleted (§5.1)."""
+    added, deleted (§5.1).
+
+    Args:
+        first, second: parents, int8 [slots, fields].
+        rates: of every operator.
+        stream: random numbers.
+    """
     genes = first.copy()
     purpose = substream(stream, CROSSOVER)
     if _happens(rates.crossover, purpose):

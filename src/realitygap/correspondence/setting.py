@@ -91,7 +91,13 @@ class Around(NamedTuple):
 
 def around(arena: Arena, x: Floats, y: Floats, heading: Floats, radius_cm: Floats | float) -> Around:
     """What stands around a robot at places x, y [n] (cm) that looks along `heading` (rad); its radius is one,
-    or [n]."""
+    or [n].
+
+    Args:
+        arena: where it is.
+        x, y, heading: its poses.
+        radius_cm: its body's, one or [n].
+    """
     dx, dy, gap = _nearest_surface(arena, x, y)
     clearance = gap - _told(radius_cm)
     lamps = [(lamp.x_cm, lamp.y_cm) for lamp in arena.lamps]
@@ -107,7 +113,13 @@ def around(arena: Arena, x: Floats, y: Floats, heading: Floats, radius_cm: Float
 
 
 def fits(arena: Arena, x: Floats, y: Floats, radius_cm: float) -> bool:
-    """Whether a robot whose body is so wide could have been at all places x, y [n] (cm)."""
+    """Whether a robot whose body is so wide could have been at all places x, y [n] (cm).
+
+    Args:
+        arena: the room.
+        x, y: [n] places, cm.
+        radius_cm: of the body.
+    """
     return bool((_nearest_surface(arena, x, y)[2] > _told(radius_cm) - OUTSIDE_CM).all())
 
 

@@ -83,7 +83,14 @@ class Trial:
 def trial_of(
     trajectory: Trajectory, *, start: str = "1", unit: str = "", radius_cm: float = RADIUS_CM
 ) -> Trial:
-    """A simulated trajectory as a trial of a start, a robot's unit and a body, its last pose included."""
+    """A simulated trajectory as a trial of a start, a robot's unit and a body, its last pose included.
+
+    Args:
+        trajectory: of the simulation.
+        start: name of its start.
+        unit: name of its robot.
+        radius_cm: of the body.
+    """
     track = trajectory.track
     if len(track) > 1 and track.t[1] != STEP_S:
         return resampled(track, start=start, unit=unit, radius_cm=radius_cm)

@@ -123,6 +123,12 @@ class Variation(Protocol):
 def check_batch(batch: object, state: State, n: int, one: Genes) -> int:
     """Refuse what is no answer to `ask(state, n)`, of individuals like `one`; how many there are.
 
+    Args:
+        batch: the answer.
+        state: that was asked about.
+        n: as many as were asked for.
+        one: an individual, of the type and shape of all.
+
     Raises:
         UsageError: says what was expected of the algorithm and what came.
     """
@@ -147,6 +153,12 @@ def check_state(state: State, cells: int, batch: Batch, fitness: NDArray[np.floa
     """Refuse a state of so many cells that does not tell of the evaluations that it was told of.
 
     The batch is all of them since a state that was checked, with their fitness [n].
+
+    Args:
+        state: after them.
+        cells: of its algorithm.
+        batch: all of them since a state that was checked.
+        fitness: theirs.
 
     Raises:
         UsageError: says what was expected of the algorithm and what came.

@@ -56,7 +56,13 @@ def _neighbourhood(cell, rows, columns, cells):
 @routine
 def torus_event(fitness, rows, columns, event):
     """(cell that breeds, its mate, the cell that the offspring takes) on a grid with fitness [rows · columns]
-    (§5.1)."""
+    (§5.1).
+
+    Args:
+        fitness: [rows · columns] of the grid.
+        rows, columns: its size.
+        event: random numbers.
+    """
     cell = below(substream(event, CELL), 0, rows * columns)
     cells = np.empty(9, np.int64)
     _neighbourhood(cell, rows, columns, cells)

@@ -88,7 +88,14 @@ class Phases:
     def calibrate(
         self, phase: Phase, units: Iterable[int], record: Callable[[int, Recorded], None], steps: int
     ) -> None:
-        """Record and fit units that lack a profile, one after the other; each has so many parts (`steps`)."""
+        """Record and fit units that lack a profile, one after the other; each has so many parts (`steps`).
+
+        Args:
+            phase: this one.
+            units: that lack a profile.
+            record: makes it, and tells of its parts.
+            steps: how many parts a unit has.
+        """
         with self._timed(phase, phase.total - phase.left):
             for unit in units:
                 record(unit, self._parts(phase.cost / steps))

@@ -109,6 +109,13 @@ def configured(
 ) -> StudyConfig:
     """The requested study in its folder, its robot calibrated first where no profile is named.
 
+    Args:
+        folder: the study's.
+        requested: what was asked for.
+        resume: continue what is there.
+        workers: processes; one a core if None.
+        on_progress: hears how far the calibration is.
+
     Raises:
         StudyError: the folder holds something else, or a study and `resume` is not set.
         ConfigError: a profile that cannot be used.
@@ -137,7 +144,14 @@ def configured(
 def transferred(
     study: Study, *, starts: int, workers: Workers, on_progress: OnProgress | None
 ) -> list[Transferred]:
-    """Every champion on the unit from each start; the first trials of those that figures show are filmed."""
+    """Every champion on the unit from each start; the first trials of those that figures show are filmed.
+
+    Args:
+        study: with its runs finished.
+        starts: trials of each champion.
+        workers: processes; one a core if None.
+        on_progress: hears how far the trials are.
+    """
     filmed = [(run.id, 1) for run in shown_runs(study)]
     driven = Transfer(robots=(f"twin:{UNIT}",), film=filmed, starts=starts)
     return run_transfer(study, driven, workers=workers, on_progress=on_progress)

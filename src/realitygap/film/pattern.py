@@ -100,7 +100,14 @@ class Pattern(NamedTuple):
 @jit
 def spots(pattern: Any, points: Any, step: float, columns: Any, rows: Any) -> None:
     """Where a disk's pattern is in a window of steps (cm), into columns and rows [n, 1], from the columns and
-    rows of its two patches, `points` [4]."""
+    rows of its two patches, `points` [4].
+
+    Args:
+        pattern: its.
+        points: [4] columns and rows of its two patches.
+        step: of the window, cm.
+        columns, rows: [n, 1] into which they go.
+    """
     dx, dy = points[2] - points[0], points[3] - points[1]
     length = math.sqrt(dx * dx + dy * dy) * step
     ahead_x, ahead_y = dx / length, dy / length

@@ -35,6 +35,12 @@ def draw_tails(frame: Image, track: Track, camera: CameraModel, marker: Marker) 
     """A frame [height, width, 3] under the white lines of a track, one for each frame in which the
     robot was found; larger than the frame if that is small. The frame is darkened where its floor
     is so bright that white would not show.
+
+    Args:
+        frame: the picture.
+        track: of the film, a row a frame.
+        camera: calibrated.
+        marker: what the robot wears.
     """
     camera.check_size(frame.shape[1], frame.shape[0], "the frame")
     factor = max(1, math.ceil(_WIDE_PX / frame.shape[1]))

@@ -26,6 +26,12 @@ def draw_arena(ax: Axes, arena: Arena, *, labels: bool = True, names: bool = Fal
     """Floor, walls, inner walls, cylinders and lamps of an arena, to scale; the axes become cm.
 
     With `labels` they have ticks, otherwise there is nothing but the picture; with `names` lamps have theirs.
+
+    Args:
+        ax: where; its axes become cm.
+        arena: as the kernels see it.
+        labels: axes with ticks in cm; otherwise nothing but the picture.
+        names: write "lamp" at the lamps.
     """
     width, depth = (float(v) for v in arena.size)
     edge = 0.02 * max(width, depth)
@@ -153,6 +159,12 @@ def rays_of(robot: Robot, arena: Arena, feeds: str, pose: tuple[float, float, fl
     """The rays of what is fed to a network, to what they meet or as far as they matter: [rays, 2 ends, 2] cm.
 
     The pose is x, y (cm), heading (rad); `feeds` as a task has it.
+
+    Args:
+        robot: the robot.
+        arena: the room.
+        feeds: as a task has it.
+        pose: x, y (cm), heading (rad).
     """
     found = []
     for kind in feeds.split("+"):
@@ -186,6 +198,12 @@ def arena_figure(room: world.Arena, profile: Profile, feeds: str, start: np.ndar
     """Figure 1 or 2: a task's arena, with a robot that senses by what is fed to it, to scale.
 
     `feeds` is "proximity", "ambient" or "proximity+ambient"; `start` as `draw_start` has it.
+
+    Args:
+        room: the task's arena.
+        profile: the robot.
+        feeds: "proximity", "ambient" or "proximity+ambient".
+        start: where trials begin, as `draw_start` has it.
     """
     arena, robot = room.to_kernel(), profile.to_kernel()
     width, depth = (float(v) for v in arena.size)

@@ -83,7 +83,14 @@ class Paths:
         self._simulations: dict[tuple[str, float], Simulation] = {}
 
     def panel(self, part: TaskPart, condition: NoiseClass, row: Row, title: str) -> PathPanel:
-        """One trial of a run's champion at the noise it evolved under; `title` may hold {score}."""
+        """One trial of a run's champion at the noise it evolved under; `title` may hold {score}.
+
+        Args:
+            part: the task.
+            condition: the noise it evolved under.
+            row: the run.
+            title: may hold {score}.
+        """
         from realitygap.controller.network import decode
         from realitygap.simulation.simulation import Simulation
 

@@ -73,7 +73,14 @@ class Figures(dict[str, Picture]):
         self.workers = workers
 
     def add(self, name: str, draw: Callable[[], Figure], words: Words, label: str = "") -> Picture:
-        """Another figure, to be drawn with all the others: see Picture."""
+        """Another figure, to be drawn with all the others: see Picture.
+
+        Args:
+            name: of its files.
+            draw: makes it, perhaps in another process.
+            words: its text for those who do not see it, and its caption.
+            label: what the paper calls it.
+        """
         self[name] = Picture(name=name, draw=draw, words=words, label=label)
         return self[name]
 

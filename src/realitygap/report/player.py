@@ -57,7 +57,14 @@ def player_json(data: Json) -> str:
 def player_data(
     study: Study, parts: Sequence[TaskPart], pairs: Mapping[str, Sequence[Pair]], paths: Paths
 ) -> Json | None:
-    """All that the player knows, with transfers by task; None where no run has been begun."""
+    """All that the player knows, with transfers by task; None where no run has been begun.
+
+    Args:
+        study: the study.
+        parts: its tasks.
+        pairs: transfers by task.
+        paths: drives the champions.
+    """
     gather = _Gather(study, paths, {c.level for part in parts for c in part.conditions})
     tasks = [
         gather.task(part, pairs[part.task.name]) for part in parts if any(c.begun for c in part.conditions)
@@ -67,7 +74,14 @@ def player_data(
 
 def replay_data(simulation: Simulation, genes: Genes, lived: tuple[Trajectory, float], name: str) -> Json:
     """What the player knows of one simulated trial `lived`, with its score, by the network of `genes` of
-    slots; `name` says whose it is."""
+    slots; `name` says whose it is.
+
+    Args:
+        simulation: that it was lived in.
+        genes: of slots, whose network drove.
+        lived: the trial and its score.
+        name: whose, for people.
+    """
     task, profile, noise = simulation.task, simulation.profile, simulation.noise
     drawing, slots = network_drawing(genes, task, profile)
     cast = _Cast(task=task, genes=genes, slots=slots, unit_cm=_unit_cm(task))

@@ -82,7 +82,15 @@ NOTHING = Inside()
 
 def track(who: str, score: str, poses: Floats, unit_cm: float, inside: Inside = NOTHING) -> dict[str, object]:
     """One drive for the page: poses [n + 1, 3] in cm, cm, degrees, places packed in units of `unit_cm`;
-    rows of what went on inside belong to the first n."""
+    rows of what went on inside belong to the first n.
+
+    Args:
+        who: drove, in words.
+        score: as the tables write it.
+        poses: [n + 1, 3] cm, cm, degrees.
+        unit_cm: places are packed in such units.
+        inside: what is known besides.
+    """
     steps = len(poses) - 1
     packed = {"poses": pack(poses * np.array([1 / unit_cm, 1 / unit_cm, TURN]), "<i2")}
     rows = {

@@ -34,6 +34,13 @@ def draw_robot(
     """A robot to scale at a pose (x, y in cm, heading in rad), its outline in the colour `edge`.
 
     Body, wheels, and a line to its leading edge: its artists are returned.
+
+    Args:
+        ax: the axes, in cm.
+        robot: its body.
+        pose: x, y (cm), heading (rad).
+        look: colours and lines.
+        edge: the outline's colour.
     """
     x, y, heading = pose
     cos, sin = math.cos(heading), math.sin(heading)

@@ -76,6 +76,14 @@ def make_situated(
     """All of it, of a task's transfers, of which there are some.
 
     Its figures are added to those `listed`, its films copied into the report's folder.
+
+    Args:
+        part: the task's runs.
+        pairs: its transfers, at least one.
+        scene: the arena, and the robot that was simulated.
+        label: what the paper calls the figure.
+        listed: the page's figures, to which its own are added.
+        report: the report's folder, into which films are copied.
     """
     groups = transfers.groups_of(part, pairs)
     figures, sheets, films, seen = list[Picture](), list[Picture](), list[dict[str, object]](), list[Pair]()

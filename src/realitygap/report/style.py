@@ -119,6 +119,12 @@ def new_figure(
     """A figure of `width` × `height` inches that belongs to nobody's global state.
 
     Without a `layout` nothing is laid out; without `dpi`, dots an inch, it has Matplotlib's.
+
+    Args:
+        width: inches.
+        height: inches.
+        layout: how Matplotlib lays it out; None: not at all.
+        dpi: dots an inch; None: Matplotlib's.
     """
     figure = Figure(figsize=(width, height), layout=layout, dpi=dpi)
     FigureCanvasAgg(figure)
@@ -129,6 +135,12 @@ def save_figure(figure: Figure, folder: Path | None, name: str, *, dpi: int = 20
     """Write NAME.png and NAME.svg into a folder, if there is one; the SVG's text is returned.
 
     The same figure gives the same bytes: no date, fixed ids.
+
+    Args:
+        figure: the figure.
+        folder: where; None: nowhere.
+        name: of both files.
+        dpi: of the PNG.
     """
     buffer = io.StringIO()
     if folder is not None:

@@ -110,7 +110,15 @@ def width_inches(hidden: int) -> float:
 def place_neurons(
     wiring: Wiring, robot: Robot, sensor_places: F, sensors: Sequence[int], unit: float
 ) -> dict[int, F]:
-    """Inputs at their sensors, outputs beside their wheels, hidden neurons near what they join."""
+    """Inputs at their sensors, outputs beside their wheels, hidden neurons near what they join.
+
+    Args:
+        wiring: the network.
+        robot: its body.
+        sensor_places: [S, 2] cm.
+        sensors: which sensor feeds each input.
+        unit: how many cm of robot one unit of drawing takes: a neuron's radius is 0.36 of it.
+    """
     places: dict[int, F] = {}
     for i in range(wiring.inputs):
         sensor = sensors[i] if i < len(sensors) else -1
@@ -157,7 +165,14 @@ def _free_places(gap: float, radius: float, places: dict[int, F], unit: float) -
 
 
 def bend_links(wiring: Wiring, places: dict[int, F], sizes: dict[int, float], unit: float) -> list[F]:
-    """The curve [SAMPLES, 2] of each link, ending at its neurons' rims, clear of other neurons."""
+    """The curve [SAMPLES, 2] of each link, ending at its neurons' rims, clear of other neurons.
+
+    Args:
+        wiring: the network.
+        places: [2] of each neuron.
+        sizes: their radii.
+        unit: of drawing.
+    """
     curves: list[F] = []
     loops: dict[int, int] = {}
     outside = max(float(np.hypot(*place)) for place in places.values()) + 0.45 * unit
@@ -225,7 +240,14 @@ def _crowding(curve: F, others: F, room: F, earlier: list[F], unit: float) -> fl
 
 def label_places(curves: list[F], neurons: F, sizes: F, unit: float) -> list[F]:
     """Where each link's number stands: at its curve [SAMPLES, 2], away from neurons (places [n, 2] and
-    radii [n]), curves and other numbers."""
+    radii [n]), curves and other numbers.
+
+    Args:
+        curves: [SAMPLES, 2] of each link.
+        neurons: [n, 2] their places.
+        sizes: [n] their radii.
+        unit: of drawing.
+    """
     placed: list[F] = []
     for i, curve in enumerate(curves):
         along = curve[5:-2] - curve[3:-4]

@@ -92,7 +92,14 @@ def sheet_words(part: TaskPart, seen: str) -> Words:
 
 
 def network_words(genes: np.ndarray, title: str, inputs: int, *, champion: bool) -> Words:
-    """Of a network's picture; `title` says whose it is, `champion` whether it was retested."""
+    """Of a network's picture; `title` says whose it is, `champion` whether it was retested.
+
+    Args:
+        genes: its genotype.
+        title: whose.
+        inputs: how many it has.
+        champion: whether it was retested.
+    """
     wiring = read_wiring(genes, inputs=inputs)
     links = sum(wiring.works(link) for link in wiring.links)
     hidden = sum(h in wiring.useful for h in wiring.hidden)

@@ -113,7 +113,14 @@ class Recording:
     def from_rows(
         cls, columns: Sequence[str], rows: Sequence[Sequence[float]], *, ended: str, facts: Mapping[str, Any]
     ) -> Recording:
-        """From the names of a file's columns and their rows [n, columns]."""
+        """From the names of a file's columns and their rows [n, columns].
+
+        Args:
+            columns: their names.
+            rows: [n, columns].
+            ended: why.
+            facts: of recording.toml.
+        """
         table = np.array(rows, np.float64).reshape(len(rows), len(columns))
         names = np.array([name.rsplit("_", 1)[0] for name in columns], str)
         found = {

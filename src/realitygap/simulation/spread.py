@@ -17,6 +17,12 @@ def drawn(robot: Robot, stream: int, spread: float, wheels: float | None = None)
     on every ambient sensor's gain, on each wheel's speed a unit, and on the track.
 
     The spread is 0 to below 1; `wheels` is that of wheels and track, if it is another.
+
+    Args:
+        robot: the profile's.
+        stream: the trial's.
+        spread: 0 to below 1.
+        wheels: that of wheels and track, if it is another.
     """
     near, light = len(robot.proximity_a), len(robot.ambient_gain)
     under = np.uint64(substream(np.uint64(stream), np.uint64(CONSTANTS)))

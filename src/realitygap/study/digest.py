@@ -41,7 +41,14 @@ def seal(database: sqlite3.Connection, run: int, *parts: str) -> None:
 
 
 def seal_more(database: sqlite3.Connection, run: int, part: str, since: int) -> None:
-    """Put down a digest after rows were added, from the one that holds up to row number `since`."""
+    """Put down a digest after rows were added, from the one that holds up to row number `since`.
+
+    Args:
+        database: open for writing.
+        run: whose rows.
+        part: the table.
+        since: number of the first row that is new.
+    """
     query = f"SELECT * FROM {part} WHERE run = ? AND number >= ? ORDER BY number"
     rows = database.execute(query, (run, since))
     _put(database, run, part, _chained(_kept(database, run, part) or _first(part, rows), rows))
@@ -49,6 +56,12 @@ def seal_more(database: sqlite3.Connection, run: int, part: str, since: int) -> 
 
 def verify(database: sqlite3.Connection, path: Path, run: int, part: str) -> None:
     """See that a table's rows of a run are those that were written; run 0: of a table of the study.
+
+    Args:
+        database: open for reading.
+        path: its file, for the message.
+        run: whose rows; 0 for a table that belongs to the study.
+        part: the table.
 
     Raises:
         StudyError: they are not; names the file, the run and the cure.

@@ -50,6 +50,12 @@ def run_stream(seed: int, task: str, noise: float, index: int) -> np.uint64:
     """Where a run's randomness comes from: not from what else is in the study.
 
     `index` counts from 1 among the runs of the condition.
+
+    Args:
+        seed: the study's.
+        task: its name.
+        noise: level.
+        index: from 1 among the runs of the condition.
     """
     digest = hashlib.blake2b(f"{task}/{noise!r}".encode(), digest_size=8).digest()
     condition = substream(np.uint64(seed), np.uint64(int.from_bytes(digest, "little")))
@@ -73,6 +79,13 @@ def _streams(stream: np.uint64, first: int, count: int, trials: int) -> NDArray[
 
 
 def trial_streams(stream: np.uint64, first: int, count: int, trials: int) -> NDArray[np.uint64]:
-    """Streams [count, trials] of the trials of evaluations `first` and on, under a run's TRIALS."""
+    """Streams [count, trials] of the trials of evaluations `first` and on, under a run's TRIALS.
+
+    Args:
+        stream: under which they are.
+        first: number of the first evaluation.
+        count: evaluations.
+        trials: of each.
+    """
     streams: NDArray[np.uint64] = _streams(np.uint64(stream), first, count, trials)
     return streams

@@ -105,6 +105,12 @@ class Reader:
         """Columns of a table, of a run or of all; NaN where there is nothing.
 
         `kinds` are NumPy types by column, `order` is what SQL orders the rows by.
+
+        Args:
+            name: the table's.
+            kinds: NumPy types by column.
+            order: SQL, what the rows are ordered by.
+            run: whose rows; all runs' if None.
         """
         where, values = ("", ()) if run is None else ("WHERE run = ?", (run,))
         with self.reading(name, run) as database:

@@ -150,6 +150,12 @@ def advance(
 ) -> Generator[Asked, Scores, tuple[State, Records]]:
     """Carry out the next `n` evaluations of a run, as many at once as the algorithm gives.
 
+    Args:
+        bench: task, engine and algorithm.
+        plan: of the run.
+        state: of the algorithm.
+        n: evaluations.
+
     Returns:
         The state after them, and their records.
     """

@@ -29,6 +29,11 @@ EDITED = "Put it back as it was, or begin another study with it, in a folder of 
 def whole(key: str, value: object, low: int, high: int) -> None:
     """Refuse what is no whole number from `low` to `high`, both allowed.
 
+    Args:
+        key: its name in the message.
+        value: what came.
+        low, high: the limits, both allowed.
+
     Raises:
         ConfigError: names the key.
     """
@@ -91,6 +96,12 @@ def refuse_difference(
     """Refuse to go on with other settings than those that something was made with.
 
     `what` says where it is and how it came about: "FOLDER: the study was made".
+
+    Args:
+        what: where it is and how it came about: "FOLDER: the study was made".
+        there: its settings.
+        requested: those of now.
+        cure: what to do.
 
     Raises:
         StudyError: names the first key that differs, and both values.

@@ -85,7 +85,16 @@ def driven(
     recorder: Recorder | None = None,
 ) -> Driven:
     """Let an evolved controller drive a robot as it drove the simulation's: fed by `profile`'s input range,
-    commanding in its units. The robot is at its start; a recorder keeps the steps."""
+    commanding in its units. The robot is at its start; a recorder keeps the steps.
+
+    Args:
+        body: the robot, at its start.
+        controller: who drives.
+        task: which sensors it is fed.
+        profile: the one it was evolved with.
+        seconds: length of the trial.
+        recorder: keeps the steps.
+    """
     poses: list[Pose] = []
     sensors = task.of(profile).sensors
     seen = body if isinstance(body, Seen) else None

@@ -195,6 +195,14 @@ def film_and_track(
     """Film a trial's recorded states, then track the film: film, camera, track and tails into its folder.
 
     `facts` is what else the film's metadata shall say; `tell` hears the share that was done since last.
+
+    Args:
+        folder: the trial's.
+        states: from the trial's beginning to its end.
+        watcher: has the camera's calibration, and what the robot wears.
+        overhead: the camera that films.
+        facts: what else the film's metadata shall say.
+        tell: is given the share of this work that was done since the last time.
     """
     from realitygap.film.video import FilmWriter
     from realitygap.twin.drawing import WHOLE
@@ -225,6 +233,12 @@ def keep_film(
     """Track the film in a trial's folder: camera, track, tails and a disk of one's own beside it.
 
     `tell` hears frames done, and frames in all if that is known.
+
+    Args:
+        folder: the trial's.
+        camera: as it was calibrated.
+        marker: what the robot wears.
+        tell: hears frames done, and frames in all if that is known.
 
     Raises:
         FilmError: no film of this camera's, or no marker is seen in it.

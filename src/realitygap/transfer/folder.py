@@ -27,7 +27,14 @@ def made(final: Path, robot: Address) -> Iterator[Path]:
 
 
 def keep(final: Path, robot: Address, files: Mapping[str, bytes], *, finished: bool) -> None:
-    """Write down a trial that was made elsewhere, its files by their names; `finished`: that is all of it."""
+    """Write down a trial that was made elsewhere, its files by their names; `finished`: that is all of it.
+
+    Args:
+        final: its folder.
+        robot: who drove.
+        files: content by name.
+        finished: whether that is all of it.
+    """
     half = _begun(final, robot)
     for name, content in files.items():
         (half / name).write_bytes(content)

@@ -100,7 +100,14 @@ class Stage:
         return self.study.controller(one.task, genes)
 
     def by_itself(self, one: Situation, genes: Genes, folder: Path, tell: Tell) -> None:
-        """A whole trial on a robot that places itself; `tell` hears the share of the film that is done."""
+        """A whole trial on a robot that places itself; `tell` hears the share of the film that is done.
+
+        Args:
+            one: the trial.
+            genes: of who drives, as `genes` has them.
+            folder: of the trial's files.
+            tell: hears the share of the film that is done.
+        """
         with whole.together(folder):
             pose = self.simulation(one.task, one.noise).start(one.stream)
             facts = self._simulate(one, genes, pose, folder)
@@ -118,7 +125,14 @@ class Stage:
             self._write(one, folder, facts, path, driven)
 
     def by_hand(self, one: Situation, body: Body, carry: Carry, overhead: Overhead | None) -> None:
-        """A whole trial on a robot that a person carries to its start, under a camera if there is one."""
+        """A whole trial on a robot that a person carries to its start, under a camera if there is one.
+
+        Args:
+            one: the trial.
+            body: the robot.
+            carry: the person who carries it.
+            overhead: the camera above, if there is one.
+        """
         genes = self.genes(one)
         with made(self.place / one.folder, one.robot) as folder:
             pose = requested = self.simulation(one.task, one.noise).start(one.stream)

@@ -121,6 +121,15 @@ def on_twins(
 
     With `pack` those that are not filmed go into one file; so many are `done` already.
 
+    Args:
+        study: whose individuals drive.
+        place: where their folders are.
+        todo: the trials.
+        pack: whether those that are not filmed go into one file.
+        done: how many there are already.
+        pool: who makes them.
+        on_progress: called a few times a second.
+
     Raises:
         RealityGapError: the first that fails; the finished ones are kept.
     """
@@ -208,6 +217,13 @@ def by_hand(
     study: Study, place: Path, todo: Sequence[Situation], carry: Carry, overhead: Overhead | None = None
 ) -> None:
     """Make trials, one or more, on one robot that a person places; `overhead` sees it, if it is there.
+
+    Args:
+        study: whose individuals drive.
+        place: where their folders are.
+        todo: trials on one robot, one or more.
+        carry: the person who carries it.
+        overhead: the camera above, if there is one.
 
     Raises:
         UsageError: the port cannot be opened, or its rate is too slow.

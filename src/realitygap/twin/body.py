@@ -160,7 +160,12 @@ class TwinBody:
             wheel.set_position_gains(kp, ki, kd)
 
     def set_profile(self, vl: int, al: int, vr: int, ar: int) -> None:
-        """Speed and acceleration of the position controller, left and right, in the units of command J."""
+        """Speed and acceleration of the position controller, left and right, in the units of command J.
+
+        Args:
+            vl, vr: speeds, in the units of command J.
+            al, ar: accelerations, in the units of command J.
+        """
         self._wheels[0].state.profile, self._wheels[1].state.profile = (vl, al), (vr, ar)
 
     def pulses(self) -> tuple[int, int]:

@@ -131,6 +131,11 @@ class Drawing:
         """[rows, columns, 3] of a window of the picture: grey levels as floats, without the camera's noise.
 
         The robot is at x, y (m) with a heading (rad).
+
+        Args:
+            x, y: m.
+            heading: rad.
+            window: which rows and columns of the picture.
         """
         picture = self.background[window].copy()
         c, s = cos_sin(heading)

@@ -161,6 +161,12 @@ def creep_at(creep: Any, wheel: int, x: float, y: float, angle: float) -> Any:
     """Creep of a wheel (0 left, 1 right) that stands at x, y (m) and has turned by an angle (rad).
 
     To be asked once in `CREEP_MS`, while there are draws.
+
+    Args:
+        creep: the wheels'.
+        wheel: 0 left, 1 right.
+        x, y: where it stands, m.
+        angle: by which it has turned, rad.
     """
     if creep.noise == 0.0:
         return 0.0

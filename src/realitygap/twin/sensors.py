@@ -106,6 +106,13 @@ def noisy_proximity(noises: Any, noise: float, k: int, time_ms: int, signal: flo
     """What sensor k's converter takes for a signal (counts), its noise of this moment on it.
 
     `noises` are of what is seen and of a sensor that sees nothing, `noise` is their scale.
+
+    Args:
+        noises: of what is seen, and of a sensor that sees nothing.
+        noise: the scale.
+        k: which sensor.
+        time_ms: now.
+        signal: without noise.
     """
     if noise:
         when = refreshed_at(k, time_ms)

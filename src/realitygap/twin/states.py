@@ -32,7 +32,13 @@ class States(NamedTuple):
 
     @classmethod
     def standing(cls, time_ms: ArrayLike, x_cm: ArrayLike, y_cm: ArrayLike, heading: ArrayLike) -> States:
-        """States of a robot that stands upright: x, y in cm, heading in rad, [n] each."""
+        """States of a robot that stands upright: x, y in cm, heading in rad, [n] each.
+
+        Args:
+            time_ms: [n].
+            x_cm, y_cm: [n].
+            heading: [n] rad.
+        """
         t = np.asarray(time_ms, np.int64)
         half = np.asarray(heading, np.float64) / 2.0
         pose = np.zeros((len(t), 7))

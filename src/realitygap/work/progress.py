@@ -57,7 +57,15 @@ class Reporter:
         self._last = self._told = time.monotonic()
 
     def phase(self, name: str, *, done: int, total: int, what: str = "", **more: Any) -> None:
-        """A phase begins, of whose total so much is done already; `more` is for the event."""
+        """A phase begins, of whose total so much is done already; `more` is for the event.
+
+        Args:
+            name: the phase's.
+            done: how much of it is there already.
+            total: how much there is.
+            what: of which things.
+            more: for the event.
+        """
         self._event |= {"phase": name, "done": done, "total": total, "what": what, **more}
         self._last = time.monotonic()
         self._say()

@@ -137,7 +137,14 @@ def check_robot(config: NoiseConfig) -> None:
 def situate(
     stage: Stage, rigs: Rigs, one: Controller, tell: Callable[[float], None] = lambda _: None
 ) -> Situated:
-    """Let a controller drive its units from every start; `tell` hears the share that was done since last."""
+    """Let a controller drive its units from every start; `tell` hears the share that was done since last.
+
+    Args:
+        stage: of the study.
+        rigs: the units.
+        one: who drives.
+        tell: hears the share of the work that was done since the last time.
+    """
     config, units = stage.config, stage.config.driven(one.home, one.individual)
     driver = stage.driver(one)
     home, task = stage.profile(one.home), stage.task(one.task)

@@ -75,6 +75,12 @@ class Stage:
         What makes a network's inputs of readings (§7.2, "bands", the input range) belongs to the
         controller, which takes it from its calibration unit (`home`) to every robot: the twin's and the
         simulated.
+
+        Args:
+            task: its name.
+            unit: that the simulation is calibrated to.
+            home: the controllers' calibration unit.
+            level: of noise.
         """
         robot, own = self.profile(unit), self.profile(home)
         worn = replace(

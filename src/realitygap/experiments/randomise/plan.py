@@ -172,6 +172,13 @@ def evolution(
     """What evolves for a unit in one state of knowledge, and each controller's run there, by name.
 
     All states of a unit have the same seeds. `profile` is what is known: a file, or a shipped one's name.
+
+    Args:
+        config: the whole design.
+        unit: its number.
+        known: one of KNOWN.
+        profile: what is known, a file or a shipped profile's name.
+        spread: of the randomised conditions.
     """
     mine = [condition for condition in conditions() if condition.known == known]
     evolved = {condition: _evolved(condition, spread) for condition in mine}

@@ -124,7 +124,15 @@ def _claim_panel(ax: Axes, data: Crossed, scope: Scope, key: str) -> None:
 
 def panel(ax: Axes, data: Crossed, level: Floats, score: Floats, curve: Curve) -> None:
     """Every run's dot or dots, as many a run, of levels and scores [n]; and the curve through them: means
-    with their intervals, those of each of several seed sets."""
+    with their intervals, those of each of several seed sets.
+
+    Args:
+        ax: the axes.
+        data: the study's table.
+        level: [n] of each dot; as many a run.
+        score: [n].
+        curve: of all of them.
+    """
     _dots(ax, data, level, score, np.repeat(data.seed_set, len(score) // len(data)))
     levels_axis(ax, data.levels, data.robot)
     x = np.sqrt(curve.levels)

@@ -110,7 +110,14 @@ def claim_table(name: str, scope: str, finding: Finding) -> NoiseTable:
 def contrast_table(
     name: str, title: str, contrasts: Sequence[Contrast], coarse: Sequence[float] = ()
 ) -> NoiseTable:
-    """A row a level that the robot's is compared with; those that decide, the `coarse`, are marked."""
+    """A row a level that the robot's is compared with; those that decide, the `coarse`, are marked.
+
+    Args:
+        name: of its file.
+        title: its heading.
+        contrasts: the rows.
+        coarse: levels whose comparisons decide.
+    """
     sets, robot = [s.seed_set for s in contrasts[0].sets], contrasts[0].level
     rows: list[Row] = []
     for c in contrasts:

@@ -46,6 +46,12 @@ def opened(
 
     Its rate is tried for if `baud` is None.
 
+    Args:
+        port: of the line.
+        baud: its rate; None: try all.
+        kinds: of sensors to read.
+        clock_channel: of a twin in virtual time.
+
     Raises:
         UsageError: the port cannot be opened, or is too slow for these sensors.
         LineError: nobody answers.

@@ -114,7 +114,15 @@ def opened(
     stranger: bool = False,
     **_: Any,
 ) -> TwinBody:
-    """A unit by its number in words; its line has the usual rate if any will do."""
+    """A unit by its number in words; its line has the usual rate if any will do.
+
+    Args:
+        unit: its number.
+        baud: of its line.
+        noise: a scale.
+        kinds: of sensors to read.
+        stranger: as of `TwinBody`.
+    """
     return TwinBody(int(unit), noise=noise, baud=baud or 38400, kinds=kinds, stranger=stranger)
 
 
