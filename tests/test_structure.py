@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from pathlib import Path
 
 import realitygap
@@ -57,6 +58,49 @@ def test_a_circle_is_found() -> None:
     """The search finds a circle of three files, and none where two ways lead to one file."""
     assert circle({"a": {"b"}, "b": {"c"}, "c": {"a"}}) == ["a", "b", "c", "a"]
     assert not circle({"a": {"b", "c"}, "b": {"c"}, "c": set()})
+
+
+def unsaid(text: str) -> list[str]:
+    """Public functions and classes of a file whose four or more parameters its docstrings do not explain."""
+    tree = ast.parse(text)
+    public = next((ast.literal_eval(n.value) for n in tree.body if _assigned(n) == "__all__"), ())
+    found = []
+    for node in tree.body:
+        if getattr(node, "name", None) not in public:
+            continue
+        inside = node.body if isinstance(node, ast.ClassDef) else []
+        for one in (node, *inside):
+            if isinstance(one, ast.FunctionDef) and (one.name == "__init__" or one.name[0] != "_"):
+                told = [one, node] if one.name == "__init__" else [one]
+                said = " ".join(ast.get_docstring(other) or "" for other in told)  # type: ignore[arg-type]
+                names = {a.arg for a in (*one.args.posonlyargs, *one.args.args, *one.args.kwonlyargs)}
+                if len(names - {"self", "cls"}) >= 4 and not re.search(r"Args:|rguments as of|as of `", said):
+                    found.append(one.name)
+    return found
+
+
+def test_four_parameters_are_explained() -> None:
+    """Of every public function; a command's stand in its help."""
+    files = [path for path in sorted(SOURCE.rglob("*.py")) if path.parent.name != "cli"]
+    assert len(files) > 200
+    assert {_name(path): names for path in files if (names := unsaid(path.read_text("utf-8")))} == {}
+
+
+def test_an_unexplained_parameter_is_found() -> None:
+    """In a function, in a class, and not where it is explained or private."""
+    text = '''__all__ = ["f", "g", "C"]
+def f(a, b, c, *, d): "Something."
+def g(a, b, c, d): "Something.\\n\\nArgs:\\n    a: of it."
+def h(a, b, c, d): "Private."
+class C:
+    "Something."
+    def m(self, a, b, c): "Few."
+    def n(self, a, b, c, d): "Many."'''
+    assert unsaid(text) == ["f", "n"]
+
+
+def _assigned(node: ast.stmt) -> str:
+    return getattr(node.targets[0], "id", "") if isinstance(node, ast.Assign) else ""
 
 
 def _name(path: Path) -> str:

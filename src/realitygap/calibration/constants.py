@@ -28,7 +28,15 @@ def moved(constant: Constant, values: Mapping[str, Floats]) -> Constant:
 def bounded(
     names: Sequence[str], values: Floats, size: Floats, low: Floats, high: Floats, told: NDArray[np.bool_]
 ) -> tuple[Constant, ...]:
-    """Constants with 95 % intervals by the `size` of their deviations [p], cut off at their bounds [p]."""
+    """Constants with 95 % intervals by the `size` of their deviations [p], cut off at their bounds [p].
+
+    Args:
+        names: p of them.
+        values: what was fitted [p].
+        size: their standard deviations [p].
+        low, high: their bounds [p].
+        told: whether the readings say anything of it [p].
+    """
     least, most = np.fmax(low, values - SIGMAS * size), np.fmin(high, values + SIGMAS * size)
     columns = (column.tolist() for column in (values, least, most, told))
     return tuple(

@@ -28,9 +28,16 @@ SHIFT_CM = 0.2
 
 
 class Descent:
-    """Steps from values to better ones, at the places of `rows`, whose noise is in counts.
+    """Steps from values to better ones.
 
-    `sensors` are the base's; `straight`: all recordings are series of one sensor before a wall.
+    Args:
+        rows: readings, and the places where.
+        sensors: of the base profile.
+        noise: of a reading, counts.
+        draws: of the search at random.
+
+    Attributes:
+        straight: whether all recordings are series of one sensor before a wall.
     """
 
     def __init__(self, rows: Rows, sensors: Sequence[ProximitySensor], noise: float, *, draws: int) -> None:
@@ -71,7 +78,14 @@ class Descent:
     def stage(
         self, optics: Optics, values: Values, noise: float, reach: float
     ) -> tuple[Optics, dict[str, Floats]]:
-        """Directions, then where rays end, then all else: nearer, as if readings were good to `noise`."""
+        """Directions, then where rays end, then all else: nearer, as if readings were good to `noise`.
+
+        Args:
+            optics: directions and rays, which change.
+            values: of all that is free, by name.
+            noise: what readings are taken to be good to, counts.
+            reach: how far a direction may turn, degrees.
+        """
         values = self.turned(optics, values, noise, reach)
         optics = optics.centred(values)
         values = self.ended(optics, values, ENDS_CM)
@@ -100,7 +114,14 @@ class Descent:
         return dict(best)
 
     def turned(self, optics: Optics, values: Values, noise: float, reach: float) -> dict[str, Floats]:
-        """The values with each sensor looking where that leaves least over."""
+        """The values with each sensor looking where that leaves least over.
+
+        Args:
+            optics: what reaches the sensors, as it stands.
+            values: of all that is free, by name.
+            noise: what readings are taken to be good to, counts.
+            reach: how far a direction may turn, degrees.
+        """
         if self.straight:
             return dict(values)
         use = optics.seen.use
@@ -122,7 +143,14 @@ class Descent:
         return {**values, "range_cm": np.array([best if left(best) * PLAIN < left(0.0) else 0.0])}
 
     def solved(self, optics: Optics, start: Values, noise: float, *, intervals: bool = False) -> Fit:
-        """Least squares over all that is free, without the readings that hang on a ray's end by a hair."""
+        """Least squares over all that is free, without the readings that hang on a ray's end by a hair.
+
+        Args:
+            optics: what reaches the sensors, held as it is.
+            start: values to begin from.
+            noise: of a reading, counts.
+            intervals: whether to work out 95 % intervals.
+        """
         use, seen = optics.seen.use, self._seen(optics, noise)
         if start["range_cm"] > 0:
             near, far = (

@@ -181,6 +181,12 @@ def scan(model: Model, values: Values, measured: Measured, reach: float) -> dict
 
     Where direct light is bright, or a ray ends, a sensor's reading drops within a degree, and no derivative
     sees it come.
+
+    Args:
+        model: readings [n, sensors] of values.
+        values: of all that is free, by name.
+        measured: readings to come near.
+        reach: degrees to either side.
     """
     best, chosen = np.full(measured.counts.shape[1], np.inf), values["direction_deg"].copy()
     for off in np.linspace(-reach, reach, SCAN):

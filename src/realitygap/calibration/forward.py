@@ -86,7 +86,14 @@ def scene_of(recording: SensorRecording, paint: str = "") -> Scene:
 
 
 def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0, away_cm: float = 0.0) -> Floats:
-    """Noise-free proximity readings [n, P] of a recording's rows, counts."""
+    """Noise-free proximity readings [n, P] of a recording's rows, counts.
+
+    Args:
+        profile: the robot.
+        scene: what it stood before, row by row.
+        turn_deg: by how much the set-up was turned.
+        away_cm: by how much the object stood further off than it was said to.
+    """
     from realitygap.kernels.sweep import sweep_infrared
 
     robot = _robot(profile)

@@ -111,10 +111,15 @@ class LightCurves:
 
     What reaches a sensor (lamp, walls, lobe) is as the extended form found it; what it makes of that is a
     table in place of a straight law between dark and floor.
+
+    Args:
+        rows: all readings.
+        base: the profile that the extended form began from.
+        values: what the extended form found.
+        noise: of a reading, counts.
     """
 
     def __init__(self, rows: Rows, base: Profile, values: Values, noise: float) -> None:
-        """Of `rows`, all of them, with the extended form's `values` from `base`; `noise` in counts."""
         self._rows, self._base = rows, base
         light = self._light(values)
         bright = light[rows.use & (light > 0)]

@@ -54,8 +54,14 @@ POINTS = (STEPS // 4, STEPS // 2, 3 * STEPS // 4)
 
 
 class Measured:
-    """The form "measured" of the proximity sensors, fitted to rows; `judging`: only to read what others are
-    held out, by a shorter search."""
+    """The form "measured" of the proximity sensors.
+
+    Args:
+        rows: readings that it is fitted to.
+        base: the profile to begin from.
+        noise: of a reading, counts.
+        judging: fitted only to read what is held out, by a shorter search.
+    """
 
     def __init__(self, rows: Rows, base: Profile, noise: float, *, judging: bool = False) -> None:
         self._rows, self._noise, self._judging = rows, noise, judging

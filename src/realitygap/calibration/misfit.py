@@ -164,7 +164,14 @@ def _dark(mean: Floats, deviation: float) -> Floats:
 
 
 def misplaced(rows: Rows, profile: Profile, values: Values, deviation: float) -> float:
-    """By how many deviations lit readings change where what was set up by hand is a millimetre off."""
+    """By how many deviations lit readings change where what was set up by hand is a millimetre off.
+
+    Args:
+        rows: readings, and where they were taken.
+        profile: the fitted robot.
+        values: what was fitted beside it, by name.
+        deviation: of the noise, counts.
+    """
     change = np.full(rows.counts.shape, np.nan)
     for recording, (name, scene), part in zip(rows.recordings, rows.scenes, rows.split(change), strict=True):
         turn = float(values[name][0]) if name in values else 0.0

@@ -94,7 +94,14 @@ def folder_of(task: str) -> Path:
 
 
 def begun_config(folder: Path, task: str, config: Path | None, resume: bool) -> StudyConfig:
-    """What a study begins from: a file, the study that is there, or one condition of the task."""
+    """What a study begins from: a file, the study that is there, or one condition of the task.
+
+    Args:
+        folder: the study's.
+        task: a name or a file, as typed.
+        config: a file of --config, if any.
+        resume: whether to go on with what is there.
+    """
     from realitygap.study.config import StudyConfig
     from realitygap.study.folder import exists, own_config
 
@@ -107,7 +114,15 @@ def changed_config(
     begun: StudyConfig, task: str, noise: tuple[float, ...], settings: Iterable[str], given: Mapping[str, Any]
 ) -> StudyConfig:
     """The task alone at these levels of noise, with settings as --set has them, and what else is given:
-    `spreads`, `arena`, and fields of a configuration."""
+    `spreads`, `arena`, and fields of a configuration.
+
+    Args:
+        begun: what all this changes.
+        task: a name or a file, as typed.
+        noise: levels.
+        settings: KEY=VALUE each.
+        given: fields by name.
+    """
     from dataclasses import replace
 
     from realitygap.tasks import load_task

@@ -28,6 +28,13 @@ def placed(
 ) -> tuple[Simulation, Pose]:
     """The simulation that a person names, and the robot's pose there; `arena` instead of the task's own.
 
+    Args:
+        task: a name or a file.
+        profile: a name or a file.
+        noise: the level.
+        pose: x, y (cm) and heading (degrees).
+        arena: a name or a file.
+
     Raises:
         BadParameter: the robot cannot stand at the pose.
     """

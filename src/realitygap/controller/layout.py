@@ -96,7 +96,14 @@ def bare(layout: Layout) -> Genes:
 
 
 def write_neuron(genes: Genes, slot: int, threshold: int, links: Iterable[Iterable[int]]) -> None:
-    """Put a neuron into a slot: its threshold, and its first links: source slot, weight and delay of each."""
+    """Put a neuron into a slot: its threshold, and its first links: source slot, weight and delay of each.
+
+    Args:
+        genes: of one genotype, changed in place.
+        slot: its number.
+        threshold: in the network's units.
+        links: source slot, weight and delay of each.
+    """
     genes[slot, EXPRESSED], genes[slot, THRESHOLD] = 1, threshold
     for k, link in enumerate(links):
         genes[slot, FIRST_LINK + LINK_FIELDS * k :][:LINK_FIELDS] = (1, *link)

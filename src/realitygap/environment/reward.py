@@ -19,7 +19,13 @@ __all__ = ["Rewards"]
 
 
 class Rewards:
-    """Of N robots, for trials of so many steps.
+    """What N robots are rewarded with.
+
+    Args:
+        score: the task's.
+        room: where they are.
+        robots: N.
+        steps: of a trial.
 
     Attributes:
         sums: float[N], of each trial so far: at its end its score.

@@ -76,7 +76,14 @@ class Made(NamedTuple):
 
 
 class Phases:
-    """Does what is left to do, phase by phase, and says how far it is."""
+    """Does what is left to do, phase by phase, and says how far it is.
+
+    Args:
+        folder: the experiment's.
+        pool: who does the work.
+        phases: all of them, in order.
+        on_progress: who is told.
+    """
 
     def __init__(
         self, folder: Path, pool: Pool, phases: Sequence[Phase], on_progress: OnProgress | None

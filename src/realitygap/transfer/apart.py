@@ -35,6 +35,12 @@ def apart(simulated: Trajectory, situated: Recording, profile: Profile, task: Ta
     Of each sensor's readings, of each wheel's commands and of its speeds the two distributions over the trial
     are held against each other. Readings count in widths of the input range (what takes an input from −10 to
     10), commands and speeds in top commands, so that 1 is much. NaN where one side has no such column.
+
+    Args:
+        simulated: one trial.
+        situated: the other.
+        profile: of the robot: its input range and top command.
+        task: what it is fed.
     """
     from scipy.stats import wasserstein_distance
 
@@ -103,7 +109,14 @@ def _replayed(simulation: Simulation, situated: Recording, track: Track, pose: P
 
 
 def in_pseudo_realities(task: Task, profile: Profile, networks: Networks, stream: int | np.uint64) -> float:
-    """Mean fitness of a network in robots drawn round a profile, as noisy as it is: the same of a stream."""
+    """Mean fitness of a network in robots drawn round a profile, as noisy as it is: the same of a stream.
+
+    Args:
+        task: the task.
+        profile: the robot that others are drawn round.
+        networks: of one genotype.
+        stream: what random numbers follow from.
+    """
     simulation = Simulation(task.under(PSEUDO_SPREAD), profile, 1.0)
     seed = int(substream(np.uint64(stream), np.uint64(PSEUDO)))
     return float(simulation.scores(networks, batch_streams(seed, PSEUDO_REALITIES)[None]).mean())

@@ -116,7 +116,14 @@ def _drift_at(noise: Any, sensor: int, time_ms: int) -> Any:
 
 @step
 def noise_at(noise: Any, sensor: int, time_ms: int, refreshed: int) -> Any:
-    """The whole noise of a sensor, deviation 1, refreshed last at a time (ms)."""
+    """The whole noise of a sensor, deviation 1, refreshed last at a time (ms).
+
+    Args:
+        noise: one channel's.
+        sensor: its number.
+        time_ms: now.
+        refreshed: when its reading was last made anew, ms.
+    """
     return WHITE * white_at(noise, sensor, refreshed) + DRIFT * _drift_at(noise, sensor, time_ms)
 
 

@@ -69,7 +69,13 @@ def clearance(scene: Any, x: float, y: float) -> Any:
 
 @step
 def near(scene: Any, x: float, y: float, reach: float) -> Any:
-    """How many faces and circles come nearer than `reach` (m) to a point: they alone are looked at."""
+    """How many faces and circles come nearer than `reach` (m) to a point: they alone are looked at.
+
+    Args:
+        scene: what stands there; it holds their numbers afterwards.
+        x, y: the point, m.
+        reach: m.
+    """
     some, others = 0, 0
     for k in range(scene.length.shape[0]):
         if _to_face(scene, k, x, y) < reach:
@@ -149,7 +155,13 @@ def meet(scene: Any, counts: tuple[int, int], x: float, y: float, dx: float, dy:
 
 @step
 def is_clear(scene: Any, x: float, y: float, ax: float, ay: float) -> Any:
-    """Whether nothing stands between a point (m) and another, `ax`, `ay` further on."""
+    """Whether nothing stands between a point (m) and another, `ax`, `ay` further on.
+
+    Args:
+        scene: as `near` left it.
+        x, y: one point, m.
+        ax, ay: the way to the other, m.
+    """
     way = math.sqrt(ax * ax + ay * ay) + 1e-12
     dx, dy, far = ax / way, ay / way, way - 1e-9
     for k in range(SIDES, scene.length.shape[0]):

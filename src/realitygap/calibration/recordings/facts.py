@@ -35,7 +35,14 @@ def read_facts(folder: Path) -> dict[str, Any]:
 
 
 def number_of(folder: Path, facts: Mapping[str, Any], key: str, what: str) -> float | None:
-    """A fact above 0; None where it is not said."""
+    """A fact above 0; None where it is not said.
+
+    Args:
+        folder: the recording's, for messages.
+        facts: as read from its TOML.
+        key: the fact's.
+        what: the fact and its unit, in words, for messages.
+    """
     if (value := facts.get(key)) is None:
         return None
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < LARGEST:

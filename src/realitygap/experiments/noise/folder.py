@@ -36,6 +36,12 @@ def open_folder(
 
     It is marked as a shard before it is made; what is refused changes nothing.
 
+    Args:
+        folder: where the study is, or shall be.
+        requested: None to go on with the one that is there.
+        resume: whether one may be there.
+        mark: of a shard.
+
     Raises:
         StudyError: as of `folder.open_folder`; or an arm that is not the plan's.
     """

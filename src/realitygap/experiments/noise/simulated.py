@@ -203,6 +203,12 @@ def lived_apart(
     """A controller's distances without a camera on each unit, and its fitness in pseudo-realities.
 
     `simulated` are the trials that were kept, in the simulations that are as noisy as the robots.
+
+    Args:
+        stage: the study at work.
+        one: the controller.
+        kept: its situated trials.
+        simulated: the trials that were kept, in the simulations that are as noisy as the robots.
     """
     task, found = stage.task(one.task), {}
     for unit in kept.units:

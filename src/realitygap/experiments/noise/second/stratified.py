@@ -40,7 +40,14 @@ NOTHING = Tested(math.nan, 0.0, 1.0)
 
 def groups(data: Crossed, values: Floats, levels: tuple[float, float], least: int) -> Groups:
     """Known values [n] of those evolved at either level, within task and calibration unit; strata with fewer
-    than `least` of either are left out."""
+    than `least` of either are left out.
+
+    Args:
+        data: the controllers.
+        values: one of each, NaN where unknown [n].
+        levels: of noise: first, second.
+        least: controllers of either level in a stratum.
+    """
     pairs: dict[object, tuple[list[float], list[float]]] = {}
     for which, level in enumerate(levels):
         for i in np.flatnonzero((data.evolved == level) & np.isfinite(values)):
@@ -128,7 +135,13 @@ def by_failures(pairs: Groups, below: float) -> Tested:
 def by_slopes(x: Floats, y: Floats, units: NDArray[np.int64], tasks: NDArray[np.str_]) -> Tested:
     """Falling y over x [n], both standardised within the task: a slope a unit, the mean of its tasks';
     Student's t over units. The effect is the mean slope, a correlation; the statistic is above zero where y
-    falls."""
+    falls.
+
+    Args:
+        x, y: of each controller [n].
+        units: its calibration unit [n].
+        tasks: its task [n].
+    """
     slopes = []
     for unit in sorted(set(units.tolist())):
         of_tasks = []
