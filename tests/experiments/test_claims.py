@@ -129,6 +129,15 @@ def test_seed_sets_that_disagree_support_nothing() -> None:
     assert max(c.effect.p for c in found[0].contrasts) < 0.001
 
 
+def test_a_seed_set_that_shows_nothing_supports_nothing() -> None:
+    """Where one set has nobody to be held against, the other alone is not called supported."""
+    data = study(evolution(1.0, by=4.0), levels=(0.0, 1.0, 2.0))
+    alone = (data.seed_set == 2) & (data.evolved != 1.0)
+    contrasts = judge_claims(replace(data, home=np.where(alone, 9, data.home)), resamples=0)[1].contrasts
+    assert max(c.p_holm for c in contrasts) < 0.001
+    assert {c.found for c in contrasts} == {"open"}
+
+
 def test_ranks_agree_with_scipy() -> None:
     """Both tests give SciPy's p on data with ties; Cliff's delta is its U, rescaled."""
     draw = np.random.default_rng(4)

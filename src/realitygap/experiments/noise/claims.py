@@ -198,7 +198,8 @@ def verdict(contrasts: Sequence[Contrast], coarse: Sequence[float]) -> str:
 
 
 def _found(contrast: Contrast, p: float) -> Contrast:
-    signs = {math.copysign(1, s.effect.delta) if s.effect.delta else 0.0 for s in contrast.sets}
+    deltas = [s.effect.delta for s in contrast.sets]
+    signs = {float(np.sign(delta)) if math.isfinite(delta) else 0.0 for delta in deltas}  # nan: nothing there
     word = "open" if p >= ALPHA or len(signs) > 1 else {1.0: "above", -1.0: "below"}.get(signs.pop(), "open")
     return replace(contrast, p_holm=p, found=word)
 
