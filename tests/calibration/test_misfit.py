@@ -28,3 +28,10 @@ def test_bias_is_model_minus_measured(recorded, robot):
     told = judge(replace(table, counts=np.rint(0.8 * table.counts)), robot)
     assert told.bias > 10
     assert told.bias == pytest.approx(np.mean([one.bias for one in told.per_sensor]))
+
+
+def test_noise_that_nothing_tells_is_taken_from_the_channel(recorded, robot):
+    """Where neither readings nor profile tell it, light's usual noise stands in for light's."""
+    quiet = replace(robot, noise=replace(robot.noise, ambient=0.0))
+    told = judge(recorded("lamp", noise=0.0), quiet)
+    assert any("4.5" in warning for warning in told.warnings)

@@ -23,6 +23,7 @@ from realitygap.calibration.forward import (
     scene_of,
     wheel_speeds,
 )
+from realitygap.calibration.light_forms import AMBIENT_COUNTS
 from realitygap.calibration.misfit import LIMITS, Misfit, Yardstick, lit_ratio, measure_noise, misfits, within
 from realitygap.calibration.recordings.recording import (
     Recording,
@@ -117,7 +118,8 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     noise = {e.channel: (e.deviation, stated[e.channel]) for e in estimates}
     main = "proximity" if recording.kind == "infrared" else "ambient"
     measured = noise.get(main, (0.0, 0.0))[0]
-    deviation = measured or stated[main] or PROXIMITY_COUNTS * count_unit(part.top)
+    usual = PROXIMITY_COUNTS if main == "proximity" else AMBIENT_COUNTS
+    deviation = measured or stated[main] or usual * count_unit(part.top)
     of_noise = Yardstick(kind=recording.kind, top=part.top, deviation=deviation, measured=measured > 0)
     warnings += () if measured else (f"{recording.source}: {unmeasured(deviation)}",)
     off = (model - recording.counts)[:, live]
