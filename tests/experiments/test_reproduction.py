@@ -7,8 +7,9 @@ import pickle
 
 import pytest
 
-from realitygap.experiments.reproduction import compile_ahead, meanwhile
+from realitygap.experiments.reproduction import meanwhile
 from realitygap.kernels.jit import SHELF
+from realitygap.study.ahead import compile_ahead
 
 
 @pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="the compiler is off")

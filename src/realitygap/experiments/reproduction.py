@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
-import numpy as np
-
 from realitygap.errors import ConfigError, StudyError
+from realitygap.study.ahead import compile_ahead
 from realitygap.study.config import StudyConfig
 from realitygap.study.folder import exists, open_to_begin, own_config
 from realitygap.study.load import Study
@@ -30,7 +29,7 @@ from realitygap.world.files import Value, build, shipped
 from realitygap.world.profile import load_profile
 
 __all__ = [
-    "STARTS", "UNIT", "Reproduction", "again", "begun", "compile_ahead", "configured", "meanwhile",
+    "STARTS", "UNIT", "Reproduction", "again", "begun", "configured", "meanwhile",
     "transferred",
 ]  # fmt: skip
 
@@ -185,19 +184,6 @@ def meanwhile(workers: Workers) -> list[Callable[[], None]]:
     from realitygap.kernels.jit import SHELF
 
     return [] if workers == 1 or SHELF.holds("run_trials") else [compile_ahead]
-
-
-def compile_ahead() -> None:
-    """Compile what evolution and its transfer call, which is the same for all robots, and keep it on file."""
-    from realitygap.study.materials import gather
-    from realitygap.study.run import Bench
-
-    materials = gather(StudyConfig.reproduction())
-    for condition in range(len(materials.tasks)):
-        bench = Bench(materials, condition)
-        bench.compile()
-        networks = bench.encoding.decode(bench.individual[np.newaxis])
-        bench.simulation(bench.noise).trajectory(networks, stream=0)
 
 
 def _begin(folder: Path, requested: Reproduction, *, resume: bool) -> None:

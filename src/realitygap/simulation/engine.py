@@ -6,15 +6,20 @@ An engine is made of a task, a robot and a noise level; `Simulation(…, engine=
 
 import math
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.controller.network import check_networks
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import batch, halves
+from realitygap.kernels.ambient import ambient
+from realitygap.kernels.infrared import infrared
+from realitygap.kernels.network import think
 from realitygap.kernels.params import Networks, Path, Room, Trial, World
+from realitygap.kernels.trial import move
 from realitygap.kernels.work import Work, farthest_notice, new_work, spread_fan
 from realitygap.simulation.spread import drawn
 from realitygap.tasks.scoring import CompiledScore
@@ -134,6 +139,17 @@ class Cores:
         none = np.zeros(0, np.int64), np.zeros(0, np.uint64)
         batch.run_trials(self.world, nobody, *none, self._paths, self.scratch(nobody))
         self.score.over(self._paths[:1], self.room)
+
+    def compile_part(self, name: str) -> None:
+        """Compile a part of the kernels alone: "light", or "near", all else but what encloses both."""
+        robot, arena, nobody = self.robot, self.arena, halves.quiet()
+        work = self.scratch(nobody)
+        sensing = (robot, arena, work, work.readings[:])
+        calls: list[tuple[Any, tuple[object, ...]]] = [(ambient, sensing)]
+        if name == "near":
+            calls = [(infrared, sensing), (move, (robot, arena, work)), (think, (nobody, 0, work))]
+        for part, arguments in calls:
+            part.compile(tuple(map(numba.typeof, arguments)))
 
     def scratch(self, networks: Networks) -> Work:
         """Scratch for networks of this size, kept for the next batch."""

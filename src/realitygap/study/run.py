@@ -100,13 +100,17 @@ class Bench:
     def compile(self) -> None:
         """Load or compile once everything that a run calls."""
         self.simulation(self.noise).compile()
-        state = self.algorithm.init(np.uint64(0))
+        self._check_value(self.breed())
+
+    def breed(self) -> State:
+        """A state of the algorithm after offspring were bred."""
+        state: State = self.algorithm.init(np.uint64(0))
         trial_streams(np.uint64(0), 0, 1, 1)
         while state.evaluations < self.algorithm.cells + 2:
             batch = self.ask(state, self.algorithm.cells)
             self.encoding.decode(batch.genes)
             state = self.tell(state, batch, np.zeros(len(batch.genes)))
-        self._check_value(state)
+        return state
 
     def ask(self, state: State, n: int) -> Batch:
         """The algorithm's next individuals, checked."""

@@ -85,7 +85,7 @@ class Processes:
 
     def __init__(self, size: int, *, one_thread: bool = False) -> None:
         refuse_unguarded_script()
-        self._size = size
+        self.size = size
         self._threads = ONE_THREAD if one_thread else {}
         self._workers: set[_Worker] = set()
 
@@ -95,7 +95,7 @@ class Processes:
         free, busy = list(self._workers), dict[Connection, tuple[_Worker, _Task]]()
         try:
             while True:
-                while len(busy) < self._size:
+                while len(busy) < self.size:
                     task = again.popleft() if again else next(tasks, None)
                     if task is None:
                         break

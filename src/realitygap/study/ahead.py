@@ -1,0 +1,59 @@
+"""Compiles what evolution and transfers call, side by side: it is the same for all robots and tasks."""
+
+from itertools import chain
+
+import numpy as np
+
+from realitygap.kernels.jit import SHELF
+from realitygap.simulation.engine import Cores
+from realitygap.study.config import StudyConfig
+from realitygap.study.materials import gather
+from realitygap.study.run import Bench
+from realitygap.work.pool import Pool, Setup, Tell
+from realitygap.work.processes import Processes
+
+__all__ = ["Ahead", "compile_ahead", "compile_side_by_side"]
+
+STAGES = ("light", "near", "breeding", "decoding"), ("trials", "record")
+"""The longest first; what encloses others comes when they are on file."""
+
+
+class Ahead:
+    """Carries out jobs of compilation, whose names STAGES has, and keeps the code on file."""
+
+    def __init__(self) -> None:
+        materials = gather(StudyConfig.reproduction())
+        self._benches = [Bench(materials, condition) for condition in range(len(materials.tasks))]
+
+    def carry_out(self, job: str, tell: Tell) -> None:
+        """One job; there is nothing to tell."""
+        bench = self._benches[0]
+        if job == "breeding":
+            bench.breed()
+        elif job == "decoding":
+            bench.encoding.decode(bench.individual[np.newaxis])
+        elif job == "record":
+            networks = bench.encoding.decode(bench.individual[np.newaxis])
+            bench.simulation(bench.noise).trajectory(networks, stream=0)
+        elif job == "trials":
+            for one in self._benches:  # each task has a score
+                one.simulation(one.noise).compile()
+        else:
+            Cores(bench.task, bench.profile, bench.noise).compile_part(job)
+
+    def close(self) -> None:
+        """It holds nothing."""
+
+
+def compile_ahead() -> None:
+    """Compile all of it in this process."""
+    ahead = Ahead()
+    for job in chain(*STAGES):
+        ahead.carry_out(job, lambda message: None)
+
+
+def compile_side_by_side(pool: Pool) -> None:
+    """Compile all of it by the pool's processes, if there are several, and nothing is on file."""
+    if isinstance(pool, Processes) and pool.size > 1 and SHELF.folder and not SHELF.holds("run_trials"):
+        for jobs in STAGES:
+            pool.work(Setup(Ahead, ()), jobs, lambda message: None)
