@@ -10,9 +10,9 @@
 # %% [markdown]
 # # A first study
 #
-# Evolve controllers for a Khepera at two levels of noise, look at what evolved, and try the best of them on
-# noise that they have not met. Everything on this page ran while the page was built, in a few seconds, so the
-# study is small: three runs of 400 evaluations at each level, where the paper has five of 1000.
+# Evolve controllers for a Khepera at two levels of noise, look at what evolved, and test the best of them at
+# levels of noise that they have not met. Everything on this page ran in a few seconds while the page was
+# built, so the study is small: three runs of 400 evaluations at each level, where the paper has five of 1000.
 
 # %%
 # %matplotlib inline
@@ -27,8 +27,9 @@ folder = Path(mkdtemp())
 # %% [markdown]
 # ## Evolve
 #
-# A *condition* is a task at a noise level: 0 is none, 1 as much as was measured on a robot, 2 twice that.
-# Each condition is evolved `runs` times. The same configuration and seed give the same bits on every machine.
+# A *condition* is a task at a noise level: 0 is none, 1 is as much as was measured on a robot, 2 is twice
+# that. Each condition is evolved `runs` times. The same configuration and seed give the same bits on every
+# machine.
 
 # %%
 config = realitygap.StudyConfig(
@@ -45,7 +46,7 @@ for run in study.runs:
     print(f"{run.name}: best fitness {run.best_fitness:.2f}")
 
 # %% [markdown]
-# The best fitness is the best of many noisy ones, so it flatters. How fitness grew:
+# The best fitness is the highest of many noisy values, so it flatters. This is how fitness grew:
 
 # %%
 from realitygap.report.curves import Curves, curves_figure
@@ -62,13 +63,14 @@ grown = {
 curves_figure(Curves(runs=grown, names={0.0: "zero noise", 1.0: "observed noise"}))
 
 # %% [markdown]
-# Curves are means of three runs; the bands are 95 % intervals of the mean, wide because there are three.
+# Curves are means of three runs. The bands are 95 % intervals of the mean; they are wide because there are
+# only three.
 #
 # ## Look at one
 #
-# The *champion* of a run is the best of its last population on trials that chose nothing before. It is a
-# genotype; decoded, it is a network that drives the simulated robot. One trial, drawn as the paper draws them,
-# with a tail from the robot's centre to its front at each step of 0.1 s:
+# The *champion* of a run is the individual of its last population that does best on trials that selected
+# nothing before. It is a genotype; decoded, it is a network that drives the simulated robot. Here is one
+# trial, drawn as in the paper, with a tail from the robot's centre to its front at each step of 0.1 s:
 
 # %%
 from realitygap.report.paths import PathPanel, Scene, panels_figure
@@ -91,8 +93,8 @@ for run in (
 panels_figure(Scene.of(task, robot), drives)
 
 # %% [markdown]
-# Both panels are the same trial (stream 7) at observed noise: same start, same disturbances. The network of
-# the second robot:
+# Both panels show the same trial (stream 7) at observed noise: same start, same disturbances. This is the
+# network of the second robot:
 
 # %%
 from realitygap.report.network import network_figure
@@ -103,7 +105,8 @@ network_figure(champion.champion, robot, feeds=task.feeds, sensors=task.sensors)
 # %% [markdown]
 # ## Try it on other noise
 #
-# Every champion was tried on 100 fresh trials at three levels of noise, also those that it did not evolve at:
+# Every champion was tested on 100 fresh trials at each of three levels of noise, including those at which it
+# did not evolve:
 
 # %%
 print("evolved at     tested at 0     1     2")
@@ -112,7 +115,7 @@ for run in study.runs:
     print(f"{run.noise_name:<22}" + "  ".join(f"{mean:.2f}" for mean in tests))
 
 # %% [markdown]
-# Three runs a level settle nothing; [the level of noise](../noise-level.md) asks with forty. The same on the
-# command line, with a page to click through: `realitygap evolve obstacle-avoidance --noise zero --noise
-# observed --runs 3 --evaluations 400`. What a finished study can be asked from Python:
-# [how to](../how-to.md#use-it-from-python).
+# Three runs a level settle nothing; [the level of noise](../noise-level.md) asks with forty. To do the same
+# from the command line, with a page to click through: `realitygap evolve obstacle-avoidance --noise zero
+# --noise observed --runs 3 --evaluations 400`. [How to](../how-to.md#use-it-from-python) shows what else you
+# can do with a finished study in Python.

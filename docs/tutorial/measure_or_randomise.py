@@ -10,14 +10,14 @@
 # %% [markdown]
 # # Measure, or randomise?
 #
-# Your robot is not the one in the file. Two ways lead to a controller that drives it all the same: *measure* the
-# robot, even with little data, and evolve in a simulation of what you measured; or *randomise* the simulation,
-# so that whatever evolves there copes with many robots, yours among them. This page tries both, small enough to
-# run while it is built.
+# Your robot is not the one in the file. Two ways lead to a controller that still drives it. You can *measure*
+# the robot, even with little data, and evolve in a simulation of what you measured. Or you can *randomise*
+# the simulation, so that whatever evolves there copes with many robots, yours among them. This page tries
+# both, small enough to run while it is built.
 #
-# What it can show is limited, so first what it is not. The robots here are simulated ones whose constants were
-# drawn by chance and kept from those who train. A measurement can get them exactly right, since the truth has
-# the model's own form; a real robot's does not. And there are six robots with one search for each, on one task.
+# What it can show is limited. The robots here are simulated ones, whose constants were drawn at random and
+# hidden from training. A measurement can get them exactly right, since the truth has the model's own form; a
+# real robot's does not. And there are only six robots, with one search for each, on one task.
 
 # %%
 from dataclasses import replace
@@ -62,9 +62,9 @@ def drawn(random):
 # %% [markdown]
 # ## Measuring
 #
-# Little data: what eight sensors read at six places near a corner, once each, with noise; and where the robot
-# was as it drove straight ahead for two seconds. Two numbers from the drive give the wheels; least squares
-# against the simulation without noise give the sensors.
+# The data are few: what eight sensors read at six poses near a corner, once each, with noise; and where the
+# robot was as it drove straight ahead for two seconds. Two numbers from the drive give the wheels; least
+# squares against the simulation without noise give the sensors.
 
 # %%
 PLACES = [
@@ -124,10 +124,14 @@ for name, of in (("sensors", slice(SENSORS)), ("wheels", slice(SENSORS, None))):
 # %% [markdown]
 # ## Training
 #
-# One search for all, the evolution strategy of [the page on optimisers](own_optimiser.py); it gets a list of
-# simulations and takes turns. *Printed* has one, of the paper's constants; *measured* one, of the measurement;
-# *randomised* sixteen, drawn as the hidden robots were (so the spread is exactly right: a kind assumption);
-# *told* one, of the hidden robot itself: what no measurement can better.
+# All use the same search, the evolution strategy of [the page on optimisers](own_optimiser.py). It takes a
+# list of simulations and uses them in turn:
+#
+# - *printed* has one, with the paper's constants;
+# - *randomised* has sixteen, drawn as the hidden robots were, so the spread is exactly right: a kind
+#   assumption;
+# - *measured* has one, with the measured constants;
+# - *told* has one of the hidden robot itself, which no measurement can better.
 
 
 # %%
@@ -172,9 +176,9 @@ for i, constants in enumerate(hidden):
     scores[:, i] = truth.retest(found, trials=200).fitness
 
 # %% [markdown]
-# ## What came of it
+# ## Results
 #
-# Each controller on its hidden robot, 200 fresh trials. A line joins the four controllers of one robot.
+# Each controller drives its hidden robot in 200 fresh trials. A line joins the four controllers of one robot.
 
 # %%
 figure, ax = plt.subplots(figsize=(6, 3.2))
@@ -207,6 +211,6 @@ for pair in (
     print(said(*pair))
 
 # %% [markdown]
-# An interval that holds 0 shows no difference; it does not show that there is none. Before you carry any of
-# this to a robot of yours: measure it with [`realitygap calibrate`](../how-to.md#calibrate-to-a-robot), which says
-# what its constants are worth and how far the model is off, and ask the question there.
+# An interval that contains 0 shows no difference; it does not show that there is none. Before you apply any
+# of this to your robot, measure it with [`realitygap calibrate`](../how-to.md#calibrate-to-a-robot), which
+# reports how well its constants are known and how far off the model is, and ask the question there.

@@ -10,9 +10,9 @@
 # %% [markdown]
 # # An optimiser of your own
 #
-# `Problem` hands a task to whatever optimises vectors: solutions in as an array, fitness and measures of
-# behaviour out, on all cores in the compiled loop. Here it is an evolution strategy of a dozen lines; pycma,
-# pyribs and SciPy are used [in the same way](../optimisers.md).
+# `Problem` gives a task to any optimiser of vectors: an array of solutions in, fitness and measures of
+# behaviour out, on all cores in the compiled loop. Here the optimiser is an evolution strategy of a dozen
+# lines; pycma, pyribs and SciPy are used [in the same way](../optimisers.md).
 
 # %%
 import matplotlib.pyplot as plt
@@ -26,9 +26,9 @@ problem = Problem(
 print(problem.dim, "weights, each within", problem.bounds[:, 0])
 
 # %% [markdown]
-# A (μ, λ) evolution strategy: 30 children of a mean, which moves to the mean of the best ten; the step shrinks.
-# **Each generation has a seed of its own.** All children of one generation meet the same trials, so they are
-# compared fairly; were the trials the same in every generation, the search would learn them by heart.
+# In this (μ, λ) evolution strategy a mean has 30 children and moves to the mean of the best ten, and the step
+# shrinks. **Each generation has its own seed.** All children of one generation meet the same trials, so the
+# comparison is fair. If every generation met the same trials, the search would learn them by heart.
 
 
 # %%
@@ -62,8 +62,8 @@ ax.set(
 ax.grid(axis="y")
 
 # %% [markdown]
-# Each line is one of three searches. What to report is not the highest fitness met on the way, since the best
-# of many noisy figures was lucky, but a retest on trials that no `evaluate` has seen:
+# Each line is one of three searches. Do not report the highest fitness met on the way: the best of many noisy
+# values was lucky. Report a retest on trials that no `evaluate` has seen:
 
 # %%
 again = problem.retest(np.array([mean for mean, _ in found]), trials=200)
@@ -71,8 +71,8 @@ for fitness, sd in zip(again.fitness, again.info["sd"], strict=True):
     print(f"{fitness:.3f}, sd {sd:.3f} over 200 fresh trials")
 
 # %% [markdown]
-# `again.measures` says how they drive: the wheels' mean speed, and how much faster the right one turned, over
-# the top speed. An archive of behaviours is spanned by these ([MAP-Elites](../optimisers.md)).
+# `again.measures` says how they drive: the mean speed of the wheels, and how much faster the right one
+# turned, as shares of the top speed. These span an archive of behaviours ([MAP-Elites](../optimisers.md)).
 
 # %%
 print(np.round(again.measures, 2))

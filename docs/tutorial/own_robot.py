@@ -11,8 +11,8 @@
 # # A robot of your own
 #
 # The simulation knows a robot by its *profile*: a TOML file of constants. A program knows it as a *body*: a
-# class that senses and acts. This page has both for a robot with five infrared sensors of 12 bits, evolves a
-# controller in a simulation of the profile, and lets it drive the body.
+# class that senses and acts. This page has both for a robot with five infrared sensors of 12 bits. It evolves
+# a controller in a simulation of the profile, then has it drive the body.
 
 # %%
 # %matplotlib inline
@@ -30,8 +30,8 @@ folder = Path(mkdtemp())
 # %% [markdown]
 # ## The profile
 #
-# [`five_eyes.toml`](../../examples/five_eyes.toml) says where the sensors are, where they look, and roughly how
-# they read. A wrong or missing key is refused by its name.
+# [`five_eyes.toml`](../../examples/five_eyes.toml) says where the sensors are, which way they face, and
+# roughly how they read. A wrong or missing key is refused by name.
 
 # %%
 from realitygap.report.robots import robot_figure
@@ -40,7 +40,7 @@ profile = realitygap.load_profile(examples / "five_eyes.toml")
 robot_figure(profile)
 
 # %% [markdown]
-# What it would read 2 cm before a wall and 6 cm before it, without noise:
+# This is what it would read 2 cm and 6 cm from a wall, without noise:
 
 # %%
 simulation = realitygap.Simulation("obstacle-avoidance", profile, noise="zero")
@@ -51,7 +51,7 @@ for gap in (2, 6):
 # %% [markdown]
 # ## Evolve for it
 #
-# The task names the sensors that feed the network, the Khepera's eight; here they are this robot's five.
+# By default the task feeds the Khepera's eight sensors to the network; here it feeds this robot's five.
 
 # %%
 config = realitygap.StudyConfig.single(
@@ -72,9 +72,9 @@ for run in study.runs:
 # ## The body
 #
 # [`own_robot.py`](../../examples/own_robot.py) is such a class: `channels` (what it can sense), `period_s`,
-# `reset`, `sense`, `act`, `stop` and `close`. On a real robot `sense` asks a serial port; this one is a little
-# simulation of its own, with another law of light than ours, and with commands that act two steps late.
-# `drive` keeps the time, and stops the robot first whatever happens.
+# `reset`, `sense`, `act`, `stop` and `close`. On a real robot `sense` queries a serial port. This one is a
+# small simulation of its own: its light follows a different law from ours, and its commands take effect two
+# steps late. `drive` keeps the time. However a drive ends, the robot is stopped first.
 
 # %%
 sys.path.insert(0, str(examples))
@@ -107,7 +107,7 @@ situated = Track(
 )
 
 # %% [markdown]
-# Beside its simulation from the same place:
+# Here it is beside its simulation from the same pose:
 
 # %%
 from realitygap.report.paths import PathPanel, Scene, panels_figure
@@ -127,9 +127,10 @@ panels_figure(
 )
 
 # %% [markdown]
-# The constants were guessed, so this is the reality gap as it opens. To close it, measure: `realitygap record`
-# reads the sensors at known places (where the body puts itself, or you put it), `realitygap calibrate` fits the
-# profile to those readings, and `realitygap transfer` compares drives. In the project's folder:
+# The constants were guessed, so this is the reality gap before any calibration. To narrow it, measure.
+# `realitygap record` reads the sensors at known poses (the body places itself, or you place it),
+# `realitygap calibrate` fits the profile to those readings, and `realitygap transfer` compares drives. In the
+# project's folder:
 #
 # ```sh
 # realitygap record --robot examples/own_robot.py:FiveEyes \
@@ -139,4 +140,5 @@ panels_figure(
 # realitygap transfer study --robot examples/own_robot.py:FiveEyes --starts 4
 # ```
 #
-# What a body may have besides, and the contract test that yours should pass: [how to](../how-to.md#a-robot-of-your-own).
+# [How to](../how-to.md#a-robot-of-your-own) lists what else a body may have, and names the contract test that
+# yours should pass.

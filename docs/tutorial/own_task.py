@@ -11,8 +11,8 @@
 # # A task of your own
 #
 # A task is an arena, a start, the sensors that feed the network, a length, and a *score*: a plain Python
-# function of the path that was driven. Here a robot is to drive in circles round the room's middle,
-# anticlockwise, and the score is how far round it came.
+# function of the path that was driven. In this one a robot drives in circles round the middle of the room,
+# anticlockwise, and the score counts the turns.
 
 # %%
 # %matplotlib inline
@@ -24,8 +24,8 @@ import realitygap
 folder = Path(tempfile.mkdtemp())
 
 # %% [markdown]
-# The function is compiled, so it lives in a file; numbers, `math` and NumPy may be used in it. `path` has a
-# row a step: `x`, `y` (cm), `heading` (rad), `left`, `right` (ground speed of each wheel, cm/s) and `contact`.
+# The function is compiled, so it lives in a file. It may use numbers, `math` and NumPy. `path` has a row a
+# step: `x`, `y` (cm), `heading` (rad), `left`, `right` (ground speed of each wheel, cm/s) and `contact`.
 # `room` has `size` (cm), `cylinders`, `lamps`, `top_speed` (cm/s) and `radius` (of the robot, cm).
 
 # %%
@@ -58,8 +58,8 @@ task = Task(
 )
 
 # %% [markdown]
-# Before a score is used it is tried: on example paths in the task's own room, compiled and as plain Python,
-# which must agree. A mistake is named with its line. Then the task evolves as the paper's do:
+# Before a score is used it is tested on example paths in the task's own room, compiled and as plain Python;
+# the two must agree. An error message names the line. Then the task evolves as the paper's do:
 
 # %%
 config = realitygap.StudyConfig.single(
@@ -90,6 +90,6 @@ for run in study.runs:
 panels_figure(Scene.of(task, robot), drives)
 
 # %% [markdown]
-# What evolution makes of a score is often not what its author had in mind: a score is a wish, taken literally.
-# `realitygap evolve circles.py` does the same from the command line. An arena of your own is a
-# [TOML file](../how-to.md#build-an-arena-of-your-own).
+# Evolution often finds a behaviour that the author of the score did not intend: it takes the score literally.
+# `realitygap evolve circles.py` does the same from the command line. An arena of your own is a [TOML
+# file](../how-to.md#build-an-arena-of-your-own).
