@@ -1,4 +1,4 @@
-"""An evolved controller on a chip of one's own: evolved, written as C, compiled, tried (some seconds).
+"""Put an evolved controller on a chip of your own: evolve, write C, compile and test it (some seconds).
 
 python examples/down_load.py FOLDER
 """
@@ -13,7 +13,7 @@ from realitygap.study.parts import Condition
 
 
 def main(folder: Path) -> None:
-    """Evolve for a short while, then leave the champion's source in FOLDER/avoider."""
+    """Evolve for a short while, then write the champion's source to FOLDER/avoider."""
     config = StudyConfig(evaluations=200, conditions=(Condition(task="avoidance", noise=1.0),))
     run = run_study(folder / "study", config).runs[0]
     board = on_board(run, "champion", run.champion, name="avoider")

@@ -1,4 +1,4 @@
-"""A task of one's own: follow the walls of two rooms, near but never touching.
+"""A task of your own: follow the walls of two rooms, near but never touching.
 
     realitygap evolve examples/follow_the_wall.py
 
@@ -14,7 +14,7 @@ LANE_CM = 5.0
 
 
 def score(path, room):
-    """Speed as a share of the top speed, counted within 5 cm of an outer wall and free of contact."""
+    """Speed as a share of the top speed, counted only within 5 cm of an outer wall and without contact."""
     total = 0.0
     for i in range(path.x.size):
         beside = min(path.x[i], room.size[0] - path.x[i])

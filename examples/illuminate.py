@@ -1,4 +1,4 @@
-"""An archive of behaviours: MAP-Elites by pyribs over how fast and how curved robots drive.
+"""Fill an archive of behaviours with pyribs' MAP-Elites: how fast and how curved robots drive.
 
 pip install ribs
 python examples/illuminate.py [GENERATIONS [PICTURE]]
@@ -16,7 +16,7 @@ from realitygap import Problem
 
 
 def main(generations, picture=None):
-    """Fill the archive, print how far, and draw it."""
+    """Fill the archive, print how many behaviours it has, and draw it."""
     problem = Problem("obstacle-avoidance", controller="feed-forward:4")
     ranges = list(zip(*problem.measure_bounds, strict=True))
     archive = GridArchive(solution_dim=problem.dim, dims=(20, 20), ranges=ranges, seed=1)

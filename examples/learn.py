@@ -1,4 +1,4 @@
-"""A learner on the vector environment: the cross-entropy method finds a linear avoider (some seconds).
+"""Train a linear avoider on the vector environment with the cross-entropy method (some seconds).
 
 pip install 'realitygap[gymnasium]'
 python examples/learn.py [ITERATIONS]
@@ -11,12 +11,12 @@ import numpy as np
 
 import realitygap.environment
 
-gymnasium.register_envs(realitygap.environment)  # they have their names from its import
+gymnasium.register_envs(realitygap.environment)  # registers their names
 ROBOTS, ELITE = 64, 8
 
 
 def trial(env, weights, seed):
-    """Each robot drives one trial under weights of its own: tanh(W · observation + b); their scores."""
+    """Scores of one trial of each robot with its own weights: tanh(W · observation + b)."""
     seen, _ = env.reset(seed=seed)
     total = np.zeros(ROBOTS)
     over = np.zeros(ROBOTS, bool)

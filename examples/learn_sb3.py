@@ -1,4 +1,4 @@
-"""Stable-Baselines3's PPO on the vector environment, half a million steps (a minute).
+"""Train Stable-Baselines3's PPO on the vector environment, half a million steps (a minute).
 
 pip install 'realitygap[sb3]'
 python examples/learn_sb3.py [STEPS]
@@ -14,12 +14,12 @@ from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 import realitygap.environment
 from realitygap.environment import stable_baselines
 
-gymnasium.register_envs(realitygap.environment)  # they have their names from its import
+gymnasium.register_envs(realitygap.environment)  # registers their names
 ROBOTS = 64
 
 
 def make(robots, name="realitygap/ObstacleAvoidance-v0"):
-    """Robots of ours, for Stable-Baselines3."""
+    """A vector of robots for Stable-Baselines3."""
     settings = {"num_envs": robots, "vectorization_mode": "vector_entry_point", "autoreset_mode": "SameStep"}
     return stable_baselines(gymnasium.make_vec(name, **settings))
 

@@ -1,7 +1,7 @@
-"""A trial on a robot as logs, for Rerun's viewer and for Foxglove; read back and drawn (some seconds).
+"""Write a trial on a robot as logs for Rerun's viewer and Foxglove; read one back and draw it (some seconds).
 
 pip install 'realitygap[logs]'
-python examples/log.py STUDY RUN FOLDER     # of a study with transfers, such as `realitygap reproduce` leaves
+python examples/log.py STUDY RUN FOLDER     # a study with transfers, such as that of `realitygap reproduce`
 """
 
 import json
@@ -17,7 +17,7 @@ from realitygap.export import lived, write_log
 
 
 def main(study: str, run: str, folder: Path) -> np.ndarray:
-    """Leave FOLDER/*.rrd, *.mcap and apart.png; how far apart the two robots were at each step, in cm."""
+    """Write FOLDER/*.rrd, *.mcap and apart.png; return how far apart the robots were at each step, in cm."""
     one = lived(load_study(study).run(run))
     print(f"rerun {write_log(one, 'rerun', folder)}")
     steps = {"/simulated/step": [], "/situated/step": []}

@@ -10,7 +10,7 @@
 # %% [markdown]
 # # A study in a notebook
 #
-# Evolve, look, measure, in some cells; `jupytext --to notebook notebook.py` makes an .ipynb of this file.
+# Evolve, look and measure in a few cells. `jupytext --to notebook notebook.py` makes an .ipynb of this file.
 # It takes a minute.
 
 # %%
@@ -23,8 +23,8 @@ folder = Path(mkdtemp())
 realitygap.load_profile("paper")
 
 # %% [markdown]
-# Two short runs at each of two levels of noise. The bar says how far they are; the page whose address is
-# printed shows, in a browser, the curves as they grow and the best robot as it drives.
+# Make two short runs at each of two levels of noise. The bar shows their progress. Open the printed address
+# in a browser to see the curves as they grow and a drive of the best robot.
 
 # %%
 levels = ["zero", "observed"]
@@ -34,7 +34,7 @@ study = realitygap.evolve(
 study
 
 # %% [markdown]
-# One of them, its network, and a trial of it: play it, step through it, look inside.
+# Look at one run, its network and a trial: play the trial, step through it, look inside.
 
 # %%
 run = study.runs[-1]
@@ -45,14 +45,14 @@ run.replay(seed=3)
 
 # %% [markdown]
 # The champion drives a robot: a unit of the twin, a physics model that shares no code with the simulation.
-# The page's player has the whole study.
+# The page's player shows the whole study.
 
 # %%
 realitygap.run_transfer(study, realitygap.Transfer(runs=[run.id], starts=1), workers=1)
 study.show()
 
 # %% [markdown]
-# Figures are Matplotlib's, tables pandas'.
+# Figures are Matplotlib figures, tables are pandas data frames.
 
 # %%
 figures = study.figures()

@@ -1,8 +1,8 @@
-"""An algorithm of one's own: a (1+1)-ES on the paper's encoding.
+"""An algorithm of your own: a (1+1)-ES on the paper's encoding.
 
     realitygap evolve avoidance --set evolution.algorithm=examples/one_plus_one.py:OnePlusOne
 
-There is one individual. Each evaluation changes it a little, and the changed one takes its place
+There is one individual. Each evaluation changes it a little, and the changed one replaces it
 unless it is worse.
 """
 
@@ -17,10 +17,10 @@ from realitygap.kernels.rng import substream
 
 @dataclass(frozen=True, kw_only=True)
 class OnePlusOne:
-    """The parent stays until somebody is at least as fit.
+    """The parent stays until a child is at least as fit.
 
     Attributes:
-        encoding: how individuals begin (`random`) and change (`offspring`).
+        encoding: creates individuals (`random`) and changes them (`offspring`).
         mutations: how often an individual is changed before it is evaluated.
     """
 

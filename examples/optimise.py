@@ -1,4 +1,4 @@
-"""Somebody else's optimiser on a task of ours: CMA-ES by pycma, and SciPy's differential evolution.
+"""Use somebody else's optimiser on a task: pycma's CMA-ES, and SciPy's differential evolution.
 
 pip install cma
 python examples/optimise.py [GENERATIONS]

@@ -1,15 +1,15 @@
-"""Controllers of one's own: a function for obstacle avoidance, a class for light seeking.
+"""Controllers of your own: a function for obstacle avoidance, a class for light seeking.
 
     realitygap simulate avoidance --controller examples/own_controller.py:avoid --pose 25 25 90
     realitygap drive light --controller examples/own_controller.py:Homing --robot twin:1 --starts 2
 
 `inputs` are whole numbers from −10 to 10, one for each sensor that the task feeds; of a Khepera's eight, 0
-to 2 look to the left and ahead, 3 to 5 ahead and to the right, 6 and 7 back. Commands are −10 to 10, too.
+to 2 look left and ahead, 3 to 5 ahead and right, 6 and 7 back. Commands are −10 to 10, too.
 """
 
 
 def avoid(inputs):
-    """Straight on; away from the nearer side where something is near."""
+    """Drive straight on; turn away from the side where something is nearer."""
     left, right = max(inputs[0:3]), max(inputs[3:6])
     if max(left, right) < -5:
         return 8, 8
@@ -17,14 +17,14 @@ def avoid(inputs):
 
 
 class Homing:
-    """Turns to the brighter side; where nothing is bright it circles the way it last turned."""
+    """Turns to the brighter side, drives straight at a light ahead, else circles the way it last turned."""
 
     def reset(self):
-        """Before each trial."""
+        """Called before each trial."""
         self.turn = 3
 
     def decide(self, inputs):
-        """One step of 0.1 s."""
+        """Called every step of 0.1 s."""
         left, right = sum(inputs[0:3]), sum(inputs[3:6])
         if abs(left - right) > 2:
             self.turn = 3 if right > left else -3

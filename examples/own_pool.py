@@ -1,6 +1,6 @@
-"""A pool of one's own: threads carry out a study's runs, and its digest is that of any other pool.
+"""A pool of your own: threads make a study's runs, and its digest is that of any other pool.
 
-python examples/own_pool.py                                     # makes the study twice, compares
+python examples/own_pool.py                                     # makes the study twice and compares
 realitygap evolve avoidance --workers examples/own_pool.py:Threads
 """
 
@@ -15,13 +15,13 @@ from realitygap.work.pool import messages_of
 
 
 class Threads:
-    """Two threads; each job's messages come together when it is done."""
+    """Two threads; a job's messages come all together when it is done."""
 
     def __init__(self, size=2):
         self.executor = ThreadPoolExecutor(size)
 
     def work(self, setup, jobs, tell):
-        """Carry out all jobs; `tell` hears every message, here in the thread that asked."""
+        """Carry out all jobs; pass every message to `tell`, here in the thread that asked."""
         futures = [self.executor.submit(messages_of, setup, job) for job in jobs]
         try:
             for done in as_completed(futures):

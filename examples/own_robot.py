@@ -1,6 +1,6 @@
-"""A robot of one's own, from its recording to its transfer: `python own_robot.py FOLDER` (an empty one).
-Five sensors of 12 bits, no ambient light, no counters; its commands act two steps late. It is simulated,
-so it has a `clock`, a `pose`, and goes into any room (`enter`); a real robot has none of these.
+"""A robot of your own, from its recording to its transfer: `python own_robot.py FOLDER` (an empty one).
+It has five sensors of 12 bits, no ambient light and no counters; its commands act two steps late. It is
+simulated, so it has a `clock` and a `pose` and goes into any room (`enter`); a real robot has none of these.
 """
 
 import subprocess

@@ -1,10 +1,10 @@
-"""Real-valued weights: an encoding of one's own, and an evolution strategy that searches it.
+"""Real-valued weights: an encoding of your own, and an evolution strategy that searches it.
 
     realitygap evolve avoidance --set encoding.kind=examples/real_weights.py:Weights \\
         --set evolution.algorithm=examples/real_weights.py:Strategy
 
-A genotype is the matrix of a network in which every neuron hears every sensor and every neuron.
-Networks count in whole numbers (§5.3): weights are rounded when they are decoded.
+A genotype is the matrix of a network in which every sensor and every neuron feeds every neuron.
+Networks use whole numbers (§5.3), so weights are rounded when they are decoded.
 """
 
 from dataclasses import dataclass

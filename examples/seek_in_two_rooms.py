@@ -2,8 +2,8 @@
 
     realitygap evolve examples/seek_in_two_rooms.py --set encoding.slots=36
 
-Of both kinds the proximity sensors come first: numbers 0 to 7 are a Khepera's infrared sensors, 8 to 15 its
-light sensors. `sensors` picks those that become inputs, of any kind and in any order; 16 at most.
+The proximity sensors are numbered first: 0 to 7 are a Khepera's infrared sensors, 8 to 15 its light
+sensors. `sensors` chooses those that become inputs, of either kind and in any order; 16 at most.
 """
 
 import math
@@ -12,7 +12,7 @@ from realitygap import Start, Task
 
 
 def score(path, room):
-    """Nearness to the nearest lamp, 0 … 1, of the steps in which nothing is touched."""
+    """Nearness to the nearest lamp, 0 … 1, counted only in steps without contact."""
     total = 0.0
     for i in range(path.x.size):
         nearest = 1e12

@@ -1,4 +1,4 @@
-"""A study as tables: evolved, written as Parquet, read with pandas, asked in SQL (some seconds).
+"""Export a study as tables: evolve it, write Parquet, read it with pandas, query it in SQL (some seconds).
 
 pip install 'realitygap[tables]'
 python examples/tables.py FOLDER
@@ -18,7 +18,7 @@ from realitygap.study.parts import Condition
 
 
 def main(folder: Path, runs: int = 3) -> pandas.DataFrame:
-    """Leave FOLDER/tables/*.parquet and FOLDER/best.png; how a champion does at each level of noise."""
+    """Write FOLDER/tables/*.parquet and FOLDER/best.png; return champions' scores at each level of noise."""
     conditions = tuple(Condition(task="avoidance", noise=level) for level in (0.0, 1.0, 2.0))
     study = run_study(folder / "study", StudyConfig(evaluations=200, runs=runs, conditions=conditions))
     for path, rows in write_tables(study, "parquet", folder / "tables").items():

@@ -1,7 +1,7 @@
-"""How much to record, and which form to fit? Optuna over a calibration's settings (two minutes).
+"""How much to record, and which form to fit? Search a calibration's settings with Optuna (two minutes).
 
-A twin is recorded before a wall and before a cylinder; profiles are fitted to a part of the wall's readings
-and judged on the cylinder, which no fit sees.
+It records a twin before a wall and before a cylinder, fits profiles to part of the wall's readings, and
+judges them on the cylinder, which no fit sees.
 
 pip install optuna
 python examples/tune.py FOLDER [TRIALS]
@@ -21,7 +21,7 @@ from realitygap.errors import CalibrationError
 
 
 def recorded(folder):
-    """A wall and a cylinder before twin 3, recorded unless they are there."""
+    """Recordings of twin 3 before a wall and a cylinder, made unless they exist."""
     if not (folder / "infrared-cylinder").is_dir():
         words = f"record --robot twin:3 --plan infrared --repeats 2 --out {folder}".split()
         subprocess.run([sys.executable, "-m", "realitygap", *words], check=True, stdout=subprocess.DEVNULL)
