@@ -25,7 +25,7 @@ def robot_words(profile: Profile) -> Words:
     robot = profile.to_kernel()
     count = max(len(robot.proximity_place), len(robot.ambient_place))
     text = f"The robot from above, to scale: {count} sensors with their numbers and directions, two wheels."
-    return Words(text, text + " It looks up; in the arenas a line points to its front.")
+    return Words(text, text + " It faces up; in the arenas a line points to its front.")
 
 
 def arena_words(part: TaskPart) -> Words:
