@@ -35,8 +35,8 @@ TRIALS = 4
 def bench(profile: str, noise: float, seconds: float, json_output: bool) -> None:
     """Measure simulation steps per second.
 
-    Both tasks, on one core and on all. The networks are random, as at the start of a run, and as large as
-    evolved ones; each figure is measured after a warm-up.
+    Measures both tasks, on one core and on all. The networks are random, as at the start of a run, and as
+    large as evolved ones. Each figure is measured after a warm-up.
 
     \b
     Example:

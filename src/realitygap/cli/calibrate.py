@@ -40,11 +40,11 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended", "measured", "auto")
 )
 @click.option(
     "--object", "objects", multiple=True, metavar="O",
-    help="What .sam tables show: wall, cylinder:RADIUS_CM or lamp; once for all, or once for each.",
+    help="What .sam tables show: wall, cylinder:RADIUS_CM or lamp; once for all tables, or once for each.",
 )  # fmt: skip
 @click.option(
     "--base", metavar="P",
-    help="Profile that supplies what the recordings do not cover; the form paper has the printed laws "
+    help="Profile that supplies what the recordings do not cover; the form paper uses the printed laws "
     "[default: what the recorded robot names, or paper].",
 )  # fmt: skip
 @click.option(
@@ -75,9 +75,9 @@ def calibrate(
 
     A RECORDING is a folder made by `realitygap record` (or a folder of several), a .sam table, or a
     Thymio's series (sensor02_light.csv). Forms: paper has the paper's laws with common constants and its
-    printed gains; individual has constants for each sensor, light read linearly, and refitted gains; extended
-    adds directions, distance offset, exponents, Lambertian surfaces and the lamp's height; measured knows no
-    law: rays, a lobe, a curve and noise for each sensor; lookup replays what was read.
+    printed gains; individual has constants for each sensor, linear light, and refitted gains; extended adds
+    directions, distance offset, exponents, Lambertian surfaces and the lamp's height; measured has no law but
+    rays, a lobe, a curve and noise for each sensor; lookup replays the recorded readings.
 
     \b
     Examples: a profile from two tables; judged on a third

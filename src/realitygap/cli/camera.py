@@ -53,8 +53,8 @@ def calibrate(
 ) -> None:
     """Calibrate a camera with known poses.
 
-    Put the robot, with its marker, at 12 or more places all over the floor, at many headings; take a
-    picture of each, and write down where it stood. Prints the error of each pose.
+    Put the robot, with its marker, at 12 or more places all over the floor, at many headings. Take a
+    picture of each, and write down the pose. Prints the error of each pose.
 
     \b
     Example:

@@ -20,11 +20,11 @@ __all__ = ["drive"]
 @option.controller()
 @click.option(
     "--robot", type=ROBOT, default="twin:1", metavar="R",
-    help="One that places itself: twin:UNIT, stranger:UNIT, enki:khepera (epuck, thymio2), or FILE.py:CLASS.",
+    help="It must place itself: twin:UNIT, stranger:UNIT, enki:khepera (epuck, thymio2) or FILE.py:CLASS.",
 )  # fmt: skip
 @option.pose(required=False)
 @click.option(
-    "--starts", type=Whole(1, 10**6, "K"), default=1, help="Trials, from starts that the task draws."
+    "--starts", type=Whole(1, 10**6, "K"), default=1, help="Trials, each from a start that the task draws."
 )
 @option.profile()
 @option.arena
@@ -46,10 +46,10 @@ def drive(
     json_output: bool,
     **words: Any,
 ) -> None:
-    """Let a controller of any origin drive a robot at TASK, and simulate it from the same starts.
+    """Drive a robot at TASK with any controller, and simulate it from the same starts.
 
-    No study is needed: the controller is a file of yours. TASK is obstacle-avoidance, light-seeking or a
-    Python file of your own; the robot must have the sensors that --profile has.
+    You need no study: the controller is a file of yours. TASK is obstacle-avoidance, light-seeking or a
+    Python file of your own. The robot must have the sensors of --profile.
 
     \b
     Example:

@@ -46,14 +46,14 @@ __all__ = ["experiment", "measure_or_randomise", "show_noise"]
 def measure_or_randomise(
     out: Path, workers: Workers, resume: bool, json_output: bool, **options: Any
 ) -> None:
-    """Ask what an hour of measuring a robot buys, against randomising the simulation.
+    """Compare an hour of measuring a robot with randomising the simulation.
 
-    Controllers evolve to avoid obstacles in simulations that know nothing of a unit (the paper's
-    constants), another unit's calibration, or its own from 5 %, 20 % or all places of the standard
-    recording, each with and without constants drawn anew for each trial over the spread of the units; or
-    that replay the recording as a look-up table; all at zero and observed noise. Each drives its unit;
-    correspondence is with the simulation that it evolved in. Two comparisons of each outcome were planned
-    beforehand. With --resume, omitted options keep their saved values.
+    Controllers evolve to avoid obstacles in simulations with the paper's constants, another unit's
+    calibration, or the unit's own from 5 %, 20 % or all places of the standard recording, each with and
+    without constants drawn anew for each trial over the spread of the units; or in a look-up table of the
+    recording. All of this is at zero and observed noise. Each controller drives its unit; correspondence is
+    with the simulation in which it evolved. Two comparisons of each outcome were planned beforehand.
+    With --resume, omitted options keep their saved values.
 
     \b
     Examples: as planned; a small one to try
@@ -157,11 +157,11 @@ def noise(
     json_output: bool,
     **options: Any,
 ) -> None:
-    """Ask which noise level crosses the reality gap best.
+    """Find which noise level crosses the reality gap best.
 
-    Calibrates a simulation to each unit of the twin (pseudo-reality: a physics model behind the
-    robot's own serial protocol), evolves controllers in it at every noise level, lets each drive every
-    unit from the same starts, and compares what it did there with the simulation at every level.
+    Calibrates a simulation to each unit of the twin (pseudo-reality: a physics model behind the robot's
+    own serial protocol) and evolves controllers in it at every noise level. Each controller drives every
+    unit from the same starts; its tracks there are compared with the simulation at every level.
     The claims under test were written down beforehand. With --resume, omitted options keep their
     saved values.
 

@@ -38,8 +38,8 @@ USES = {"parquet": "tables", "csv": "tables", "rerun": "log", "mcap": "log"}
 )  # fmt: skip
 @option.out(says="Folder to write into.", required=True)
 @option.individual
-@click.option("--robot", metavar="ROBOT", help="Whose trial: its folder's name in transfer/, as twin-1.")
-@click.option("--start", type=Whole(1, 10**6), help="Which trial, from 1 [default: the first there is].")
+@click.option("--robot", metavar="ROBOT", help="The trial's robot: its folder in transfer/, such as twin-1.")
+@click.option("--start", type=Whole(1, 10**6), help="Which trial, from 1 [default: the first].")
 @click.option("--name", default="controller", metavar="NAME", help="Prefix of files and functions.")
 @option.trust
 @option.as_json
@@ -58,17 +58,17 @@ def export(
 ) -> None:
     """Write STUDY as tables, a trial of one RUN as a log, or its controller as source.
 
-    With --format parquet or csv: the whole study for pandas, R, DuckDB or a spreadsheet; what each column
-    is stands in docs/tables-and-logs.md.
+    With --format parquet or csv: the whole study for pandas, R, DuckDB or a spreadsheet.
+    docs/tables-and-logs.md describes each column.
 
     With --format rerun or mcap: one trial of RUN on a robot, the simulated robot beside the situated one
-    under one time line, for Rerun's viewer or Foxglove: arena, rays, readings, network, film. --individual,
-    --robot and --start say which.
+    on one time line, for Rerun's viewer or Foxglove: arena, rays, readings, network, film. --individual,
+    --robot and --start choose the trial.
 
-    With --language: an evolved individual of RUN for a robot's own processor. Whole numbers alone, the
-    same to the bit as in the simulation: readings in counts go in, wheel commands in the robot's units
-    come out. Test vectors are written beside it. RUN is a number or a name, as `realitygap show STUDY`
-    lists them; --individual and --name go with it.
+    With --language: an evolved individual of RUN for a robot's own processor. It uses whole numbers only, and
+    is the same to the bit as in the simulation: readings in counts go in, wheel commands in the robot's
+    units come out. Test vectors are written beside it. RUN is a number or a name, as `realitygap show STUDY`
+    lists them; --individual and --name apply too.
 
     \b
     Examples: all tables; a log; a controller for any chip with a C compiler; a sketch for Arduino's IDE

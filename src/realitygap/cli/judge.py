@@ -40,15 +40,15 @@ def judge() -> None:
 @click.option("--out", type=FileToWrite(".html"), required=True, help="Write the page there.")
 @click.option(
     "--key", type=FileToWrite(".json"), required=True,
-    help="Write there which pair is which; keep it from the judges.",
+    help="Write the key there: which pair is which. Keep it from the judges.",
 )  # fmt: skip
 @click.option("--seed", type=SEED, default=0, help="Random seed of order and sides.")
 def page(pairs: str, task: str | None, out: Path, key: Path, seed: int) -> None:
     """Make a page of the pairs in a folder PAIRS.
 
-    Each folder in PAIRS is a pair: it holds a (a.csv, or a folder a) and b. The page shows
-    the two side by side without their names, on sides drawn at random; a judge rates each pair from
-    0 to 10 and saves the ratings as a file. Keep the key from the judges: it holds names and scores.
+    Each folder in PAIRS is a pair: it holds a (a.csv, or a folder a) and b. The page shows the two
+    side by side without their names, on random sides. A judge rates each pair from 0 to 10 and saves
+    the ratings as a file. Keep the key from the judges: it contains names and scores.
 
     \b
     Example:

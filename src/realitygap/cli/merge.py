@@ -35,8 +35,8 @@ def merge(
 ) -> None:
     """Put SHARDS together: the folders that --shard 1/N to N/N made of one study.
 
-    The result is that of one process, to the bit. Every shard has to be there, finished, and of the same
-    settings; nothing is overwritten, and the shards stay as they are. Trials of `transfer` go into the
+    The result is the same as from one process, to the bit. Every shard must be there, finished, and have the
+    same settings. Nothing is overwritten, and the shards do not change. Trials of `transfer` go into the
     folder of the study that drove.
 
     \b

@@ -102,8 +102,8 @@ task = click.option(
 watch = click.option(
     "--watch",
     is_flag=True,
-    help="Keep watch.html in the study's folder up to date: curves as they grow, the best robot as it "
-    "drives. Open it in a browser; nothing listens. Never changes a result.",
+    help="Keep watch.html in the study's folder up to date: curves as they grow, a drive of the best "
+    "robot. Open it in a browser; there is no server. Never changes a result.",
 )
 workers = click.option(
     "--workers",

@@ -45,14 +45,14 @@ SMALL = {"runs": 2, "starts": 2, "evaluations": 200}
 def realities(
     out: Path, workers: Workers, small: bool, resume: bool, json_output: bool, **options: Any
 ) -> None:
-    """Carry out the whole loop on each reality at hand.
+    """Run the whole loop on each available reality.
 
-    The twin, the robots of EPFL's simulator Enki (its Khepera, e-puck and Thymio II) and what --robot
-    names are each recorded and calibrated to; controllers that avoid obstacles evolve in each
-    simulation at every noise level, drive the robot and are compared with the simulation. Prints one
-    matrix of them all: model error over noise, noise, correspondence by level, and where the
-    simulation is as noisy as the reality. What is not installed is left out, unless --robot names it.
-    With --resume, omitted options keep their saved values.
+    The realities are the twin, the robots of EPFL's simulator Enki (its Khepera, e-puck and Thymio II)
+    and those that --robot names. Each robot is recorded, and a simulation calibrated to it. Controllers
+    that avoid obstacles evolve in it at every noise level, drive the robot and are compared with the
+    simulation. Prints one matrix for all: model error over noise, noise, correspondence by level, and
+    where the simulation is as noisy as the reality. Realities that are not installed are left out, unless
+    --robot names them. With --resume, omitted options keep their saved values.
 
     \b
     Examples: a small one to try; a robot of your own beside all others; two of Enki's alone

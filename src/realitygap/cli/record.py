@@ -33,14 +33,14 @@ PLANS = ("infrared", "ambient", "wheels", "all")
     "epuck2:HOST or thymio:PORT (placed by you), or a body of your own, file.py:Class.",
 )
 @click.option("--plan", type=click.Choice(PLANS), required=True, help="What to record.")
-@click.option("--out", required=True, metavar="DIR", help="Folder to write; several recordings fit into it.")
+@click.option("--out", required=True, metavar="DIR", help="Folder to write; it can hold several recordings.")
 @click.option(
     "--object", metavar="O",
     help="The object for infrared: wall or cylinder:RADIUS_CM [default: a wall, then a cylinder of 4 cm].",
 )  # fmt: skip
 @click.option(
     "--reflectance", type=Reflectance(0.01, 10.0), default=1.0,
-    help="Reflectance of the object's surface, relative to the surfaces that the profile is meant for; "
+    help="Reflectance of the object's surface, relative to the surfaces that the profile assumes; "
     "unknown: calibrate fits it.",
 )  # fmt: skip
 @click.option(

@@ -50,7 +50,7 @@ def replay(
 ) -> None:
     """Replay an evolved individual.
 
-    Simulates it in the run's own task and prints its trajectory.
+    Simulates the individual in the run's own task and prints its trajectory.
 
     RUN is a number or a name, as `realitygap show STUDY` lists them. Without --pose the robot
     starts as the task says, drawn with --seed.

@@ -22,7 +22,7 @@ __all__ = ["report"]
 def report(studies: tuple[str, ...], out: Path | None, trust: bool, json_output: bool) -> None:
     """Rebuild the report of STUDY.
 
-    STUDY is a folder; its page, figures and tables are made from its database. Of arms of the second
+    STUDY is a folder; its page, figures and tables are made from its database. For arms of the second
     study of noise, one or several, the page has the planned analysis: verdicts by arm, and together.
 
     \b

@@ -50,13 +50,13 @@ def reproduce(
     json_output: bool,
     **options: Any,
 ) -> None:
-    """Repeat the paper's experiment, and make the page about it.
+    """Repeat the paper's experiment and write a page about it.
 
-    Records the readings of unit 1 of the twin (pseudo-reality: a physics model behind the robot's
-    own serial protocol) and fits the simulation to them, as the paper did first; evolves both tasks in
-    that simulation at all three noise levels; lets every champion drive the unit and films one of each
-    kind; then scores the runs and writes a page about them. --profile paper uses the printed constants
-    and records nothing. With --resume, omitted options keep their saved values.
+    First, as in the paper, it records the readings of unit 1 of the twin (pseudo-reality: a physics model
+    behind the robot's own serial protocol) and fits the simulation to them. It evolves both tasks in that
+    simulation at all three noise levels, has every champion drive the unit, and films one of each kind.
+    It scores the runs and writes a page about them. --profile paper uses the printed constants and records
+    nothing. With --resume, omitted options keep their saved values.
 
     \b
     Example:

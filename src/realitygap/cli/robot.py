@@ -53,7 +53,7 @@ def robot() -> None:
 )
 @click.option("--port", metavar="P", help="The same as --robot serial:P.")
 @option.baud()
-@option.profile(says=" Says how fast its commands are, for the movement; omitted: the robot's own base.")
+@option.profile(says=" Gives the speed of its commands, for the movement; omitted: the robot's own base.")
 @click.option("--seconds", type=Finite(0.1, 3600), default=3.0, help="Seconds for which to show the sensors.")
 @click.option("--clock-channel", metavar="FILE", help="Control channel of a twin that runs in virtual time.")
 @click.option("--yes", is_flag=True, help="Let it move 2 cm and back without asking.")
@@ -68,7 +68,7 @@ def check(
     yes: bool,
     json_output: bool,
 ) -> None:
-    """Check that a robot works: sensors, counters, a loop of its period, and what else it has.
+    """Check that a robot works: sensors, counters, the timing of its loop, and whatever else it has.
 
     It moves only with your consent.
 

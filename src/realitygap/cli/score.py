@@ -47,7 +47,7 @@ def score(
     a column start separates several trials and a column unit several robots; or what `realitygap track`
     or `realitygap simulate --json` wrote; or folders of such files. A folder made by `realitygap
     transfer`, its trials packed or not, needs no B: its simulated trials are compared with its situated
-    ones. 10 means as alike as the same robot twice, 0 another behaviour; the output says what these ends
+    ones. 10 means as alike as the same robot twice, 0 a different behaviour; the output says what these ends
     were measured on.
 
     With --without-camera, A is the study itself: for each transferred controller, how far apart (Wasserstein

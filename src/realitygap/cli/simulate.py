@@ -34,8 +34,8 @@ def simulate(
     """Simulate one trial of TASK.
 
     TASK is obstacle-avoidance, light-seeking or a Python file of your own. With --json there is
-    an entry for each step of 0.1 s: what the robot read and decided at that time, where it stood
-    then, what its wheels achieved in the step that follows, and whether it touched something.
+    an entry for each step of 0.1 s: the robot's readings, decision and pose at that time, what its
+    wheels achieved in the following step, and whether it touched something.
 
     \b
     Example:

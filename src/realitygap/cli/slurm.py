@@ -39,8 +39,8 @@ def slurm(
 ) -> None:
     """Print an array job for Slurm: COMMAND (evolve, transfer, experiment noise) in shards.
 
-    Nothing is installed on the cluster but realitygap; a job that is requeued goes on where it was. The
-    script begins with how it is submitted, and how the shards are put together.
+    The cluster needs only realitygap. A requeued job continues where it was. The head of the script says how
+    to submit it, and how to merge the shards.
 
     \b
     Example:

@@ -1,10 +1,10 @@
 #!/bin/bash
 # {command}
-# as {shards} jobs of a Slurm array:
+# as {shards} jobs of a Slurm array; submit it with
 #     jobs=$(sbatch --parsable THIS_FILE)
-# and, when all of them are done, put together:
+# and, when all of them are done, merge the shards with
 #     sbatch --dependency=afterok:$jobs --cpus-per-task={cores} --time={hours}:00:00 --wrap {wrapped}
-# What the cluster asks for besides (--account, --partition, --mem) is given to both.
+# Give both whatever else the cluster needs (--account, --partition, --mem).
 #SBATCH --job-name=realitygap
 #SBATCH --array=1-{shards}
 #SBATCH --ntasks=1

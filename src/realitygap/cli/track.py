@@ -41,8 +41,8 @@ def track(
     """Track the robot in FILM.
 
     FILM is any film from above (MP4, MOV, MKV, AVI …) of a robot that wears a marker. The track is a table:
-    t_s, x_cm, y_cm, heading_deg, quality (0 to 1). In a frame where it is not found, place and
-    heading are empty and quality is 0.
+    t_s, x_cm, y_cm, heading_deg, quality (0 to 1). If the robot is not found in a
+    frame, place and heading are empty and quality is 0.
 
     \b
     Example:

@@ -34,10 +34,10 @@ def twin() -> None:
 @click.option("--unit", type=Whole(0, MOST), default=1, help="Which robot.")
 @option.twin_noise("--noise")
 @option.seed(says=" It does not change the unit's constants: those depend on --unit alone.")
-@option.baud("Rate that its jumper is set to.", any_rate=False)
+@option.baud("Baud rate set by its jumper.", any_rate=False)
 @click.option(
     "--clock", type=click.Choice(["real", "virtual"]), default="real",
-    help="virtual: its time runs as far as a clock on the second channel allows.",
+    help="virtual: time runs as far as a clock on the second channel allows.",
 )  # fmt: skip
 @option.pose(required=False)
 @option.as_json
