@@ -237,7 +237,7 @@ def test_ctrl_c_ends_a_recording_in_order(tmp_path):
             time.sleep(0.01)
         process.send_signal(signal.SIGINT)
         _, error = process.communicate(timeout=60)
-    assert process.returncode == 130 and "--resume goes on" in error.splitlines()[-1]
+    assert process.returncode == 130 and "--resume continues" in error.splitlines()[-1]
     assert "unfinished" in load_recording(tmp_path / "a").warnings[-1]
 
 
@@ -298,7 +298,7 @@ def test_a_person_is_guided_and_may_stop(bench: Bench, tmp_path):
     twin = bench.twin(clock="real")
     words = [*WORDS, "--robot", f"serial:{twin.device}", "--out", tmp_path / "a"]
     code, said, told = run(*words, answers="\n\ns\nwhat\n\nq\n")
-    assert code == 0 and "--resume goes on" in said
+    assert code == 0 and "--resume continues" in said
     assert "0.5 cm between body and wall, the wall straight ahead" in told
     rows = (tmp_path / "a" / "readings.csv").read_text().splitlines()
     assert [row.split(",")[:3] for row in rows[1:]] == [["0.5", "0", "0"], ["0.5", "30", "0"]]

@@ -83,12 +83,12 @@ def test_a_missing_package_is_named(played, tmp_path, monkeypatch, missing):
     [
         ([], "expected one of --format"),
         (["--format", "csv", "--language", "c99"], "expected one of"),
-        (["1", "--format", "csv"], "RUN: --format csv is of the whole study"),
-        (["--format", "mcap"], "--format mcap: expected the RUN"),
+        (["1", "--format", "csv"], "RUN: --format csv covers the whole study"),
+        (["--format", "mcap"], "--format mcap: expected a RUN"),
         (["1", "--format", "mcap", "--name", "x"], "--name: does not go with --format mcap"),
         (["1", "--language", "c99", "--start", "1"], "--start: does not go with --language"),
         (["--format", "csv", "--name", "x"], "--name: does not go with --format csv"),
-        (["--language", "c99"], "--language: expected the RUN"),
+        (["--language", "c99"], "--language: expected a RUN"),
     ],
 )
 def test_two_uses_are_not_confused(played, tmp_path, words, told):

@@ -33,7 +33,7 @@ __all__ = ["begun_config", "changed_config", "evolve", "folder_of"]
 @option.runs("Runs [default: 1].")
 @option.evaluations
 @option.out(says="The study's folder [default: out/TASK].")
-@click.option("--config", type=click.Path(path_type=Path), metavar="FILE", help="Begin from a study's TOML.")
+@click.option("--config", type=click.Path(path_type=Path), metavar="FILE", help="Start from a study's TOML.")
 @click.option(
     "--set",
     "settings",

@@ -117,8 +117,8 @@ experiment.add_command(measure_or_randomise)
 @option.out("out/noise")
 @click.option(
     "--arm", metavar="A",
-    help="An arm of the second study, as planned (docs/noise-level-2.md): E, T, E5, T5, T2 or S. No option"
-    " that would change its design goes with it.",
+    help="An arm of the second study, as planned (docs/noise-level-2.md): E, T, E5, T5, T2 or S. "
+    "Options that would change its design are refused.",
 )  # fmt: skip
 @click.option(
     "--levels",

@@ -99,9 +99,9 @@ def _use(run: str | None, kind: str | None, language: str | None) -> str:
         )
     use, said = USES.get(str(kind), "source"), f"--format {kind}" if language is None else "--language"
     if use == "tables" and run is not None:
-        raise click.UsageError(f"RUN: {said} is of the whole study. Leave {run!r} out.")
+        raise click.UsageError(f"RUN: {said} covers the whole study. Leave {run!r} out.")
     if use != "tables" and run is None:
-        raise click.UsageError(f"{said}: expected the RUN that it is of, as in STUDY 1.")
+        raise click.UsageError(f"{said}: expected a RUN, as in STUDY 1.")
     context = click.get_current_context()
     for key in dict.fromkeys(key for keys in GOES_WITH.values() for key in keys):
         given = context.get_parameter_source(key) is ParameterSource.COMMANDLINE

@@ -130,7 +130,7 @@ class FileToWrite(click.ParamType):
         if path.is_dir():
             self.fail(f"{value!r} is a folder.", param, ctx)
         if not path.parent.is_dir():
-            self.fail(f"the folder {str(path.parent)!r} does not exist; make it first.", param, ctx)
+            self.fail(f"the folder {str(path.parent)!r} does not exist; create it first.", param, ctx)
         return path
 
 

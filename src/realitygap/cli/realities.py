@@ -32,7 +32,7 @@ SMALL = {"runs": 2, "starts": 2, "evaluations": 200}
 )  # fmt: skip
 @click.option("--only", is_flag=True, default=None, help="Only those that --robot names.")
 @option.base
-@click.option("--small", is_flag=True, help="A try in minutes: 2 runs, 2 starts, 200 evaluations.")
+@click.option("--small", is_flag=True, help="A small version, in minutes: 2 runs, 2 starts, 200 evaluations.")
 @click.option("--levels", metavar="L,L,…", help="Noise levels (1 = observed) [default: 0,1,2].")
 @option.runs("Runs at each level [default: 6].")
 @click.option("--starts", type=Whole(2, 1000), help="Trials of each controller [default: 4].")

@@ -109,7 +109,7 @@ def record(
     for one in made:
         click.echo(f"{one.folder}: {one.kind}, {one.done} of {one.places} places, {one.seconds:.1f} s")
     if not all(one.finished for one in made):
-        click.echo("not finished: the same command with --resume goes on")
+        click.echo("not finished: the same command with --resume continues")
 
 
 def _recorded(
@@ -135,7 +135,7 @@ def _recorded(
             return make(wanted, out, body, ask=_ask, resume=resume, on_progress=report), facts
         except (RobotStoppedError, KeyboardInterrupt) as stopped:
             said = f": {stopped}" if str(stopped) else ""
-            raise StoppedError(f"stopped{said}; finished places are kept, --resume goes on") from None
+            raise StoppedError(f"stopped{said}; finished places are kept, --resume continues") from None
 
 
 def _stoppable(stack: ExitStack, report: Progress) -> Progress:

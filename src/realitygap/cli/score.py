@@ -121,7 +121,7 @@ def _print_lived(found: WithoutCamera) -> None:
                  "camera's score", "replay cm"), rows))  # fmt: skip
     left_out = sum(one.left_out for one in found.controllers)
     if left_out:
-        click.echo(f"left out: {left_out} trials without a recording, or that are simulated otherwise today")
+        click.echo(f"left out: {left_out} trials without a recording, or whose simulation differs today")
     for order in found.orders:
         _print_order(order)
 

@@ -66,7 +66,7 @@ SIDES = (
     type=click.Choice(["drawn", "mujoco"]),
     default="drawn",
     help="How a twin's film is made: drawn, or by MuJoCo's renderer, which takes longer and needs an EGL or "
-    "OSMesa library. A film that is there is kept.",
+    "OSMesa library. An existing film is kept.",
 )
 @click.option(
     "--watch/--no-watch",
@@ -199,7 +199,7 @@ def _found(one: Situation, requested: Pose, seen: Pose | None) -> bool:
     )
     if off <= NEAR_CM and abs(turned) <= NEAR_DEG:
         return True
-    return _answered("That is far off. Type w to start it all the same; press Enter to look again")
+    return _answered("That is far off. Type w to start it anyway; press Enter to look again")
 
 
 def _answered(question: str) -> bool:
@@ -213,5 +213,5 @@ def _stopped(stop: BaseException, kept: str) -> str:
     if isinstance(stop, RobotStoppedError):
         return str(stop)
     again = f"realitygap transfer {shlex.join(sys.argv[2:])}" if sys.argv[1:2] == ["transfer"] else ""
-    cure = f"go on with `{again}`" if again else "the same command goes on"
+    cure = f"continue with `{again}`" if again else "the same command continues"
     return f"stopped; finished trials are kept in {kept}; {cure}"
