@@ -124,7 +124,7 @@ def evolution() -> list[Any]:
         config = StudyConfig(conditions=conditions, evaluations=300, runs=1, seed=4)
         run_study(Path(name) / "s", config, workers=1)
         with sqlite3.connect(Path(name) / "s" / "study.db") as database:
-            return [repr(database.execute("SELECT * FROM evaluation").fetchall()).encode()]
+            return [repr(database.execute("SELECT * FROM evaluations").fetchall()).encode()]
 
 
 def track() -> list[Any]:

@@ -6,6 +6,7 @@ import hashlib
 import sqlite3
 import subprocess
 import sys
+import zlib
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -14,10 +15,9 @@ from realitygap.study.config import StudyConfig
 from realitygap.study.digest import seal
 from realitygap.study.load import load_study
 from realitygap.study.parts import Condition
-from realitygap.study.schema import NAMES
+from realitygap.study.views import NAMES
 
 CHILD = Path(__file__).with_name("child.py")
-TABLES = ("run", "evaluation", "checkpoint", "retest", "test")
 
 
 def small(**changes: Any) -> StudyConfig:
@@ -36,38 +36,60 @@ def small(**changes: Any) -> StudyConfig:
 
 
 def content(folder: Path) -> dict[str, tuple[int, str]]:
-    """Number of rows and a hash of each table, except of who worked on it and when."""
+    """Number of rows and a hash of all that is kept, in any format, except of who worked on it and when."""
     found = {}
     with closing(sqlite3.connect(folder / "study.db")) as database:
         assert database.execute("PRAGMA integrity_check").fetchone() == ("ok",)
-        for table in TABLES:
-            columns = [
-                row[1] for row in database.execute(f"PRAGMA table_info({table})") if row[1] != "genotype"
-            ]
-            rows = sorted(map(repr, database.execute(f"SELECT {', '.join(columns)} FROM {table}")))
+        for table in ("run", "checkpoint"):
+            rows = sorted(map(repr, database.execute(f"SELECT * FROM {table}")))
             found[table] = (len(rows), hashlib.sha256("".join(rows).encode()).hexdigest())
     study = load_study(folder)
+    tables = {"evaluations": study.evaluations(), "tests": study.tests(), "retests": study.retests()}
+    for name, columns in tables.items():
+        text = "".join(name + repr(column.tolist()) for name, column in columns.items())
+        found[name] = (len(columns["run"]), hashlib.sha256(text.encode()).hexdigest())
     genes = [study.genotypes(run.id) for run in study.runs]
     found["genotypes"] = (sum(map(len, genes)), hashlib.sha256(b"".join(genes)).hexdigest())
     return found
 
 
-def in_format_3(folder: Path, version: int = 3) -> None:
-    """Make a study's database one as earlier versions wrote it: a genotype in each evaluation's row."""
-    genes = {run.id: load_study(folder).genotypes(run.id) for run in load_study(folder).runs}
+def in_format(folder: Path, version: int) -> None:
+    """Make a study's database one as earlier versions wrote it: a row for each evaluation and each trial, the
+    genotype in it (3) or many in another (4); without encodings (2); without sources and digests (1)."""
+    study = load_study(folder)
+    genes = {run.id: study.genotypes(run.id) for run in study.runs}
+    old = {
+        "evaluation": (study.evaluations(), "run, number"),
+        "retest": (study.retests(), "run, cell, trial"),
+        "test": (study.tests(), "run, who, noise, trial"),
+    }
     with closing(sqlite3.connect(folder / "study.db")) as database, database:
-        database.execute("ALTER TABLE evaluation ADD COLUMN genotype BLOB NOT NULL DEFAULT x''")
-        for run, every in genes.items():
-            rows = [(one.tobytes(), run, number) for number, one in enumerate(every)]
+        for name in ("TABLE evolved", "TABLE tested", *(f"VIEW {name}" for name in NAMES)):
+            database.execute(f"DROP {name}")
+        database.execute("DELETE FROM digest WHERE part IN ('evolved', 'tested')")
+        for part, (table, key) in old.items():
+            columns = ", ".join(table)
+            database.execute(f"CREATE TABLE {part} ({columns}, PRIMARY KEY ({key})) WITHOUT ROWID")
+            places = ", ".join("?" * len(table))
+            rows = zip(*(column.tolist() for column in table.values()), strict=True)
+            database.executemany(f"INSERT INTO {part} VALUES ({places})", rows)
+        if version >= 4:
+            database.execute("CREATE TABLE genotypes (run, number, content, PRIMARY KEY (run, number))")
+            blocks = [(run, 0, zlib.compress(every.tobytes())) for run, every in genes.items() if len(every)]
+            database.executemany("INSERT INTO genotypes VALUES (?, ?, ?)", blocks)
+        else:
+            database.execute("ALTER TABLE evaluation ADD COLUMN genotype BLOB NOT NULL DEFAULT x''")
+            rows = [(a.tobytes(), run, k) for run, every in genes.items() for k, a in enumerate(every)]
             database.executemany("UPDATE evaluation SET genotype = ? WHERE run = ? AND number = ?", rows)
-            database.execute(
-                "DELETE FROM digest WHERE run = ? AND part IN ('genotypes', 'evaluation')", (run,)
-            )
-            if rows:
-                seal(database, run, "evaluation")
-        database.execute("DROP TABLE genotypes")
-        for name in NAMES:
-            database.execute(f"DROP VIEW {name}")
+        for run in study.runs:
+            grown = ["evaluation"] + (["genotypes"] if version >= 4 else []) if run.evaluations else []
+            seal(database, run.id, *grown, *(["retest", "test"] if run.finished else []))
+        if version < 3:
+            database.execute("ALTER TABLE run DROP COLUMN encoding")
+        for table in ("source", "task", "digest") if version == 1 else ():
+            database.execute(f"DROP TABLE {table}")
+        for run in study.runs if version == 2 else ():
+            seal(database, run.id, "run")
         database.execute(f"PRAGMA user_version = {version}")
 
 

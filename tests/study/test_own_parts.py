@@ -5,9 +5,9 @@ from __future__ import annotations
 import shutil
 import sqlite3
 from contextlib import closing
+from lzma import decompress
 from pathlib import Path
 from types import SimpleNamespace
-from zlib import decompress
 
 import numpy as np
 import pytest
@@ -62,7 +62,7 @@ def test_the_database_says_what_its_genotypes_are(theirs):
     """Type, shape and settings stand with each run, so that its bytes can be read without its files."""
     with closing(sqlite3.connect(theirs / DATABASE)) as database:
         facts, genes = database.execute(
-            "SELECT encoding, content FROM run JOIN genotypes ON run = id WHERE id = 1 AND number = 0"
+            "SELECT encoding, genotypes FROM run JOIN evolved ON run = id WHERE id = 1"
         ).fetchone()
     assert '"dtype": "<f8", "shape": [2, 11], "kind": "encoding/e.py:Weights", "hidden": 0' in facts
     study = load_study(theirs)

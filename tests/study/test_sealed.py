@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import lzma
 import shutil
 import sqlite3
-import zlib
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -20,8 +20,10 @@ from realitygap.study.materials import gather
 from realitygap.study.reader import DATABASE
 from realitygap.study.runner import run_study
 from realitygap.study.store import Store
-from tests.hostile.flips import BELIEVED, HARMLESS, NOTICED, flips
-from tests.study.helpers import content, in_format_3, small
+from realitygap.study.views import NAMES
+from realitygap.transfer.load import load_transfers
+from tests.hostile.flips import BELIEVED, HARMLESS, NOTICED, all_that_is_read, flips
+from tests.study.helpers import content, in_format, small
 
 
 @pytest.fixture
@@ -84,14 +86,14 @@ def test_what_changes_no_result_may_be_edited(copy):
 def test_every_row_of_a_run_is_sealed(copy, change, finished):
     """A changed, lost or added row is refused by run and table; other runs can still be read."""
     for number, command in enumerate((
-        "UPDATE evaluation SET fitness = fitness + 1e-9 WHERE run = 2 AND number = 40",
-        "DELETE FROM evaluation WHERE run = 2 AND number = 89",
-        "UPDATE evaluation SET parent_b = -1 WHERE run = 2 AND number = 80",
-        "UPDATE digest SET value = zeroblob(16) WHERE run = 2 AND part = 'evaluation'",
+        "UPDATE evolved SET scores = zeroblob(length(scores)) WHERE run = 2",
+        "DELETE FROM evolved WHERE run = 2",
+        "UPDATE evolved SET places = zeroblob(length(places)) WHERE run = 2",
+        "UPDATE digest SET value = zeroblob(16) WHERE run = 2 AND part = 'evolved'",
     )):  # fmt: skip
         change(command) if number == 0 else (shutil.copy(finished.folder / DATABASE, copy), change(command))
         study = load_study(copy)
-        with pytest.raises(StudyError, match=r"study.db: run 2: table 'evaluation' does not hold what was"):
+        with pytest.raises(StudyError, match=r"study.db: run 2: table 'evolved' does not hold what was"):
             _ = study.evaluations(2)
         with pytest.raises(StudyError, match=r"run 2"):
             study.evaluations()
@@ -103,11 +105,11 @@ def test_every_row_of_a_run_is_sealed(copy, change, finished):
 @pytest.mark.parametrize(
     ("command", "read"),
     [
-        ("UPDATE test SET score = 0 WHERE run = 1 AND trial = 0", lambda study: study.runs[0].tests),
-        ("UPDATE genotypes SET content = zeroblob(99) WHERE run = 1 AND number = 20",
-         lambda study: study.runs[0].fittest),
-        ("DELETE FROM genotypes WHERE run = 1 AND number = 80", lambda study: study.genotypes(1)),
-        ("DELETE FROM retest WHERE run = 1 AND cell = 5", lambda study: study.retests(1)),
+        ("UPDATE tested SET scores = zeroblob(24) WHERE run = 1 AND who = 'fittest'",
+         lambda study: study.runs[0].tests),
+        ("UPDATE evolved SET genotypes = zeroblob(99) WHERE run = 1", lambda study: study.runs[0].fittest),
+        ("UPDATE evolved SET number = 1 WHERE run = 1", lambda study: study.genotypes(1)),
+        ("DELETE FROM tested WHERE run = 1 AND cell = 5", lambda study: study.retests(1)),
         ("UPDATE run SET champion = 3 WHERE id = 1", lambda study: study.runs),
         ("UPDATE session SET pid = 1", lambda study: study.versions()),
         ("UPDATE task SET facts = '{}'", lambda study: study.layout("light-seeking")),
@@ -123,23 +125,22 @@ def test_every_table_is_sealed(copy, change, command, read):
 
 
 def test_a_digest_is_of_what_came_of_the_runs(copy, finished):
-    """Not of how often it was kept, nor of how another zlib packs it."""
+    """Not of how it is packed, nor in which format."""
     genes, before = load_study(copy).genotypes(1), finished.digest()
-    with closing(sqlite3.connect(copy / DATABASE)) as database, database:
-        database.execute("DELETE FROM genotypes WHERE run = 1")
-        database.execute("INSERT INTO genotypes VALUES (1, 0, ?)", (zlib.compress(genes.tobytes(), 1),))
-        seal(database, 1, "genotypes")
-    study = load_study(copy)
-    assert (study.genotypes(1) == genes).all() and study.digest() == before
-    other = 1 - genes
-    with closing(sqlite3.connect(copy / DATABASE)) as database, database:
-        database.execute("UPDATE genotypes SET content = ? WHERE run = 1", (zlib.compress(other.tobytes()),))
-        seal(database, 1, "genotypes")
-    assert load_study(copy).digest() != before
-    with closing(sqlite3.connect(copy / DATABASE)) as database, database:
-        database.execute("UPDATE test SET score = 0.25 WHERE run = 1 AND trial = 1")
-        seal(database, 1, "test")
-    assert load_study(copy).digest() != before
+    old = shutil.copytree(copy, copy.with_name("old"))
+    in_format(old, 4)
+    assert load_study(old).digest() == before
+
+    def kept(column: str, value: object, part: str = "evolved") -> str:
+        with closing(sqlite3.connect(copy / DATABASE)) as database, database:
+            database.execute(f"UPDATE {part} SET {column} = ? WHERE run = 1", (value,))
+            seal(database, 1, part)
+        return load_study(copy).digest()
+
+    assert kept("genotypes", lzma.compress(genes.tobytes(), preset=9)) == before
+    assert kept("genotypes", lzma.compress((1 - genes).tobytes())) != before
+    assert kept("genotypes", lzma.compress(genes.tobytes())) == before
+    assert kept("scores", bytes(24), "tested") != before
 
 
 def half_done(folder: Path) -> None:
@@ -156,30 +157,35 @@ def test_an_unfinished_run_is_sealed_too(folder):
     """A run is not continued from evaluations that were changed."""
     half_done(folder)
     with closing(sqlite3.connect(folder / DATABASE)) as database, database:
-        database.execute("UPDATE evaluation SET score_1 = 0 WHERE run = 2 AND number = 25")
-    with pytest.raises(StudyError, match="run 2: table 'evaluation'"):
+        database.execute("UPDATE evolved SET scores = zeroblob(320) WHERE run = 2 AND number = 20")
+    with pytest.raises(StudyError, match="run 2: table 'evolved'"):
         run_study(folder, resume=True, workers=1)
 
 
-@pytest.mark.parametrize("version", [1, 2, 3])
+@pytest.mark.parametrize("version", [1, 2, 3, 4])
 def test_a_study_of_an_earlier_format_is_read_and_goes_on(folder, finished, version):
-    """Without sources and digests (1), encodings (2), or compressed genotypes (3), in its database a study is
-    read, and resumes to the same bits."""
+    """As `in_format` has them: a study is read, and resumes to the same bits."""
     half_done(folder)
-    in_format_3(folder, version)
-    with closing(sqlite3.connect(folder / DATABASE)) as database, database:
-        if version < 3:
-            database.execute("ALTER TABLE run DROP COLUMN encoding")
-        for table in ("source", "task", "digest") if version == 1 else ():
-            database.execute(f"DROP TABLE {table}")
-        for (run,) in database.execute("SELECT id FROM run").fetchall() if version == 2 else ():
-            seal(database, run, "run")
+    in_format(folder, version)
     assert load_study(folder).layout("light-seeking") == finished.layout("light-seeking")
+    assert len(load_study(folder).evaluations()["run"]) == 40
     run_study(folder, resume=True, workers=1)
     here, there = content(folder), content(finished.folder)
     assert {**here, "run": 0} == {**there, "run": 0}
     assert load_study(folder).genotypes(2).shape == (90, 30, 34)
     assert (load_study(folder).runs[0].champion == finished.runs[0].champion).all()
+
+
+def test_a_study_that_an_earlier_version_wrote_says_the_same(tmp_path):
+    """A file of format 4 as it was written: all that its version read of it, and its packed trials."""
+    shutil.unpack_archive(Path(__file__).with_name("format-4.tar.xz"), tmp_path, filter="data")
+    study = load_study(tmp_path / "format-4")
+    assert all_that_is_read(study.folder).startswith("6601df65ad85f7641ac66af8b0e01867")
+    assert [len(study.query(f"SELECT * FROM {name}")["run"]) for name in NAMES] == [2, 180, 292]
+    trials = load_transfers(study.folder)
+    assert [(one.run, one.start, len(one.situated), len(one.simulated)) for one in trials] == [
+        (1, 1, 6, 6), (2, 1, 6, 6),
+    ]  # fmt: skip
 
 
 def test_flipped_bits_are_noticed(copy):

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from realitygap.errors import StudyError
+from realitygap.study.arrays import Block, joined
+from realitygap.study.digest import seal
 from realitygap.study.load import load_study
-from realitygap.study.schema import NAMES
-from tests.study.helpers import content, in_format_3
+from realitygap.study.views import NAMES
+from tests.study.helpers import content, in_format
 
 
 def test_a_new_database_holds_the_views(finished):
@@ -43,10 +45,11 @@ def test_the_views_say_what_the_study_says(finished):
 
 def test_an_older_database_is_asked_in_the_same_way(finished, tmp_path):
     """Nothing is written into it, and it answers what the new one does."""
-    asked = [f"SELECT * FROM {name}" for name in NAMES]
-    for version in (3, 2, 1):
+    keys = ("run", "run, number", "run, who, number, tested_noise, trial")
+    asked = [f"SELECT * FROM {name} ORDER BY {key}" for name, key in zip(NAMES, keys, strict=True)]
+    for version in (4, 3, 2, 1):
         shutil.copytree(finished.folder, tmp_path / str(version))
-        in_format_3(tmp_path / str(version), version)
+        in_format(tmp_path / str(version), version)
         old, before = load_study(tmp_path / str(version)), (tmp_path / str(version) / "study.db").read_bytes()
         for sql in asked:
             new, found = finished.query(sql), old.query(sql)
@@ -75,6 +78,52 @@ def test_a_damaged_row_is_not_counted(finished, tmp_path):
     """A query sees no number that was not written."""
     shutil.copytree(finished.folder, tmp_path / "copy")
     with closing(sqlite3.connect(tmp_path / "copy" / "study.db")) as database, database:
-        database.execute("UPDATE evaluation SET fitness = 99 WHERE run = 1 AND number = 3")
-    with pytest.raises(StudyError, match="'evaluation' does not hold what was written"):
+        database.execute("UPDATE evolved SET scores = zeroblob(length(scores)) WHERE run = 1")
+    with pytest.raises(StudyError, match="'evolved' does not hold what was written"):
         load_study(tmp_path / "copy").query("SELECT avg(fitness) AS mean FROM evaluations")
+
+
+def test_plain_sql_takes_arrays_apart_to_the_bit(finished, tmp_path):
+    """Any score that there can be, a fitness that is no plain mean, numbers that need more than two bytes."""
+    shutil.copytree(finished.folder, tmp_path / "copy")
+    draw = np.random.default_rng(1)
+    scores = draw.integers(0, 2**64, (300, 2), np.uint64).view(np.float64)
+    scores[~np.isfinite(scores)] = 0.0
+    scores[:3] = [[0.0, -0.0], [5e-324, -2.2250738585072014e-308], [1.7976931348623157e308, -1e22]]
+    scores[100:200] = draw.random((100, 2)) * 10.0 ** draw.integers(-30, 3, (100, 2))
+    places = draw.integers(-1, 70_000, (300, 3))
+    block = Block(7, scores, scores[:, 0].copy(), places, b"")
+    with closing(sqlite3.connect(tmp_path / "copy" / "study.db")) as database:
+        database.execute("DELETE FROM evolved WHERE run = 1")
+        database.execute(f"INSERT INTO evolved VALUES (1, {', '.join('?' * 6)})", block.row())
+        columns = "number, fitness, score_1, score_2, parent_a, parent_b, cell"
+        found = database.execute(
+            f"SELECT {columns} FROM evaluations WHERE run = 1 ORDER BY number"
+        ).fetchall()
+    number, fitness, *rest = map(np.array, zip(*found, strict=True))
+    assert (number == 7 + np.arange(300)).all() and fitness.tobytes() == block.fitness.tobytes()
+    assert np.column_stack(rest[:2]).tobytes() == scores.tobytes()
+    assert (np.column_stack(rest[2:]) == places).all()
+
+
+def test_a_running_study_is_asked_like_a_finished_one(finished, tmp_path):
+    """Its evaluations stand in several rows; plain SQL, `query` and Python say the same of them."""
+    shutil.copytree(finished.folder, tmp_path / "copy")
+    whole = finished.evaluations(1)
+    with closing(sqlite3.connect(tmp_path / "copy" / "study.db")) as database, database:
+        kept = database.execute("SELECT * FROM evolved WHERE run = 1").fetchone()
+        block = Block.of(kept[1:])
+        parts = [Block(a, *(part[a : a + 30] for part in block[1:4]), b"") for a in (0, 30, 60)]
+        database.execute("DELETE FROM evolved WHERE run = 1")
+        marks = ", ".join("?" * 7)
+        database.executemany(f"INSERT INTO evolved VALUES ({marks})", [(1, *one.row()) for one in parts])
+        seal(database, 1, "evolved")
+    study, sql = load_study(tmp_path / "copy"), "SELECT * FROM evaluations WHERE run = 1 ORDER BY number"
+    with closing(sqlite3.connect(study.folder / "study.db")) as database:
+        plain = [row[5:] for row in database.execute(sql)]
+    assert plain == list(
+        zip(*(column.tolist() for column in list(study.query(sql).values())[5:]), strict=True)
+    )
+    there = study.evaluations(1)
+    assert all(np.array_equal(there[name], whole[name], equal_nan=True) for name in whole)
+    assert joined(parts)[1].tobytes() == block.scores.tobytes()

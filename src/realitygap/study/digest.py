@@ -12,20 +12,25 @@ from pathlib import Path
 from typing import Any
 
 from realitygap.errors import StudyError
+from realitygap.study.schema import ARRAYS, check_format
 
-__all__ = ["OF_RUN", "check_of", "seal", "seal_more", "verify", "verify_all"]
+__all__ = ["SCHEMA", "check_of", "parts", "seal", "seal_more", "verify", "verify_all"]
 
 OF_RUN = {
     "run": "id",
+    "evolved": "number",
+    "tested": "who, noise, cell",
     "evaluation": "number",
     "genotypes": "number",
     "checkpoint": "evaluations",
     "retest": "cell, trial",
     "test": "who, noise, trial",
 }
-"""Tables whose rows belong to a run, and the order of those; older formats have no genotypes of their own."""
+"""Tables whose rows belong to a run, of any format, and the order of those."""
 OF_STUDY = {"source": "name", "task": "name", "session": "id"}
 """Tables that are one whole; their digests stand under run 0."""
+SCHEMA = "sqlite_master"
+"""What SQLite itself says of the tables: of newer formats it is sealed like those."""
 BYTES = 16
 
 
@@ -81,18 +86,28 @@ def verify_all(database: sqlite3.Connection, path: Path) -> None:
     Raises:
         StudyError: names the first that is not.
     """
-    for part in OF_STUDY:
+    for part in (*OF_STUDY, *([SCHEMA] if check_format(database, path) >= ARRAYS else [])):
         verify(database, path, 0, part)
-    there = {name for (name,) in database.execute("SELECT name FROM sqlite_master")}
+    there = parts(database)
     for (run,) in database.execute("SELECT id FROM run ORDER BY id").fetchall():
-        for part in filter(there.__contains__, OF_RUN):
+        for part in there:
             verify(database, path, run, part)
+
+
+def parts(database: sqlite3.Connection) -> list[str]:
+    """The tables that hold rows of runs, in this database's format."""
+    there = {name for (name,) in database.execute("SELECT name FROM sqlite_master")}
+    return [part for part in OF_RUN if part in there]
 
 
 def _digests(database: sqlite3.Connection, run: int, part: str) -> tuple[bytes, bytes]:
     """Of no rows, and of those that are there."""
-    if part in OF_STUDY:
-        rows = database.execute(f"SELECT * FROM {part} ORDER BY {OF_STUDY[part]}")
+    if part == SCHEMA:
+        own = "', '".join([*OF_RUN, *OF_STUDY, "digest"])  # what others may have added is theirs
+        rows = database.execute(f"SELECT name, sql FROM {SCHEMA} WHERE name IN ('{own}') ORDER BY name")
+    elif part in OF_STUDY:
+        # the rows themselves, not what an index says of them: that is what is read
+        rows = database.execute(f"SELECT * FROM {part} ORDER BY +{OF_STUDY[part]}")
     else:
         whose = "id" if part == "run" else "run"
         rows = database.execute(f"SELECT * FROM {part} WHERE {whose} = ? ORDER BY {OF_RUN[part]}", (run,))

@@ -1,11 +1,12 @@
 """A study's database, read while another process may be writing it; what is damaged is not read."""
 
 import json
+import lzma
 import sqlite3
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
-from hashlib import blake2b
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import StudyError
-from realitygap.study.digest import verify
-from realitygap.study.schema import BLOCKS, NAMES, SEALED, check_format, told, views
+from realitygap.study.arrays import evaluations, spread
+from realitygap.study.digest import SCHEMA, parts, verify
+from realitygap.study.schema import ARRAYS, BLOCKS, SEALED, check_format, most_trials, told
+from realitygap.study.views import NAMES, lay_views
 
 __all__ = ["DATABASE", "Reader", "Table", "open_to_read"]
 
 DATABASE = "study.db"
 Table = dict[str, NDArray[Any]]
+_TRIAL = {"trial": np.int64, "score": float}
 
 
 class Reader:
@@ -42,7 +46,10 @@ class Reader:
         """
         with told(self._path), closing(open_to_read(self._path)) as database:
             database.execute("BEGIN")
-            if check_format(database, self._path) >= SEALED and part:
+            version = check_format(database, self._path)
+            if version >= ARRAYS:
+                self._verify(database, 0, SCHEMA)
+            if version >= SEALED and part:
                 runs = [row[0] for row in database.execute("SELECT id FROM run")] if run is None else [run]
                 for one in runs:
                     self._verify(database, one, part)
@@ -88,9 +95,13 @@ class Reader:
 
     def genotypes(self, run: int, number: int | None = None) -> tuple[int, bytes]:
         """Of all evaluations of a run, or of some with this one: number of the first, and their bytes."""
-        with self.reading() as database:
-            blocks = check_format(database, self._path) >= BLOCKS
-        part, column = ("genotypes", "content") if blocks else ("evaluation", "genotype")
+        version = self._format
+        kept: tuple[str, str, Callable[[bytes], bytes]] = ("evaluation", "genotype", bytes)
+        if version >= BLOCKS:
+            kept = ("genotypes", "content", zlib.decompress)
+        if version >= ARRAYS:
+            kept = ("evolved", "genotypes", lzma.decompress)
+        part, column, opened = kept
         which, values = "", [run]
         if number is not None:
             which = f"AND number = (SELECT max(number) FROM {part} WHERE run = ? AND number <= ?)"
@@ -98,26 +109,36 @@ class Reader:
         query = f"SELECT number, {column} FROM {part} WHERE run = ? {which} ORDER BY number"
         with self.reading(part, run) as database:
             rows = database.execute(query, values).fetchall()
-        found = b"".join(zlib.decompress(row[1]) if blocks else row[1] for row in rows)
-        return rows[0][0] if rows else 0, found
+        return rows[0][0] if rows else 0, b"".join(opened(row[1]) for row in rows)
 
-    def table(self, name: str, kinds: Mapping[str, Any], order: str, run: int | None) -> Table:
-        """Columns of a table, of a run or of all; NaN where there is nothing.
+    def evaluations(self, run: int | None) -> Table:
+        """Every evaluation of a run, or of all, by run and number; NaN where there is no score."""
+        if self._format >= ARRAYS:
+            columns = "run, number, count, scores, fitness, places"
+            rows = self._rows("evolved", columns, run, "run, number")
+            with self.reading("task", 0) as database:
+                return evaluations(rows, most_trials(database))
+        with self.reading() as database:
+            names = [row[1] for row in database.execute("PRAGMA table_info(evaluation)")]
+        names.remove("genotype") if "genotype" in names else None
+        kinds = {name: float if name.startswith(("fitness", "score_")) else np.int64 for name in names}
+        return self._table("evaluation", kinds, run, "run, number")
 
-        `kinds` are NumPy types by column, `order` is what SQL orders the rows by.
+    def tests(self, run: int | None) -> Table:
+        """Fresh trials of the fittest and the champion."""
+        kinds = {"run": np.int64, "who": "U8", "noise": float}
+        if self._format >= ARRAYS:
+            some = "run, who DESC, noise", "who != 'population'"
+            return spread(self._rows("tested", "run, who, noise, scores", run, *some), kinds)
+        return self._table("test", kinds | _TRIAL, run, "run, who DESC, noise, trial")
 
-        Args:
-            name: the table's.
-            kinds: NumPy types by column.
-            order: SQL, what the rows are ordered by.
-            run: whose rows; all runs' if None.
-        """
-        where, values = ("", ()) if run is None else ("WHERE run = ?", (run,))
-        with self.reading(name, run) as database:
-            count = database.execute(f"SELECT count(*) FROM {name} {where}", values).fetchone()[0]
-            rows = database.execute(f"SELECT {', '.join(kinds)} FROM {name} {where} ORDER BY {order}", values)
-            filled = np.fromiter(map(_nan_for_none, rows), np.dtype(list(kinds.items())), count)
-        return {key: np.ascontiguousarray(filled[key]) for key in kinds}
+    def retests(self, run: int | None) -> Table:
+        """Fresh trials of those that lived last."""
+        kinds = dict.fromkeys(("run", "cell", "number"), np.int64)
+        if self._format >= ARRAYS:
+            some = "run, cell", "who = 'population'"
+            return spread(self._rows("tested", "run, cell, number, scores", run, *some), kinds)
+        return self._table("retest", kinds | _TRIAL, run, "run, cell, trial")
 
     def query(self, sql: str, config: Mapping[str, Any]) -> Table:
         """Columns of what a statement of SQL selects from the tables and the views.
@@ -125,12 +146,13 @@ class Reader:
         Raises:
             StudyError: the statement cannot be carried out, or writes.
         """
-        for part in ("run", "evaluation", "retest", "test"):
+        with self.reading() as database:
+            there = parts(database)
+        for part in there:
             with self.reading(part):
                 pass  # it holds what was written
         with self.reading() as database:
-            for view in views(database, config, temporary=True):
-                database.execute(view)
+            lay_views(database, config)
             try:
                 rows = database.execute(sql)
                 names = [column[0] for column in rows.description or ()]
@@ -144,20 +166,6 @@ class Reader:
         columns = zip(*found, strict=True) if found else [()] * len(names)
         return {name: _column(values) for name, values in zip(names, columns, strict=True)}
 
-    def digest(self) -> str:
-        """Of every row of every run, genotypes as they were before they were packed; not of checkpoints,
-        which say how to go on. Of the oldest format, which keeps no digests, of its runs and genotypes."""
-        with self.reading() as database:
-            runs = [row[0] for row in database.execute("SELECT id FROM run ORDER BY id")]
-            query = "SELECT name, evaluations, best_fitness, champion_fitness FROM run ORDER BY id"
-            if check_format(database, self._path) >= SEALED:
-                query = "SELECT run, part, value FROM digest WHERE run > 0 "
-                query += "AND part NOT IN ('checkpoint', 'genotypes') ORDER BY run, part"
-            whole = blake2b(repr(database.execute(query).fetchall()).encode(), digest_size=16)
-        for run in runs:
-            whole.update(blake2b(self.genotypes(run)[1]).digest())
-        return whole.hexdigest()
-
     def versions(self) -> dict[str, list[str]]:
         """What has worked on the study, by name, each version once."""
         with self.reading("session", 0) as database:
@@ -168,6 +176,30 @@ class Reader:
                 if version not in found.setdefault(name, []):
                     found[name].append(version)
         return found
+
+    @cached_property
+    def _format(self) -> int:
+        with self.reading() as database:
+            return check_format(database, self._path)
+
+    def _rows(
+        self, part: str, columns: str, run: int | None, order: str, which: str = "true"
+    ) -> list[tuple[Any, ...]]:
+        """Of a run, or of all."""
+        whose, values = ("true", ()) if run is None else ("run = ?", (run,))
+        query = f"SELECT {columns} FROM {part} WHERE {whose} AND {which} ORDER BY {order}"
+        with self.reading(part, run) as database:
+            return database.execute(query, values).fetchall()
+
+    def _table(self, part: str, kinds: Mapping[str, Any], run: int | None, order: str) -> Table:
+        """Columns, of these NumPy types, of a table of an earlier format; NaN where there is nothing."""
+        whose, values = ("true", ()) if run is None else ("run = ?", (run,))
+        query = f"SELECT {', '.join(kinds)} FROM {part} WHERE {whose} ORDER BY {order}"
+        with self.reading(part, run) as database:
+            filled = np.fromiter(
+                map(_nan_for_none, database.execute(query, values)), np.dtype(list(kinds.items()))
+            )
+        return {key: np.ascontiguousarray(filled[key]) for key in kinds}
 
     def _kept(self, part: str) -> list[tuple[str, Any]] | None:
         with self.reading(part, 0) as database:
@@ -203,6 +235,8 @@ def open_to_read(path: Path) -> sqlite3.Connection:
     database = sqlite3.connect(uri, uri=True, isolation_level=None)
     try:
         database.execute("SELECT 1 FROM sqlite_master")
+    except UnicodeDecodeError as error:  # of SQLite's own words about a name that is damaged
+        raise sqlite3.DatabaseError(f"malformed database schema: {error}") from None
     except sqlite3.OperationalError:
         database.close()
         log = path.with_name(f"{path.name}-wal")

@@ -17,21 +17,14 @@ CREATE TABLE checkpoint (     -- what a run goes on from; written with the evalu
     evaluations INTEGER NOT NULL,
     state BLOB NOT NULL
 );
-CREATE TABLE retest (         -- the last population on fresh trials at the run's own noise
+CREATE TABLE tested (         -- fresh trials of a finished run
     run INTEGER NOT NULL REFERENCES run(id),
-    cell INTEGER NOT NULL,
-    number INTEGER NOT NULL,
-    trial INTEGER NOT NULL,
-    score REAL NOT NULL,
-    PRIMARY KEY (run, cell, trial)
-) WITHOUT ROWID;
-CREATE TABLE test (           -- `who`: fittest or champion; on fresh trials at three noise levels
-    run INTEGER NOT NULL REFERENCES run(id),
-    who TEXT NOT NULL,
-    noise REAL NOT NULL,
-    trial INTEGER NOT NULL,
-    score REAL NOT NULL,
-    PRIMARY KEY (run, who, noise, trial)
+    who TEXT NOT NULL,        -- fittest, champion; population: the retest of everyone that lived last
+    noise REAL NOT NULL,      -- level
+    cell INTEGER NOT NULL,    -- of the population; -1: fittest or champion
+    number INTEGER NOT NULL,  -- evaluation number
+    scores BLOB NOT NULL,     -- float64, little-endian, a trial each
+    PRIMARY KEY (run, who, noise, cell)
 ) WITHOUT ROWID;
 CREATE TABLE session (        -- who has worked on this study, and with which versions
     id INTEGER PRIMARY KEY,
@@ -54,19 +47,14 @@ CREATE TABLE digest (         -- of the rows of a table that belong to a run; ru
     PRIMARY KEY (run, part)
 ) WITHOUT ROWID;
 
-CREATE TABLE evaluation (     -- every individual that was ever evaluated
-    run INTEGER NOT NULL REFERENCES run(id),
-    number INTEGER NOT NULL,  -- from 0 within its run
-    fitness REAL NOT NULL,    -- mean of its trials' scores
-    -- SCORES
-    parent_a INTEGER NOT NULL, -- evaluation numbers; -1: none
-    parent_b INTEGER NOT NULL,
-    cell INTEGER NOT NULL,    -- the place in the population that it took, or was offered
+CREATE TABLE evolved (        -- everyone that was ever evaluated, as many to a row as were kept at once; in one, once
+    run INTEGER NOT NULL REFERENCES run(id), -- the run is finished
+    number INTEGER NOT NULL,  -- of the first of them, from 0 within its run
+    count INTEGER NOT NULL,   -- how many
+    scores BLOB NOT NULL,     -- float64, little-endian, [count, trials]
+    fitness BLOB NOT NULL,    -- float64 [count]: means of their scores; empty: of one score or two, as SQL has them
+    places BLOB NOT NULL,     -- uint16, or uint32 if need be, [count, 3]: the evaluation numbers of both parents and
+                              -- the cell that each took, or was offered; 1 more than they are (0: none)
+    genotypes BLOB NOT NULL,  -- LZMA: one after the other, of the dtype and shape in run.encoding
     PRIMARY KEY (run, number)
 ) WITHOUT ROWID;
-CREATE TABLE genotypes (      -- of all evaluations, as many to a row as were kept at once
-    run INTEGER NOT NULL REFERENCES run(id),
-    number INTEGER NOT NULL,  -- of the first of them
-    content BLOB NOT NULL,    -- zlib: one after the other, of the dtype and shape in run.encoding
-    PRIMARY KEY (run, number)
-);

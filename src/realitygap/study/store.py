@@ -8,21 +8,25 @@ import json
 import math
 import os
 import sqlite3
-import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
+
 from realitygap import whole
 from realitygap.controller.encoding import facts_of
 from realitygap.errors import StudyError
-from realitygap.study.digest import seal, seal_more, verify_all
+from realitygap.study.arrays import Block, joined
+from realitygap.study.digest import SCHEMA, seal, seal_more, verify_all
 from realitygap.study.jobs import Advanced
 from realitygap.study.materials import Materials
 from realitygap.study.plan import plans
-from realitygap.study.run import Records, Results
-from realitygap.study.schema import BLOCKS, SEALED, check_format, schema, told, views
+from realitygap.study.rows import advance_rows, finish_rows, plain
+from realitygap.study.run import WHO, Results
+from realitygap.study.schema import ARRAYS, BLOCKS, SEALED, check_format, schema, told
+from realitygap.study.views import views
 from realitygap.values import Closing
 
 __all__ = ["Store", "create"]
@@ -41,19 +45,18 @@ def create(path: Path, materials: Materials, sources: Mapping[str, bytes]) -> No
     encodings = [json.dumps(form) for form in forms]
     rows = [(p.id, p.name, p.task, p.noise, p.index, encodings[p.condition]) for p in plans(materials)]
     facts = {task.name: json.dumps(task.to_dict()) for task in tasks}
-    trials = max(task.trials for task in tasks)
     with told(path), whole.new(path) as new, closing(sqlite3.connect(new, isolation_level=None)) as database:
-        database.execute("PRAGMA page_size = 8192")
+        database.execute("PRAGMA page_size = 1024")
         database.execute("PRAGMA journal_mode = DELETE")
-        database.executescript(f"BEGIN;{schema(trials)}COMMIT;")
+        database.executescript(f"BEGIN;{schema()}COMMIT;")
         database.execute("BEGIN")
-        for view in views(database, materials.copies()[0].to_dict()):
-            database.execute(view)
         columns = "id, name, task, noise, position, encoding"
         database.executemany(f"INSERT INTO run ({columns}) VALUES (?, ?, ?, ?, ?, ?)", rows)
         database.executemany("INSERT INTO source VALUES (?, ?)", sources.items())
         database.executemany("INSERT INTO task VALUES (?, ?)", facts.items())
-        seal(database, 0, "source", "task")
+        for view in views(database, materials.copies()[0].to_dict()):
+            database.execute(view)
+        seal(database, 0, "source", "task", SCHEMA)
         for row in rows:
             seal(database, row[0], "run")
         database.execute("COMMIT")
@@ -70,16 +73,13 @@ class Store(Closing):
             self._database = sqlite3.connect(path, isolation_level=None)
             try:
                 version = check_format(self._database, path)
-                self._sealed, self._blocks = version >= SEALED, version >= BLOCKS
+                self._format, self._sealed = version, version >= SEALED
                 self._check_whole()
                 self._database.execute("PRAGMA journal_mode = WAL")
                 self._database.execute("PRAGMA synchronous = NORMAL")
-                columns = [row[1] for row in self._database.execute("PRAGMA table_info(evaluation)")]
             except BaseException:
                 self._database.close()
                 raise
-        self._trials = sum(name.startswith("score_") for name in columns)
-        self._insert = f"INSERT INTO evaluation VALUES ({', '.join('?' * len(columns))})"
 
     def close(self) -> None:
         """Let go of the database."""
@@ -117,48 +117,58 @@ class Store(Closing):
     def advance(self, what: Advanced) -> None:
         """Keep evaluations, and the state after the last of them."""
         run, records, done, best_fitness, best_number, state = what
+        first = done - len(records.fitness)
         with self._transaction():
-            genes = records.genes.astype(records.genes.dtype.newbyteorder("<"), copy=False)
-            rows = _rows(run, records, self._trials)
-            if self._blocks:
-                block = (run, done - len(genes), zlib.compress(genes.tobytes()))
-                self._database.execute("INSERT INTO genotypes VALUES (?, ?, ?)", block)
+            if self._format >= ARRAYS:
+                places = np.column_stack([records.parents, records.cell])
+                block = Block(first, records.scores, records.fitness, places, plain(records.genes).tobytes())
+                self._add("evolved", [(run, *block.row())])
+                grown = ["evolved"]
             else:
-                rows = ((*row, one.tobytes()) for row, one in zip(rows, genes, strict=True))
-            self._database.executemany(self._insert, rows)
+                advance_rows(self._database, run, records)
+                grown = ["evaluation", "genotypes"][: self._sealed + (self._format >= BLOCKS)]
             self._database.execute("REPLACE INTO checkpoint VALUES (?, ?, ?)", (run, done, state))
             self._database.execute(
                 "UPDATE run SET evaluations = ?, best_fitness = ?, fittest = ? WHERE id = ?",
                 (done, best_fitness, best_number, run),
             )
-            for part in ("evaluation", "genotypes")[: self._sealed + self._blocks]:
-                seal_more(self._database, run, part, done - len(genes))
+            for part in grown:
+                seal_more(self._database, run, part, first)
             self._seal(run, "checkpoint", "run")
 
     def finish(self, run: int, results: Results) -> None:
-        """Keep a run's tests and declare it finished."""
-        retest = [
-            (run, cell, number, trial, score)
-            for cell, number, row in zip(
-                results.cells.tolist(), results.numbers.tolist(), results.retest.tolist(), strict=True
-            )
-            for trial, score in enumerate(row)
-        ]
-        test = [
-            (run, who, noise, trial, score)
-            for (who, noise), row in results.fresh.items()
-            for trial, score in enumerate(row.tolist())
-        ]
+        """Keep a run's tests and declare it finished; its evaluations become one row."""
         champion = int(results.numbers[results.champion])
         scores = results.retest[results.champion].tolist()
         with self._transaction():
-            self._database.executemany("INSERT INTO retest VALUES (?, ?, ?, ?, ?)", retest)
-            self._database.executemany("INSERT INTO test VALUES (?, ?, ?, ?, ?)", test)
             self._database.execute(
                 "UPDATE run SET champion = ?, champion_fitness = ?, finished = 1 WHERE id = ?",
                 (champion, math.fsum(scores) / len(scores), run),
             )
-            self._seal(run, "retest", "test", "run")
+            if self._format < ARRAYS:
+                finish_rows(self._database, run, results)
+                self._seal(run, "retest", "test", "run")
+                return
+            rows = self._database.execute("SELECT * FROM evolved WHERE run = ? ORDER BY number", (run,))
+            every = joined([Block.of(row[1:]) for row in rows])
+            self._database.execute("DELETE FROM evolved WHERE run = ?", (run,))
+            self._add("evolved", [(run, *every.row())])
+            self._add("tested", self._tested(run, results))
+            self._seal(run, "evolved", "tested", "run")
+
+    def _tested(self, run: int, results: Results) -> list[tuple[object, ...]]:
+        """Rows of the table of that name."""
+        query = "SELECT fittest, champion, noise FROM run WHERE id = ?"
+        *numbers, own = self._database.execute(query, (run,)).fetchone()
+        number = dict(zip(WHO, numbers, strict=True))
+        some = zip(results.cells.tolist(), results.numbers.tolist(), results.retest, strict=True)
+        rows = [(run, *key, -1, number[key[0]], scores) for key, scores in results.fresh.items()]
+        rows += [(run, "population", own, *one) for one in some]
+        return [(*row, scores.astype("<f8").tobytes()) for *row, scores in rows]
+
+    def _add(self, part: str, rows: Sequence[tuple[object, ...]]) -> None:
+        places = ", ".join("?" * len(rows[0]))
+        self._database.executemany(f"INSERT INTO {part} VALUES ({places})", rows)
 
     def _seal(self, run: int, *parts: str) -> None:
         """Renew digests after a change; a study of an older format has none."""
@@ -186,18 +196,3 @@ class Store(Closing):
             )
         if self._sealed:
             verify_all(self._database, self.path)
-
-
-def _rows(run: int, records: Records, trials: int) -> Iterator[tuple[object, ...]]:
-    """Rows of the table `evaluation`; tasks with fewer trials than others leave scores empty."""
-    empty = (None,) * (trials - records.scores.shape[1])
-    columns = zip(
-        records.number.tolist(),
-        records.fitness.tolist(),
-        records.scores.tolist(),
-        records.parents.tolist(),
-        records.cell.tolist(),
-        strict=True,
-    )
-    for number, fitness, scores, (first, second), cell in columns:
-        yield (run, number, fitness, *scores, *empty, first, second, cell)

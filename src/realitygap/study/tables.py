@@ -1,6 +1,6 @@
 """The tables of a study's database as NumPy columns: evaluations, genotypes, tests."""
 
-from collections.abc import Mapping
+from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
@@ -28,11 +28,7 @@ class Tables:
 
     def evaluations(self, run: int | None = None) -> Table:
         """Every evaluation of a run, or of all: run, number, fitness, score_1 …, parents, cell."""
-        with self._reader.reading() as database:
-            names = [row[1] for row in database.execute("PRAGMA table_info(evaluation)")]
-        names = [name for name in names if name != "genotype"]  # in older formats
-        kinds = {name: float if name.startswith(("fitness", "score_")) else np.int64 for name in names}
-        return self._table("evaluation", kinds, "run, number", run)
+        return self._reader.evaluations(None if run is None else self._id(run))
 
     def genotypes(self, run: int) -> Genes:
         """[n, ...]: all individuals of a run, in the order of evaluation; of slots [n, slots, fields]."""
@@ -55,13 +51,11 @@ class Tables:
 
     def tests(self, run: int | None = None) -> Table:
         """Fresh trials: run, who (fittest or champion), noise, trial, score."""
-        kinds = {"run": np.int64, "who": "U8", "noise": float, "trial": np.int64, "score": float}
-        return self._table("test", kinds, "run, who DESC, noise, trial", run)
+        return self._reader.tests(None if run is None else self._id(run))
 
     def retests(self, run: int | None = None) -> Table:
         """The last populations' retest: run, cell, number, trial, score."""
-        kinds = {"run": np.int64, "cell": np.int64, "number": np.int64, "trial": np.int64, "score": float}
-        return self._table("retest", kinds, "run, cell, trial", run)
+        return self._reader.retests(None if run is None else self._id(run))
 
     def query(self, sql: str) -> Table:
         """Columns of what SQL selects from `runs`, `evaluations` and `tests`, or from the study's tables.
@@ -82,8 +76,15 @@ class Tables:
         return above("export.tables").frame(self, table)
 
     def digest(self) -> str:
-        """Of what came of every run: studies with the same runs have the same, however they were made."""
-        return self._reader.digest()
+        """Of what came of every run: studies with the same runs have the same, however they were made, and in
+        whatever format they are kept. Not of checkpoints, which say how to go on."""
+        found = blake2b(repr(self._reader.runs()).encode(), digest_size=16)
+        for row in self._rows:
+            run = int(row["id"])
+            for table in (self.evaluations(run), self.tests(run), self.retests(run)):
+                found.update(b"".join(column.tobytes() for column in table.values()))
+            found.update(blake2b(self._reader.genotypes(run)[1]).digest())
+        return found.hexdigest()
 
     def versions(self) -> dict[str, list[str]]:
         """What has worked on it, by name, each version once: see `folder.versions`."""
@@ -105,6 +106,3 @@ class Tables:
             f"{self.folder}: expected a run, 1 to {len(self._rows)} or a name such as "
             f"{self._rows[0]['name']!r}, got {run!r}."
         )
-
-    def _table(self, name: str, kinds: Mapping[str, Any], order: str, run: int | None) -> Table:
-        return self._reader.table(name, kinds, order, None if run is None else self._id(run))
