@@ -162,6 +162,8 @@ def test_packed_trials_are_the_same(finished, tmp_path):
         assert all(
             (getattr(here.situated, key) == getattr(there.situated, key)).all() for key in ("t", "x", "y")
         )
+        for file in here.folder.iterdir():
+            assert content_of(there.folder / file.name) == file.read_bytes() or file.suffix == ".toml"
         replays = [Replays(study).of(trial.folder) for study, trial in ((loose, here), (packed, there))]
         assert replays[0].situated.ended == replays[1].situated.ended == "finished"
         assert (replays[0].simulated.track.x == replays[1].simulated.track.x).all()

@@ -97,7 +97,7 @@ class Transferred:
 
 def _track(folder: Path, name: str, seen_by: str) -> Track:
     cure = "Delete the trial's folder and make it again."
-    with placed(folder) as here:
+    with placed(folder, name) as here:
         return read_track(here / name, seen_by=seen_by, error=StudyError, cure=cure)
 
 

@@ -1,7 +1,7 @@
-"""Trials in one file instead of a folder each: a SQLite archive, as `sqlite3 trials.sqlar -Ax` unpacks it.
+"""Trials in one file instead of a folder each: a SQLite archive.
 
 Thousands of trials are a hundred thousand small files otherwise. Whoever reads a trial asks here: its folder
-counts, or else what is packed under the folder's name.
+counts, or else what is packed under the folder's name. Tables are members of another name, in columns.
 """
 
 import sqlite3
@@ -15,6 +15,7 @@ from shutil import copy, copytree, ignore_patterns
 
 from realitygap.errors import StudyError
 from realitygap.study.schema import told
+from realitygap.transfer.columns import columns_of, text_of
 from realitygap.values import Closing
 
 __all__ = ["MANY", "PACKED", "Packed", "content", "every", "placed", "unpacked"]
@@ -26,6 +27,9 @@ MANY = 1000
 
 DEPTH = 4
 """Parts of a file's name from the folder of transfers: robot, run, start, file."""
+
+COLUMNS = ".columns"
+"""Behind the name of a table that is kept in columns (`columns.py`)."""
 
 _MODE = 0o100644
 _IN = "name >= ? AND name < ?"
@@ -40,12 +44,16 @@ class Packed(Closing):
         self._path = home / PACKED
         with told(self._path):
             self._database = sqlite3.connect(self._path, isolation_level=None)
-            self._database.execute("PRAGMA page_size = 1024")
+            self._database.execute("PRAGMA page_size = 512")
             self._database.execute(_TABLE)
 
     def keep(self, folder: str, files: Mapping[str, bytes]) -> None:
         """A trial's files by their names, all or none; `folder` is its name from the folder of transfers."""
-        rows = [(f"{folder}/{name}", _MODE, len(data), _shorter(data)) for name, data in files.items()]
+        rows = []
+        for name, text in files.items():
+            columns = columns_of(text) if name.endswith(".csv") else None
+            member, data = (name, text) if columns is None else (name + COLUMNS, columns)
+            rows.append((f"{folder}/{member}", _MODE, len(data), _shorter(data)))
         with told(self._path):
             self._database.execute("BEGIN IMMEDIATE")
             self._database.execute(f"DELETE FROM sqlar WHERE {_IN}", _in(folder))
@@ -69,18 +77,21 @@ def content(file: Path) -> bytes | None:
     if len(file.parts) < DEPTH + 1:
         return None
     name = "/".join(file.parts[-DEPTH:])
-    return next((data for _, data in _rows(file.parents[DEPTH - 1], "name = ?", (name,))), None)
+    which = "name IN (?, ?)", (name, name + COLUMNS)
+    return next((data for _, data in _rows(file.parents[DEPTH - 1], *which)), None)
 
 
 @contextmanager
-def placed(folder: Path) -> Iterator[Path]:
-    """A trial's folder, or one for a while with what is packed under its name."""
+def placed(folder: Path, *names: str) -> Iterator[Path]:
+    """A trial's folder, or one for a while with what is packed under its name: these files, or all."""
     if folder.is_dir():
         yield folder
         return
     with tempfile.TemporaryDirectory(prefix="realitygap-") as name:
         inside = "/".join(folder.parts[1 - DEPTH :])
-        for path, data in _rows(folder.parents[DEPTH - 2], _IN, _in(inside)):
+        some = [f"{inside}/{one}{end}" for one in names for end in ("", COLUMNS)]
+        which = (f"name IN ({', '.join('?' * len(some))})", tuple(some)) if names else (_IN, _in(inside))
+        for path, data in _rows(folder.parents[DEPTH - 2], *which):
             Path(name, path.name).write_bytes(data)
         yield Path(name)
 
@@ -132,9 +143,10 @@ def _rows(home: Path, which: str, values: tuple[str, ...]) -> Iterator[tuple[Pat
             )
         try:
             found = data if len(data) == size else zlib.decompress(data)
-        except zlib.error as error:
+            found = text_of(found) if name.endswith(COLUMNS) else found
+        except (zlib.error, ValueError, TypeError) as error:
             raise StudyError(f"{path}: {name} is damaged ({error}). Restore the file from a copy.") from None
-        yield home / name, found
+        yield home / name.removesuffix(COLUMNS), found
 
 
 def _in(folder: str) -> tuple[str, str]:
