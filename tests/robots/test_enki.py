@@ -99,6 +99,19 @@ def test_what_was_seen_once_is_forgotten():
     assert dark < 15 and again < 15 and 700 < bright < 800
 
 
+@pytest.mark.parametrize("aside", [0.0, 1.5, 4.5])
+@pytest.mark.parametrize("model", MODELS)
+def test_a_cylinder_is_not_passed_through(model, aside):
+    """Who drives against one stays before it; the packaged library throws a Thymio to its far side."""
+    enki, radius = EnkiProcess(), load_profile(MODELS[model].profile).body.radius_cm
+    enki.enter({**FLOOR, "cylinders": [[50, 50, 8]]}, model=model, unit=0, noise=0.0, seed=1)
+    enki.place(40.5 - radius, 50 + aside, 0.0)
+    x, y, _ = enki.run(150, 5.0, 5.0).poses.T
+    enki.close()
+    assert np.hypot(np.diff(x), np.diff(y)).max() < 0.5
+    assert np.hypot(x - 50, y - 50).min() > 8 + 0.6 * radius
+
+
 @pytest.mark.parametrize("model", MODELS)
 def test_the_same_seed_gives_the_same_bits(model):
     """In a process of its own, or after other trials in one; another seed or unit differs from the start."""

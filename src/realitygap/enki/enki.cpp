@@ -35,6 +35,7 @@ using namespace Enki;
 const double STEP_S = 0.02;        // part of the model: the wheels' noise is drawn anew each step
 const double BOARD_CM = 0.6;       // a partition's thickness
 const double HIGH_CM = 20;         // of whatever stands in the room: every sensor sees it
+const int SIDES = 32;              // of a cylinder that is none
 const double FIXED = -1;           // mass of what cannot be moved
 
 // Enki handles objects in the order of their addresses. Here that order is always the same: the robot, then
@@ -155,12 +156,22 @@ class Room {
         return *thing;
     }
 
+    // Enki 1.6.99 throws a robot that is no disc to the far side of a cylinder that it touches: for it they
+    // have many sides.
+    void round(PhysicalObject &thing, double radius) {
+        if (unit->robot().isCylindric()) return thing.setCylindric(radius, HIGH_CM, FIXED);
+        Polygon sides;
+        for (int i = 0; i < SIDES; ++i)
+            sides.push_back(Point(radius * cos(2 * M_PI * i / SIDES), radius * sin(2 * M_PI * i / SIDES)));
+        thing.setCustomHull(PhysicalObject::Hull(PhysicalObject::Part(sides, HIGH_CM)), FIXED);
+    }
+
 public:
     Room(Unit *unit, double width, double depth, const Rows &cylinders, const Rows &walls)
         : world(width, depth), unit(unit) {
         world.takeObjectOwnership = false;
         world.addObject(&unit->robot());
-        for (const auto &row : cylinders) another(row[0], row[1]).setCylindric(row[2], HIGH_CM, FIXED);
+        for (const auto &row : cylinders) round(another(row[0], row[1]), row[2]);
         for (const auto &row : walls) {
             const Vector along(row[2] - row[0], row[3] - row[1]);
             PhysicalObject &wall = another((row[0] + row[2]) / 2, (row[1] + row[3]) / 2);
