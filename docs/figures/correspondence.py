@@ -29,7 +29,8 @@ from tests.correspondence.ladders import (
     reliability,
     right,
 )
-from tests.correspondence.vehicles import SMALL, Driven, called_by_name, everybody
+from tests.correspondence.vehicles import SMALL, VEHICLES, Driven, Vehicles, called_by_name, everybody
+from tests.correspondence.vehicles_later import LATER
 from tests.exemplars.wide import FAMILIES
 
 from realitygap.correspondence.names import KINDS
@@ -45,7 +46,9 @@ PLACES: dict[str, Any] = {
 }
 SETS, EACH, SEEDS = (7000, 20_000, 40_000), 12, 20
 """First seeds of the held-out exemplars, how many of a kind and level; trials of a vehicle on each robot."""
-NOBODIES_OF = {task: [kind for kind in kinds if kind not in KINDS[task]] for task, kinds in FAMILIES.items()}
+NOBODIES_OF = {task: [kind for kind in FAMILIES[task] if kind not in KINDS[task]] for task in KINDS}
+ROBOTS = ((("khepera",), 20.0), (("epuck",), 20.0), (("thymio2",), 20.0), (("thymio2",), 60.0))
+"""Which of Enki's robots are watched for how long."""
 
 
 def main() -> None:
@@ -97,21 +100,22 @@ def names() -> None:
 
 
 def names_on_enki(found: dict[str, list[Named]]) -> None:
-    """Vehicles by what they are written to do, on both robots, in trials that show it; and as trials fall."""
-    large = [name for one, name in vehicles_named(("thymio2",)) if one.shown]
-    print(f"\n{len(large)} show it: {right(large):.1%} right, confidence off by {miscalibration(large):.3f}")
-    every = vehicles_named(SMALL)
+    """Both sets of vehicles by what they are written to do, on each robot, in trials that show it."""
+    every = vehicles_named(SMALL, VEHICLES)
     found["vehicles on Enki's\nKhepera and e-puck"] = [name for one, name in every if one.shown]
     found["the same,\nas trials fall"] = [name for _, name in every]
-    found["vehicles on\nEnki's Thymio II"] = large
+    large = vehicles_named(("thymio2",), VEHICLES) + vehicles_named(("thymio2",), VEHICLES, 60.0)
+    found["vehicles on\nEnki's Thymio II"] = [name for one, name in large if one.shown]
+    later = [pair for models, seconds in ROBOTS for pair in vehicles_named(models, LATER, seconds)]
+    found["later vehicles,\nall three robots"] = [name for one, name in later if one.shown]
 
 
-def vehicles_named(models: Sequence[str]) -> list[tuple[Driven, Named]]:
-    """All vehicles on these robots, and what they are called; prints a table."""
-    made = [*everybody(range(SEEDS), models)]
+def vehicles_named(models: Sequence[str], of: Vehicles, seconds: float = 20.0) -> list[tuple[Driven, Named]]:
+    """All vehicles of a set on these robots, and what they are called; prints a table."""
+    made = [*everybody(range(SEEDS), models, seconds=seconds, of=of)]
     said = called_by_name(made)
     every = [(one, Named(one.kind, name.name, name.confidence)) for one, name in zip(made, said, strict=True)]
-    print(f"\nOn Enki's {', '.join(models)}:")
+    print(f"\nOn Enki's {', '.join(models)}, {seconds:g} s:")
     print(
         "\n| written to be | vehicle | show it | right of these | right of all | else called |\n"
         + "|---" * 6
@@ -121,8 +125,19 @@ def vehicles_named(models: Sequence[str]) -> list[tuple[Driven, Named]]:
         own = [(one.shown, name) for one, name in every if (one.kind, one.family) == (kind, family)]
         shown, wrong = [n for yes, n in own if yes], Counter(n.name for _, n in own if n.name != kind)
         others = ", ".join(f"{name} {count}" for name, count in wrong.most_common())
-        shares = f"{right(shown):.0%} | {right([n for _, n in own]):.0%}"
-        print(f"| {kind} | {family} | {len(shown)} of {len(own)} | {shares} | {others} |")
+        share = f"{right(shown):.0%}" if shown else "–"
+        alls = f"{right([n for _, n in own]):.0%}"
+        print(f"| {kind} | {family} | {len(shown)} of {len(own)} | {share} | {alls} | {others} |")
+    for what, pairs in {
+        "show it": [name for one, name in every if one.shown],
+        "do so by their commands": [name for one, name in every if one.ordered],
+        "all": [name for _, name in every],
+    }.items():
+        sure = sum(name.confidence > 0.8 and name.kind != name.name for name in pairs)
+        print(
+            f"{what}: {len(pairs)}, {right(pairs):.1%} right, "
+            f"off by {miscalibration(pairs):.3f}, {sure} surely wrong"
+        )
     return every
 
 

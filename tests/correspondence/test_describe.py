@@ -5,7 +5,8 @@ import pytest
 
 from realitygap import Layout, Simulation, decode, describe, load_profile, load_task
 from realitygap.controller.handmade import braitenberg, constant
-from realitygap.correspondence.descriptors import chosen, describe_all
+from realitygap.correspondence.catalogue import chosen
+from realitygap.correspondence.descriptors import describe_all
 from realitygap.correspondence.trials import Trial
 
 

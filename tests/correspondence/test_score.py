@@ -10,7 +10,7 @@ import pytest
 from realitygap.controller.handmade import braitenberg
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import decode
-from realitygap.correspondence.descriptors import chosen
+from realitygap.correspondence.catalogue import chosen
 from realitygap.correspondence.distances import Distances, matched_starts
 from realitygap.correspondence.scale import exemplar_scale
 from realitygap.correspondence.score import behaviour_score, compare, ends_of

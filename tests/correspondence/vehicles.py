@@ -18,6 +18,7 @@ gives both wheels' speeds as shares of the top speed.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
@@ -26,6 +27,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from realitygap.correspondence.evidence import tells
 from realitygap.correspondence.names import NONE, Name, namer
 from realitygap.correspondence.setting import setting_of
 from realitygap.correspondence.trials import Trial, resampled
@@ -326,23 +328,34 @@ NEEDS = {
 
 
 class Driven(NamedTuple):
-    """A trial, by whom, and whether its commands hold, for half a second, all that its name says."""
+    """A trial and by whom.
+
+    Attributes:
+        ordered: its commands hold, for half a second, all that its name says.
+        shown: so does its track (`tells`).
+    """
 
     kind: str
     family: str
     model: str
     trial: Trial
+    ordered: bool
     shown: bool
 
 
-def driven(kind: str, family: str, model: str, seed: int, *, seconds: float = 20.0) -> Driven:
+Vehicles = dict[str, dict[str, Callable[[Hand], Rule]]]
+
+
+def driven(
+    kind: str, family: str, model: str, seed: int, *, seconds: float = 20.0, of: Vehicles = VEHICLES
+) -> Driven:
     """One trial in the robot's arena, from anywhere, of a robot of its own."""
     draw = np.random.default_rng([seed, *f"{kind} {family} {model}".encode()])
     arena = task_of(model).arena
     room = {
         "size_cm": list(arena.size_cm), "cylinders": [[c.x_cm, c.y_cm, c.radius_cm] for c in arena.cylinders]
     }  # fmt: skip
-    rule = VEHICLES[kind][family](Hand(draw, Sight(model)))
+    rule = of[kind][family](Hand(draw, Sight(model)))
     with closing(EnkiBody(model, 1 + seed % 50)) as body:
         body.enter(room, int(draw.integers(2**31)), _somewhere(arena, RADIUS_CM[model], draw))
         poses, said = [body.pose], []
@@ -358,7 +371,8 @@ def driven(kind: str, family: str, model: str, seed: int, *, seconds: float = 20
         heading=np.array([p.heading for p in poses]), seen_by="truth",
     )  # fmt: skip
     trial = resampled(track, start=str(seed), radius_cm=RADIUS_CM[model])
-    return Driven(kind, family, model, trial, _shown(kind, *np.array(said).T))
+    ordered = _ordered(kind, *np.array(said).T)
+    return Driven(kind, family, model, trial, ordered, ordered and tells(trial, arena).get(kind, True))
 
 
 def task_of(model: str) -> Task:
@@ -379,12 +393,13 @@ def called_by_name(drives: Sequence[Driven]) -> list[Name]:
     return [found[k] for k in range(len(drives))]
 
 
-def everybody(seeds: range, models: Sequence[str] = SMALL) -> Iterator[Driven]:
+def everybody(
+    seeds: range, models: Sequence[str] = SMALL, *, seconds: float = 20.0, of: Vehicles = VEHICLES
+) -> Iterator[Driven]:
     """Each vehicle on each robot, a trial a seed."""
-    for kind, families in VEHICLES.items():
-        for family in families:
-            for model in models:
-                yield from (driven(kind, family, model, seed) for seed in seeds)
+    for kind, families in of.items():
+        for family, model in itertools.product(families, models):
+            yield from (driven(kind, family, model, seed, seconds=seconds, of=of) for seed in seeds)
 
 
 def _somewhere(arena: Arena, radius_cm: float, draw: np.random.Generator) -> Pose:
@@ -396,7 +411,7 @@ def _somewhere(arena: Arena, radius_cm: float, draw: np.random.Generator) -> Pos
             return Pose(x=float(x), y=float(y), heading=float(draw.uniform(-math.pi, math.pi)))
 
 
-def _shown(kind: str, left: np.ndarray, right: np.ndarray) -> bool:
+def _ordered(kind: str, left: np.ndarray, right: np.ndarray) -> bool:
     turns = np.abs(left - right) > 0.1 * np.maximum(np.abs(left), np.abs(right)) + 1e-9
     done = {
         "forward": left + right > 0, "straight": ~turns & (left + right > 0), "turn": turns,

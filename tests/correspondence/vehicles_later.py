@@ -9,12 +9,11 @@ Both take the Thymio's own counts and units; other robots' readings and speeds a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
 from realitygap.correspondence.names import NONE
-from tests.correspondence.vehicles import FULL, TOP_CM_S, Hand, Rule, turn
+from tests.correspondence.vehicles import FULL, TOP_CM_S, Hand, Rule, Vehicles, turn
 
 BEARINGS = np.radians([75, 45, 12, -12, -45, -75])
 """About where six sensors look, from the left to the right."""
@@ -172,7 +171,7 @@ def strolls(hand: Hand) -> Rule:
     return rule
 
 
-LATER: dict[str, dict[str, Callable[[Hand], Rule]]] = {
+LATER: Vehicles = {
     "two way turner": {
         "Aseba's example": aseba_explorer, "repelled": repelled, "turns for a while": turns_for_a_while,
     },

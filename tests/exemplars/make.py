@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 import realitygap
 from realitygap.correspondence.distances import Distances
-from realitygap.correspondence.names import Namer, descriptors_of, rows_of, shares
+from realitygap.correspondence.names import LARGE, Namer, descriptors_of, rows_of, shares
 from realitygap.correspondence.scale import CALM, PARTS
 from realitygap.correspondence.trials import Trial
 from realitygap.tasks.load import load_task
@@ -31,10 +31,7 @@ EACH = 100
 """Exemplars of a family; a third of them at each noise level."""
 FIRST_SEED = 100_000
 LEVELS = (0.0, 1.0, 2.0)
-SETS = {
-    **{task: (task, False) for task in FAMILIES},
-    "obstacle-avoidance, large": ("obstacle-avoidance", True),
-}
+SETS = {of: (of.removesuffix(LARGE), of.endswith(LARGE)) for of in FAMILIES}
 """Exemplars that are named by themselves: by task, and of robots too large for the paper's arena."""
 REACHES, TEMPERATURES = (2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0), (0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3, 1.5, 2.0)
 """What is tried for a namer's reach and temperature."""
@@ -61,25 +58,25 @@ def exemplars() -> dict[str, Any]:
     made: dict[str, Any] = {}
     for of, (task, large) in SETS.items():
         rows, names, families = [], [], []
-        for kind, makers in FAMILIES[task].items():
+        for kind, makers in FAMILIES[of].items():
             for i in range(EACH * len(makers)):
                 seed, level = FIRST_SEED + i, LEVELS[i // len(makers) % 3]
                 trial, arena = exemplar(task, kind, seed, level, large=large)
-                rows.append(rows_of([trial], arena))
+                rows.append(rows_of([trial], arena, large=large))
                 names.append(kind)
-                families.append(f"{kind} {family_of(task, kind, seed)}")
+                families.append(f"{kind} {family_of(of, kind, seed)}")
         kept = np.vstack(rows).astype(np.float16)
-        reach, temperature = calibrated(task, kept, np.array(names), np.array(families))
+        reach, temperature = calibrated(of, kept, np.array(names), np.array(families))
         made |= {
             f"{of} rows": kept, f"{of} names": np.array(names), f"{of} families": np.array(families),
-            f"{of} descriptors": np.array([d.name for d in descriptors_of(load_task(task).arena)]),
+            f"{of} descriptors": np.array([d.name for d in descriptors_of(load_task(task).arena, large)]),
             f"{of} reach": reach, f"{of} temperature": temperature,
         }  # fmt: skip
     return made
 
 
 def calibrated(
-    task: str, rows: NDArray[np.floating[Any]], names: NDArray[np.str_], families: NDArray[np.str_]
+    of: str, rows: NDArray[np.floating[Any]], names: NDArray[np.str_], families: NDArray[np.str_]
 ) -> tuple[float, float]:
     """Reach and temperature under which exemplars that are named by others are likeliest.
 
@@ -87,23 +84,27 @@ def calibrated(
     controller like one of ours, or has not.
 
     Args:
-        task: whose exemplars.
+        of: which set of exemplars.
         rows: their descriptors.
         names: their kinds.
         families: their kinds and designs.
     """
     folds = [families == family for family in np.unique(families)]
     folds += [np.arange(len(names)) // 12 % 2 == half for half in (0, 1)]
-    of = np.array(
+    task, large = SETS[of]
+    truth = np.array(
         [list(KINDS[task]).index(name) if name in KINDS[task] else len(KINDS[task]) for name in names]
     )
-    told = [Namer(task, rows[~fold], names[~fold]).nearest(rows[fold].astype(np.float64)) for fold in folds]
-    right = np.concatenate([of[fold] for fold in folds])
+    told = [
+        Namer(task, rows[~fold], names[~fold], large=large).nearest(rows[fold].astype(np.float64))
+        for fold in folds
+    ]
+    right = np.concatenate([truth[fold] for fold in folds])
 
     def surprise(pair: tuple[float, float]) -> float:
         """Minus the log of how sure the right name was, its mean over the kinds."""
         sure = np.concatenate([shares(*near, *pair) for near in told])[np.arange(len(right)), right]
-        return float(np.mean([-np.log(sure[right == kind]).mean() for kind in np.unique(of)]))
+        return float(np.mean([-np.log(sure[right == kind]).mean() for kind in np.unique(truth)]))
 
     return min(itertools.product(REACHES, TEMPERATURES), key=surprise)
 

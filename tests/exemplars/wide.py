@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.correspondence.names import LARGE
 from realitygap.values import Command
 from tests.exemplars.avoiders import AVOIDERS, Draw, Rule, turning
 from tests.exemplars.seekers import DARK, GLARE, SEEKERS
@@ -205,6 +206,17 @@ def drawn(draw: Draw) -> Rule:
     return rule
 
 
+def lover(draw: Draw) -> Rule:
+    """Braitenberg's that what it feels attracts: each wheel is slowed by what its own side feels."""
+    pace, feels, power = draw.uniform(2, 9), np.exp(draw.uniform(*np.log([60, 600]))), draw.uniform(0.4, 1.2)
+
+    def rule(p: Readings) -> Command:
+        left, right = pace * np.maximum(0.0, 1 - (np.array([p[:3].max(), p[3:6].max()]) / feels) ** power)
+        return turning((left + right) / 2, (right - left) / 2)
+
+    return rule
+
+
 NOBODIES: dict[str, Maker] = {
     "standing": standing,
     "spinning": spinning,
@@ -236,4 +248,5 @@ FAMILIES: dict[str, dict[str, tuple[Maker, ...]]] = {
         **{kind: (make,) for kind, make in NOBODIES.items() if kind != "drawn"},
     },
 }  # fmt: skip
-"""By task and kind, the designs that exemplars are drawn from."""
+FAMILIES[f"obstacle-avoidance{LARGE}"] = {**FAMILIES["obstacle-avoidance"], "lover": (lover,)}
+"""By task and kind, the designs that exemplars are drawn from; large robots have one more."""

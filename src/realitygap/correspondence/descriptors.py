@@ -1,18 +1,13 @@
-"""What a trial looks like in numbers, each in units of its own just-noticeable amount.
-
-The amounts are physical and fixed: what a person who watches two films side by side can just tell
-apart. They were written down from the size and speed of a Khepera (5.8 cm, up to 8 cm/s); what was
-changed after a look at exemplars is told in docs/correspondence.md. They never depend on the sets
-that are compared.
-"""
+"""What a trial looks like in numbers (`catalogue.py`)."""
 
 from collections.abc import Sequence
 from os import PathLike
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.correspondence.catalogue import FOR_LARGE, FOR_NAMES, Descriptor, chosen
 from realitygap.correspondence.setting import Around, around
 from realitygap.correspondence.trials import STEP_S, Trial, resampled
 from realitygap.kernels.params import Path
@@ -23,10 +18,7 @@ from realitygap.values import Floats
 from realitygap.world.arena import Arena
 from realitygap.world.profile import Profile, load_profile
 
-__all__ = [
-    "DESCRIPTORS", "FOR_NAMES", "Descriptor", "chosen", "describe", "describe_all", "in_units", "jitter",
-    "mirrored",
-]  # fmt: skip
+__all__ = ["describe", "describe_all", "in_units", "jitter"]
 
 SLOW_CM_S, STILL_DEG_S = 0.5, 10.0
 """Below these a robot does not seem to move; to turn."""
@@ -36,65 +28,6 @@ NEAR_CM, TOUCH_CM, FEEL_CM = 2.5, 0.3, 6.0
 """Clearances: near a surface, touching it, where infrared feels it."""
 
 
-class Descriptor(NamedTuple):
-    """A number that describes a trial."""
-
-    name: str
-    unit: str
-    noticeable: float
-    """What can just be noticed, in that unit."""
-    needs: str = "motion"
-    """motion: the track alone; walls: an arena; light: a lamp in it."""
-    handed: bool = False
-    """Changes sign in a mirror."""
-
-
-DESCRIPTORS = (
-    Descriptor("speed", "cm/s", 0.5),
-    Descriptor("speed spread", "cm/s", 0.5),
-    Descriptor("backward", "share of time", 0.1),
-    Descriptor("reversals", "in 10 s", 1.0),
-    Descriptor("still", "share of time", 0.1),
-    Descriptor("turn rate", "deg/s", 8.0),
-    Descriptor("net turn", "deg/s", 8.0, handed=True),
-    Descriptor("usual turn", "deg/s", 5.0),
-    Descriptor("straight", "share of time", 0.1),
-    Descriptor("turns", "in 10 s", 1.0),
-    Descriptor("turn size", "deg", 20.0),
-    Descriptor("side of turns", "share of turning", 0.4, handed=True),
-    Descriptor("one-sidedness", "share of turning", 0.15),
-    Descriptor("looping", "share of time", 0.15),
-    Descriptor("jitter", "deg/s", 4.0),
-    Descriptor("spread", "cm", 3.0),
-    Descriptor("ground", "places", 3.0),
-    Descriptor("clearance", "cm", 1.0, "walls"),
-    Descriptor("near", "share of time", 0.1, "walls"),
-    Descriptor("touching", "share of time", 0.1, "walls"),
-    Descriptor("along", "share of time", 0.1, "walls"),
-    Descriptor("turning clearance", "cm", 0.5, "walls"),
-    Descriptor("light distance", "cm", 5.0, "light"),
-    Descriptor("light reached", "cm", 5.0, "light"),
-    Descriptor("light bearing", "deg", 10.0, "light"),
-    Descriptor("light response", "deg/s", 5.0, "light"),
-)
-
-FOR_NAMES = (
-    Descriptor("free bend", "deg/cm", 2.0, "walls", handed=True),
-    Descriptor("free straight", "share of time", 0.1, "walls"),
-    Descriptor("turning away", "share of turning", 0.15, "walls"),
-    Descriptor("side near", "share of turning", 0.15, "walls", handed=True),
-    Descriptor("wall side", "share of time", 0.15, "walls", handed=True),
-)
-"""What tells the kinds of behaviour apart and is no part of a score: how the robot goes where nothing is
-near; whether it turns away from what is ahead, and always to one side; on which side it has walls."""
-
-
-def chosen(arena: Arena | None) -> tuple[Descriptor, ...]:
-    """The descriptors that can be told in an arena; of the motion alone where there is none."""
-    told = {"motion"} | ({"walls"} if arena else set()) | ({"light"} if arena and arena.lamps else set())
-    return tuple(d for d in DESCRIPTORS if d.needs in told)
-
-
 def in_units(told: dict[str, Floats], descriptors: Sequence[Descriptor]) -> Floats:
     """What `describe_all` told, a row a trial, in units of what can just be noticed: [n, d]."""
     return np.stack([told[d.name] / d.noticeable for d in descriptors], axis=1)
@@ -102,7 +35,7 @@ def in_units(told: dict[str, Floats], descriptors: Sequence[Descriptor]) -> Floa
 
 def describe_all(trials: Sequence[Trial], arena: Arena | None) -> dict[str, Floats]:
     """Descriptors by name, in their own units, [n] each: trials of one length are worked out together."""
-    every = (*chosen(arena), *(FOR_NAMES if arena else ()))
+    every = (*chosen(arena), *((*FOR_NAMES, *FOR_LARGE) if arena else ()))
     made = {d.name: np.empty(len(trials)) for d in every}
     sizes = np.array([len(t) for t in trials])
     for size in np.unique(sizes):
@@ -125,7 +58,7 @@ def describe(
         profile: the robot's; a Profile, a name or a file.
 
     Returns:
-        Arrays [...] by the names of `DESCRIPTORS` and `FOR_NAMES` that can be told in this arena.
+        Arrays [...] by the names of all descriptors that can be told in this arena.
 
     Raises:
         TrackError: trials shorter than two seconds.
@@ -247,7 +180,7 @@ def _surroundings(flat: Around, turn: Floats, forward: Floats) -> dict[str, Floa
         "touching": (clearance < TOUCH_CM).mean(axis=1),
         "along": (near & (aside > 0.8) & (np.abs(forward) > SLOW_CM_S)).mean(axis=1),
         "turning clearance": (np.maximum(clearance, 0) * turning).sum(axis=1) / (turning.sum(axis=1) + 1.0),
-        **_for_names(clearance, surface, _smooth(turn), np.abs(forward)),
+        **_for_names(clearance, surface, turn, np.abs(forward)),
     }
     if flat.lamp is not None and flat.lamp_distance is not None:
         lamp, distance = flat.lamp.reshape(turn.shape), flat.lamp_distance.reshape(turn.shape)
@@ -271,17 +204,24 @@ def _for_names(clearance: Floats, surface: Floats, turn: Floats, pace: Floats) -
     def share(part: NDArray[Any], whole: NDArray[Any], more: float) -> Floats:
         return np.asarray(part.sum(axis=1) / (whole.sum(axis=1) + more))
 
+    slow, turn = _smooth(turn, 7), _smooth(turn)
     moving, side, rate = pace > SLOW_CM_S, np.sign(np.sin(surface)), np.abs(turn)
     free = moving & ((clearance > 3.5) | (np.cos(surface) < 0))
     faced = rate * ((clearance < 5.0) & (np.cos(surface) > 0.2) & (np.abs(np.sin(surface)) > 0.3))
     close = rate * ((clearance < FEEL_CM) & (np.cos(surface) > -0.3))
     beside = moving & (clearance < 4.0) & (np.abs(np.sin(surface)) > 0.6)
+    spread = np.sqrt(
+        share(beside * (clearance - share(clearance * beside, beside, 1e-9)[:, None]) ** 2, beside, 1e-9)
+    )
     return {
         "free bend": np.clip(share(turn * free, pace * free, 20.0), -20, 20),
         "free straight": share(free * (rate < 12.0), free, 3.0),
         "turning away": share(-np.sign(turn) * side * faced, faced, 30.0),
         "side near": share(np.sign(turn) * close, close, 30.0),
         "wall side": share(side * beside, beside, 5.0),
+        "bend to wall": share(np.maximum(slow * side, 0) * beside, pace * beside, 10.0),
+        "wall distance spread": spread * (beside.sum(axis=1) > 5),
+        "turning in touch": share(rate * moving * (clearance < TOUCH_CM), rate * moving, 30.0),
     }
 
 
@@ -291,8 +231,3 @@ def _smooth(values: Floats, width: int = 3) -> Floats:
     padded = np.pad(values, ((0, 0), (half, half)), mode="edge")
     steps = values.shape[1]
     return np.asarray(sum(padded[:, k : k + steps] for k in range(width)) / width)
-
-
-def mirrored(descriptors: Sequence[Descriptor]) -> Floats:
-    """Signs [d] that turn a row of descriptors into its mirror image's."""
-    return np.array([-1.0 if d.handed else 1.0 for d in descriptors])

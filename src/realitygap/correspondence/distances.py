@@ -16,7 +16,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.correspondence.descriptors import chosen, describe_all, in_units
+from realitygap.correspondence.catalogue import chosen
+from realitygap.correspondence.descriptors import describe_all, in_units
 from realitygap.correspondence.trials import Trial
 from realitygap.values import Floats
 from realitygap.world.arena import Arena

@@ -1,9 +1,10 @@
 """What kind of behaviour a trial shows: the paper's names (tables 1 and 2), or "none of these".
 
 A trial is named after the exemplars that are nearest to it; a descriptor counts by how well it tells
-kinds apart: how much it varies between them beside how much it does within one (Fisher's ratio). A robot
-and its mirror image have one name. What is nearest to robots that take no notice of anything, or far from
-every exemplar, is "none of these".
+kinds apart: how much it varies between them beside how much it does within one (Fisher's ratio). Large
+robots are described as if they were small, in rooms that shrink with them. A robot and its mirror image
+have one name. What is nearest to robots that take no notice of anything, or far from every exemplar, is
+"none of these".
 
 How sure a name is follows from the neighbours' votes and the distance of the nearest. Two numbers make that a
 share of right names: the reach, from where on a trial is too far for any name, and the temperature. Both are
@@ -12,20 +13,16 @@ fitted to exemplars of designs that the votes know nothing of (`python -m tests.
 
 from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.resources import files
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.correspondence.descriptors import (
-    FOR_NAMES,
-    Descriptor,
-    chosen,
-    describe_all,
-    in_units,
-    mirrored,
-)
+from realitygap.correspondence.catalogue import FOR_LARGE, FOR_NAMES, Descriptor, chosen, mirrored
+from realitygap.correspondence.descriptors import describe_all, in_units
+from realitygap.correspondence.evidence import tells
 from realitygap.correspondence.setting import Setting
 from realitygap.correspondence.trials import RADIUS_CM, Trial
 from realitygap.errors import TrackError
@@ -45,8 +42,10 @@ KINDS = {
 NEIGHBOURS = 7
 DOUBT = 0.05
 """A vote that each name has beforehand: nothing is certain."""
-LARGE_CM = 5.5
+LARGE, LARGE_CM = ", large", 5.5
 """Bodies whose radius is larger are named by exemplars of their own: the others' are of 2.6 to 4.1 cm."""
+UNTOLD = 0.5
+"""Of its confidence, what is left of a large robot's name whose evidence the track does not hold."""
 UNSEEN, LEAST, MOST = 0.1, 0.3, 9.0
 """A variance that nobody sees (in just-noticeable amounts); bounds of what a descriptor counts."""
 
@@ -69,6 +68,8 @@ class Namer:
         names: their kinds [n].
         reach: distance of the nearest exemplar from which on "none of these" has a vote of more than one.
         temperature: the votes' power is one over it; more makes less sure.
+        large: they are of large robots, and so are those that it names; of their descriptors those that go
+            together count together, and a name whose evidence a track lacks is half as sure.
     """
 
     def __init__(
@@ -79,25 +80,34 @@ class Namer:
         *,
         reach: float = np.inf,
         temperature: float = 1.0,
+        large: bool = False,
     ) -> None:
         self.kinds = (*KINDS[task], NONE)
-        self.reach, self.temperature = reach, temperature
-        self._signs = mirrored(descriptors_of(load_task(task).arena))
+        self.reach, self.temperature, self._large = reach, temperature, large
+        self._signs = mirrored(descriptors_of(load_task(task).arena, large))
         self._of = np.array([self.kinds.index(n) if n in self.kinds else len(self.kinds) - 1 for n in names])
         plain = self._eased(rows.astype(np.float64))
         named = [plain[self._of == k] for k in range(len(KINDS[task]))]
-        within = np.mean([own.var(axis=0) for own in named], axis=0) + UNSEEN
-        between = np.var([own.mean(axis=0) for own in named], axis=0)
-        self._unit = np.sqrt(within / (np.minimum(between / within, MOST) + LEAST))
-        self._rows = plain / self._unit
+        within = np.mean([np.cov(own.T, bias=True) for own in named], axis=0)
+        between = np.cov(np.array([own.mean(axis=0) for own in named]).T, bias=True)
+        if not large:
+            within, between = (np.diag(np.diag(each)) for each in (within, between))
+        whiten = np.linalg.inv(np.linalg.cholesky(within + UNSEEN * np.eye(len(within))))
+        ratios, turned = np.linalg.eigh(whiten @ between @ whiten.T)
+        self._axes = whiten.T @ turned * np.sqrt(np.clip(ratios, 0.0, MOST) + LEAST)
+        self._rows = plain @ self._axes
 
     def name(self, trials: Sequence[Trial], setting: Setting) -> list[Name]:
         """A name for each trial."""
-        found = shares(*self.nearest(rows_of(trials, setting.arena)), self.reach, self.temperature)
-        best = found.argmax(axis=1)
+        near = self.nearest(rows_of(trials, setting.arena, large=self._large))
+        found = shares(*near, self.reach, self.temperature)
+        if self._large and setting.arena is not None:
+            held = [{NONE: True, **tells(trial, setting.arena)} for trial in trials]
+            told = [each[self.kinds[k]] for each, k in zip(held, found.argmax(axis=1), strict=True)]
+            found *= np.where(told, 1.0, UNTOLD)[:, None]
         return [
-            Name(trial.start, self.kinds[k], round(float(share[k]), 3), trial.unit)
-            for trial, k, share in zip(trials, best, found, strict=True)
+            Name(trial.start, self.kinds[share.argmax()], round(float(share.max()), 3), trial.unit)
+            for trial, share in zip(trials, found, strict=True)
         ]
 
     def nearest(self, rows: Floats) -> tuple[Floats, Floats]:
@@ -106,7 +116,7 @@ class Namer:
         Returns:
             [n, neighbours], and 1 for the kind of each: [n, neighbours, kinds].
         """
-        eased = self._eased(rows) / self._unit
+        eased = self._eased(rows) @ self._axes
         far = np.sqrt(((eased[:, None] - self._rows) ** 2).sum(axis=2))
         order = np.argsort(far, axis=1, kind="stable")[:, :NEIGHBOURS]
         return np.take_along_axis(far, order, axis=1), np.eye(len(self.kinds))[self._of[order]]
@@ -131,14 +141,29 @@ def shares(far: Floats, kinds: Floats, reach: float, temperature: float) -> Floa
     return np.asarray(powers / powers.sum(axis=1, keepdims=True))
 
 
-def descriptors_of(arena: Arena | None) -> tuple[Descriptor, ...]:
+def descriptors_of(arena: Arena | None, large: bool = False) -> tuple[Descriptor, ...]:
     """What trials are named by."""
-    return (*chosen(arena), *FOR_NAMES)
+    return (*chosen(arena), *FOR_NAMES, *(FOR_LARGE if large else ()))
 
 
-def rows_of(trials: Sequence[Trial], arena: Arena | None) -> Floats:
-    """Descriptors of trials in just-noticeable amounts, [n, d]."""
-    return in_units(describe_all(trials, arena), descriptors_of(arena))
+def rows_of(trials: Sequence[Trial], arena: Arena | None, *, large: bool = False) -> Floats:
+    """Descriptors of trials in just-noticeable amounts, [n, d]; of large robots as if they were small."""
+    told = descriptors_of(arena, large)
+    if not large or arena is None:
+        return in_units(describe_all(trials, arena), told)
+    return np.vstack([in_units(describe_all(*_shrunk(trial, arena)), told) for trial in trials])
+
+
+def _shrunk(trial: Trial, arena: Arena) -> tuple[list[Trial], Arena]:
+    """A trial and its room on the scale on which its body has the small exemplars' radius."""
+    by = RADIUS_CM / trial.radius_cm
+    small = replace(trial, x=trial.x * by, y=trial.y * by, radius_cm=RADIUS_CM)
+    cylinders = tuple(
+        replace(c, x_cm=c.x_cm * by, y_cm=c.y_cm * by, radius_cm=c.radius_cm * by) for c in arena.cylinders
+    )
+    width, depth = arena.size_cm
+    walls = tuple((x0 * by, y0 * by, x1 * by, y1 * by) for x0, y0, x1, y1 in arena.walls)
+    return [small], replace(arena, size_cm=(width * by, depth * by), cylinders=cylinders, walls=walls)
 
 
 def namer(setting: Setting, radius_cm: float = RADIUS_CM) -> Namer:
@@ -156,13 +181,12 @@ def namer(setting: Setting, radius_cm: float = RADIUS_CM) -> Namer:
         )
     place = files("realitygap.correspondence.exemplars").joinpath("exemplars.npz")
     with place.open("rb") as file, np.load(file) as kept:
-        told = [d.name for d in descriptors_of(load_task(task).arena)]
-        if kept[f"{task} descriptors"].tolist() != told:
+        large = radius_cm > LARGE_CM and f"{task}{LARGE} rows" in kept
+        of, arena = f"{task}{LARGE}" if large else task, load_task(task).arena
+        if kept[f"{of} descriptors"].tolist() != [d.name for d in descriptors_of(arena, large)]:
             raise RuntimeError("exemplars.npz is older than the descriptors: run tests.exemplars.make")
-        large = f"{task}, large"
-        of = large if radius_cm > LARGE_CM and f"{large} rows" in kept else task
-        reach, temperature = float(kept[f"{of} reach"]), float(kept[f"{of} temperature"])
-        return Namer(task, kept[f"{of} rows"], kept[f"{of} names"], reach=reach, temperature=temperature)
+        fitted = {what: float(kept[f"{of} {what}"]) for what in ("reach", "temperature")}
+        return Namer(task, kept[f"{of} rows"], kept[f"{of} names"], large=large, **fitted)
 
 
 def common_name(names: Sequence[Name]) -> str:
