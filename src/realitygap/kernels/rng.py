@@ -106,20 +106,25 @@ def sin_cos(x):
 
 
 @step
-def normals(stream, first, z):
-    """Fill `z` ([16·m]) with standard normal numbers from draws `first` … `first + 8·m − 1`.
+def normal_pair(stream, i):
+    """Two standard normal numbers from draw `i`.
 
     Box and Muller: 32 bits make the radius, 30 an angle within ±45°, 2 its quarter.
     """
+    b = bits(stream, i)
+    radius = math.sqrt(-2.0 * log((np.float64(np.int64(b >> _S32)) + 0.5) * 2.3283064365386963e-10))
+    angle = (np.float64(np.int64(b & _LOW30)) * 9.313225746154785e-10 - 0.5) * 1.5707963267948966
+    square = angle * angle
+    s = radius * _sin_core(angle, square)
+    c = radius * _cos_core(square)
+    c = -c if (b & _BIT30) != _ZERO else c
+    swap = (b & _BIT31) != _ZERO
+    return s if swap else c, c if swap else s
+
+
+@step
+def normals(stream, first, z):
+    """Fill `z` ([16·m]) with standard normal numbers from draws `first` … `first + 8·m − 1`."""
     half = z.shape[0] // 2
     for i in range(half):
-        b = bits(stream, first + i)
-        radius = math.sqrt(-2.0 * log((np.float64(np.int64(b >> _S32)) + 0.5) * 2.3283064365386963e-10))
-        angle = (np.float64(np.int64(b & _LOW30)) * 9.313225746154785e-10 - 0.5) * 1.5707963267948966
-        square = angle * angle
-        s = radius * _sin_core(angle, square)
-        c = radius * _cos_core(square)
-        c = -c if (b & _BIT30) != _ZERO else c
-        swap = (b & _BIT31) != _ZERO
-        z[i] = s if swap else c
-        z[half + i] = c if swap else s
+        z[i], z[half + i] = normal_pair(stream, first + i)
