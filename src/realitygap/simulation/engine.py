@@ -238,7 +238,9 @@ class Cores:
         """Up to WIDE trials of a network at once."""
         work = self.scratch(networks)
         size = (networks.thresholds.shape[1], networks.links.shape[1])
-        lanes = self._lanes.setdefault(size, new_lanes(self.world, networks))
+        if size not in self._lanes:
+            self._lanes[size] = new_lanes(self.world, networks)
+        lanes = self._lanes[size]
         ends = [*(np.flatnonzero(np.diff(which)) + 1), len(which)]
         for first, end in zip([0, *ends], ends, strict=False):
             for t in range(first, end, WIDE):
