@@ -259,3 +259,15 @@ def test_what_a_users_function_takes_from_another_file_is_compiled_in(
             f"import numba\n\nGAIN = {gain}\n\n\n@numba.njit\ndef inner(x):\n    return {factor} * x\n"
         )
         assert place.run() == (str(gain * factor), "")
+
+
+def test_numbers_that_a_caller_writes_down_are_compiled_once(tmp_path: Path) -> None:
+    """A part called with 0 and with 1 is one function of a whole number; with 0.5 it is another."""
+    file = tmp_path / "user.py"
+    plus, calls = "def plus(x, y):\n    return x + y\n", "def calls(x):\n    return plus(x, 0) + plus(x, 1)\n"
+    file.write_text(f"{plus}\n\n{calls}")
+    module, shelf = run_file(file, UsageError), Shelf(b"a test")
+    module.plus = part = shelf.compiled(module.plus, part=True)
+    assert shelf.compiled(module.calls)(5) == 11 and len(part.overloads) == 1
+    assert part.get_call_template((numba.int64, numba.types.literal(0)), {})[2] == (numba.int64, numba.int64)
+    assert shelf.compiled(lambda x: part(x, 0.5))(5) == 5.5 and len(part.overloads) == 2

@@ -86,8 +86,9 @@ class _PartsCompiler(_Compiler):
 
 
 _PART = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": _PartsCompiler}
-"""Numba's options: without Python's way into a function, which takes its arguments apart, and C's."""
-_ENTIRE = {"pipeline_class": _Compiler}
+"""Numba's options: without Python's way into a function, which takes its arguments apart, and C's, which
+nobody goes."""
+_ENTIRE = {"no_cfunc_wrapper": True, "pipeline_class": _Compiler}
 
 
 class Shelf:
@@ -116,6 +117,7 @@ class Shelf:
         """
         made = numba.njit(**options, **_PART if part else _ENTIRE)(function)
         if not numba.config.DISABLE_JIT:
+            made.get_call_template = partial(_template, type(made).get_call_template, made)
             with suppress(OSError, TypeError, AttributeError):
                 made._cache = _Entries(function, self, None if like is None else like._cache.of, part=part)
             if part:
@@ -153,9 +155,7 @@ class Shelf:
         data = _digest(name, content) + content
         if self.folder is not None:
             try:
-                with whole.together(
-                    self.folder
-                ):  # not to the disk at once: the digest tells what is cut short
+                with whole.together(self.folder):  # not to the disk at once: a digest tells what is cut
                     whole.write(self.folder / name, data)
                 return
             except OSError as error:
@@ -231,13 +231,9 @@ class _Entries:
         return str(self._shelf.place)
 
     def enable(self) -> None:
-        """Always on."""
+        """Always on, and nothing waits to be written."""
 
-    def disable(self) -> None:
-        """Always on."""
-
-    def flush(self) -> None:
-        """Nothing waits to be written."""
+    disable = flush = enable
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """What was compiled for a signature; None where it has to be compiled."""
@@ -261,6 +257,11 @@ class _Entries:
     def _entry(self, sig: Any, codegen: Any) -> str:
         digest = hashlib.sha256(self.of + repr((sig, codegen.magic_tuple())).encode())
         return f"{self._name}-{digest.hexdigest()[:24]}.code"
+
+
+def _template(usual: Callable[..., Any], made: Any, args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
+    """What compiled code calls: one for any number, not another for each number that a caller writes down."""
+    return usual(made, tuple(map(numba.types.unliteral, args)), kws)
 
 
 def _add_overload(made: Any, compiled: CompileResult) -> None:
