@@ -12,7 +12,7 @@ import pytest
 from realitygap.calibration import measured, rows
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.curves import Curves, Seen, on_curves
-from realitygap.calibration.forward import proximity, scene_of
+from realitygap.calibration.forward import lit_readings, proximity, received, scene_of
 from realitygap.calibration.judge import judge
 from realitygap.calibration.measured import Measured
 from realitygap.calibration.misfit import misplaced
@@ -210,6 +210,62 @@ def thymio() -> Path:
     if not (folder / "sensor02_light.csv").is_file():
         pytest.skip(f"no readings of a Thymio in {folder}; set REALITYGAP_THYMIO to their folder")
     return folder
+
+
+def series(sensor: int, gain: float, background: float) -> SensorRecording:
+    """Ten readings at each of 12 distances of a sensor that takes gain · (1 / (d + 0.5)² + background) for
+    light and reads nothing below 1050 counts; 4 counts of noise. A plain formula: no rays."""
+    distance = np.repeat(np.arange(12.0), 10)
+    root = np.sqrt(gain * ((distance + 0.5) ** -2.0 + background))
+    noisy = 6000 * root / (root + 0.22) + 4 * np.random.default_rng(sensor).normal(size=len(root))
+    counts = np.full((len(root), 7), np.nan)
+    counts[:, sensor] = np.rint(np.where(noisy < 1050, 0, np.minimum(noisy, 4400)))
+    return SensorRecording(
+        kind="infrared", object="wall", distance_cm=distance, bearing_deg=0 * distance, repeat=np.arange(120),
+        counts=counts, from_sensor=sensor, body_said=False, source=f"{sensor} in {background}",
+        hash=f"{sensor} {background}",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("lit", [0.0015, 0.0])
+def test_light_of_a_room_is_found_where_there_is_some(lit):
+    """Of three sensors' series, half of them in a room that adds 0.0015/cm², that light is found, and said;
+    none where none is. A series in either room is read within 1 % of the full scale, once set up."""
+    base = load_profile("thymio")
+    sensors = ((2, 1.0), (5, 0.8), (6, 1.2))
+    dark, bright = ([series(k, gain, light) for k, gain in sensors] for light in (1e-9, lit))
+    made = calibrate([*dark, *bright], base, form="measured")
+    fit = made.infrared
+    assert fit is not None
+    found = np.array([float(fit.fit.values[f"background_{i}"][0]) for i in range(6)]).reshape(2, 3)
+    # Of what a wall straight ahead throws back the fit's fan of rays receives this much.
+    blank = replace(dark[0], distance_cm=np.full(120, 10.0)).of_robot(base)
+    robot = made.profile
+    share = received(robot.to_kernel(), [(scene_of(blank), 0.0, 0.0)])[0, 2]
+    share *= (10.0 + robot.infrared.sensors[2].offset_cm) ** 2 / robot.infrared.sensors[2].a
+    assert np.diff(found, axis=0) == pytest.approx(lit * share, abs=2e-4)
+    assert any("lit differently" in words for words in fit.warnings) == (lit > 0)
+    for one in (dark[0], bright[1]):
+        told = judge(one, made.profile)
+        assert told.rmse < 0.01 * base.infrared.top and abs(told.shift_cm) < 0.1
+    assert judge(bright[2], made.profile).background == pytest.approx(lit * share / 2, abs=2e-4)
+
+
+@pytest.mark.usefixtures("fewer_starts")
+def test_a_rig_in_another_light_is_found():
+    """Of a robot's two recordings, one in a room that adds 0.01/cm², the difference is found; none where
+    both were under one light."""
+    robot = odd()
+    dark, other = before(robot, "wall", seed=1), before(robot, "cylinder:4", seed=2)
+    clean = lit_readings(robot, scene_of(other), 0.01)
+    lit = np.rint(clean + 10 * np.random.default_rng(3).normal(size=clean.shape))
+    found = []
+    for two in (other, replace(other, counts=np.clip(lit, 0, 1023))):
+        rows = Rows([dark, two], PAPER)
+        _, fit = Measured(rows, PAPER, repeated_noise(rows), judging=True).fit()
+        keys = sorted(key for key in fit.values if key.startswith("background"))
+        found.append([float(fit.values[key][0]) for key in keys])
+    assert found[0] == [] and found[1][1] - found[1][0] == pytest.approx(0.01, rel=0.25)
 
 
 def test_a_real_thymio_is_judged_by_the_shipped_profile(thymio):

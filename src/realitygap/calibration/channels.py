@@ -10,6 +10,7 @@ from realitygap.calibration.channel_fit import LOOKUP, MEASURED, ChannelFit, dou
 from realitygap.calibration.checks import refuse_nonsense
 from realitygap.calibration.descent import PLAIN
 from realitygap.calibration.forms import Tick, fit_forms, mended, with_columns
+from realitygap.calibration.forward import lit_readings
 from realitygap.calibration.infrared import INFRARED_FORMS, infrared_problems, with_infrared
 from realitygap.calibration.light import LIGHT_FORMS, as_bright_as_the_paper, with_light
 from realitygap.calibration.light_forms import AMBIENT_COUNTS, LightCurves, light_problems
@@ -24,6 +25,7 @@ from realitygap.calibration.misfit import (
     pooled_noise,
 )
 from realitygap.calibration.noise import noise_tables
+from realitygap.calibration.optics import backgrounds, in_mean
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import FOLDS, PROXIMITY_COUNTS, REFLECTANCE, Rows
 from realitygap.calibration.solve import Fit
@@ -83,6 +85,7 @@ def fit_infrared(
     errs = {name: rows.rmse_lit(model) for name, model in off.items()}
     fit, unsure = agreed(best, {name: fits[name] for name in errs if errs[name] <= AS_GOOD * errs[best]})
     found = replace(found, fit=fit, warnings=(*found.warnings, *unsure, *contradicted(rows, found.deviation)))
+    found = replace(found, warnings=(*found.warnings, *(lit_apart(rows, found) if best == MEASURED else [])))
     return replace(found, warnings=(*found.warnings, doubt)) if doubt and best == "extended" else found
 
 
@@ -100,8 +103,29 @@ def contradicted(rows: Rows, deviation: float) -> list[str]:
         return []
     return [
         f"infrared: recordings of the same places lie {apart:.3g} counts ({apart / rows.top:.1%} of full "
-        "scale) off their mean: no form can follow both, unless they were set down apart"
+        "scale) off their mean: no form can follow both, unless they were set down apart or lit differently"
     ]
+
+
+def lit_apart(rows: Rows, found: ChannelFit) -> list[str]:
+    """In words, what rooms' light does to readings, where that is more than their noise."""
+    lit, values, dead = (
+        backgrounds(found.fit.values, rows.scenes),
+        found.fit.values,
+        found.profile.infrared.dead,
+    )
+    mean, said = in_mean(np.repeat(lit, [len(r.counts) for r in rows.recordings]), rows.use), []
+    for name, light, (rig, scene), read in zip(
+        rows.names(), lit, rows.scenes, rows.split(rows.live()), strict=True
+    ):
+        turn = float(values[rig][0]) if rig in values else 0.0
+        there, here = (lit_readings(found.profile, scene, by, turn) for by in (light - mean, 0.0))
+        by = float((there - here)[read > dead].mean())
+        said += [f"{name} {by:+.0f}"] if abs(by) > found.deviation else []
+    return [
+        f"infrared: recordings were lit differently (mean of lit readings, counts: {', '.join(said)}): the "
+        "profile is of a room whose infrared is the mean of theirs"
+    ] if said else []  # fmt: skip
 
 
 def agreed(form: str, fits: Mapping[str, Fit]) -> tuple[Fit, tuple[str, ...]]:
@@ -188,7 +212,8 @@ def _channel(
     main = next((e.deviation for e in noise if e.channel in ("proximity", "ambient")), 0.0)
     deviation = main or (profile.noise.proximity if kind == "infrared" else profile.noise.ambient)
     deviation = deviation or rows.unit * (PROXIMITY_COUNTS if kind == "infrared" else AMBIENT_COUNTS)
-    beside_noise = Yardstick(kind=kind, top=rows.top, deviation=deviation, measured=main > 0)
+    dead = profile.infrared.dead if kind == "infrared" else 0.0
+    beside_noise = Yardstick(kind=kind, top=rows.top, deviation=deviation, measured=main > 0, dead=dead)
     sensors, judged = (
         tuple(m for m in misfits(live, model, rows.place, beside_noise) if m.sensor not in rows.dead)
         for model in (fit.model, held_out[form])

@@ -6,14 +6,16 @@ curve that all sensors share. Their matrices are kept as bands [3, S, STEPS + 1]
 Readings at an end of the converter only say that a curve passes it there (Tobin 1958).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.values import Floats
 
-__all__ = ["STEPS", "Curves", "Seen", "on_curves", "smoothness"]
+__all__ = ["ALIKE", "ALIKES", "STEPS", "Curves", "Seen", "on_curves", "smoothness"]
 
 Use = NDArray[np.bool_]
 
@@ -23,8 +25,8 @@ ROUNDS, STEEP = 12, 1e6
 """Rounds of one fit, and the weight that keeps a curve from falling."""
 SETTLED = 1e-3
 """Share of the full scale by which a round moves a curve that has come to rest."""
-ALIKE = 0.3
-"""Share of the full scale by which a sensor's curve may easily differ from that of all."""
+ALIKE, ALIKES = 0.3, (0.3, 0.1, 0.03, 0.01)
+"""How alike curves are usually; and of sensors with gains of their own, tried on places held out."""
 SMOOTH = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
 """Weights of bends that are tried on places held out."""
 
@@ -52,7 +54,8 @@ class Seen:
     """What curves are fitted to: counts [n, S] up to `top`, of which `use` [n, S] count, and their noise;
     a sensor saturates at `most`, [S] or one for all.
 
-    Readings below `dead` are 0; `smooth` weighs bends over the share, or over the light if `linear`.
+    Readings below `dead` are 0; `smooth` weighs bends over the share, or over the light if `linear`;
+    `alike` is the share of the full scale by which a sensor's curve may easily differ from that of all.
     """
 
     counts: Floats
@@ -63,6 +66,7 @@ class Seen:
     dead: float = 0.0
     smooth: float = SMOOTH[1]
     linear: bool = False
+    alike: float = ALIKE
 
     def dark(self) -> float:
         """Noise of the dark: the size of readings that are nearly 0."""
@@ -136,9 +140,10 @@ class Curves:
 
     def _held(self, bread: Floats, common: Floats | None) -> Floats:
         """What holds curves where readings do not: little bends, and the curve of all, if there is one."""
-        bends = OVER_LIGHT if self._seen.linear else OVER_SHARE
-        held = np.repeat(bends[:, None] * (self._seen.smooth * STEPS**3 * bread[2].mean()), bread.shape[1], 1)
-        held[2] += 1e-12 if common is None else (ALIKE * np.maximum(common, self._seen.top)) ** -2.0
+        seen = self._seen
+        bends = OVER_LIGHT if seen.linear else OVER_SHARE
+        held = np.repeat(bends[:, None] * (seen.smooth * STEPS**3 * bread[2].mean()), bread.shape[1], 1)
+        held[2] += 1e-12 if common is None else (seen.alike * np.maximum(common, seen.top)) ** -2.0
         return held
 
     def deviations(self, curves: Floats) -> Floats:
@@ -196,21 +201,28 @@ def _times(bands: Floats, vectors: Floats) -> Floats:
     return np.asarray(out)
 
 
-def smoothness(seen: Seen, u: Floats, folds: NDArray[np.int64]) -> Seen:
-    """The same, with the bends with which curves err least on places held out.
+def smoothness(seen: Seen, u: Floats, folds: NDArray[np.int64], alikes: Sequence[float] = (ALIKE,)) -> Seen:
+    """The same, with the bends, and as alike, with which curves err least on places held out.
 
     Args:
         seen: what the curves are fitted to.
         u: [n, S] where on its curve a sensor reads.
         folds: [n] with which others a row is held out.
+        alikes: how alike curves may be.
     """
-    tried = [replace(seen, smooth=weight, linear=linear) for linear in (False, True) for weight in SMOOTH]
+    tried = [
+        replace(seen, smooth=weight, linear=linear, alike=alike)
+        for linear, weight, alike in product((False, True), SMOOTH, alikes)
+    ]
+    silent = (seen.counts <= 0) & (seen.dead > 0)
     errors = []
     for one in tried:
         off = np.zeros(u.shape)
         for fold in np.unique(folds):
             out = (folds == fold)[:, None]
             model = on_curves(Curves(replace(one, use=seen.use & ~out), u).fitted(), u)
-            off = np.where(out & seen.use, np.minimum(model, seen.most) - seen.counts, off)
+            error = np.minimum(model, seen.most) - np.where(silent, seen.dead, seen.counts)
+            error = np.where(silent, np.maximum(error, 0.0), error)
+            off = np.where(out & seen.use, error, off)
         errors.append(float((off**2).sum()))
     return tried[int(np.argmin(errors))]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from realitygap.calibration.forms import FINE_DEG, free_directions, free_reflectances, free_turns, scan
-from realitygap.calibration.optics import SHARES, Optics, about_rig, shift_of
+from realitygap.calibration.optics import SHARES, Optics, about_rig, background_of, gain_of, shift_of
 from realitygap.calibration.rows import Rows
 from realitygap.calibration.search import search
 from realitygap.calibration.solve import Fit, Free, Measured, Values, solve
@@ -23,8 +23,16 @@ ENDS_CM = tuple(np.geomspace(5.0, 40.0, 18))
 NEARER, LIKE = (0.08, 0.015, 0.002), 1.0 + 1e-6
 AT_END = 0.015
 """By this share of their range rays are doubtful: readings that hang on it are left out of a descent."""
-SHIFT_CM = 0.2
-"""How far off a straight series may have been set down: its distances all are by as much."""
+SHIFT = {"low": -1.0, "high": 1.0, "prior": 0.2, "step": 1e-3}
+"""How far off a straight series may have been set down, cm: its distances all are by as much."""
+LIGHT, LIT = {"low": 0.0, "high": 0.05, "prior": 0.002, "step": 1e-5}, 1.1
+"""What a room may add to what rays bring, 1/cm², easily as much as a white wall at 22 cm throws back. And so
+many times as much rigs' recordings have to leave over under one light as under several before these are
+taken: by half a deviation of the noise."""
+BY_HAND = 0.01
+"""Share of the full scale that a millimetre is worth where each place of a series was set by hand."""
+GAIN = 0.3
+"""By how much the sensors of a series may easily differ in what they make of light."""
 
 
 class Descent:
@@ -58,9 +66,10 @@ class Descent:
             Free(key="width_cm", start=3.0 * one, low=0.0, high=20.0, prior=10.0, step=1e-2, jump=0.1),
         ]
         if self.straight:
-            shifts = [Free(key=shift_of(name), start=0 * one, low=-1.0, high=1.0, prior=SHIFT_CM, step=1e-3)
-                      for name, _ in scenes]  # fmt: skip
-            return [*size, *shifts]
+            shifts = [Free(key=shift_of(name), start=0 * one, **SHIFT) for name, _ in scenes]
+            gains = [Free(key=gain_of(int(k)), start=one, low=0.1, high=10.0, prior=GAIN, step=1e-3)
+                     for k in np.flatnonzero(self._rows.use.any(axis=0))]  # fmt: skip
+            return [*size, *shifts, *gains, *self._backgrounds()]
         return [
             free_directions(self._sensors, tie=None, jump=0.5),
             *size,
@@ -69,6 +78,19 @@ class Descent:
             *free_reflectances(scenes),
             *free_turns([name for (name, _), r in zip(scenes, recordings, strict=True) if r.pose is None]),
         ]
+
+    def _backgrounds(self) -> list[Free]:
+        """What each recording's room adds."""
+        keys = [background_of(name) for name, _ in self._rows.scenes]
+        return [Free(key=key, start=np.zeros(1), **LIGHT) for key in keys]
+
+    def lit(self, optics: Optics, values: dict[str, Floats]) -> dict[str, Floats]:
+        """The values with a background of each recording, if several leave much less over with them."""
+        if self.straight or len(self._rows.recordings) < 2:
+            return values
+        tried = values | {free.key: np.full(1, free.prior) for free in self._backgrounds()}
+        found = self.solved(optics, tried, self._noise).values
+        return dict(found) if self.left(optics, found) * LIT < self.left(optics, values) else values
 
     def left(self, optics: Optics, values: Values) -> float:
         """What the values leave over: mean of the places' misfits, counts."""
@@ -151,7 +173,9 @@ class Descent:
             noise: of a reading, counts.
             intervals: whether to work out 95 % intervals.
         """
-        use, seen = optics.seen.use, self._seen(optics, noise)
+        use, seen, frees = optics.seen.use, self._seen(optics, noise), self.frees(optics.lobe)
+        if not self.straight and background_of(self._rows.scenes[0][0]) in start:
+            frees += self._backgrounds()
         if start["range_cm"] > 0:
             near, far = (
                 optics.readings({**start, "range_cm": start["range_cm"] * share}, use)
@@ -159,7 +183,7 @@ class Descent:
             )
             seen = replace(seen, use=use & ~(np.abs(near - far) > noise))
         fit = solve(
-            self.frees(optics.lobe), lambda values: optics.readings({**start, **values}, use), seen,
+            frees, lambda values: optics.readings({**start, **values}, use), seen,
             start=start, intervals=intervals,
         )  # fmt: skip
         return replace(fit, values={**start, **fit.values})

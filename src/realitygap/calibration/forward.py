@@ -22,7 +22,10 @@ from realitygap.values import Floats
 from realitygap.world.arena import Arena, Cylinder, Lamp
 from realitygap.world.profile import Profile
 
-__all__ = ["Scene", "illumination", "light_readings", "proximity", "received", "scene_of", "wheel_speeds"]
+__all__ = [
+    "Scene", "illumination", "light_readings", "lit_readings", "proximity", "received", "scene_of",
+    "up_curve", "wheel_speeds",
+]  # fmt: skip
 
 ROOM_CM = 1000.0
 """A room so large that its other walls are out of everything's reach."""
@@ -119,6 +122,31 @@ def received(robot: Robot, rigs: Sequence[tuple[Scene, float, float]]) -> Floats
     return np.concatenate(parts)
 
 
+def lit_readings(
+    profile: Profile, scene: Scene, more: Floats | float, turn_deg: float = 0.0, away_cm: float = 0.0
+) -> Floats:
+    """What measured proximity sensors' curves say [n, P] of a recording's rows, dead zone or not, counts.
+
+    Args:
+        profile, scene, turn_deg, away_cm: as of `proximity`.
+        more: light that the room adds to the profile's own, 1/cm², [P] or one for all.
+    """
+    robot, law = _robot(profile), profile.infrared
+    light = received(robot, [(scene, turn_deg, away_cm)]) + more * robot.proximity_a
+    return _on_curves([s.curve for s in law.sensors], up_curve(light, law.curve_cm))[scene.row]
+
+
+def up_curve(light: Floats, knee_cm: float) -> Floats:
+    """How far up its curve a proximity sensor reads what reaches it."""
+    root = np.sqrt(np.maximum(light, 0.0))
+    return np.asarray(root / (root + 1.0 / knee_cm))
+
+
+def _on_curves(curves: Sequence[Sequence[float]], share: Floats) -> Floats:
+    steps = np.linspace(0.0, 1.0, len(curves[0]))
+    return np.stack([np.interp(share[:, k], steps, curve) for k, curve in enumerate(curves)], 1)
+
+
 def illumination(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Floats:
     """Illumination A [n, A] of the ambient sensors, before their gains."""
     from realitygap.kernels import sweep
@@ -142,9 +170,7 @@ def light_readings(profile: Profile, light: Floats, gain: Floats | None = None) 
         return np.asarray(np.maximum(dark - total, floor))
     if law.measured:
         root = np.sqrt(np.maximum(total, 0.0))
-        share = root / (root + math.sqrt(law.curve_light))
-        steps = np.linspace(0.0, 1.0, len(law.sensors[0].curve))
-        return np.stack([np.interp(share[:, k], steps, s.curve) for k, s in enumerate(law.sensors)], 1)
+        return _on_curves([s.curve for s in law.sensors], root / (root + math.sqrt(law.curve_light)))
     with np.errstate(divide="ignore"):
         return np.asarray(np.minimum(floor + 1.0 / np.sqrt(np.maximum(total, 0.0)), dark))
 

@@ -32,6 +32,7 @@ from realitygap.calibration.recordings.recording import (
     count_unit,
 )
 from realitygap.calibration.rows import PROXIMITY_COUNTS
+from realitygap.calibration.series import set_up
 from realitygap.calibration.wheels.checks import refuse_few_steps, refuse_odd
 from realitygap.calibration.wheels.odometry import measure_odometry, measured_speeds
 from realitygap.errors import CalibrationError
@@ -51,6 +52,8 @@ class Judgement:
     `per_sensor` and all sums leave out sensors that tell nothing; `warnings` name them, and all else
     that makes the recording doubtful. `within` is the share of lit places that the model errs on by two
     deviations of the noise at most: where it is near 1 and `ratio` is large, single places err.
+    Of a series of one sensor before a wall `shift_cm` is how much further off it stood than it was said to,
+    and `background` what its room's infrared added to the profile's, 1/cm²: both are fitted out.
     """
 
     kind: str
@@ -60,6 +63,8 @@ class Judgement:
     per_sensor: tuple[Misfit, ...]
     noise: dict[str, tuple[float, float]]
     turn_deg: float
+    shift_cm: float
+    background: float
     brightness: float
     reflectance: float
     within: float
@@ -93,7 +98,8 @@ class Judgement:
             "kind": self.kind, "source": self.source, "rmse": self.rmse, "bias": self.bias,
             "error_over_noise_lit": self.ratio, "within_two_deviations": self.within,
             "per_sensor": sensors, "noise": {**noise, "fits": self.noise_fits},
-            "turn_deg": self.turn_deg, "brightness": self.brightness, "reflectance": self.reflectance,
+            "turn_deg": self.turn_deg, "shift_cm": self.shift_cm,
+            "background": self.background, "brightness": self.brightness, "reflectance": self.reflectance,
             "warnings": list(self.warnings),
         }  # fmt: skip
 
@@ -111,7 +117,11 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     dead, warnings = _doubts(recording, profile)
     live = [k for k in recorded(recording) if k not in dead]
     paint = math.isnan(recording.reflectance)
-    turn, scale, model = _fitted_out(recording, profile, scene_of(recording), live)
+    scene, (turn, scale, shift, light) = scene_of(recording), (0.0, 1.0, 0.0, 0.0)
+    if recording.from_sensor is None:
+        turn, scale, model = _fitted_out(recording, profile, scene, live)
+    else:
+        shift, light, model = set_up(recording, profile, scene)
     known = np.where(np.isin(np.arange(recording.sensors), live), recording.counts, np.nan)
     estimates = measure_noise([replace(recording, counts=known)], [model], part.top, profile.infrared.dead)
     stated = profile.noise.to_dict()
@@ -120,14 +130,20 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     measured = noise.get(main, (0.0, 0.0))[0]
     usual = PROXIMITY_COUNTS if main == "proximity" else AMBIENT_COUNTS
     deviation = measured or stated[main] or usual * count_unit(part.top)
-    of_noise = Yardstick(kind=recording.kind, top=part.top, deviation=deviation, measured=measured > 0)
+    of_noise = Yardstick(
+        kind=recording.kind,
+        top=part.top,
+        deviation=deviation,
+        measured=measured > 0,
+        dead=profile.infrared.dead if main == "proximity" else 0.0,
+    )
     warnings += () if measured else (f"{recording.source}: {unmeasured(deviation)}",)
     off = (model - recording.counts)[:, live]
     found = misfits(recording.counts, model, recording.place(), of_noise)
     return Judgement(
         kind=recording.kind, source=recording.source, rmse=float(np.sqrt((off**2).mean())),
         bias=float(off.mean()), per_sensor=tuple(m for m in found if m.sensor in live), noise=noise,
-        turn_deg=turn, brightness=1.0 if paint else scale,
+        turn_deg=turn, shift_cm=shift, background=light, brightness=1.0 if paint else scale,
         reflectance=scale if paint else recording.reflectance,
         within=within(known, model, recording.place(), of_noise),
         counts=recording.counts, model=model, warnings=warnings,
@@ -218,6 +234,7 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
         kind="wheels", source=recording.source, rmse=float(np.sqrt((rmse**2).mean())),
         bias=float(bias.mean()),
         per_sensor=sides, noise={"wheel": (odometry.slip, profile.noise.wheel)} if odometry else {},
-        turn_deg=0.0, brightness=1.0, reflectance=1.0, within=math.nan, counts=measured, model=model,
+        turn_deg=0.0, shift_cm=0.0, background=0.0, brightness=1.0, reflectance=1.0, within=math.nan,
+        counts=measured, model=model,
         warnings=tuple(dict.fromkeys(said)),
     )  # fmt: skip

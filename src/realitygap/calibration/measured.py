@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.constants import SIGMAS, moved
-from realitygap.calibration.curves import STEPS, Curves, Seen, smoothness
-from realitygap.calibration.descent import ENDS_CM, PLAIN, Descent
+from realitygap.calibration.curves import ALIKE, ALIKES, STEPS, Curves, Seen, smoothness
+from realitygap.calibration.descent import BY_HAND, ENDS_CM, PLAIN, Descent
 from realitygap.calibration.forms import Tick, with_columns
 from realitygap.calibration.optics import SHARES, Optics
 from realitygap.calibration.rows import Rows, at_places, dead_zone, means, repeated_noise, saturation
@@ -101,7 +101,9 @@ class Measured:
         """Where the start ends that promises most; `optics` has it with curves fitted to all readings."""
         found = [self._start_at(i, *self._nearer(*one[2:])) for i, one in enumerate(self._begun())]
         places, values = self._nearer(*min(found, key=itemgetter(0, 1))[2:])
-        seen = replace(self._all, smooth=places.seen.smooth, linear=places.seen.linear)
+        values = self._step.lit(places, values)
+        chosen = places.seen
+        seen = replace(self._all, smooth=chosen.smooth, linear=chosen.linear, alike=chosen.alike)
         self.optics = replace(places, seen=seen, place=self._rows.place)
         return places, values
 
@@ -120,7 +122,8 @@ class Measured:
     def _nearer(self, optics: Optics, values: Values) -> tuple[Optics, dict[str, Floats]]:
         """The curves as smooth as suits the optics, which shows only where that is right; then that."""
         folds, seen = self._rows.folds()[self._first_of], replace(optics.seen, noise=self._noise)
-        seen = smoothness(seen, optics.share(optics.profile(values), values), folds)
+        alikes = ALIKES if self._step.straight else (ALIKE,)
+        seen = smoothness(seen, optics.share(optics.profile(values), values), folds, alikes)
         optics = replace(optics, seen=seen)
         return optics, self._step.searched(optics, values)
 
@@ -164,7 +167,7 @@ class Measured:
     def profile(self, values: Values, use: Use) -> Profile:
         """The profile of fitted optics, with the curves that suit it."""
         made = self.optics.profile(values)
-        curves, _ = self.optics.curves(values, use)
+        curves = self.optics.in_room(values, self.optics.curves(values, use)[0], use)
         law = made.infrared
         sensors = with_columns(law.sensors, {"curve": [tuple(row) for row in curves.round(3).tolist()]})
         return replace(made, infrared=replace(law, sensors=sensors))
@@ -179,8 +182,10 @@ class Measured:
 def fit_measured(rows: Rows, base: Profile, tick: Tick) -> tuple[Profile, Fit, Floats]:
     """The profile, its constants, and what it reads [n, S] on places held out."""
 
+    finest = BY_HAND if all(r.from_sensor is not None for r in rows.recordings) else FINEST
+
     def form(rows: Rows, *, judging: bool) -> Measured:
-        return Measured(rows, base, max(repeated_noise(rows), FINEST * rows.top), judging=judging)
+        return Measured(rows, base, max(repeated_noise(rows), finest * rows.top), judging=judging)
 
     tick()
     profile, fit = form(rows, judging=False).fit()

@@ -33,13 +33,15 @@ class Yardstick:
     """What a model's error is held against: the noise of a kind of sensor, "infrared" or "ambient".
 
     `top` is the converter's highest count, `deviation` the noise's, counts; it is taken out of the error
-    only where it was `measured`: one that is assumed may be larger than all that is left.
+    only where it was `measured`: one that is assumed may be larger than all that is left. Below `dead` counts
+    there are no readings: where a place's mean is, noise decides which of them are dark.
     """
 
     kind: str
     top: float
     deviation: float
     measured: bool = True
+    dead: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,7 +151,7 @@ def _at_places(
     if noise.kind != "infrared":
         return said - mean, np.isfinite(mean), many
     edge = 3 * noise.deviation
-    lit = (mean > _dark(mean, noise.deviation) + edge) & (mean < noise.top - edge)
+    lit = (mean > np.maximum(_dark(mean, noise.deviation) + edge, noise.dead)) & (mean < noise.top - edge)
     return said - mean, lit, many
 
 

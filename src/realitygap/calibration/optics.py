@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.curves import Curves, Seen, on_curves
-from realitygap.calibration.forms import columns_of, with_columns
-from realitygap.calibration.forward import Scene, received
+from realitygap.calibration.curves import STEPS, Curves, Seen, on_curves
+from realitygap.calibration.forms import columns_of
+from realitygap.calibration.forward import Scene, received, up_curve
 from realitygap.calibration.solve import Values
 from realitygap.kernels.params import Robot
 from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
-__all__ = ["SHARES", "Optics", "about_rig", "shift_of"]
+__all__ = ["SHARES", "Optics", "about_rig", "background_of", "backgrounds", "gain_of", "in_mean", "shift_of"]
 
 Use = NDArray[np.bool_]
 
+V = TypeVar("V")
 SHARES = ("share_1", "share_2", "share_3", "share_4")
 
 
@@ -40,18 +43,26 @@ class Optics:
         return self.base.to_kernel()
 
     def profile(self, values: Values) -> Profile:
-        """The base with the optics in place, and curves that only hold their places."""
+        """The base with the optics in place, and curves that only hold their places; not checked, which would
+        cost a fifth of a search: what comes of it in the end is."""
         law = self.base.infrared
         shares = [float(values[key][0]) for key in SHARES]
         wide, width, end = (float(values[key][0]) for key in ("aperture_deg", "width_cm", "range_cm"))
         columns = columns_of(values, ("direction_deg",), law.sensors)
         columns["offset_cm"] = [float(values["offset_cm"][0])] * len(law.sensors)
-        law = replace(
-            law, sensors=with_columns(law.sensors, columns), lobe=(1.0 - sum(shares), *shares),
+        gains = {k: float(values[key][0]) for k in range(len(law.sensors)) if (key := gain_of(k)) in values}
+        usual = float(np.mean([*gains.values()])) if gains else 1.0
+        columns["a"] = [gains.get(k, usual) for k in range(len(law.sensors))]
+        sensors = tuple(
+            unchecked(sensor, **{key: column[k] for key, column in columns.items()})
+            for k, sensor in enumerate(law.sensors)
+        )
+        law = unchecked(
+            law, sensors=sensors, lobe=(1.0 - sum(shares), *shares),
             overlap=0.0 if "share_1" in self.lobe else shares[-1], aperture_deg=wide, width_cm=width,
             range_cm=end,
         )  # fmt: skip
-        return replace(self.base, infrared=law)
+        return unchecked(self.base, infrared=law)
 
     def share(self, profile: Profile, values: Values) -> Floats:
         """[n, S] how far up its curve each reading lies."""
@@ -60,8 +71,24 @@ class Optics:
         for name, scene in self.scenes:
             turn, away = (float(values[k][0]) if k in values else 0.0 for k in (name, shift_of(name)))
             rigs.append((scene.tried(values), turn, away))
-        root = np.sqrt(np.maximum(received(robot, rigs), 0.0))
-        return np.asarray(root / (root + 1.0 / profile.infrared.curve_cm))[self.place]
+        light = received(robot, rigs) + np.outer(self._lit(values), robot.proximity_a)
+        return up_curve(light, profile.infrared.curve_cm)[self.place]
+
+    def _lit(self, values: Values) -> Floats:
+        """What the room adds at each place."""
+        return np.repeat(backgrounds(values, self.scenes), [len(scene.poses) for _, scene in self.scenes])
+
+    def in_room(self, values: Values, curves: Floats, use: Use) -> Floats:
+        """Curves [S, n] in the mean of the rooms that each sensor was recorded in: with its background, as
+        a profile has them that knows of none."""
+        law = self.profile(values).infrared
+        lit = self._lit(values)
+        if not lit.any():
+            return curves
+        mean = in_mean(lit[self.place], use)
+        share = np.minimum(np.arange(STEPS + 1.0)[:, None] / STEPS, 1.0 - 1e-9)
+        light = (share / (1.0 - share) / law.curve_cm) ** 2 + mean * [s.a for s in law.sensors]
+        return np.asarray(on_curves(curves, up_curve(light, law.curve_cm)).T)
 
     def curves(self, values: Values, use: Use) -> tuple[Floats, Floats]:
         """The curves [S, n] that suit the optics, and each reading's share."""
@@ -88,6 +115,36 @@ class Optics:
         root = float(np.median(u[lit] / (1.0 - u[lit]))) / self.base.infrared.curve_cm
         law = replace(self.base.infrared, curve_cm=1.0 / root)
         return replace(self, base=replace(self.base, infrared=law))
+
+
+def backgrounds(values: Values, scenes: Sequence[tuple[str, Scene]]) -> list[float]:
+    """What the room of each recording adds, 1/cm²."""
+    return [float(values[key][0]) if (key := background_of(name)) in values else 0.0 for name, _ in scenes]
+
+
+def in_mean(background: Floats, use: Use) -> Floats:
+    """[S] the mean background of each sensor's readings, by that of all rows [n]; of one without any, that
+    of the others."""
+    mean = (use * background[:, None]).sum(axis=0) / np.maximum(use.sum(axis=0), 1)
+    there = use.any(axis=0)
+    return np.asarray(np.where(there, mean, mean[there].mean()))
+
+
+def unchecked(value: V, **changes: Any) -> V:
+    """A value's copy with changes, without its checks."""
+    made = copy(value)
+    vars(made).update(changes)
+    return made
+
+
+def gain_of(sensor: int) -> str:
+    """The name of a sensor's gain."""
+    return f"a_{sensor}"
+
+
+def background_of(turn: str) -> str:
+    """The name of the light that a recording's room adds to what its rays bring, 1/cm², by its rig's turn."""
+    return turn.replace("turn", "background").replace("_deg", "")
 
 
 def shift_of(turn: str) -> str:

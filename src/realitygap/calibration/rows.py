@@ -70,7 +70,7 @@ class Rows:
         self.counts = np.nan_to_num(np.concatenate([r.counts for r in recordings]))
         self.distance = np.concatenate([r.distance_cm for r in recordings])
         self.bearing = np.concatenate([r.bearing_deg for r in recordings])
-        self.name = np.repeat(_names(recordings), [len(r.counts) for r in recordings])
+        self.name = np.repeat(self.names(), [len(r.counts) for r in recordings])
         self.scenes = [(f"turn_{i}_deg", scene_of(r, f"{REFLECTANCE}{i}")) for i, r in enumerate(recordings)]
         if all(scene.paint for _, scene in self.scenes):
             raise CalibrationError(
@@ -93,6 +93,15 @@ class Rows:
         some = copy(self)
         some.use = self.use & ~out[:, None]
         return some
+
+    def names(self) -> list[str]:
+        """One a recording: its object, or its file where objects recur, numbered where files do too."""
+        names = [r.object for r in self.recordings]
+        if len(set(names)) < len(names):
+            names = [Path(r.source).stem for r in self.recordings]
+        if len(set(names)) < len(names):
+            names = [f"{name} ({i})" for i, name in enumerate(names, 1)]
+        return names
 
     def live(self) -> Floats:
         """[n, S] readings; NaN of sensors that tell nothing."""
@@ -146,16 +155,6 @@ class Rows:
         edge = LIT * self.unit
         lit = self.use & (self.counts > edge) & (self.counts < self.top - edge)
         return float(np.sqrt(((model - self.counts)[lit if lit.any() else self.use] ** 2).mean()))
-
-
-def _names(recordings: Sequence[SensorRecording]) -> list[str]:
-    """One for each: its object, or its file where objects recur, numbered where files do too."""
-    names = [r.object for r in recordings]
-    if len(set(names)) < len(names):
-        names = [Path(r.source).stem for r in recordings]
-    if len(set(names)) < len(names):
-        names = [f"{name} ({i})" for i, name in enumerate(names, 1)]
-    return names
 
 
 def places_of(recordings: Sequence[SensorRecording]) -> NDArray[np.int64]:
