@@ -178,7 +178,7 @@ class Shelf:
             self.place.mkdir(mode=0o700, parents=True, exist_ok=True)
             facts = self.place.stat()
             if facts.st_uid != os.getuid():
-                self._why = "it belongs to somebody else"
+                self._why = "it belongs to another user"
             elif facts.st_mode & 0o022:
                 self._why = "others can write into it: chmod go-w"
         except OSError as error:

@@ -17,7 +17,7 @@ __all__ = ["LARGEST", "Table", "read_table"]
 Array = NDArray[np.float64]
 
 LARGEST = 10**9
-"""No number of a table goes further."""
+"""Largest number in a table."""
 
 
 class Table(NamedTuple):

@@ -63,9 +63,9 @@ def read_text(path: str | Path, error: type[UsageError], cure: str) -> str:
     except UnicodeDecodeError:
         raise error(f"{path}: not a text file in UTF-8. {cure}") from None
     except OSError as why:
-        raise error(f"{path}: cannot be read ({why.strerror}). Check the path and its rights.") from None
+        raise error(f"{path}: cannot be read ({why.strerror}). Check the path and its permissions.") from None
     except ValueError:  # a NUL character
-        raise error(f"{str(path)!r}: no path of a file. {cure}") from None
+        raise error(f"{str(path)!r}: not a file's path. {cure}") from None
 
 
 def read_json(path: str | Path, error: type[UsageError], cure: str) -> Any:
@@ -93,7 +93,7 @@ def refuse_separator(path: str | Path, head: str, error: type[UsageError]) -> No
         if sign in head and "," not in head:
             raise error(
                 f"{path}, line 1: expected values separated by commas, got {name}. Save the table "
-                "with commas (and with points in its numbers)."
+                "with commas (and with decimal points)."
             )
 
 

@@ -65,7 +65,7 @@ def named_object(text: str, error: type[UsageError], what: str) -> object:
     `what` it is to be, such as "robot", stands in the message.
 
     Raises:
-        UsageError: of the class `error`: no such file, module or name, or one that stops with an error.
+        UsageError: of the class `error`: no such file, module or name, or one that fails.
     """
     place, _, name = text.rpartition(":")
     if not place or not name.isidentifier():
@@ -78,7 +78,7 @@ def named_object(text: str, error: type[UsageError], what: str) -> object:
     else:
         if importlib.util.find_spec(place.partition(".")[0]) is None:
             raise error(f"{what}: no module {place!r} is installed. A file of your own: {place}.py:{name}.")
-        with blamed_on(place, error, "importing it stops"):
+        with blamed_on(place, error, "importing it fails"):
             module = importlib.import_module(place)
     found = getattr(module, name, None)
     if found is None:
@@ -92,7 +92,7 @@ def run_file(path: Path, error: type[UsageError]) -> ModuleType:
     """A file as a module, under a name made from its path: Numba finds compiled functions by it.
 
     Raises:
-        UsageError: of the class `error`: the file stops with an error; names the line.
+        UsageError: of the class `error`: the file fails; names the line.
     """
     name = f"realitygap_task_{hashlib.sha256(str(path).encode()).hexdigest()[:16]}"
     spec = importlib.util.spec_from_file_location(name, path)
@@ -110,7 +110,7 @@ def run_file(path: Path, error: type[UsageError]) -> ModuleType:
 
 @contextmanager
 def blamed_on(
-    place: str | Path, error: type[UsageError], does: str = "the file stops", *, own: bool = False
+    place: str | Path, error: type[UsageError], does: str = "the file fails", *, own: bool = False
 ) -> Iterator[None]:
     """Any error of a user's code as one that names the file and the line; a robot's own passes.
 

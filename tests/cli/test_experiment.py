@@ -101,7 +101,7 @@ def test_ctrl_c_says_how_to_go_on(units, call, tmp_path):
         result = call("experiment", "noise", "--out", tmp_path / "study", *SMALL)
     assert result.exit_code == 130 and result.stdout == ""
     last = result.stderr.splitlines()[-1]
-    assert last.startswith("stopped; what is done is kept in") and "--resume" in last
+    assert last.startswith("stopped; finished work is kept in") and "--resume" in last
 
 
 CARRIED = """

@@ -61,7 +61,7 @@ def test_a_reality_that_is_named_must_be_there(no_enki, refused, tmp_path):
     out = ("realities", "--out", tmp_path / "study", *SMALL)
     assert "apt install libenki-dev g++" in refused(*out, "--robot", "enki:epuck")
     assert "Enki's robots are khepera, epuck, thymio2" in refused(*out, "--robot", "enki:alice")
-    assert "goes through record, calibrate, evolve and transfer" in refused(*out, "--robot", "epuck:/dev/x")
+    assert "use record, calibrate, evolve and transfer" in refused(*out, "--robot", "epuck:/dev/x")
     assert "base: expected a robot of your own, whose profile it is" in refused(*out, "--base", BASE)
     assert "base: expected the rough profile" in refused(*out, "--robot", ROBOT)
     assert "only: expected robots named with --robot" in refused(*out, "--only")
@@ -127,5 +127,5 @@ def test_an_arena_takes_the_tasks_place_throughout(units, tmp_path):
     stage = Stage(tmp_path, config)
     assert stage.task("obstacle-avoidance").arena == large
     assert load_study(tmp_path / "evolved" / "set-1-unit-1").task("obstacle-avoidance").arena == large
-    with pytest.raises(ConfigError, match="arena: expected none where there are several tasks"):
+    with pytest.raises(ConfigError, match="arena: expected none with several tasks"):
         tiny(arena=large.name)

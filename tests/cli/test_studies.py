@@ -322,7 +322,7 @@ def test_a_strangers_task_file_is_asked_about(call, refused, json_of, monkeypatc
     monkeypatch.setattr("realitygap.cli.estimate.at_terminal", lambda: True)
     replay = ["replay", str(study), "1"]
     no = CliRunner().invoke(realitygap, replay, input="n\n")
-    assert no.exit_code == 130 and "this program has to run" in no.stderr
+    assert no.exit_code == 130 and "this program must run" in no.stderr
     yes = CliRunner().invoke(realitygap, replay, input="y\n")
     assert yes.exit_code == 0 and "score" in yes.stdout
     sources._known.cache_clear()

@@ -70,8 +70,8 @@ def test_a_controller_of_ones_own_drives_in_an_individuals_place(study, json_of,
     assert "made with controller = 'own.py:Turn, sha256" in refused(*words, "--controller", f"{own}:Turn")
     for more, said in (
         (("--controller", f"{own}:Drive"), "expected 'Drive' in it. It has Turn"),
-        (("--controller", "braitenberg", "--individual", "fittest"), "individual: expected none beside"),
-        (("--controller", "braitenberg", "--shard", "1/2"), "shard: expected none beside"),
+        (("--controller", "braitenberg", "--individual", "fittest"), "individual: expected none with"),
+        (("--controller", "braitenberg", "--shard", "1/2"), "shard: expected none with"),
     ):
         assert said in refused(*words, *more)
 
@@ -112,9 +112,9 @@ def test_a_run_by_name_with_its_own_length(study, json_of):
         (("--robot", "twin", "--camera", "camera.json", "--eye", "0"), "camera of its own"),
         (("--robot", "twin", "--disk", "mine.toml"), "disk of its own"),
         (("--robot", "twin", "--marker", "aruco:4x4_50:99"), "has the numbers 0 to 49, got 99"),
-        (("--robot", "twin", "--view", "mujoco"), "view: expected a twin that is filmed"),
-        (("--robot", "twin", "--film", "--view", "mujoco", "--marker", "aruco"), "expected drawn beside"),
-        (("--robot", "serial:/dev/null", "--marker", "aruco"), "marker: expected eye beside it"),
+        (("--robot", "twin", "--view", "mujoco"), "view: expected a filmed twin"),
+        (("--robot", "twin", "--film", "--view", "mujoco", "--marker", "aruco"), "expected drawn with"),
+        (("--robot", "serial:/dev/null", "--marker", "aruco"), "marker: expected eye too"),
         (("--robot", "serial:/dev/null", "--disk", "mine.toml"), "--eye DEVICE"),
         (("--robot", "serial:/dev/null", "--twin-noise", "2"), "--twin-noise scales a twin's noise"),
         (("--robot", "twin", "--twin-noise", "11"), "--twin-noise"),
@@ -259,5 +259,5 @@ def test_a_score_without_a_camera(study, json_of, call, refused):
     assert [one["rho"] for one in found["orders"]] == [None]
     assert json_of("score", study, "--without-camera") == found
     told = call("score", study, "--without-camera").output
-    assert "no camera saw three of them or more" in told and "sim-vs-real correlation of fitness" in told
+    assert "the camera saw fewer than three of them" in told and "sim-vs-real correlation of fitness" in told
     assert "--task: expected none" in refused("score", study, "--without-camera", "--task", "light")

@@ -106,4 +106,4 @@ def test_work_of_days_is_asked_where_somebody_can_answer(monkeypatch):
     monkeypatch.setattr(click, "confirm", lambda text, **how: asked.append((text, how)))
     estimate.consider(trials=10**6, workers=1)
     estimate.consider(trials=10, workers=1)
-    assert asked == [("Begin?", {"abort": True, "err": True})]
+    assert asked == [("Start?", {"abort": True, "err": True})]

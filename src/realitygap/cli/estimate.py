@@ -1,4 +1,4 @@
-"""What a command is about to cost, and whose programs it would run: said, and asked before it begins."""
+"""What a command will cost and whose programs it runs: noted or asked before it starts."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ DAY_S = 86400.0
 POPULATION = 64
 """Of the paper's grid."""
 LONG_S = DAY_S / 2
-"""Work that nobody waits for without having meant to."""
+"""From this long on, the work is confirmed first."""
 
 
 def note(text: str) -> None:
-    """One line on stderr about something that is taken literally."""
+    """Print a note, one line on stderr."""
     click.echo(f"note: {text}", err=True)
 
 
 def note_versions(found: Iterable[Mapping[str, Iterable[str]]]) -> None:
-    """Say what differed between the machines that shards were made on, as bits may."""
+    """Note what differed between the machines that made shards: bits may differ too."""
     seen: dict[str, dict[str, None]] = {}
     for one in found:
         for name, values in one.items():
@@ -47,13 +47,13 @@ def note_versions(found: Iterable[Mapping[str, Iterable[str]]]) -> None:
 def consider(
     *, runs: int = 0, evaluations: int = 0, trials: int = 0, workers: Workers, population: int = POPULATION
 ) -> None:
-    """Say what an amount of work comes to, where that may not be meant; where somebody can answer, ask.
+    """Note how long a large amount of work takes; on a terminal, ask first.
 
     Args:
         runs: of evolution; evaluations: of each.
         trials: on the twin.
         workers: processes; one a core if None.
-        population: individuals that a run begins with.
+        population: individuals that a run starts with.
 
     Raises:
         click.Abort: the answer is no.
@@ -61,7 +61,7 @@ def consider(
     if runs and evaluations < population:
         note(
             f"{evaluations} evaluations are fewer than the population's {population}: all individuals are "
-            "random, none is bred"
+            "random and none is bred"
         )
     hands = (workers if isinstance(workers, int) else os.cpu_count()) or 1
     seconds = runs * evaluations / EVALUATIONS_A_SECOND / max(1, min(runs, hands))
@@ -73,13 +73,13 @@ def consider(
     said = " and ".join(f"{count:,} {what}" for what, count in work.items() if count)
     note(f"{said}: about {much} on this machine")
     if at_terminal():
-        click.confirm("Begin?", abort=True, err=True)
+        click.confirm("Start?", abort=True, err=True)
 
 
 def ask_trust(study: str, trust: bool) -> None:
-    """See to it once, before a study's task files are run, that they may be.
+    """Ask once, before a study's task files are run, whether they may be.
 
-    Where nobody can answer, nothing is agreed to: whoever would run a file refuses it.
+    Without a terminal nothing is agreed to: whatever would run a file refuses it.
 
     Raises:
         click.Abort: the answer is no.
@@ -91,8 +91,8 @@ def ask_trust(study: str, trust: bool) -> None:
         return
     for file in found:
         click.echo(
-            f"{study} was made elsewhere. To simulate its task, this program has to run: {file}", err=True
+            f"{study} was made elsewhere. To simulate its task, this program must run: {file}", err=True
         )
     if found:
-        click.confirm("Do you trust who wrote it?", abort=True, err=True)
+        click.confirm("Do you trust its author?", abort=True, err=True)
     agree(Path(study))

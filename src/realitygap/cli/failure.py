@@ -1,6 +1,6 @@
 """How a command begins and ends: its words tidied, then one clear line on stderr and an exit code.
 
-0 done; 1 not the user's doing; 2 something that the user can mend; 130 stopped by Ctrl-C. Never a
+0 done; 1 not the user's doing; 2 something that the user can fix; 130 stopped by Ctrl-C. Never a
 traceback.
 """
 
@@ -24,10 +24,10 @@ DEBUG = "REALITYGAP_DEBUG"
 """Set to 1 in the environment, this shows the traceback of a failure."""
 
 STOPPED = 130
-"""The exit code of what Ctrl-C ended."""
+"""Exit code after Ctrl-C."""
 
 LONGEST = 400
-"""Characters of one word, a path say, that a message shows."""
+"""Most characters of one word, such as a path, in a message."""
 
 _NOT_MENDABLE = {errno.EIO, errno.ENOMEM, errno.EBADF, errno.EINVAL}
 
@@ -40,7 +40,7 @@ class StoppedError(RealityGapError):
 
 @contextmanager
 def resumable(folder: Path, again: str) -> Iterator[None]:
-    """On Ctrl-C say that what is done is kept in the folder, and the command that goes on with it.
+    """On Ctrl-C say that finished work is kept in the folder, and which command continues it.
 
     Raises:
         StoppedError: says both.
@@ -48,7 +48,7 @@ def resumable(folder: Path, again: str) -> Iterator[None]:
     try:
         yield
     except (KeyboardInterrupt, StudyInterruptedError):
-        raise StoppedError(f"stopped; what is done is kept in {folder}; resume with `{again}`") from None
+        raise StoppedError(f"stopped; finished work is kept in {folder}; resume with `{again}`") from None
 
 
 class Commands(click.Group):
@@ -126,7 +126,7 @@ def _describe(failure: Exception) -> tuple[str, int]:
     if _from_sqlite(failure):
         return f"error: the study's database cannot be used: {failure}", 2
     if isinstance(failure, MemoryError):
-        return "error: not enough memory; ask for less at a time, or for fewer workers", 2
+        return "error: not enough memory; ask for less at a time, or use fewer workers", 2
     detail = f"{type(failure).__name__}: {failure}" if str(failure) else type(failure).__name__
     return f"error: unexpected {detail} ({DEBUG}=1 shows where; please report it)", 1
 

@@ -16,7 +16,7 @@ __all__ = [
 ]  # fmt: skip
 
 STEP_S = 0.1
-"""Length of one step (the kernels' own constant would load them)."""
+"""Length of one step (the kernels' own constant would load the kernels)."""
 
 
 class Finite(click.ParamType):

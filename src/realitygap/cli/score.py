@@ -130,7 +130,7 @@ def _print_order(one: Order) -> None:
     """How the measures' orders of a task's controllers agree."""
     said = {key: Figure(value, "+.2f") for key, value in asdict(one).items() if isinstance(value, float)}
     span = f" (95 %: {said['low']} to {said['high']})" if one.low == one.low else ""
-    verdict = f"{one.verdict} for it" if one.rho == one.rho else "no camera saw three of them or more"
+    verdict = f"{one.verdict} for it" if one.rho == one.rho else "the camera saw fewer than three of them"
     click.echo(f"\n{one.task}, {one.individual} on {one.kind}: {one.controllers} controllers")
     click.echo(f"order without camera and by camera: rho {said['rho']}{span}: {verdict}")
     click.echo(

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 __all__ = ["print_transfers", "transfer"]
 
 NEAR_CM, NEAR_DEG = 3.0, 20.0
-"""A robot that is seen farther than this from its start is asked about."""
+"""If a robot is seen farther than this from its start, the person is asked."""
 
 
 SIDES = (
