@@ -70,7 +70,7 @@ def child(twin: TwinProcess, folder: Path) -> Iterator[subprocess.Popen[str]]:
     ("number", "says"),
     [
         (signal.SIGSTOP, "FrozenError: the drive was frozen for"),
-        (signal.SIGTSTP, "RobotStoppedError: suspended; the robot was told to stand first"),
+        (signal.SIGTSTP, "RobotStoppedError: suspended; the robot was told to stop first"),
     ],
     ids=lambda value: getattr(value, "name", ""),
 )

@@ -147,7 +147,7 @@ def test_ctrl_c_that_a_robot_catches_stops_it_all_the_same(bench: Bench, tmp_pat
                 os.kill(os.getpid(), signal.SIGINT)
             return super().sense()
 
-    with pytest.raises(RobotStoppedError, match="stopped by SIGINT; the robot was told to stand first"):
+    with pytest.raises(RobotStoppedError, match="stopped by SIGINT; the robot was told to stop first"):
         drive(
             Stubborn(khepera), Constant(5, 5), seconds=1, clock=khepera.clock, inputs=bands,
             recorder=Recorder(tmp_path / "one"),

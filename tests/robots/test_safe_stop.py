@@ -87,7 +87,7 @@ def test_a_stop_that_hangs_can_be_left(monkeypatch: pytest.MonkeyPatch) -> None:
     """A signal while the robot is stopped waits; one that comes long after ends the wait."""
     monkeypatch.setattr(signals, "PATIENCE_S", 0.2)
     passed = []
-    with pytest.raises(RobotStoppedError, match="SIGINT again: the robot does not confirm"):  # noqa: SIM117
+    with pytest.raises(RobotStoppedError, match="SIGINT again: the robot has not confirmed"):  # noqa: SIM117
         with Stopping() as stopping, stopping.held():  # a driver's `stop`
             for _ in range(3):
                 os.kill(os.getpid(), signal.SIGINT)

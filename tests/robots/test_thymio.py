@@ -181,7 +181,7 @@ def test_another_robot_is_told_apart() -> None:
     lacks = {name: size for name, size in aseba.VARIABLES.items() if not name.startswith("prox")}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(aseba, "VARIABLES", lacks)
-        with pytest.raises(RobotError, match="no Thymio II"), at_a_node(Node()):
+        with pytest.raises(RobotError, match="not a Thymio II"), at_a_node(Node()):
             pass
 
 

@@ -56,7 +56,7 @@ def program(text: bytes | None = None) -> Path:
     except OSError as error:
         raise UsageError(
             f"enki: its compiled program cannot be kept in {path.parent}: {error.strerror or error}. "
-            "Name another folder by XDG_CACHE_HOME."
+            "Set XDG_CACHE_HOME to another folder."
         ) from None
     return path
 
@@ -94,12 +94,12 @@ def _said(words: bytes) -> str:
 
 
 STEP_S = 0.02
-"""Enki's step, s, as `enki.cpp` has it: a part of the model, for its wheels' noise is drawn each step."""
+"""Enki's step, s, as in `enki.cpp`: a part of the model, since wheel noise is drawn each step."""
 PATIENCE_S = 10.0
-"""How long an answer may take, which takes microseconds."""
+"""Longest wait for an answer, which takes microseconds."""
 LEAVE_S = 2.0
 WHO = "Enki's process"
-GONE = f"{WHO} is gone; begin again"
+GONE = f"{WHO} is gone; start again"
 
 
 class Moment(NamedTuple):

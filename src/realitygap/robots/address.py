@@ -40,7 +40,7 @@ OPENERS = {
     "epuck2": "realitygap.robots.epuck.body:opened_second",
     "thymio": "realitygap.robots.thymio.body:opened",
 }
-"""Who opens a robot, loaded when it is asked for; any other prefix is a user's file or module."""
+"""What opens each kind of robot, loaded when needed; any other prefix is a user's file or module."""
 OWN = "realitygap.robots.own:opened"
 
 BAUD = 38400
@@ -50,11 +50,11 @@ LARGEST_UNIT = 2**63 - 1
 STAND_INS = ("twin", "stranger", "enki")
 """Simulated robots, which come in units."""
 MODELS = ("khepera", "epuck", "thymio2")
-"""Enki's robots; the first is meant where none is named."""
+"""Enki's robots; the first is the default."""
 
 
 ROBOT = "robot"
-"""What is driven and is no stand-in."""
+"""Real robots, not stand-ins."""
 
 
 class StandIn(NamedTuple):

@@ -26,10 +26,10 @@ __all__ = ["Clock", "RealClock", "SteppedClock", "VirtualClock"]
 
 CHUNK = 4096
 PATIENCE_S = 3.0
-"""Real time to wait for bytes that were announced: only then they got lost on the way."""
+"""Real time to wait for bytes that were announced: after it they are lost."""
 
 ROUNDING_S = 1e-6
-"""A time this little short of a step's is that step's."""
+"""A time this little before a step's counts as that step's."""
 
 TWIN_LOST_S = 120.0
 """Real time after which a twin that does not answer on its channel is given up."""

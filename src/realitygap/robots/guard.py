@@ -150,7 +150,7 @@ def _stop(line: int, stop: bytes, why: str) -> None:
             os.write(line, stop)
         if k == 0:
             with contextlib.suppress(OSError):
-                os.write(2, f"guard: {why}; the robot was told to stand\n".encode())
+                os.write(2, f"guard: {why}; the robot was told to stop\n".encode())
         time.sleep(PAUSE_S)
 
 

@@ -67,7 +67,7 @@ def drive(
     period, clock = body.period_s, clock_of(body) if clock is None else clock
     steps = round(seconds / period)
     if steps < 1 or abs(steps * period - seconds) > 1e-6:
-        raise UsageError(f"a trial lasts whole steps of {period:g} s, one at least; got {seconds:g} s")
+        raise UsageError(f"a trial must last whole steps of {period:g} s, one at least; got {seconds:g} s")
     recorder = Recorder() if recorder is None else recorder
     with Stopping(NUMBERS if clock.waits else MOVING) as stopping, _closing(body, recorder, stopping):
         controller.reset()

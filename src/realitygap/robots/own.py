@@ -64,7 +64,7 @@ FORMS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "speeds": ("(left, right) or None", _pair),
 }
 MORE = (*FORMS, "attend", "enter", "inspect")
-"""What a body may have besides; of some in which form."""
+"""Optional members of a body; of some, their form."""
 
 
 class Blamed:
@@ -98,7 +98,7 @@ class Blamed:
             return getattr(self._own, name)
 
     def _blamed(self, name: str) -> Any:
-        return blamed_on(self._place, UsageError, f"{self._name}.{name} stops")
+        return blamed_on(self._place, UsageError, f"{self._name}.{name} fails")
 
 
 class OwnBody(Blamed):
@@ -199,6 +199,6 @@ def opened(name: str, **_: Any) -> Body:
     place = str(Path(place).expanduser().resolve()) if place.endswith(".py") else place
     if not callable(found):
         raise UsageError(f"robot: {name}: expected a class, or a function that makes a body, got {found!r}.")
-    with blamed_on(place, UsageError, f"{name.rpartition(':')[2]}() stops"):
+    with blamed_on(place, UsageError, f"{name.rpartition(':')[2]}() fails"):
         own = found()
     return cast("Body", OwnBody(own, place))

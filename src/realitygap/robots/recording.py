@@ -26,7 +26,7 @@ from realitygap.values import Command, Readings
 __all__ = ["KILLED", "LATE_S", "Recorder", "Recording", "Step"]
 
 KILLED = "killed"
-"""How a recording ended that says nothing about its end."""
+"""How a recording ended if it does not say."""
 
 LATE_S = 0.01
 """A step that begins later than this after its time is late."""
@@ -34,7 +34,7 @@ LATE_S = 0.01
 FACTS = "recording.toml"
 STEPS = "steps.csv"
 LARGEST = 1e12
-"""No number of a drive goes further."""
+"""Largest number in a recording of a drive."""
 _GROUPS = ("proximity", "ambient", "input")
 _PAIRS = ("command", "counter", "speed")
 ALWAYS = ["t_s", "late_s", *(f"{name}_{side}" for name in _PAIRS for side in ("left", "right"))]

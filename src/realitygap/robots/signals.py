@@ -15,10 +15,10 @@ __all__ = ["MOVING", "NUMBERS", "Stopping", "heed", "undisturbed"]
 
 NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 MOVING = (*NUMBERS, signal.SIGTSTP)
-"""While a robot moves whose time does not wait: it has to stand before this process is suspended."""
+"""While a robot moves whose time does not wait: it must stop before this process is suspended."""
 
 PATIENCE_S = 5.0
-"""So long a robot that was told to stand has time for it; then the next signal ends the wait."""
+"""A robot has so long to stop; then the next signal ends the wait."""
 
 _active: list[Stopping] = []
 """Contexts within which the main thread is, which handle all of `NUMBERS`: signals are a process's own."""
@@ -113,8 +113,8 @@ class Stopping:
         if self._held:
             self._missed = number
             if time.monotonic() - self._since >= PATIENCE_S:
-                raise RobotStoppedError(f"{_name(number)} again: the robot does not confirm that it stands. "
-                                        "See that it does, or switch it off")  # fmt: skip
+                raise RobotStoppedError(f"{_name(number)} again: the robot has not confirmed that "
+                                        "it stopped. Check it, or switch it off")  # fmt: skip
             return
         self._held, self.first = True, number  # it stops the robot; what follows must not disturb that
         raise _stopped(number)
@@ -122,8 +122,8 @@ class Stopping:
 
 def _stopped(number: int) -> RobotStoppedError:
     if number == signal.SIGTSTP:
-        return RobotStoppedError("suspended; the robot was told to stand first, and the drive is over")
-    return RobotStoppedError(f"stopped by {_name(number)}; the robot was told to stand first")
+        return RobotStoppedError("suspended; the robot was told to stop first, and the drive is over")
+    return RobotStoppedError(f"stopped by {_name(number)}; the robot was told to stop first")
 
 
 def _name(number: int) -> str:

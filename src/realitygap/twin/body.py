@@ -104,7 +104,7 @@ class TwinBody:
         for place in places:
             if self._fits(*place):
                 return place
-        raise ConfigError("arena: nowhere on the floor is room for the robot; leave some free")
+        raise ConfigError("arena: no room for the robot on the floor; leave some free")
 
     def place(self, x_cm: float, y_cm: float, heading: float) -> None:
         """The experimenter's hand: lift the robot and set it down at rest. Counters keep their values.
@@ -118,7 +118,7 @@ class TwinBody:
         """
         if not self._fits(x_cm, y_cm):
             raise ConfigError(
-                f"the robot (radius {BODY_RADIUS * 100:g} cm) finds no room at ({x_cm:g}, {y_cm:g}) cm: "
+                f"the robot (radius {BODY_RADIUS * 100:g} cm) does not fit at ({x_cm:g}, {y_cm:g}) cm: "
                 "choose a place clear of walls and cylinders"
             )
         data = self._data

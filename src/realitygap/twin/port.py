@@ -20,7 +20,7 @@ except ModuleNotFoundError as missing:
 __all__ = ["Port"]
 
 PATIENCE_S = 3.0
-"""Real time to wait for bytes that were announced: only then they got lost on the way."""
+"""Real time to wait for bytes that were announced: after it they are lost."""
 
 _NOISE = bytes(range(128, 256)) * 2
 """What a character becomes at another rate than the robot's: nothing that anyone could read."""

@@ -220,7 +220,7 @@ class Renderer:
             pipes.stdin.write(QUESTION.pack(*map(float, pose), left, top, width, height))
             pipes.stdin.flush()
         except OSError:
-            raise FilmError("MuJoCo's renderer ended. Begin again.") from None
+            raise FilmError("MuJoCo's renderer ended. Start again.") from None
         raw = _read(pipes.stdout.fileno(), width * height * 3, ANSWER_S)
         return np.frombuffer(raw, np.uint8).reshape(height, width, 3)
 
@@ -246,10 +246,10 @@ def _read(source: int, size: int, patience_s: float) -> bytes:
     data, give_up = bytearray(), time.monotonic() + patience_s
     while len(data) < size:
         if not select.select([source], [], [], max(0.0, give_up - time.monotonic()))[0]:
-            raise FilmError(f"MuJoCo's renderer has not answered for {patience_s:g} s. Begin again.")
+            raise FilmError(f"MuJoCo's renderer has not answered for {patience_s:g} s. Start again.")
         more = os.read(source, min(size - len(data), CHUNK))
         if not more:
-            raise FilmError("MuJoCo's renderer ended. Begin again.")
+            raise FilmError("MuJoCo's renderer ended. Start again.")
         data += more
     return bytes(data)
 

@@ -167,7 +167,7 @@ def _room(arena: Mapping[str, Any], unit: int) -> dict[str, Any]:
     if "reflectance" in arena:
         raise ConfigError(
             "arena: reflectance: expected none for the stranger, whose surfaces are its own secret. "
-            "Take the twin, or leave it out."
+            "Use the twin, or leave it out."
         )
     room = check_arena(arena)
     drawn = draws(unit, 73).standard_normal(1 + len(room["cylinders"]))

@@ -53,7 +53,7 @@ class PacketLine(Line):
             raise UsageError(
                 f"the e-puck2 at {self.device!r} cannot be reached: {reason}; check that it is switched on "
                 "with its WiFi firmware and its selector at 15, its address (HOST or HOST:PORT), and that "
-                "this computer is in the same network"
+                "this computer is on the same network"
             ) from None
         made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         made.setblocking(False)
@@ -115,7 +115,7 @@ class PacketLine(Line):
                 kind = self._heard[0]
                 if kind not in SIZES:
                     self.odd = repr(bytes(self._heard[:20]))
-                    raise GarbledError(f"{self.odd} is not a packet of an e-puck2")
+                    raise GarbledError(f"{self.odd} is not an e-puck2's packet")
                 end = 1 + SIZES[kind]
                 if len(self._heard) >= end:
                     packet, self._heard = self._heard[1:end], self._heard[end:]

@@ -12,7 +12,7 @@ from realitygap.robots.line.driver import Driver
 __all__ = ["Khepera", "KheperaBody", "opened"]
 
 STANDS = 2
-"""Measured speeds up to this, pulses per 10 ms, are a robot that stands."""
+"""Measured speeds up to this, pulses per 10 ms, count as standing still."""
 
 
 class Khepera(Driver):

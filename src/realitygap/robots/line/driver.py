@@ -15,10 +15,10 @@ from realitygap.values import Closing
 __all__ = ["Driver"]
 
 STOP_S, STOP_TRIES = 1.4, (2, 4)
-"""The robot is told to stand for so long, and at least and at most so often."""
+"""The robot is told to stop for so long, and at least and at most so often."""
 
 STAND_S = 0.5
-"""Time that the wheels may take to come to rest."""
+"""Time that the wheels may take to stop."""
 
 ANSWER_S = 0.1
 LOOK_S = 0.02
@@ -152,11 +152,11 @@ class Driver(Closing, ABC):
                     if self._guard is not None:
                         self._guard.rest()
                     return
-                failure = RobotError("its wheels turn on")
+                failure = RobotError("its wheels still turn")
             except RobotError as error:
                 failure = error
         raise LineError(
-            f"the robot did not confirm that it stands ({failure}); it may still be moving: "
+            f"the robot did not confirm that it stopped ({failure}); it may still be moving: "
             f"lift it or switch it off"
         )
 

@@ -24,22 +24,22 @@ __all__ = ["GIVE_UP_S", "STOP", "Answer", "Line", "nothing"]
 Answer = tuple[int, ...] | tuple[str, ...]
 
 QUIET_S = 0.03
-"""A line that says nothing for so long has no older answer under way."""
+"""After this long a silence no older answer is on its way."""
 
 GIVE_UP_S = 1.0
-"""A question that is not answered by then is given up: the robot drives on meanwhile."""
+"""A question not answered by then is given up: the robot keeps driving meanwhile."""
 
 LEAST_TRIES = 5
-"""But not before it was asked so often: time alone says nothing where the computer stands still."""
+"""But not before so many tries: time alone says nothing if the computer was suspended."""
 
 BANNER_S = 0.25
 """How long a robot that has just been reset may take for its two lines."""
 
 BATCH_FAILURES = 3
-"""So many failures of questions sent together, and the robot is asked one at a time."""
+"""After so many failures of questions sent together, the robot is asked one at a time."""
 
 LONGEST = 4096
-"""Characters without a line end after which what came is noise."""
+"""Characters without a line end from which on the input is noise."""
 
 STOP = Request("D", (0, 0))
 
@@ -128,7 +128,7 @@ class Line:
             failure: GarbledError | RefusedError = error
         once = next((r for r in requests if not self.dialect.commands[r.letter].repeatable), None)
         if once is not None:
-            raise LineError(f"{failure}; {once.text!r} is not sent twice: ask the robot how it stands")
+            raise LineError(f"{failure}; {once.text!r} is not sent twice: ask the robot for its state")
         while tries < LEAST_TRIES or self.clock.now() < until:
             tries += 1
             try:

@@ -48,7 +48,7 @@ class Form:
     repeatable: bool = True
     """Whether it may be sent again when no answer came."""
     text: str | None = None
-    """A pattern of each of the answers, where they are no numbers, such as 5.02."""
+    """A pattern for each answer that is not a number, such as 5.02."""
     open_ended: bool = False
     """Whether any further numbers may follow, both ways."""
 

@@ -22,10 +22,10 @@ FASTEST = 500
 """The largest target of a motor, about 16 cm/s."""
 
 SENSE_S = 0.09
-"""A reading that has not come so long after it was asked for is missed: the last one stands for it."""
+"""A reading not there so long after its request is missed: the last one is used instead."""
 
 GIVE_UP_S = 1.0
-"""A robot that says nothing for so long is lost."""
+"""A robot that is silent for so long is lost."""
 
 STOP_S, STANDS = 1.4, 40
 """Time in which it has to stand, and measured speeds up to which it does (standing motors say up to 20)."""
@@ -59,7 +59,7 @@ class ThymioBody:
         missing = [name for name in NEEDED if name not in line.variables]
         if missing or line.variables[PROXIMITY][1] != SENSORS:
             raise RobotError(
-                f"the robot on {line.place} is no Thymio II: expected {', '.join(NEEDED)}, "
+                f"the robot on {line.place} is not a Thymio II: expected {', '.join(NEEDED)}, "
                 f"it has no {', '.join(missing) or PROXIMITY + ' of seven'}"
             )
         self._stop = line.setting(TARGETS[0], 0) + line.setting(TARGETS[1], 0)
@@ -122,7 +122,7 @@ class ThymioBody:
         Raises:
             LineError: the robot did not confirm: it may still be moving.
         """
-        failure: RealityGapError = RobotError("its motors turn on")
+        failure: RealityGapError = RobotError("its motors still turn")
         self._given, until = Command(left=0, right=0), self.clock.now() + STOP_S
         while True:
             try:
@@ -138,7 +138,7 @@ class ThymioBody:
                 failure = error
             if self.clock.now() >= until:
                 raise LineError(
-                    f"the robot did not confirm that it stands ({failure}); it may still be moving: "
+                    f"the robot did not confirm that it stopped ({failure}); it may still be moving: "
                     "lift it or switch it off"
                 )
         if self._guard is not None:

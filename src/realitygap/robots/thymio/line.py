@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["AsebaLine", "opened"]
 
 BAUD = 115200
-"""Of the dongle and of the cable, both of which are USB and do not mind."""
+"""Of the dongle and of the cable, both USB, which ignore it."""
 
 HOST = 1
 """This computer, as a node."""
