@@ -118,7 +118,7 @@ def test_what_is_seen_instead_is_said(tag_camera):
     """Another number, another size, a mirrored picture: the robot is not found, and the tracker says why."""
     picture = Renderer(TAGS[ARUCO]).picture(HERE)
     for text, shown, says in (
-        ("aruco:4x4_50:8", picture, r"number 7 of 4x4_50: give the number"),
+        ("aruco:4x4_50:8", picture, r"number 7 of 4x4_50: give the robot.s number"),
         (f"{ARUCO},size=36", picture, r"seen (29|30)[.\d]* mm wide, not 36 mm"),
         (ARUCO, np.ascontiguousarray(picture[:, ::-1]), "as in a mirror"),
     ):
@@ -206,7 +206,7 @@ def test_a_marker_is_what_it_says():
         assert str(load_marker(text)) == text.replace(",size=30", "")
     assert load_marker("aruco") == Tag() and str(load_marker("apriltag")) == "apriltag:36h11:0"
     assert load_marker("disk") == load_marker()
-    with pytest.raises(FilmError, match="no disk beside --marker"):
+    with pytest.raises(FilmError, match="no disk with --marker"):
         load_marker(ARUCO, "disk.toml")
 
 

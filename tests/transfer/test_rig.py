@@ -100,7 +100,7 @@ def test_the_track_is_that_of_whole_frames(used: SimpleNamespace, tmp_path: Path
 
 def test_a_rig_goes_on_after_a_trial_that_failed(used: SimpleNamespace) -> None:
     """A pose in a wall, a length of no whole steps, a twin that was killed: one clear error, then as ever."""
-    with pytest.raises(RobotError, match="finds no room"):
+    with pytest.raises(RobotError, match="does not fit"):
         used.rig.drive(DRIVER, 7, Pose(x=0.0, y=0.0, heading=0.0), 2.0)
     with pytest.raises(UsageError, match="whole steps"):
         used.rig.drive(DRIVER, 7, POSE, 0.25)

@@ -259,7 +259,7 @@ def test_a_robot_on_a_port_is_carried_to_its_starts(study):
             if len(asked) == 2:
                 after_rows(study, one, lambda: os.kill(os.getpid(), signal.SIGINT))
 
-        with pytest.raises(RobotStoppedError, match="told to stand first; its recording is kept"):
+        with pytest.raises(RobotStoppedError, match="told to stop first; its recording is kept"):
             transfer(study, [1], carry=carry, **settings)
         both = transfer(study, [1], carry=carry, **settings)
     assert asked == [1, 2, 2]

@@ -182,10 +182,10 @@ def test_why_a_robot_was_lost_is_passed_on(study, robot, arena, tmp_path):
     video = seen_from_above(tmp_path / "eye.mp4", arena, plate_of(tag), nobody=0, then=plate_of(other))
     port, carry = robot
     settings = {"robots": (port,), "seconds": 2.0, "carry": carry, "camera": camera, "eye": str(video)}
-    with pytest.raises(FilmError, match=r"is not seen .* number 4 of 16h5: give the number"):
+    with pytest.raises(FilmError, match=r"is not seen .* number 4 of 16h5: give the robot"):
         transfer(study, [1], marker=other, **settings)
     (one,) = transfer(study, [1], marker=tag, **settings)
-    why = "What is seen is number 9 of 16h5: give the number that the robot carries."
+    why = "What is seen is number 9 of 16h5: give the robot's number."
     assert one.lost_steps > 3 and one.trouble == why
     assert tomllib.loads((one.folder / "transfer.toml").read_text())["trouble"] == why
 
@@ -222,15 +222,15 @@ def test_an_eye_that_cannot_be_used_is_refused(study, camera, video, tmp_path):
         transfer(study, camera=camera, **settings)
     with pytest.raises(UsageError, match="a twin has a camera of its own"):
         transfer(study, camera=camera, eye=0)
-    with pytest.raises(UsageError, match="disk: expected eye beside it"):
+    with pytest.raises(UsageError, match="disk: expected eye too"):
         transfer(study, disk="mine.toml", **settings)
     with pytest.raises(UsageError, match="a twin has a disk of its own"):
         transfer(study, disk="mine.toml")
     with pytest.raises(FilmError, match=r"mine\.toml: no such file"):
         transfer(study, camera=camera, eye=0, disk="mine.toml", **settings)
-    with pytest.raises(FilmError, match="nothing opens there"):
+    with pytest.raises(FilmError, match="it cannot be opened"):
         transfer(study, camera=camera, eye=str(tmp_path / "none.mp4"), **settings)
-    with pytest.raises(FilmError, match="nothing opens there"):
+    with pytest.raises(FilmError, match="it cannot be opened"):
         LiveCamera(tmp_path / "none.mp4")
     with LiveCamera(video) as live:
         assert live.look().shape == (480, 640)

@@ -29,10 +29,10 @@ from realitygap.values import Pose
 __all__ = ["Calibration", "KnownFrame", "Residual", "calibrate_camera", "read_frames"]
 
 LEAST_FRAMES, LEAST_FOR_RADIAL = 4, 6
-"""Frames needed for a homography, and to say how the lens bends."""
+"""Frames needed for a homography, and to fit how the lens bends."""
 
 _LEAST_SPREAD = 0.15
-"""How broad the poses must lie across their longest direction, as a part of it."""
+"""Spread that the poses need across their longest direction, as a share of it."""
 
 _TOLERANCE_CM, _TOLERANCE_DEG = 0.6, 15.0
 """A pose farther off than this from what the others say is left out."""
@@ -123,7 +123,7 @@ def _picture_file(folder: Path, name: str, where: str) -> Path:
         return folder / name
     alike = [path for path in sorted(folder.iterdir()) if path.stem == name and path.is_file()]
     if len(alike) != 1:
-        what = f"{len(alike)} pictures are called so" if alike else f"there is no such picture in {folder}"
+        what = f"{len(alike)} pictures have this name" if alike else f"there is no such picture in {folder}"
         raise FilmError(f"{where}: frame {name!r}: {what}. Give the picture's file name.")
     return alike[0]
 
@@ -205,7 +205,7 @@ def _check_spread(poses: list[Pose], what: str) -> None:
         raise FilmError(f"the {what} all lie at one place. Put the robot all over the floor.")
     if broad < _LEAST_SPREAD * long:
         raise FilmError(
-            f"the {what} lie in a line, which says nothing across it. Put the robot all over the floor."
+            f"the {what} lie in a line: nothing is known beside it. Put the robot all over the floor."
         )
 
 
@@ -261,7 +261,7 @@ def _fitted(
         if sum(near) >= max(LEAST_FRAMES, len(near) / 2):
             return camera
     raise FilmError(
-        "no camera explains these poses: what is seen and what the table says do not fit. Check that every "
+        "no camera explains these poses: what is seen does not match the table. Check that every "
         "pose belongs to its frame, x to the right and y up as seen from above, headings in degrees "
         "counter-clockwise from +x."
     )

@@ -29,11 +29,11 @@ __all__ = ["OUTSIDE", "CameraModel", "load_camera", "turning_point"]
 FORMAT = "realitygap camera 1"
 KEYS = ("format", "width_px", "height_px", "homography", "radial", "plane_cm", "lens_cm")
 LARGEST_PX, FARTHEST_CM = 10**5, 1e5
-"""Sides of a picture, and lengths in a room, beyond which no camera of this project goes."""
+"""Largest sides of a picture, and lengths in a room, for a camera of this project."""
 WORST = 1e14
-"""Condition of a homography from which on its inverse tells nothing."""
+"""Condition of a homography above which its inverse means nothing."""
 OUTSIDE = -1e6
-"""Where the picture of something goes that no ray brings into it, px."""
+"""Place in the picture, px, of what no ray brings into it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -16,7 +16,7 @@ from realitygap.values import Floats, Pose
 __all__ = ["Disk", "load_disk"]
 
 LARGEST_CM = 1e3
-"""No robot is so large, and no camera of this project hangs so high."""
+"""No robot is as large, and no camera of this project hangs as high."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -36,10 +36,10 @@ RING_SLACK = 0.35
 """How far off its ring about the centre the front patch may seem, in radii of the front patch."""
 
 KNOWN_AGAIN = 0.7
-"""Quality from which on a disk near its last place is believed."""
+"""Quality from which a disk near its last place is believed."""
 
 FOUND_ANEW = 0.9
-"""Quality from which on a disk anywhere in a picture is believed: the likeliest place of a spotted
+"""Quality from which a disk anywhere in a picture is believed: the likeliest place of a spotted
 floor reaches 0.84, of a page of print 0.92; a disk under strong noise, blur, glare, compression or
 a cable stays above 0.94 (measured on rendered pictures)."""
 

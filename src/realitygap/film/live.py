@@ -25,7 +25,7 @@ from realitygap.values import Closing
 __all__ = ["Filmed", "LiveCamera"]
 
 OPEN_S, ANSWER_S, MISSED_S = 40.0, 10.0, 1.0
-"""How long a camera may take to open, how long to give a picture, and how long one may show none."""
+"""How long a camera may take to open, to give a picture, and may go without one."""
 
 FALLBACK_FPS = 25.0
 """The rate of a source that does not state its own."""
@@ -150,7 +150,7 @@ class _Opened:
         self._video = cv2.VideoCapture(int(source)) if number else cv2.VideoCapture(source)
         if not self._video.isOpened():
             raise FilmError(
-                f"live camera {source!r}: nothing opens there. "
+                f"live camera {source!r}: it cannot be opened. "
                 "Give a camera's number (0, 1 …), a video file or a stream's address."
             )
         if number and size is not None:
@@ -226,6 +226,6 @@ class _Opened:
                 return at, picture
             if time.monotonic() >= give_up:
                 raise FilmError(
-                    f"live camera {self._source!r}: no more pictures come. Check the camera or the file."
+                    f"live camera {self._source!r}: no more pictures arrive. Check the camera or the file."
                 )
             time.sleep(0.02)

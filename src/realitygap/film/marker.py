@@ -19,7 +19,7 @@ from realitygap.values import Floats, Pose
 __all__ = ["Marker", "Tag", "load_marker", "on_floor"]
 
 USUAL = {"aruco": "4x4_50", "apriltag": "36h11"}
-"""The families, and the dictionary that is meant if none is named."""
+"""The families, and the default dictionary of each."""
 
 SETTINGS = {"size": 1.0, "x": -1e4, "y": -1e4, "angle": -1e4, "height": 0.0}
 LARGEST = 1e4
@@ -144,7 +144,7 @@ def load_marker(marker: str | None = None, disk: str | Path | None = None) -> Ma
     if marker is None or marker == "disk":
         return load_disk(disk)
     if disk is not None:
-        raise FilmError(f"disk: expected no disk beside --marker {marker}. Leave one of them out.")
+        raise FilmError(f"disk: expected no disk with --marker {marker}. Leave one of them out.")
     return Tag.parse(marker)
 
 

@@ -172,12 +172,10 @@ def why_not(picture: Grey, tag: Tag, camera: CameraModel | None = None) -> str:
         return f"Marker {tag} is seen {size:.3g} mm wide, not {tag.size:g} mm. {cure}" if off else ""
     if others:
         numbers = ", ".join(map(str, sorted(set(others))))
-        return (
-            f"What is seen is number {numbers} of {tag.dictionary}: give the number that the robot carries."
-        )
+        return f"What is seen is number {numbers} of {tag.dictionary}: give the robot's number."
     if _read(picture[:, ::-1], tag, 2)[0]:
         return (
-            f"Marker {tag} is seen as in a mirror: turn off the camera's mirroring; film and calibrate anew."
+            f"Marker {tag} is seen as in a mirror: turn off the camera's mirroring; film and calibrate again."
         )
     return ""
 

@@ -29,15 +29,15 @@ _BETWEEN = int(av.video.frame.PictureType.B)
 """Frames that build on earlier and on later ones (type B)."""
 
 _ANY_NOTES = {} if int(av.__version__.split(".")[0]) >= 19 else {"metadata_errors": "replace"}
-"""So that a film whose notes are not UTF-8 is opened all the same: from PyAV 19 on it is, unasked."""
+"""Opens a film even if its notes are not UTF-8, as PyAV 19 and later do by default."""
 
 _BROKEN_IN_A_ROW = 50
-"""So many packets that cannot be decoded, one after another, end a film."""
+"""So many packets in a row that cannot be decoded end a film."""
 
 _TICK = Fraction(1, 90_000)
 """Unit of the times that pictures of an uneven film bear, s."""
 _THREADS = 2
-"""x264's pictures hang on their number: left to itself it takes as many as the machine has cores."""
+"""x264's pictures depend on their number, by default that of the machine's cores."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class FilmReader(Closing):
         try:
             container: Any = av.open(str(self.path), **_ANY_NOTES)
         except PermissionError:
-            raise FilmError(f"{self.path}: cannot be read. Check the file's rights.") from None
+            raise FilmError(f"{self.path}: cannot be read. Check the file's permissions.") from None
         except (FFmpegError, ValueError, OSError):
             raise FilmError(
                 f"{self.path}: not a film, or cut off so early that its table of contents is missing. "
@@ -156,7 +156,7 @@ class FilmReader(Closing):
                 f"the last at {last:.2f} s"
             )
         elif damaged:
-            self.trouble = f"{damaged} of the film's {count} frames are damaged or build on damaged ones"
+            self.trouble = f"{damaged} of the film's {count} frames are damaged or depend on damaged ones"
 
 
 class FilmWriter:

@@ -135,7 +135,7 @@ class Watcher:
                 held.enter_context(locked(file.with_name(f".{file.stem}.lock"), within_s=WAIT_S))
             except BlockingIOError:
                 raise StudyError(
-                    f"{file}: another process has been at this for {WAIT_S:g} s. End it, and begin again."
+                    f"{file}: another process has been making this for {WAIT_S:g} s. End it, and start again."
                 ) from None
             if file.is_file():
                 return load_camera(file)

@@ -76,7 +76,9 @@ def _refuse_other(shards: Mapping[Shard, Path], folder: Path) -> None:
         cure = f"{other} has that. Only shards of one transfer are merged."
         refuse_difference(f"{first}: the trials were made", facts[first], facts[other], cure)
     if load_study(folder).digest() != facts[first].get("study"):
-        raise StudyError(f"{folder} is not the study whose individuals drove in {first}. Give that (--out).")
+        raise StudyError(
+            f"{folder} is not the study whose individuals drove in {first}. Give that study (--out)."
+        )
 
 
 def _refuse_overwriting(trial: Path, place: Path) -> None:

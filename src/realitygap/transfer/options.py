@@ -102,7 +102,7 @@ class Transfer:
     def __post_init__(self) -> None:
         whole("starts", self.starts, 1, 10**6)
         if self.controller is not None and self.individual != "champion":
-            raise UsageError("individual: expected none beside a controller of one's own. Leave it out.")
+            raise UsageError("individual: expected none with a controller of your own. Leave it out.")
         real = any(robot.unit is None for robot in self.bodies)
         twins = any(robot.unit is not None for robot in self.bodies)
         if self.twin_noise is not None and not twins:
@@ -113,7 +113,7 @@ class Transfer:
         self._check_view(twins)
         if self.marker is not None and not twins and self.eye is None:
             raise UsageError(
-                "marker: expected eye beside it: what looks down on the robot (--eye, --camera)."
+                "marker: expected eye too: the camera that looks down on the robot (--eye, --camera)."
             )
         if self.marker is not None:
             self.worn  # noqa: B018 - one that is none is refused now
@@ -159,9 +159,9 @@ class Transfer:
         if self.view != "mujoco":
             raise UsageError(f"view: expected drawn or mujoco, got {self.view!r}.")
         if not (twins and self.film):
-            raise UsageError("view: expected a twin that is filmed beside mujoco (--robot twin:1 --film).")
+            raise UsageError("view: expected a filmed twin with mujoco (--robot twin:1 --film).")
         if self.marker is not None:
-            raise UsageError("view: expected drawn beside a marker; MuJoCo's renderer shows a twin's disk.")
+            raise UsageError("view: expected drawn with a marker; MuJoCo's renderer shows a twin's disk.")
 
     def _check_eye(self, real: bool) -> None:
         """Refuse a live camera without its calibration, a calibration or a disk without it."""
@@ -169,11 +169,15 @@ class Transfer:
             raise UsageError("disk: expected a robot that wears it; a twin has a disk of its own.")
         if self.camera is None and self.eye is not None:
             cure = "its camera.json, as `realitygap camera calibrate` makes it (--camera FILE)"
-            raise UsageError(f"eye: expected camera beside it: {cure}.")
+            raise UsageError(f"eye: expected camera too: {cure}.")
         if self.camera is not None and self.eye is None:
-            raise UsageError("camera: expected eye beside it: what looks down on the robot (--eye DEVICE).")
+            raise UsageError(
+                "camera: expected eye too: the camera that looks down on the robot (--eye DEVICE)."
+            )
         if self.disk is not None and self.eye is None:
-            cure = "what looks down on the robot, and its camera (--eye DEVICE, --camera FILE)"
-            raise UsageError(f"disk: expected eye beside it: {cure}.")
+            cure = (
+                "the camera that looks down on the robot, and its calibration (--eye DEVICE, --camera FILE)"
+            )
+            raise UsageError(f"disk: expected eye too: {cure}.")
         if self.eye is not None and not real:
             raise UsageError("eye: expected a robot under it; a twin has a camera of its own.")

@@ -16,7 +16,7 @@ SUBSTITUTE = 0.8
 """Spearman's rho above which one measure may stand for another (`docs/noise-level-2.md`)."""
 RESAMPLES = 1000
 LEAST = 3
-"""Controllers that have an order worth the name."""
+"""Fewest controllers whose order means anything."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,7 +23,7 @@ __all__ = ["MANY", "PACKED", "Packed", "content", "every", "placed", "unpacked"]
 HOME, PACKED = "transfer", "trials.sqlar"
 """A study's folder of transfers, and the file in it."""
 MANY = 1000
-"""From so many trials on they are packed, if nobody says otherwise."""
+"""From so many trials on they are packed by default."""
 
 DEPTH = 4
 """Parts of a file's name from the folder of transfers: robot, run, start, file."""
@@ -139,7 +139,7 @@ def _rows(home: Path, which: str, values: tuple[str, ...]) -> Iterator[tuple[Pat
         parts = name.split("/")
         if len(parts) != DEPTH or not all(part.strip(".") for part in parts):
             raise StudyError(
-                f"{path}: it holds {name!r}, which is no trial's file. Restore the file from a copy."
+                f"{path}: it holds {name!r}, which is not a trial's file. Restore the file from a copy."
             )
         try:
             found = data if len(data) == size else zlib.decompress(data)

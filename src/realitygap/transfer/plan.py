@@ -41,8 +41,8 @@ FOLDER = "transfer"
 """In a study's folder."""
 
 SOURCES = ("speeds", "counters", "robot", "camera", "film")
-"""What a situated path may come from, the surest last: speeds that motors measured, counters of wheels, what
-the robot knows of its place itself, a camera."""
+"""What a situated path may come from, the most reliable last: speeds that motors measured, counters
+of wheels, what the robot itself knows of its place, a camera."""
 
 WHEELS = SOURCES[:2]
 """Those that do not see a wheel slip."""
@@ -227,7 +227,7 @@ def _source(options: Transfer, robot: Address, known: Known, run: Run, start: in
     if known.paced:
         return "speeds"
     raise UsageError(
-        f"robot {robot}: expected something that tells where it is: a camera above it (--eye, --camera), "
+        f"robot {robot}: expected a way to know where it is: a camera above it (--eye, --camera), "
         "`pose` of its own, counters, or `speeds` that it measures."
     )
 
@@ -265,13 +265,13 @@ def check_fit(body: Body, profile: Profile, kinds: Iterable[str], wanted: str) -
         law, one = profile.channel(kind), channel(body, kind)
         if len(law.sensors) != one.sensors:
             raise UsageError(
-                f"{wanted} {len(law.sensors)} {kind} sensors {name}; this robot has {one.sensors}: take its "
+                f"{wanted} {len(law.sensors)} {kind} sensors {name}; this robot has {one.sensors}: use its "
                 "own profile."
             )
         if abs(law.top - one.high) > SAME_SCALE * law.top:
             raise UsageError(
                 f"{wanted} {kind} counts up to {law.top:g} {name}; this robot's go up to {one.high}: "
-                "calibrate it, and take its own profile."
+                "calibrate it, and use its own profile."
             )
     if body.period_s != profile.period_s:
         raise UsageError(

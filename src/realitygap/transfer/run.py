@@ -88,7 +88,7 @@ def run_transfer(
     study, options = as_study(study), options or Transfer()
     must_be(options, Transfer, "options", "Transfer(robots=…, starts=…) makes one.")
     if shard is not None and options.named is not None:
-        raise UsageError("shard: expected none beside a controller of one's own. Leave it out.")
+        raise UsageError("shard: expected none with a controller of your own. Leave it out.")
     place = place_of(study.folder, options) if shard is None else shard_folder(study.folder, shard)
     with opened(workers) as pool, lock(place):
         requested = list(situations(study, options))
@@ -174,5 +174,5 @@ def _interrupted(folder: Path, *, real: bool) -> Iterator[None]:
     except (RobotStoppedError, KeyboardInterrupt) as stop:
         if real and isinstance(stop, RobotStoppedError):
             raise
-        kept = f"Finished trials in {folder / FOLDER} are kept; the same command goes on with the others."
+        kept = f"Finished trials in {folder / FOLDER} are kept; the same command continues with the others."
         raise StudyInterruptedError(f"stopped. {kept}") from None

@@ -111,7 +111,7 @@ def without_camera(
     if not found:
         raise StudyError(
             f"{study.folder}: expected trials on a robot whose readings are known, got none. Make them with "
-            "`realitygap transfer`; those of another version are made anew once their folder is moved away."
+            "`realitygap transfer`; move away the folders of those of another version, to make them again."
         )
     orders = (_order(names, group) for names, group in found.items())
     return WithoutCamera(
