@@ -255,7 +255,7 @@ def test_another_design_or_plan_is_refused(done, plan, tmp_path):
         text = (plan / file).read_text()
         (plan / file).write_text(text.replace(old, new))
         try:
-            with pytest.raises(StudyError, match=f"begun by another plan: {file} states something else"):
+            with pytest.raises(StudyError, match=f"started under another plan: {file} has changed"):
                 noise_study(done, None, workers=1, resume=True)
         finally:
             (plan / file).write_text(f"# a comment may change\n{text}")
@@ -269,7 +269,7 @@ def test_another_design_or_plan_is_refused(done, plan, tmp_path):
 
 def test_what_is_an_arms_is_an_arms_alone(real):
     """Settings that only arms have are refused without one; an arm that is none, or lacks a seed, too."""
-    with pytest.raises(ConfigError, match="foreign: expected None but in an arm of the plan, got 3"):
+    with pytest.raises(ConfigError, match="foreign: expected None except in an arm of the plan, got 3"):
         NoiseConfig(foreign=3)
     with pytest.raises(ConfigError, match=r"arm: expected one of .*, got 'X'"):
         arms.arm("X")

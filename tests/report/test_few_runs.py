@@ -70,7 +70,7 @@ def test_the_figure_shows_the_papers_averages_these_runs_and_the_kept_ones() -> 
     assert crosses == pytest.approx([np.mean(kept[level]) for level in LEVELS])
     told = few_words(table(), 1000)
     assert "zero noise: the paper 6.2, here 5.0, kept study 7.3" in told.alt
-    assert "evaluations" not in told.caption and "these 200." in few_words(table(), 200).caption
+    assert "1000 evaluations" not in told.caption and "these have 200." in few_words(table(), 200).caption
 
 
 def test_two_sentences_say_what_so_many_runs_can_show() -> None:

@@ -143,7 +143,7 @@ def test_paths_from_counters_are_said_to_be_blind(study: Study) -> None:
     for k, run in enumerate(shown_runs(study)[:3]):
         write_transfer(study, run, source="camera" if k else "counters")
     text = _built(study)
-    assert "tracked by the camera above, ten times a second, or reckoned from the wheels’ counters" in text
+    assert "tracked by the camera above, ten times a second, or computed from the wheels’ counters" in text
     assert "does not see a wheel slip: where a robot pushed" in text
     assert text.count('<td class="text">counters</td>') == 1
     assert text.count('<td class="text">camera</td>') == 2

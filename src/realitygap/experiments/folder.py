@@ -26,9 +26,9 @@ T = TypeVar("T")
 S = TypeVar("S", bound="Settings")
 
 RESULTS = "results"
-"""Folder of the tables that come out: all that a report needs."""
+"""Folder of the resulting tables: all that a report needs."""
 ADDED = ("versions", "plan")
-"""What stands in a file of settings besides these."""
+"""What a settings file holds besides these."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +104,7 @@ def open_folder(
         refuse_strangers(folder, kind.WHAT, (MARK,))
         text = to_toml({**requested.to_dict(), "versions": versions(), **(facts or {})})
         header = f"# {kind.WHAT.capitalize()}: all that its results depend on.\n"
-        again = f"# To go on with it: {requested.resuming('THIS_FOLDER')}\n"
+        again = f"# To continue it: {requested.resuming('THIS_FOLDER')}\n"
         with told(folder):
             whole.write(folder / _copy(kind), text)
             whole.write(folder / kind.FILE, f"{header}{again}\n{text}")

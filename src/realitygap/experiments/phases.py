@@ -25,12 +25,12 @@ from realitygap.work.workers import Workers, opened
 __all__ = ["Made", "Phase", "Phases", "Recorded", "session"]
 
 FIRST_GUESS_S = 2.0
-"""Before so much time is spent on work that is done nobody can say how long the rest takes."""
+"""The time left is estimated once so much time has been spent on finished work."""
 KEEP_S = 10.0
-"""How often the time that a phase has taken is written down."""
+"""How often the time that a phase has taken is saved."""
 
 Recorded = Callable[[str, int, int], None]
-"""Hears of a calibration: its part, how much of it is done, of how much."""
+"""Called with a calibration's part, how much of it is done, and of how much."""
 
 
 @contextmanager
@@ -44,7 +44,7 @@ def session(folder: Path, workers: Workers) -> Iterator[Pool]:
         with opened(workers) as pool, lock(folder):
             yield pool
     except KeyboardInterrupt:
-        kept = f"What was done in {folder} is kept: resume it (--resume)."
+        kept = f"Finished work in {folder} is kept: resume it (--resume)."
         raise StudyInterruptedError(f"stopped. {kept}") from None
 
 

@@ -36,11 +36,11 @@ __all__ = [
 UNIT = 1
 """The twin's unit that is measured, and that the evolved controllers then drive."""
 STARTS = 8
-"""Trials of each champion on the unit: from so many on a mean and an interval say something."""
+"""Trials of each champion on the unit: enough for a mean and an interval."""
 
 ASKED = "reproduce.toml"
 CALIBRATION = f"calibration/unit-{UNIT}"
-HEADER = '# What `realitygap reproduce` was asked for; a profile of "" is calibrated to the twin\'s unit.\n'
+HEADER = '# Settings of `realitygap reproduce`; the profile "" is one calibrated to the twin\'s unit.\n'
 
 Calibrating = Callable[[str, int, int], None]
 
@@ -196,8 +196,8 @@ def _begin(folder: Path, requested: Reproduction, *, resume: bool) -> None:
         return
     if not resume:
         raise StudyError(
-            f"{folder}: a reproduction was begun there. Resume it (--resume) or choose another --out."
+            f"{folder}: a reproduction was started there. Resume it (--resume) or choose another --out."
         )
     there = Reproduction.from_toml(path)
     made, asked = ({**one.to_dict(), "starts": 0} for one in (there, requested))
-    refuse_difference(f"{folder}: the reproduction was begun", made, asked)
+    refuse_difference(f"{folder}: the reproduction was started", made, asked)

@@ -78,7 +78,7 @@ def _real(profile: Profile) -> str:
     counted = (
         "Counted on places held out, where readings are neither dark nor saturated."
         if judged
-        else "The profile is of an earlier version: counted over all readings, which dark ones flatter."
+        else "The profile is from an earlier version: counted over all readings, and dark ones flatter it."
     )
     return counted if profile.name == "khepera" else f"{beside} {counted}"
 

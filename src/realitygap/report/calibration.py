@@ -27,11 +27,11 @@ SHOWN = {
     "bearing": "measured dots over fitted curves, four distances from the nearest to the farthest at which "
     "the sensor answers, a kind of line for each recording",
     "distance": "measured dots over fitted curves, a colour for each recording",
-    "poses": "the model's against what was measured, all over a room",
+    "poses": "modelled against measured, all over a room",
 }
-LEFT_OVER = "What the model leaves over, over {}. A pattern is the model's error, a speckle is noise."
+LEFT_OVER = "Residuals, over {}. A pattern is model error; speckle is noise."
 NOISE = (
-    "Left: noise against a normal of its deviation. Right: its deviation over the reading, in quarters of "
+    "Left: noise against a normal distribution. Right: its deviation over the reading, in quarters of "
     "the data, and the 95 % interval of the whole."
 )
 
@@ -95,16 +95,16 @@ def _sensors(fit: ChannelFit, figures: Figures) -> _Part:
     title = (
         f"Model minus measured, counts. ▲: model error over noise deviation above {limit:g}, where "
         f"model error exceeds noise: on places held out, where readings are neither dark nor saturated. "
-        f"{beside_real(fit.kind)}Over all: of all readings, the places fitted"
+        f"{beside_real(fit.kind)}Over all: on all readings, at the fitted places"
     )
     what, look = f"Sensors of {fit.source.split('/')[-1]}", draw.look_of(fit)
     over = "distance" if look == "distance" else "distance and bearing"
     told = {
         "curves": (draw.curves_figure, f"{what}: measured and fitted.", f"Readings: {SHOWN[look]}."),
-        "maps": (draw.maps_figure, f"{what}: what is left over.", LEFT_OVER.format(over)),
+        "maps": (draw.maps_figure, f"{what}: residuals.", LEFT_OVER.format(over)),
     }
     if fit.measured:
-        told["noise"] = (draw.noise_figure, f"{what}: noise against a normal.", NOISE)
+        told["noise"] = (draw.noise_figure, f"{what}: noise against a normal distribution.", NOISE)
     return _Part(
         name=fit.kind, title=TITLES[fit.kind], sentences=_read(fit),
         tables=[_forms(fit.by_form, fit.form, "counts", 1), _Table(title, head, rows)],
@@ -123,13 +123,13 @@ def _forms(rmse: Mapping[str, float], fitted: str, unit: str, places: int) -> _T
 def beside_real(kind: str) -> str:
     """What such a fit leaves of a real robot's tables: a twin is easier to model."""
     ratios = [f"{real.ratio:.2f}" for real in real_misfits() if real.channel == kind]
-    return "".join(f"Tables of a real Khepera (profile khepera) leave {ratio}. " for ratio in ratios)
+    return "".join(f"On the tables of a real Khepera (profile khepera) it is {ratio}. " for ratio in ratios)
 
 
 def _read(fit: ChannelFit) -> list[str]:
     """What the numbers say, in words."""
     out = [
-        f"The form “{fit.form}” leaves {fit.rmse:.1f} counts, and {fit.held_out[fit.form]:.1f} "
+        f"The form “{fit.form}” has an RMSE of {fit.rmse:.1f} counts, and of {fit.held_out[fit.form]:.1f} "
         f"on places held out of the fit."
     ]
     for e in fit.noise:
@@ -144,7 +144,7 @@ def _read(fit: ChannelFit) -> list[str]:
     if fit.fit.alike:
         pairs = "; ".join(f"{a} and {b} (ρ = {r:+.2f})" for a, b, r in fit.fit.alike[:3])
         out.append(
-            f"Hard to tell apart by these data: {pairs}"
+            f"Hard to tell apart from these data: {pairs}"
             + ("; and others." if len(fit.fit.alike) > 3 else ".")
         )
     if isfinite(fit.misplaced):
@@ -155,7 +155,7 @@ def _read(fit: ChannelFit) -> list[str]:
     turns = [c for c in fit.fit.constants if c.key.startswith("turn_")]
     if turns:
         said = ", ".join(f"{c.value:+.1f}° ({c.low:+.1f} to {c.high:+.1f})" for c in turns)
-        out.append(f"The rig stood turned by {said}; that is fitted out and is no part of the profile.")
+        out.append(f"The rig was turned by {said}; this was fitted, and is not part of the profile.")
     return out
 
 
@@ -166,13 +166,13 @@ def _wheels(fit: WheelFit, recording: WheelRecording, figures: Figures) -> _Part
     part.tables.append(_Table("Constants", ["constant", "value", "95 % interval"], rows))
     if fit.friction is not None:
         part.sentences.append(
-            f"Of {fit.friction.starts} standing starts the threshold of friction lies between "
+            f"By {fit.friction.starts} standing starts, the threshold of friction lies between "
             f"{fit.friction.low:.1f} and {fit.friction.high:.1f} cm/s²."
         )
     if fit.odometry is not None:
         part.sentences += [
-            f"Told to drive straight, it drifts {fit.odometry.drift_deg_per_m:+.1f}° a metre.",
-            f"Slip is {fit.odometry.slip:.1%} of the way of a step, which counters cannot see.",
+            f"When commanded to drive straight, it drifts {fit.odometry.drift_deg_per_m:+.1f}° a metre.",
+            f"Slip, which counters cannot see, is {fit.odometry.slip:.1%} of the way of a step.",
         ]
     told = Words(
         "Speed steps, measured and modelled.",
@@ -180,7 +180,7 @@ def _wheels(fit: WheelFit, recording: WheelRecording, figures: Figures) -> _Part
     )
     part.cards.append(figures.add("wheels-steps", partial(draw.steps_figure, fit, recording), told))
     if fit.odometry is not None:
-        further = "How much further each wheel came than its counter says, between two pictures."
+        further = "How much further each wheel went than its counter says, between two pictures."
         told = Words("Camera minus counters.", further)
         part.cards.append(figures.add("wheels-slip", partial(draw.slip_figure, fit), told))
     return part

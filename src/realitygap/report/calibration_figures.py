@@ -107,7 +107,7 @@ def noise_figure(fit: ChannelFit) -> Figure:
         levels, sizes = zip(*estimate.bins, strict=True)
         right.plot(levels, sizes, mark + "-", ms=4, lw=0.8, color=colour)
         right.axhspan(estimate.low, estimate.high, color=colour, alpha=0.15, lw=0)
-    left.set(yscale="log", ylim=(1e-4, 2), xlabel="noise in its own deviations", ylabel="density")
+    left.set(yscale="log", ylim=(1e-4, 2), xlabel="noise, in standard deviations", ylabel="density")
     left.legend(loc="lower center", fontsize=6.5)
     right.set(xlabel="reading, counts", ylabel="deviation, counts")
     right.set_ylim(0, 1.25 * max([e.high for e in shown] + [s for e in shown for _, s in e.bins]))

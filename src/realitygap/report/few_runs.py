@@ -101,13 +101,13 @@ def few_words(table: ScoreTable, evaluations: int) -> Words:
         said.append(f"{one.name} noise: {printed}here {here.value:.1f}, kept study {there.value:.1f}")
     many = max(map(len, kept.values()))
     caption = (
-        "Average correspondence scores. Star: the paper’s judges, five runs. Marker: these runs, with the "
-        f"95 % interval of their mean; each run a hollow one beside it. Dots: the {many} runs a level of a "
-        "study that was made once and kept (docs/noise-level.md), with a cross for their mean and "
-        "interval: each evolved in a simulation calibrated to one of three units, and drove all three."
+        "Average correspondence scores. Star: the paper’s judges, five runs. Filled marker: these runs, with "
+        f"the 95 % interval of their mean; hollow: each run. Dots: the {many} runs at each level of an "
+        "earlier, kept study (docs/noise-level.md), with a cross for their mean and interval: each "
+        "evolved in a simulation calibrated to one of three units, and drove all three."
     )
     if evaluations != KEPT_EVALUATIONS:
-        caption += f" Those runs had {KEPT_EVALUATIONS} evaluations each, these {evaluations}."
+        caption += f" Those runs had {KEPT_EVALUATIONS} evaluations each, these have {evaluations}."
     return Words(f"Average correspondence scores. {'; '.join(said)}.", caption)
 
 

@@ -111,7 +111,7 @@ def shown_study(study: Study, height: int) -> Shown:
     pairs = pairs_of(study, parts)
     data = player_data(study, parts, pairs, Paths(study))
     if data is None:
-        raise StudyError(f"{study.folder}: no run has been begun: there is nothing to show yet.")
+        raise StudyError(f"{study.folder}: no run has started: there is nothing to show yet.")
     return _player(data, study.config.title or study.folder.name, height)
 
 

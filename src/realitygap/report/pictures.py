@@ -27,7 +27,7 @@ from realitygap.world.profile import Profile
 __all__ = ["FILMS", "PICTURES", "checked_ending", "frames", "save_animation", "save_picture"]
 
 STAMPS = {".png": "Software", ".svg": "Date", ".pdf": "CreationDate"}
-"""What is left out of each kind of file, so that the same picture has the same bytes."""
+"""Metadata left out of each kind of file, so that the same picture has the same bytes."""
 PICTURES = tuple(STAMPS)
 
 FILMS = (".gif", ".mp4")

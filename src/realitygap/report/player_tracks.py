@@ -18,7 +18,7 @@ from realitygap.values import Floats
 __all__ = ["LOST", "Inside", "activity", "pack", "poses_of", "track"]
 
 LOST = -32768
-"""Stands for a number that there is not: the camera lost the robot."""
+"""Stands for a missing number: the camera lost the robot."""
 TURN = 100.0
 """Headings are packed in hundredths of a degree."""
 DIGITS = 9

@@ -28,8 +28,8 @@ from realitygap.world.profile import load_profile
 __all__ = ["Reality", "build_realities_report", "matrix", "read_realities", "realities_summary"]
 
 CAPTION = (
-    "A column a reality. Error / noise: what the calibrated model is off by, on readings not fitted, where "
-    "they are neither dark nor saturated, over the noise's deviation there; below it the error in "
+    "One column for each reality. Error / noise: the calibrated model's error, on readings that were not "
+    "fitted and are neither dark nor saturated, over the noise's deviation there; below it the error in "
     "% of the full scale. Noise: as measured, and the reality's own where its makers state it, counts. "
     "Correspondence, 0 to 10: with the simulation at each level; as evolved: of each level's controllers "
     "with the simulation that they evolved in. Noisiness passes zero: the level at which the simulation is "
@@ -37,7 +37,7 @@ CAPTION = (
 )
 BY_LEVEL = (
     "Correspondence, and how much noisier the robot's turning is than the simulation's, by the level "
-    "compared with: a dot a controller, lines are means. Above zero the reality is noisier."
+    "compared with: a dot for each controller, lines through the means. Above zero the reality is noisier."
 )
 
 

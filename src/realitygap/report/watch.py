@@ -30,7 +30,7 @@ PAGE = "watch.html"
 EVERY_S = 5.0
 """Time between two pages."""
 SHARE = 0.05
-"""Of the time, at most, that goes into making them."""
+"""Largest share of the time that goes into making them."""
 POINTS = 400
 """Of a curve."""
 

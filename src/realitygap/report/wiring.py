@@ -46,7 +46,7 @@ class Wiring:
     thresholds: dict[int, int]
     links: tuple[Link, ...]
     useful: frozenset[int]
-    """Slots from which some output can be reached over links that weigh something."""
+    """Slots from which some output can be reached over links of non-zero weight."""
 
     def kind(self, slot: int) -> str:
         """What a slot is: "input", "output" or "hidden"."""

@@ -44,7 +44,7 @@ def arena_words(part: TaskPart) -> Words:
         f"and a robot with its {what}, drawn up to whatever they meet."
     )
     if len(arena.reflectance):
-        caption += " ×: how much more than those of the calibration a surface throws back."
+        caption += " ×: a surface's reflectance, relative to the calibration's."
     return Words(caption, caption)
 
 
@@ -114,9 +114,9 @@ def network_words(genes: np.ndarray, title: str, inputs: int, *, champion: bool)
 SOURCES = {
     "film": "tracked in a film from above",
     "camera": "tracked by the camera above, ten times a second",
-    "counters": "reckoned from the wheels’ counters, which do not see a wheel slip",
-    "speeds": "reckoned from the speeds that its motors measure, which do not see a wheel slip",
-    "robot": "as the robot itself knows it",
+    "counters": "computed from the wheels’ counters, which do not see a wheel slip",
+    "speeds": "computed from the speeds that its motors measure, which do not see a wheel slip",
+    "robot": "as reported by the robot itself",
 }
 """Where a situated path comes from."""
 
@@ -124,12 +124,12 @@ SOURCES = {
 STAND_INS = {
     "robot": "a robot",
     "twin": "a physics twin of the robot, with sensors, wheels and noise of its own: a stand-in, "
-    "called pseudo-reality, in other code than the simulation’s, though sizes of noise, arenas "
+    "called pseudo-reality, which shares no code with the simulation, though sizes of noise, arenas "
     "and starts have common sources. It is not a robot",
     "stranger": "a second physics twin of the robot, outside the family of laws that the calibration can "
     "fit: a stand-in, called pseudo-reality. It is not a robot",
-    "Enki": "a robot of EPFL’s simulator Enki, whose sensor models and noise others made: a stand-in, called "
-    "pseudo-reality. It is not a robot",
+    "Enki": "a robot of EPFL’s simulator Enki, with sensor models and noise made by others: a stand-in, "
+    "called pseudo-reality. It is not a robot",
 }
 """What a situated individual drives, by the first word of its kind."""
 
@@ -172,9 +172,9 @@ def pair_words(part: TaskPart, shown: Sequence[Pair]) -> Words:
 
 
 def transfer_sheet_words(many: int, where: str, *, counted: bool) -> Words:
-    """Of the sheet with every transferred run's paths; `counted`: some are reckoned from its wheels."""
+    """Of the sheet with every transferred run's paths; `counted`: some are computed from its wheels."""
     alt = f"Simulated and situated paths of {many} runs, each from its first start."
     caption = f"{alt} Simulated above, {where} below; the number is the path’s score."
     if counted:
-        caption += " A path that leaves the room is reckoned from wheels that slipped at a wall."
+        caption += " A path that leaves the room was computed from wheels that slipped at a wall."
     return Words(alt, caption)

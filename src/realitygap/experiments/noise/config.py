@@ -100,13 +100,13 @@ class NoiseConfig(Settings):
             object.__setattr__(self, "seconds", _seconds(self.seconds))
         if self.arena is not None:
             load_arena(self.arena)
-            require(len(self.tasks) == 1, "arena", "none where there are several tasks", self.arena)
+            require(len(self.tasks) == 1, "arena", "none with several tasks", self.arena)
             object.__setattr__(self, "arena", _whole_path(self.arena))
         self._check_robot()
         if self.arm is None:
             for key in ARMS_ONLY:
                 usual = getattr(type(self), key)
-                require(getattr(self, key) == usual, key, f"{usual!r} but in an arm of the plan",
+                require(getattr(self, key) == usual, key, f"{usual!r} except in an arm of the plan",
                         getattr(self, key))  # fmt: skip
             return
         whole("first_unit", self.first_unit, 1, 10**6)
@@ -143,7 +143,7 @@ class NoiseConfig(Settings):
             require(self.base is None, "base", f"none for {model}", self.base, "Leave it out.")
             object.__setattr__(self, "robot", model)
             return
-        cure = "One that a person carries goes through record, calibrate, evolve and transfer, one by one."
+        cure = "For one that a person carries, use record, calibrate, evolve and transfer, one by one."
         require(address.kind == "own", "robot", form, self.robot, "" if address.port is None else cure)
         rough = f"the rough profile of {self.robot}: its radius, heights, top command and speed"
         require(isinstance(self.base, str), "base", rough, self.base)

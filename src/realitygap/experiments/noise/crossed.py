@@ -16,7 +16,7 @@ __all__ = ["FEWEST", "Crossed", "robot_level"]
 Weights = NDArray[np.float64]
 
 FEWEST = 5
-"""Runs in a cell below which resampling them says nothing of how sure one may be."""
+"""Fewest runs in a cell for which resampling says anything about uncertainty."""
 
 
 def robot_level(levels: Sequence[float]) -> float:

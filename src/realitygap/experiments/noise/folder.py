@@ -128,7 +128,7 @@ def _refuse_other(first: Path, other: Path, config: NoiseConfig) -> None:
     cure = f"{other} has that. Only shards of one study are merged."
     there = NoiseConfig.from_folder(other).to_dict()
     refuse_difference(f"{first}: the study was made", config.to_dict(), there, cure)
-    refuse_difference(f"{first}: the arm was begun", begun_by(first), begun_by(other), cure)
+    refuse_difference(f"{first}: the arm was started", begun_by(first), begun_by(other), cure)
     for unit in config.every_unit:
         ours, theirs = (calibration_folder(folder, unit) / PROFILE for folder in (first, other))
         if ours.read_bytes() != theirs.read_bytes():

@@ -38,7 +38,7 @@ LIVED = ("readings", "commands", "speeds", "distance", "replay_cm")
 
 FIGURES = ("score", "behaviour", "layout", "noisiness", "responsiveness")
 LEAST_TRIALS = 2
-"""So many have to be left, when those that the camera lost are taken out."""
+"""Fewest that must remain without those that the camera lost."""
 
 
 def compare_all(
@@ -118,7 +118,7 @@ def read_compared(stage: Stage, one: Controller) -> dict[str, Any]:
         StudyError: it is not there, or broken.
     """
     file = simulated_file(stage.folder, one)
-    with kept(file, "what came of a controller's comparisons"):
+    with kept(file, "the results of a controller's comparisons"):
         found: dict[str, Any] = json.loads(file.read_text("utf-8"))
         check = found.pop("check", None)  # one of 0.1.0 has none
         levels = [cell["comparison_level"] for cell in found["cells"]]

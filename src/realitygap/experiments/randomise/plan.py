@@ -41,9 +41,9 @@ KNOWN = {"paper": 0.0, "another unit": 0.0, "own, 5 %": 0.05, "own, 20 %": 0.2, 
 """What the simulation may know of the unit, and the share of the standard recording that this takes."""
 
 DISTANCES_CM, HEADINGS_DEG = (1.0, 2.0, 3.0), range(0, 360, 45)
-"""From a wall, where units' readings are held against each other."""
+"""From a wall, where units' readings are compared."""
 LEAST = 0.15
-"""Of the full scale: readings below tell of a sensor's dark, not of its sensitivity."""
+"""Of the full scale: readings below show a sensor's dark, not its sensitivity."""
 WIDEST = 0.9
 
 ROBOTS = ("twin", "stranger", "enki:khepera")

@@ -40,7 +40,7 @@ COMPARISONS = ((("own, 5 %", False), ("paper", True)), ((ALL, False), ("own, 20 
 """What is tested, first against second, over both levels of noise; the rest is shown."""
 
 TEXTS = ("known", "randomised", "outcome", "first", "second", "found")
-"""Columns of what is no number."""
+"""Columns that hold no numbers."""
 CALIBRATION = ("unit", "known", "channel", "model_error", "noise", "ratio", "recordings")
 
 
@@ -200,7 +200,7 @@ def _words(which: tuple[str, bool]) -> str:
 
 def _read(file: Path) -> Floats:
     """A controller's figures, as they were kept."""
-    with kept(file, "what came of a controller's trials"):
+    with kept(file, "the results of a controller's trials"):
         with np.load(BytesIO(file.read_bytes())) as arrays:
             figures: Floats = arrays["figures"]
         if figures.shape != (len(FIGURES),):

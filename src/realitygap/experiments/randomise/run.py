@@ -42,7 +42,7 @@ Hints for the time that is left, nothing else."""
 PARTS = ("wheels", "infrared-wall", "infrared-cylinder")
 """What is recorded of a unit: the task has no lamp."""
 AGAIN = [known for known, share in KNOWN.items() if share and known != ALL]
-"""What else is made of its recordings, in this order."""
+"""What else is made from its recordings, in this order."""
 
 
 def measure_or_randomise(

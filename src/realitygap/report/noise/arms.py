@@ -124,13 +124,13 @@ def read_arm(folder: str | Path) -> Arm:
     settings = read_toml(folder / "study.toml", StudyError, AGAIN, broken=AGAIN)
     now = plan_digests()
     if settings.get("plan", now) != now:
-        cure = "Judge it with the version that began it."
+        cure = "Judge it with the version that started it."
         raise StudyError(f"{folder / 'study.toml'}: plan: expected {now}, got {settings['plan']}. {cure}")
     table = read_table(folder / "controllers.csv", StudyError, needs=(*KEY, "home_unit", "name", *FITNESS),
                        cure=AGAIN)  # fmt: skip
     keys = {key: i for i, key in enumerate(_keys(table))}
     if len(keys) < len(table.rows) or not keys:
-        raise StudyError(f"{table.path}: expected each controller, and each once. {AGAIN}")
+        raise StudyError(f"{table.path}: expected each controller exactly once. {AGAIN}")
     levels, parts = _cells(folder / "cells.csv", keys)
     task, seed_set, run, evolved, individual = (np.array(column) for column in zip(*keys, strict=True))
     fitness = [table.numbers(name, empty=True) for name in FITNESS]

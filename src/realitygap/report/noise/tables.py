@@ -243,7 +243,7 @@ def calibration_table(calibration: Sequence[Misfit]) -> NoiseTable:
     counted = (
         "on places held out, where readings are neither dark nor saturated"
         if judged
-        else "over all readings, of which the dark ones flatter"
+        else "over all readings, so that dark ones flatter them"
     )
     rows = tuple(
         (

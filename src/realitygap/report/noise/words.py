@@ -84,7 +84,7 @@ def warnings(calibration: Sequence[Misfit], tasks: Sequence[str], lost: int = 0)
     said = []
     if lost:
         who = f"{lost} controllers have" if lost > 1 else "One controller has"
-        said.append(f"{who} no score and no part in all this: the camera lost the robot too often.")
+        said.append(f"{who} no score and no part in what follows: the camera lost the robot too often.")
     for channel, task in CHANNEL_TASKS.items():
         far = [m for m in calibration if m.channel == channel and m.too_far]
         if far and task in tasks:
@@ -93,7 +93,7 @@ def warnings(calibration: Sequence[Misfit], tasks: Sequence[str], lost: int = 0)
             said.append(
                 f"In {CHANNELS[channel]} the calibrated model's error is up to {worst:.1f} deviations of the "
                 f"noise (unit{'s' * (len(far) > 1)} {units}; limit {far[0].limit:g}): model error "
-                f"exceeds noise there, and {titled(task).lower()} is to be read with that in mind."
+                f"exceeds noise there; read {titled(task).lower()} with that in mind."
             )
     return said
 
@@ -109,7 +109,7 @@ def _opening(facts: NoiseFacts, settings: Mapping[str, object]) -> str:
         robot, known = own, known if _kind(settings) in STAND_INS else ""
     text = (
         f"{len(data)} controllers evolved at noise {levels} drove {robot}{drove}, and each was compared "
-        f"with the simulation at every level, whose 1 is the noise that was measured on "
+        f"with the simulation at every level, where 1 is the noise that was measured on "
         f"{'the twin' if not own else 'this robot'}{known}."
     )
     if data.robot != 1:
@@ -176,8 +176,8 @@ def _hidden(contrasts: Sequence[Contrast]) -> str:
         return ""
     most, other = max(wide)
     return (
-        f"Not shown is not none: a difference of means of {most:.1f} points (against {other:g}) is not "
-        "excluded."
+        f"Not shown does not mean none: a difference of means of {most:.1f} points (against {other:g}) is "
+        "not excluded."
     )
 
 
@@ -189,17 +189,17 @@ def _together(findings: Sequence[Finding]) -> str:
             "So both matter: the simulation that a robot is compared with, and the level it was evolved at."
         )
     if "b" in held:
-        return "So what a controller was evolved under makes a difference to how well it transfers."
+        return "So the noise that a controller evolved under affects how well it transfers."
     if "a" in held:
         return (
             "So it matters which simulation a robot is compared with. Whether controllers transfer better "
             "for having been evolved at the robot's noise is open."
         )
     if "c" in held:
-        return "So the paper's result appears again, without telling which of its two explanations is right."
+        return "So the paper's result appears again, but not which of its two explanations is right."
     if any(finding.verdict == "in part" for finding in findings):
         return "So the paper's effect was shown in part at most."
-    return "So none of the three showed the paper's effect; that does not show that there is none."
+    return "So none of the three showed the paper's effect; that does not show that there is no effect."
 
 
 def _noisiness(scope: Scope) -> str:
@@ -225,7 +225,7 @@ def _fitness(rows: Sequence[FitnessRow]) -> str:
     if not apart:
         return "Fitness on the twin is not shown to differ from that at the robot's level at any other."
     return (
-        f"Fitness on the twin against that at the robot's level: {'; '.join(apart)}; the others open. That "
+        f"Fitness on the twin against that at the robot's level: {'; '.join(apart)}; the others open. This "
         "was no claim, and is not corrected for the number of comparisons."
     )
 

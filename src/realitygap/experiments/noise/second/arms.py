@@ -62,7 +62,7 @@ def check_arm(folder: Path, config: NoiseConfig, begun_by: Mapping[str, str] | N
     if begun_by is not None and begun_by != now:
         other = next(name for name in {**now, **begun_by} if now.get(name) != begun_by.get(name))
         raise StudyError(
-            f"{folder}: arm {config.arm} was begun by another plan: {other} states something else now. Go on "
+            f"{folder}: arm {config.arm} was started under another plan: {other} has changed. Continue "
             "with the version that began it, or begin again in another folder."
         )
 
