@@ -41,7 +41,7 @@ def test_a_written_network_decides_as_it_says():
         ('from = "ahead"', 'from = "a"', r"left.links\[1\].from: .*ahead; got 'a'"),
         ("threshold = 10", "treshold = 1", "treshold: unknown key. Did you mean 'threshold'"),
         ("delay = 1", "delay = 5", r"hidden.ahead.links\[1\].delay|ahead.links\[1\].delay: .* 0 to 4, got 5"),
-        ("inputs = 8", "inputs = 3", "inputs: expected 8, as the task feeds, got 3"),
+        ("inputs = 8", "inputs = 3", "inputs: expected the task's 8, got 3"),
         ("[right]", "[right", "not a TOML file"),
         ("hidden.ahead", "hidden.left", "hidden.left: expected another name"),
     ],
@@ -72,7 +72,7 @@ def test_functions_classes_and_objects_decide(tmp_path):
     assert own_controller(lambda inputs: np.array([2, 2])).decide([]).left == 2
     with pytest.raises(UsageError, match=r"mine.py: decide: expected \(left, right\), .* got \(11, 0\)"):
         own_controller(f"{file}:odd").decide([0])
-    with pytest.raises(UsageError, match=r"mine.py, line 19: decide stops with ZeroDivisionError"):
+    with pytest.raises(UsageError, match=r"mine.py, line 19: decide fails with ZeroDivisionError"):
         own_controller(f"{file}:broken").decide([0])
     with pytest.raises(UsageError, match=r"controller: .*expected 'none' in it. It has steady"):
         own_controller(f"{file}:none")

@@ -240,7 +240,7 @@ def test_a_score_that_fails_on_a_part_of_a_path_is_named(tmp_path):
     )
     env = gymnasium.make("realitygap/Task-v0", task=str(file)).unwrapped
     env.reset(seed=0)
-    with pytest.raises(TaskError, match=r"own.py, line 5: the score stops with IndexError"):
+    with pytest.raises(TaskError, match=r"own.py, line 5: the score fails with IndexError"):
         env.step(np.zeros(2))
 
 
@@ -302,7 +302,7 @@ def test_measured_speeds_are_a_path(tmp_path):
 
 def test_robots_that_cannot_be_scored_are_refused(tmp_path):
     """Of nobody's knowing where it is, or of another kind than the profile's: before it drives."""
-    with pytest.raises(UsageError, match="expected one that tells its pose or its wheels' speeds"):
+    with pytest.raises(UsageError, match="expected one that reports its pose or its wheels' speeds"):
         own(tmp_path, speeds="secret")
     other = RobotEnv("obstacle-avoidance", profile="e-puck", reality="twin:1")
     with pytest.raises(

@@ -65,7 +65,7 @@ class CellsContract(AlgorithmContract):
     def test_states_of_another_size_are_refused(self):
         """A state with other cells than the algorithm's never reaches the compiled code."""
         other = RandomSearch(encoding=Toy(), size=3).init(SEED)
-        with pytest.raises(StudyError, match="has 20 cells, but the state to go on from 3"):
+        with pytest.raises(StudyError, match="has 20 cells, but the state to continue from 3"):
             self.made().ask(other, 1)
 
     def test_it_improves(self):

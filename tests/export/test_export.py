@@ -289,7 +289,7 @@ def test_an_e_puck2s_project_is_for_an_e_puck2(study, tmp_path):
     with pytest.raises(StudyError, match=r"an e-puck2's eight sensors .* got 8 proximity sensors .* 1023"):
         write_source(board, "e-puck2", tmp_path)
     named = replace(board, name="main")
-    with pytest.raises(UsageError, match="name: expected another than main"):
+    with pytest.raises(UsageError, match="name: expected another name than main"):
         write_source(named, "e-puck2", tmp_path)
     assert not list(tmp_path.iterdir())
 

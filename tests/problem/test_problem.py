@@ -190,7 +190,7 @@ def test_a_controller_of_ones_own(tmp_path):
     one = Problem("obstacle-avoidance", f"{file}:Own")
     ahead, round = one.evaluate([[0.5, 0.5, 0.0, 1.0], [0.5, -0.5, 0.0, 1.0]]).fitness
     assert one.dim == 4 and ahead > round
-    with pytest.raises(UsageError, match=r"own\.py, line 8: the controller stops with IndexError"):
+    with pytest.raises(UsageError, match=r"own\.py, line 8: the controller fails with IndexError"):
         one.evaluate([[0.5, 0.5, 0.5, 1.0]])
     with pytest.raises(UsageError, match="finite"):
         one.evaluate([[0.5, 0.5, 0.0, 0.0]])
@@ -214,8 +214,8 @@ def test_refusals(problem):
     one = np.zeros((1, problem.dim))
     for solutions, got in (
         (np.zeros((2, problem.dim + 1)), "an array of shape"), (one + np.nan, "NaN or infinity in row 0"),
-        (one[:0], "an array of shape"), ([["a"] * problem.dim], "what is none"), (None, "what is none"),
-        ([[1, 2], [1]], "what is none"), (one + 1j, "what is none"),
+        (one[:0], "an array of shape"), ([["a"] * problem.dim], "something else"), (None, "something else"),
+        ([[1, 2], [1]], "something else"), (one + 1j, "something else"),
     ):  # fmt: skip
         with pytest.raises(UsageError, match=rf"solutions: expected finite numbers .* got {got}"):
             problem.evaluate(solutions)

@@ -167,7 +167,7 @@ def test_a_users_score_is_taken_by_the_processor(tmp_path):
     streams = batch_streams(4, 6)[np.newaxis]
     found = engine.Cuda(mine, robot, 1.0).scores(nets, streams)
     assert np.allclose(found, Cores(mine, robot, 1.0).scores(nets, streams), rtol=1e-6)
-    with pytest.raises(TaskError, match=r"wrong\.py, line \d+: the score stops with IndexError"):
+    with pytest.raises(TaskError, match=r"wrong\.py, line \d+: the score fails with IndexError"):
         engine.Cuda(wrong, robot, 1.0).scores(nets, streams)
 
 

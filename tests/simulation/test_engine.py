@@ -122,5 +122,5 @@ def test_a_score_that_stops_in_a_batch_is_told_by_its_line(tmp_path):
     task = load_task(file)
     cores = Cores(task, load_profile("paper"), 1.0)
     networks = EngineContract()._networks()
-    with pytest.raises(TaskError, match=r"touchy.py, line 9: the score stops with IndexError"):
+    with pytest.raises(TaskError, match=r"touchy.py, line 9: the score fails with IndexError"):
         cores.scores(networks, np.arange(10, dtype=np.uint64).reshape(5, 2))

@@ -76,7 +76,7 @@ def test_what_does_not_fit_together_is_refused_before_a_folder_is_made(mine):
     with pytest.raises(ConfigError, match="both named 'touch'"):
         gather(two)
     twice = StudyConfig(conditions=(Condition(task="light"), Condition(task="light-seeking")))
-    with pytest.raises(ConfigError, match="comes twice"):
+    with pytest.raises(ConfigError, match="appears twice"):
         gather(twice)
 
 

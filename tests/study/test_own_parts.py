@@ -82,14 +82,14 @@ def test_their_files_are_run_only_where_trusted(theirs, tmp_path, monkeypatch):
     trusted = load_study(folder, trust=True)
     assert trusted.networks("obstacle-avoidance", study.runs[0].champion).neurons[0] == 2
     (folder / "encoding" / "e.py").write_text("hidden = 3\n")
-    with pytest.raises(StudyError, match=r"encoding/e\.py was edited since"):
+    with pytest.raises(StudyError, match=r"encoding/e\.py has been edited since"):
         load_study(folder).encoding("obstacle-avoidance")
     sources._known.cache_clear()
 
 
 def test_another_algorithm_does_not_resume(theirs, tmp_path):
     """A study goes on only with the algorithm that it was made with."""
-    with pytest.raises(StudyError, match=r"evolution/e\.py than the one given now: line \d+ was"):
+    with pytest.raises(StudyError, match=r"evolution/e\.py from the one given now: line \d+ was"):
         changed = own(tmp_path, **{"0.98_*": "0.9 *"})
         requested = changed.from_dict({**changed.to_dict(), "runs": 2})
         run_study(theirs, requested, resume=True, workers=1)
@@ -138,7 +138,7 @@ def test_wrong_parts_are_refused(tmp_path, settings, message):
         (
             "default_rng(one)",
             "default_rng()",
-            "ask: expected the same individuals of a state that was written",
+            "ask: expected the same individuals from a state that was saved",
         ),
         ("state.batch(state", "state.batch(np.nan * state", "ask: expected genes that are finite numbers"),
         (
@@ -149,7 +149,7 @@ def test_wrong_parts_are_refused(tmp_path, settings, message):
         (
             "(2.5 * genes[:, :, 0],",
             "(np.random.normal(genes[:, :, 0], 9),",
-            "decode: expected one network of",
+            "decode: expected the same network from",
         ),
         (
             "return 2 + self.hidden, 1 + self.inputs + 2 + self.hidden",
@@ -159,12 +159,12 @@ def test_wrong_parts_are_refused(tmp_path, settings, message):
         (
             "default_rng(int(stream))",
             "default_rng()",
-            "random: expected the same genotype of the same stream",
+            "random: expected the same genotype from the same stream",
         ),
         (
             "np.clip(2.5 * genes[:, :, 0],",
             "np.clip(9 * (genes - genes.mean(axis=0))[:, :, 0],",
-            "decode: expected the same network whatever other genes there are",
+            "decode: expected a network that does not depend on the other genes",
         ),
         (
             "noise, cells=cells)",
@@ -198,7 +198,7 @@ def test_wrong_parts_are_refused(tmp_path, settings, message):
             r"tell: expected numbers int64\[5\]",
         ),
         ("return self.children\n", "return 0\n", "cells: expected a whole number, 1 or more, got 0"),
-        ("% self.children:", "% self.childs:", r"e\.py, line \d+: the file stops with AttributeError"),
+        ("% self.children:", "% self.childs:", r"e\.py, line \d+: the file fails with AttributeError"),
     ],
 )
 def test_what_stops_is_told_by_its_line(tmp_path, old, new, message):

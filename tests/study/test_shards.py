@@ -81,7 +81,7 @@ def test_a_shard_goes_on_as_what_it_is(shards, copies):
     with pytest.raises(StudyError, match="holds shard 2/3 of 'evolve', not 3/3"):
         run_study(copies[1], small(), resume=True, shard=Shard(3, 3), workers=1)
     (copies[1] / MARK).unlink()
-    with pytest.raises(StudyError, match=r"begun without a shard\. Choose another --out"):
+    with pytest.raises(StudyError, match=r"started without one\. Choose another --out"):
         run_study(copies[1], small(), resume=True, shard=Shard(2, 3), workers=1)
 
 

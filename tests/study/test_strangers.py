@@ -145,7 +145,7 @@ def test_links_are_not_written_through(theirs, tmp_path, link):
 
 
 def test_an_edited_task_is_not_ignored(theirs, tmp_path):
-    """Whoever resumes with a task file that was edited since is told, with the line."""
+    """Whoever resumes with a task file that has been edited since is told, with the line."""
     folder = Path(shutil.copytree(theirs[0], tmp_path / "study"))
     mine = tmp_path / "touch.py"
     text = (folder / "tasks/touch/touch.py").read_text()
@@ -154,7 +154,7 @@ def test_an_edited_task_is_not_ignored(theirs, tmp_path):
     with pytest.raises(StudyError, match=words):
         run_study(folder, requested(mine), resume=True)
     (folder / "tasks/touch/touch.py").write_text(mine.read_text())
-    with pytest.raises(StudyError, match=r"touch.py was edited since the study was made: line \d+ was"):
+    with pytest.raises(StudyError, match=r"touch.py has been edited since the study was made: line \d+ was"):
         run_study(folder, resume=True)
 
 

@@ -193,7 +193,7 @@ def test_a_task_of_a_file_is_named_by_its_file():
     task = rg.load_task(EXAMPLE)
     assert rg.StudyConfig.single(task).conditions[0].task == str(EXAMPLE)
     for changed in (replace(task, seconds=3.0), replace(task, score=lambda path, room: 1.0)):
-        with pytest.raises(rg.UsageError, match=r"is not what .*follow_the_wall\.py says any more"):
+        with pytest.raises(rg.UsageError, match=r"no longer matches .*follow_the_wall\.py"):
             rg.StudyConfig.single(changed)
     with pytest.raises(rg.UsageError, match="loaded from a file"):
         rg.StudyConfig.single(replace(task, source=None))

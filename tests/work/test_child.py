@@ -19,7 +19,7 @@ PIPES: dict[str, int] = {
 
 def test_no_wait_for_a_child_is_without_end() -> None:
     """Whoever takes nothing, or says nothing, is given up, and the message says who and for how long."""
-    for question, says in ((bytes(1 << 20), "taken nothing"), (b"?\n", "not answered")):
+    for question, says in ((bytes(1 << 20), "accepted nothing"), (b"?\n", "not answered")):
         with subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], **PIPES) as deaf:  # type: ignore[call-overload]
             with pytest.raises(RobotError, match=rf"the deaf one has {says} for 0\.05 s"):
                 child.ask(deaf, question, within_s=0.05, who="the deaf one")

@@ -103,7 +103,7 @@ def test_a_pool_is_held_to_its_word(fault, heard):
 def test_a_pool_that_leaves_jobs_out_is_found_out():
     """So is one that carries out none."""
     for jobs in (0, 1):
-        with opened(Faulty(list, jobs)) as pool, pytest.raises(StudyError, match="lost or doubled"):
+        with opened(Faulty(list, jobs)) as pool, pytest.raises(StudyError, match="lost or duplicated"):
             pool.work(Setup(Bench), [0, 10], [].append)
 
 
@@ -139,7 +139,7 @@ def test_a_pool_by_its_name(tmp_path):
     file.write_text(
         "class Mine:\n    def __init__(self, queue): pass\nclass Shut:\n    def __init__(self): {}['no']\n"
     )
-    with pytest.raises(ConfigError, match=r"mine.py: Mine\(\) stops with TypeError: .* 'queue'"):
+    with pytest.raises(ConfigError, match=r"mine.py: Mine\(\) fails with TypeError: .* 'queue'"):
         named_pool(f"{file}:Mine")
-    with pytest.raises(ConfigError, match=r"mine.py, line 4: Shut\(\) stops with KeyError: 'no'"):
+    with pytest.raises(ConfigError, match=r"mine.py, line 4: Shut\(\) fails with KeyError: 'no'"):
         named_pool(f"{file}:Shut")

@@ -78,7 +78,7 @@ def _check(own: Encoding, inputs: int) -> None:
         raise UsageError(f"random: expected an array {expected}, got {shown(one)}.")
     if one.tobytes() != again.tobytes():
         raise UsageError(
-            "random: expected the same genotype of the same stream. Draw it by the stream alone."
+            "random: expected the same genotype from the same stream. Draw it from the stream alone."
         )
     batches = ([one, one], [one, one], [one, other])
     nets, twice, mixed = (own.decode(np.stack(genes)) for genes in batches)
@@ -86,9 +86,9 @@ def _check(own: Encoding, inputs: int) -> None:
         raise UsageError("decode: expected as many networks as genotypes.")
     once, later = ([np.asarray(array).tolist() for array in each] for each in (nets, twice))
     if once != later or any(first != second for first, second in once):
-        raise UsageError("decode: expected one network of the same genes each time, got several.")
+        raise UsageError("decode: expected the same network from the same genes each time, got others.")
     if _first(nets) != _first(mixed):
-        raise UsageError("decode: expected the same network whatever other genes there are, got another.")
+        raise UsageError("decode: expected a network that does not depend on the other genes.")
 
 
 def _first(nets: Networks) -> Any:

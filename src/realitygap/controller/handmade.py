@@ -62,7 +62,7 @@ def load_network(path: str | Path, inputs: int) -> Genes:
 def _genes(table: Mapping[str, Any], inputs: int) -> Genes:
     refuse_unknown(table, ("inputs", *MOTORS, "hidden"), GenotypeError)
     if table.get("inputs", inputs) != inputs:
-        raise GenotypeError(f"inputs: expected {inputs}, as the task feeds, got {table['inputs']!r}.")
+        raise GenotypeError(f"inputs: expected the task's {inputs}, got {table['inputs']!r}.")
     hidden = _table("hidden", table.get("hidden", {}))
     parts = {name: _table(name, table.get(name, {})) for name in MOTORS}
     for name, part in hidden.items():

@@ -100,8 +100,8 @@ def check_networks(networks: Networks, inputs: int) -> int:
     fault, what = first_unfit(networks, inputs, MAX_WEIGHT, MAX_THRESHOLD)
     if fault >= 0:
         made = f"inputs: expected networks of the task's {inputs}, got one of {networks.inputs[fault]}"
-        wrong = made if what == 0 else f"expected links and neurons in range, not so in network {fault}"
-        raise UsageError(f"networks: {wrong}. Make them with `decode`, of genotypes of the task's layout.")
+        wrong = made if what == 0 else f"links and neurons of network {fault} are out of range"
+        raise UsageError(f"networks: {wrong}. Make them with `decode`, from genotypes of the task's layout.")
     return n
 
 

@@ -33,7 +33,7 @@ class OwnController:
     def reset(self) -> None:
         """Before a trial."""
         if self._reset is not None:
-            with blamed_on(self._place, UsageError, "reset stops"):
+            with blamed_on(self._place, UsageError, "reset fails"):
                 self._reset()
 
     def decide(self, inputs: Sequence[int]) -> Command:
@@ -42,7 +42,7 @@ class OwnController:
         Raises:
             UsageError: it stops with an error, or returns no two whole numbers −10 … 10.
         """
-        with blamed_on(self._place, UsageError, "decide stops"):
+        with blamed_on(self._place, UsageError, "decide fails"):
             given = self._decide(list(inputs))
         pair = (given.left, given.right) if isinstance(given, Command) else given
         try:
@@ -70,7 +70,7 @@ def own_controller(named: object) -> OwnController:
         place = str(Path(place).expanduser().resolve()) if place.endswith(".py") else place
         named = named_object(text, UsageError, "controller")
     if isinstance(named, type):
-        with blamed_on(place, UsageError, f"{named.__name__}() stops"):
+        with blamed_on(place, UsageError, f"{named.__name__}() fails"):
             named = named()
     decide = getattr(named, "decide", named)
     if not callable(decide):

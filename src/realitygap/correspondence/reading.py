@@ -82,8 +82,8 @@ def read_transfer(path: str | Path) -> tuple[list[Trial], list[Trial]]:
     folders = sorted(file.parent for file in place.rglob(TRANSFER)) if place.is_dir() else []
     if not folders:
         raise TrackError(
-            f"{path}: expected a folder of trials that `realitygap transfer` made, as there is no second "
-            "set of tracks. Give that too."
+            f"{path}: expected a folder of trials that `realitygap transfer` made, since there is no second "
+            "set of tracks. Give one."
         )
     simulated, situated = (
         [t for folder in folders for t in _read_in(place, folder / name)] for name in (SIMULATED, SITUATED)
@@ -116,7 +116,7 @@ def doubt_of_disk(trial: Trial) -> tuple[str, ...]:
     if agreement([trial])[0] >= CONTRADICTS:
         return ()
     return (
-        f"{trial.source}: heading_deg contradicts the way from row to row: does the disk sit turned on the "
+        f"{trial.source}: heading_deg contradicts the way from row to row: is the disk turned on the "
         "robot, or was the camera calibrated with other headings?",
     )
 

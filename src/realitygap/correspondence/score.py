@@ -22,9 +22,9 @@ from realitygap.world.profile import Profile
 __all__ = ["Comparison", "behaviour_score", "comparable", "compare", "ends_of"]
 
 NEARLY = 0.9
-"""Rates of rows are as good as one from this share on."""
+"""From this ratio on, two rates of rows count as equal."""
 PIECES = 4
-"""A lone trial is cut into so many, to show how much it varies."""
+"""Pieces into which a lone trial is cut, to show how much it varies."""
 RESAMPLES = 1000
 """Of the bootstrap: the ends of an interval are then sure to a tenth or two."""
 LEAST_STARTS = 3
@@ -120,7 +120,7 @@ def comparable(sets: Sequence[Sequence[Trial]]) -> tuple[list[list[Trial]], list
     """
     notes = []
     if not all(sets):
-        raise TrackError("expected one trial at least in each set, got none. Give a file with rows in it.")
+        raise TrackError("expected at least one trial in each set, got none. Give a file with rows in it.")
     every = [t for trials in sets for t in trials]
     shortest = min(every, key=len)
     if max(map(len, every)) > len(shortest) + 1:
@@ -131,8 +131,8 @@ def comparable(sets: Sequence[Sequence[Trial]]) -> tuple[list[list[Trial]], list
     slowest, fastest = (of(every, key=lambda t: t.rate_hz) for of in (min, max))
     if slowest.rate_hz < NEARLY * fastest.rate_hz:
         notes.append(
-            f"{slowest.source} has {slowest.rate_hz:.1f} rows a second, {fastest.source} more: it shows less "
-            "of quick turns, and may seem less noisy than it was"
+            f"{slowest.source} has {slowest.rate_hz:.1f} rows a second, {fastest.source} more: it shows "
+            "quick turns less well, and may seem less noisy than it was"
         )
     bridged = sum(t.bridged_s > 0 for t in every)
     if bridged:

@@ -17,7 +17,7 @@ from realitygap.world.arena import Arena
 __all__ = ["Around", "Setting", "around", "fits", "setting_of"]
 
 NEARLY_CM = 0.25
-"""A body that is nearly so wide as the exemplars' is described with theirs: four times the difference can
+"""A body nearly as wide as the exemplars' is described with theirs: four times the difference can
 just be noticed, and scores stay comparable with all that were kept."""
 OUTSIDE_CM = 1.0
 """How far a track's centre may seem to be inside something: a camera's error."""

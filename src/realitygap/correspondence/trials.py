@@ -16,12 +16,12 @@ from realitygap.values import Floats
 __all__ = ["RADIUS_CM", "SHORTEST_S", "STEP_S", "Trial", "require_trials", "resampled", "trial_of"]
 
 RADIUS_CM = 2.9
-"""A Khepera's body (§3.1), as the scale's exemplars have it."""
+"""A Khepera's body (§3.1), as of the scale's exemplars."""
 RATE_HZ = 10.0
 """Every track is brought to the simulation's own rate."""
 STEP_S = 1.0 / RATE_HZ
 SHORTEST_S = 2.0
-"""Shorter tracks show too little behaviour to speak of."""
+"""Shorter tracks show too little behaviour to compare."""
 LONGEST_GAP_S = 1.0
 """A robot that was lost for longer may have done anything."""
 FARTHEST_CM = 1e5
@@ -154,7 +154,7 @@ def _require_seen(t: Floats, where: str) -> None:
     usual = float(np.median(steps))
     if usual > 1 / SLOWEST_HZ:
         raise TrackError(
-            f"{where}: expected at least 5 rows a second, got {1 / usual:.2g}. A turn would not show."
+            f"{where}: expected at least 5 rows a second, got {1 / usual:.2g}. Turns would not show."
         )
     worst = int(np.argmax(steps))
     if steps[worst] > LONGEST_GAP_S + usual + 1e-6:

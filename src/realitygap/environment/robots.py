@@ -146,7 +146,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
                 nothing begins anew by itself.
         """
         if self._seeds is None:
-            raise UsageError("step: expected a reset before it.")
+            raise UsageError("step: expected a reset first.")
         begun = np.flatnonzero(self._over)
         if len(begun) and self.autoreset_mode is AutoresetMode.DISABLED:
             raise UsageError(

@@ -202,7 +202,7 @@ class _Situated:
     def step(self, actions: object) -> tuple[Seen32, Any, Any, Any, Info]:
         """Act, wait for the step's end, look."""
         if not self._driving:
-            raise UsageError("step: expected a reset before it, after a trial's end too.")
+            raise UsageError("step: expected a reset first, also after a trial's end.")
         (left, right), profile = commands_of(actions, (1, 2))[0].tolist(), self.simulation.profile
         wheels, period = profile.wheels, profile.period_s
         try:
@@ -244,7 +244,7 @@ class _Situated:
             return of_poses(self._poses, profile.period_s, told[:, 0])
         ways, unit = turned(body, profile, told[:, 1:3], told[:, 3:], told[:, 0])
         if unit is None or not (body.counts_turns or isinstance(body, Paced)):
-            expected = "one that tells its pose or its wheels' speeds, or counts pulses of a known length"
+            expected = "one that reports its pose or its wheels' speeds, or counts pulses of a known length"
             raise UsageError(f"robot {self.robot}: expected {expected}.")
         return of_counters(
             ways, self._start, cm_per_pulse=unit, axle_cm=profile.wheels.track_cm, period_s=profile.period_s,

@@ -46,7 +46,7 @@ def make_algorithm(name: str, encoding: Any, **params: Any) -> Algorithm[Any]:
     if not all(hasattr(encoding, way) for way in ("random", "crosses", "offspring")):
         raise UsageError(
             f"encoding: the algorithm {name!r} expected one with random, crosses and offspring, "
-            f"as a Variation, got {encoding!r}"
+            f"such as a Variation, got {encoding!r}"
         )
     known = [key for key in ALGORITHMS[name].__dataclass_fields__ if key != "encoding"]
     for key in params:

@@ -29,7 +29,7 @@ Genes = NDArray[Any]
 """Individuals of any type and shape: [n, ...], or one, [...]."""
 
 NOBODY = -1
-"""The number of a parent, or of a resident, that is not there."""
+"""Number of an absent parent or resident."""
 
 
 class Batch(NamedTuple):

@@ -50,7 +50,7 @@ class _Cellular(ABC):
         cells = self.cells
         if len(state.fitness) != cells:
             there = len(state.fitness)
-            raise StudyError(f"the algorithm has {cells} cells, but the state to go on from {there}")
+            raise StudyError(f"the algorithm has {cells} cells, but the state to continue from {there}")
         if not state.genes.shape[:1] == state.numbers.shape == state.fitness.shape:
             raise StudyError(f"a state's genes, fitness and numbers must each have {cells} cells")
         first = state.evaluations

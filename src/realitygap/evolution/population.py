@@ -202,7 +202,7 @@ class Population:
             if not math.isfinite(value):
                 raise UsageError(
                     f"the fitness of evaluation {batch.number + i}: expected a finite number, "
-                    f"got {value}. Look at the task's score."
+                    f"got {value}. Check the task's score."
                 )
         kind, shape, cells = batch.genes.dtype, batch.genes.shape[1:], len(self.fitness)
         right = (kind, shape) == (self.best_genes.dtype, self.best_genes.shape)

@@ -23,7 +23,7 @@ from realitygap.world.arena import Arena
 __all__ = ["FORMATS", "write_log"]
 
 FORMATS = {"rerun": ".rrd", "mcap": ".mcap"}
-"""What a log may be, and the ending of its file."""
+"""Formats of a log, and their file endings."""
 COLOURS = {"simulated": (0, 114, 178, 255), "situated": (90, 90, 90, 255)}
 RAY, WALL, LAMP = (183, 121, 31, 90), (90, 80, 70, 255), (230, 159, 0, 255)
 TIMELINE = "trial"

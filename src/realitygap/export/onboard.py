@@ -125,8 +125,8 @@ def on_board(run: Run, who: str, genes: Genes, *, name: str = "controller", step
     feeds, sensors = str(task["feeds"]), tuple(task["sensors"])
     if not NAME.fullmatch(name) or iskeyword(name):
         raise UsageError(
-            "name: expected a lower-case letter, then letters, digits and underscores (40 at most), and no "
-            f"word of Python's own, got {name!r}."
+            "name: expected a lower-case letter, then letters, digits and underscores (40 at most), not a "
+            f"Python keyword, got {name!r}."
         )
     channels = tuple(_fed(profile, kind) for kind in feeds.split("+"))
     commands = tuple(profile.wheels.command(value) for value in range(-LIMIT, LIMIT + 1))

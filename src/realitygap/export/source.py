@@ -19,7 +19,7 @@ LANGUAGES = {
         "epuck2.h.j2": "main.h", "epuck2.mk.j2": "makefile",
     },
 }  # fmt: skip
-"""Templates of each language, and what becomes of them."""
+"""Templates of each language, and the files that they become."""
 CHIPS = {
     "ATmega328P": ("avr-gcc", "-mmcu=atmega328p"),
     "Cortex-M0+": ("arm-none-eabi-gcc", "-mcpu=cortex-m0plus", "-mthumb"),
@@ -68,7 +68,7 @@ def write_source(one: OnBoard, language: str, folder: Path) -> list[Path]:
 def _require_e_puck(one: OnBoard) -> None:
     """Refuse what that robot's library does not read, or does not command; and a name that its files have."""
     if one.name == "main":
-        raise UsageError("name: expected another than main, which an e-puck2's own file has.")
+        raise UsageError("name: expected another name than main, which the e-puck2's own file has.")
     read = all((fed.there, fed.top) == (8, 4095) for fed in one.channels)
     if not read or max(one.commands) > E_PUCK_STEPS_S:
         has = ", ".join(f"{fed.there} {fed.kind} sensors of counts up to {fed.top}" for fed in one.channels)

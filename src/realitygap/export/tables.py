@@ -42,7 +42,7 @@ TEXTS = (
     "situated_type",
     "differences",
 )
-"""Columns that stay texts where there is nothing in them."""
+"""Columns that stay texts even when empty."""
 
 
 def table(study: Study, name: str) -> Table:

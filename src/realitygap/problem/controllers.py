@@ -75,12 +75,12 @@ def stopped(form: Form, error: Exception, *given: Floats) -> UsageError:
     """What to say of a user's function that stopped with an error where it was given these: its line."""
     plain: Any = getattr(form.decide, "py_func", form.decide)
     try:
-        with blamed_on(plain.__code__.co_filename, UsageError, "the controller stops"):
+        with blamed_on(plain.__code__.co_filename, UsageError, "the controller fails"):
             plain(*given)
     except UsageError as told:
         return told
     return UsageError(
-        f"{plain.__code__.co_filename}: the controller stops with {type(error).__name__}: {error}."
+        f"{plain.__code__.co_filename}: the controller fails with {type(error).__name__}: {error}."
     )
 
 
@@ -129,7 +129,7 @@ def _own(given: Any, name: str, inputs: int) -> Form:
             f"with WEIGHTS, got {given!r}."
         )
     parts = {key: getattr(given, key) for key in dir(given)} if isinstance(given, type) else plain.__globals__
-    with blamed_on(plain.__code__.co_filename, UsageError, "the size of its controller stops"):
+    with blamed_on(plain.__code__.co_filename, UsageError, "the size of its controller fails"):
         weights, memory = (
             size(inputs) if callable(size) else size
             for size in (parts.get("WEIGHTS"), parts.get("MEMORY", 0))
@@ -141,7 +141,7 @@ def _own(given: Any, name: str, inputs: int) -> Form:
     except Exception as error:
         file, why = Path(plain.__code__.co_filename).name, reason(error).rstrip(".")
         raise UsageError(
-            f"{file}: the controller cannot be carried out: {why}. It is given weights[{weights}], "
+            f"{file}: the controller cannot be run: {why}. It is given weights[{weights}], "
             f"memory[{memory}], inputs[{inputs}] and outputs[2]."
         ) from None
     run = _compiled(decide, True)

@@ -133,7 +133,7 @@ class Problem:
         try:
             given = np.atleast_2d(np.asarray(solutions).astype(np.float64, casting="same_kind"))
         except (TypeError, ValueError) as error:
-            raise UsageError(f"{expected} what is none: {error}.") from None
+            raise UsageError(f"{expected} something else: {error}.") from None
         if given.ndim != 2 or given.shape[1] != self.dim or not len(given):
             raise UsageError(f"{expected} an array of shape {list(given.shape)}.")
         if not np.isfinite(given).all():
@@ -232,7 +232,7 @@ class Problem:
         except Exception as error:  # a user's controller
             raise stopped(self.form, error, made[one], *own) from None
         if wrong:
-            raise UsageError(f"controller: expected finite outputs, not so of solution {one}.")
+            raise UsageError(f"controller: expected finite outputs, got NaN or infinity from solution {one}.")
 
 
 def _gene_bounds(layout: Layout) -> Floats:

@@ -199,7 +199,7 @@ def _refuse_difference(folder: Path, requested: Materials) -> None:
             where = changed(name, path.read_bytes(), content)
         if where is not None:
             raise StudyError(
-                f"{folder}: the study keeps another {name} than the one given now: {where}. {cure}"
+                f"{folder}: the study keeps a different {name} from the one given now: {where}. {cure}"
             )
 
 

@@ -62,7 +62,7 @@ def locked(file: Path, *, within_s: float = 0.0) -> Iterator[None]:
     except Timeout:
         raise BlockingIOError(11, "held by another process", str(file)) from None
     except NotImplementedError as error:
-        raise OSError(95, f"this file system has no locks ({error})", str(file)) from None
+        raise OSError(95, f"this file system does not support locks ({error})", str(file)) from None
     try:
         yield
     finally:

@@ -132,7 +132,9 @@ def _refuse_same_name(tasks: list[Task]) -> None:
 def _refuse_repetition(pairs: list[tuple[str, float]]) -> None:
     for i, pair in enumerate(pairs):
         if pair in pairs[:i]:
-            raise ConfigError(f"conditions[{i}]: {pair[0]} at noise {pair[1]:g} comes twice. Leave one out.")
+            raise ConfigError(
+                f"conditions[{i}]: {pair[0]} at noise {pair[1]:g} appears twice. Leave one out."
+            )
 
 
 def _task_files(task: Task) -> dict[str, bytes]:

@@ -59,7 +59,7 @@ class Results(NamedTuple):
     """What the tests of a finished run found."""
 
     cells: NDArray[np.int64]
-    """[m] cells of the last population that someone lives in."""
+    """[m] occupied cells of the last population."""
     numbers: NDArray[np.int64]
     """[m] who: evaluation numbers."""
     retest: NDArray[np.float64]
@@ -137,9 +137,9 @@ class Bench:
             raise UsageError(f"to_bytes: expected bytes, got {type(kept).__name__}.")
         if not same(once, self.ask(algorithm.from_bytes(kept), n)):
             raise UsageError(
-                "ask: expected the same individuals of a state that was written down (to_bytes) and read "
-                "again (from_bytes), got others. Keep all that they follow from in the state; draw them by "
-                "its stream and evaluations, not with a generator that goes on."
+                "ask: expected the same individuals from a state that was saved (to_bytes) and restored "
+                "(from_bytes), got others. Keep all that they depend on in the state; draw them from its "
+                "stream and evaluations, not from a generator that keeps running."
             )
 
 
@@ -197,7 +197,7 @@ def finish(bench: Bench, plan: Plan, state: State) -> Generator[Asked, Scores, R
     """
     cells = np.flatnonzero(state.numbers >= 0)
     if not len(cells):
-        raise UsageError("tell: expected somebody to live in a cell (numbers) at a run's end, got nobody.")
+        raise UsageError("tell: expected an occupied cell (numbers) at a run's end, got none.")
     retest = yield _test(bench.noise, state.genes[cells], plan, RETEST, bench.retest_trials)
     champion = int(np.argmax([math.fsum(row) for row in retest.tolist()]))
     pair = np.stack([state.best_genes, state.genes[cells[champion]]])

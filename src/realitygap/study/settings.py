@@ -23,7 +23,7 @@ __all__ = [
 LARGEST = 2**63 - 1
 """The largest seed."""
 
-EDITED = "Put it back as it was, or begin another study with it, in a folder of its own."
+EDITED = "Restore it, or start another study with it, in a folder of its own."
 
 
 def whole(key: str, value: object, low: int, high: int) -> None:
@@ -122,7 +122,7 @@ def refuse_edited_settings(file: Path, made: Mapping[str, Any], now: Mapping[str
     if found is not None:
         key, was, shown = found
         raise StudyError(
-            f"{file} was edited since the study was made: {key} was {was!r}, now {shown!r}. {EDITED}"
+            f"{file} has been edited since the study was made: {key} was {was!r}, now {shown!r}. {EDITED}"
         )
 
 

@@ -42,7 +42,7 @@ def refuse_edited(folder: Path, sources: Mapping[str, bytes]) -> None:
         with told(path):
             found = changed(name, was, path.read_bytes())
         if found is not None:
-            raise StudyError(f"{path} was edited since the study was made: {found}. {EDITED}")
+            raise StudyError(f"{path} has been edited since the study was made: {found}. {EDITED}")
 
 
 def changed(name: str, was: bytes, now: bytes) -> str | None:
@@ -54,13 +54,13 @@ def changed(name: str, was: bytes, now: bytes) -> str | None:
         try:
             found = difference(tomllib.loads(before), tomllib.loads(after))
         except tomllib.TOMLDecodeError as error:
-            return f"it is no TOML any more ({error})"
+            return f"it is no longer TOML ({error})"
         return None if found is None else f"{found[0]} was {_shown(found[1])}, now {_shown(found[2])}"
     pairs = zip_longest(before.splitlines(), after.splitlines())
     for number, (left, right) in enumerate(pairs, start=1):
         if left != right:
             return f"line {number} was {_shown(left)}, now {_shown(right)}"
-    return "its ends of lines are others"
+    return "its line ends differ"
 
 
 def refuse_links(folder: Path) -> None:
@@ -108,7 +108,7 @@ def refuse_strange(folder: Path, files: Iterable[Path]) -> None:
     for file in strange(files):
         raise StudyError(
             f"{folder}: the study was made elsewhere and brings a program, {file}, that would be run. "
-            "Read it; if you trust who wrote it, give --trust (in Python: load_study(…, trust=True))."
+            "Read it; if you trust its author, give --trust (in Python: load_study(…, trust=True))."
         )
 
 

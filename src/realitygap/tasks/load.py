@@ -62,14 +62,14 @@ def reference(task: object) -> str:
             raise TaskError(f"task: expected a Task, a task's name or a .py file, got {task!r}.")
         return task
     if task.source is None and task.name not in TASKS:
-        cure = "A study keeps its task's file: write it into one, and give that."
+        cure = "A study keeps its task's file: write the task into one, and give that."
         raise TaskError(f"task {task.name!r}: expected one that was loaded from a file. {cure}")
     place = task.source or task.name
     there = load_task(place)
     same_score = there.score.__code__ == task.score.__code__
     if there.to_dict() != task.to_dict() or not same_score:
         cure = "Change it there, or give the study task.seconds, task.trials, task.sensors or arenas."
-        raise TaskError(f"task {task.name!r} is not what {place} says any more. {cure}")
+        raise TaskError(f"task {task.name!r} no longer matches {place}. {cure}")
     return place
 
 

@@ -82,7 +82,7 @@ class CompiledScore:
         told = f"{type(error).__name__}: {error}".rstrip(": ")
         there = f"{path.x.size} rows, the room {len(room.lamps)} lamps and {len(room.cylinders)} cylinders"
         cure = f"This path has {there}." if isinstance(error, IndexError) else "Correct that line."
-        return TaskError(f"{where}: the score stops with {told}. {cure}")
+        return TaskError(f"{where}: the score fails with {told}. {cure}")
 
 
 @lru_cache(maxsize=64)
@@ -109,7 +109,7 @@ def compile_score(score: Score) -> CompiledScore:
     if returned != numba.float64:
         raise TaskError(
             f"{_where(score)}: score: expected a function that returns a float, it returns "
-            f"{_named(returned)}. Return one number on every way out, as float(…)."
+            f"{_named(returned)}. Return one number from every branch, as float(…)."
         )
     return CompiledScore(score, compiled)
 
@@ -123,10 +123,10 @@ def _refuse_unrepeatable(function: Any, seen: set[Any]) -> None:
     for line, found, name in used(function):
         where = f"{inspect.getfile(function)}, line {line}"
         if found is print:
-            raise TaskError(f"{where}: a score is called a thousand times: take `print` out.")
+            raise TaskError(f"{where}: a score is called a thousand times: remove `print`.")
         if _is_random(found):
             cure = "The same path must give the same score; a trial's chance is in its noise."
-            raise TaskError(f"{where}: a score draws nothing at random: take `{name}` out. {cure}")
+            raise TaskError(f"{where}: a score draws nothing at random: remove `{name}`. {cure}")
         plain = getattr(found, "py_func", None)
         if plain is not None and plain not in seen:
             found.targetoptions.setdefault("boundscheck", True)
@@ -162,7 +162,7 @@ def _named(returned: Any) -> str:
     if text == "none":
         return "nothing"
     if text.startswith("OptionalType"):
-        return "nothing on some ways out"
+        return "nothing from some branches"
     return "int" if text.startswith(("Literal[int]", "int", "uint")) else text
 
 

@@ -90,7 +90,7 @@ def _try(made: CompiledScore, path: Path, room: Room, *, must: bool) -> None:
 
 
 def _told(score: Score, path: Path, room: Room) -> float | Exception:
-    """What a score gives, or what it stops with."""
+    """What a score gives, or the error that it fails with."""
     try:
         with np.errstate(all="ignore"):
             arrays = {name: getattr(room, name).copy() for name in ("lamps", "size", "cylinders")}

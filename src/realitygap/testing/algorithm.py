@@ -131,7 +131,7 @@ class AlgorithmContract:
                 algorithm.tell(state, batch, np.array([wrong]))
             except RealityGapError:
                 continue
-            raise AssertionError(f"a fitness of {wrong} was taken")
+            raise AssertionError(f"a fitness of {wrong} was accepted")
         assert algorithm.tell(state, batch, np.zeros(1)).evaluations == 26
 
     def _after(self, algorithm: Algorithm[Any], n: int, state: State | None = None) -> State:

@@ -81,7 +81,7 @@ class EngineContract:
                     engine.scores(networks, wrong)
                 except UsageError:
                     continue
-                raise AssertionError(f"streams {wrong.dtype}{list(wrong.shape)} were taken")
+                raise AssertionError(f"streams {wrong.dtype}{list(wrong.shape)} were accepted")
 
     def test_it_agrees_with_the_kernels(self) -> None:
         """The scores are those of the engine of the cores, to the bit if the engine is `exact`."""

@@ -29,12 +29,12 @@ def ask(process: subprocess.Popen[bytes], question: bytes, *, within_s: float, w
     target, source, answer = process.stdin.fileno(), process.stdout.fileno(), b""
     while question:
         if not select.select([], [target], [], within_s)[1]:
-            raise RobotError(f"{who} has taken nothing for {within_s:g} s; begin again")
+            raise RobotError(f"{who} has accepted nothing for {within_s:g} s; start again")
         sent = os.write(target, question[: select.PIPE_BUF])  # so many never block where there is room
         question = question[sent:]
     while not answer.endswith(b"\n"):
         if not select.select([source], [], [], within_s)[0]:
-            raise RobotError(f"{who} has not answered for {within_s:g} s; begin again")
+            raise RobotError(f"{who} has not answered for {within_s:g} s; start again")
         more = os.read(source, CHUNK)
         if not more:
             break

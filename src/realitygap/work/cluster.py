@@ -161,7 +161,7 @@ class Dask:
         except (KilledWorker, FutureCancelledError, OSError) as error:
             if lost + 1 >= TRIES or self._client.status != "running":
                 raise StudyError(
-                    f"a worker process died again and again at one job, or the scheduler did ({error}). "
+                    f"a worker process died again and again on one job, or the scheduler did ({error}). "
                     "What was saved is kept: resume, with workers that have more memory if that ran out."
                 ) from None
             return None
@@ -187,7 +187,7 @@ def _reached() -> Iterator[None]:
         yield
     except (OSError, ClosedClientError) as error:
         raise StudyError(
-            f"the Dask scheduler does not answer any more ({error}). What was saved is kept: start it and "
+            f"the Dask scheduler no longer answers ({error}). What was saved is kept: start it and "
             "its workers, and resume."
         ) from None
 
@@ -195,7 +195,7 @@ def _reached() -> Iterator[None]:
 def _strange(error: Exception) -> StudyError:
     """What a worker says that cannot even begin."""
     return StudyError(
-        f"a Dask worker cannot carry out a job ({type(error).__name__}: {error}). Install the same "
+        f"a Dask worker cannot run a job ({type(error).__name__}: {error}). Install the same "
         "realitygap there, in the same Python."
     )
 

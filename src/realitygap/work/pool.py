@@ -32,10 +32,10 @@ from realitygap.errors import StudyError
 __all__ = ["Bench", "Counted", "Here", "Pool", "Setup", "Tell", "bench_of", "messages_of"]
 
 Tell = Callable[[Any], None]
-"""Hears a message of a job."""
+"""Called with each message of a job."""
 LOST = (
-    "workers: expected each message of a job once and in their order, but one was lost or doubled. What was "
-    "saved is kept: go on with other workers, and mend the pool (realitygap.testing.PoolContract)."
+    "workers: expected each message of a job once and in order, but one was lost or duplicated. What was "
+    "saved is kept: continue with other workers, and fix the pool (realitygap.testing.PoolContract)."
 )
 
 

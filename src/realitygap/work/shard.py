@@ -135,7 +135,7 @@ def marked(folder: Path, shard: Shard | None, work: str, *, begun: bool, **facts
     there, cure = read_mark(folder), "Choose another --out."
     if there is None:
         if shard is not None and begun:
-            raise StudyError(f"{folder} holds more than a shard: it was begun without a shard. {cure}")
+            raise StudyError(f"{folder} holds more than a shard: it was started without one. {cure}")
         return None if shard is None else Mark(shard=shard, work=work, facts=facts)
     if shard not in (None, there.shard) or there.work != work:
         asked = there.shard if shard is None else shard

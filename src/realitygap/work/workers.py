@@ -70,7 +70,7 @@ def named_pool(text: str) -> Pool:
         return Dask(text.removeprefix("dask:"))
     make, file = named_object(text, ConfigError, "workers"), place_of(text)
     place = text.rpartition(":")[0] if file is None else file[0].resolve()
-    with blamed_on(place, ConfigError, f"{text.rpartition(':')[2]}() stops"):
+    with blamed_on(place, ConfigError, f"{text.rpartition(':')[2]}() fails"):
         pool = make() if callable(make) else make
     if not isinstance(pool, Pool):
         raise ConfigError(f"workers: {text}: expected a pool, with methods work and close, got {pool!r}.")

@@ -83,9 +83,9 @@ class Wheels(Value):
         require(
             self.command(TOP_INPUT) >= 1,
             "top_command",
-            "1 or more, since a robot is given whole commands",
+            "1 or more, since a robot receives whole commands",
             self.top_command,
-            "Take a smaller unit of speed, as mm/s instead of m/s.",
+            "Use a smaller unit of speed, such as mm/s instead of m/s.",
         )
         for key in ("kp", "ki", "kd", "rest_speed_cm_s", "friction_cm_s2"):
             require(getattr(self, key) >= 0, key, "0 or more", getattr(self, key))
@@ -97,7 +97,7 @@ class Wheels(Value):
         require(
             pole < 1,
             "kp",
-            "gains with which a wheel settles on its speed (largest pole below 1)",
+            "gains with which a wheel settles at its speed (largest pole below 1)",
             float(f"{pole:.4g}"),
             "Lower kp, ki or kd, or raise the divisor.",
         )

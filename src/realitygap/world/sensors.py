@@ -135,7 +135,7 @@ class Infrared(Value):
         require(0 <= self.dead < self.top, "dead", "counts from 0 to below top", self.dead)
         require(self.matt in (0.0, 1.0), "matt", "0 (as in the paper) or 1", self.matt)
         far, near = check_bands(self.bands)
-        require(far < near, "bands", "what is read far off, then what is read near by", self.bands, TURN)
+        require(far < near, "bands", "the reading far away, then the reading close by", self.bands, TURN)
         require(near <= self.top, "bands", f"readings up to top ({self.top:g})", self.bands)
         check_radians(self.sensors)
 
@@ -204,7 +204,7 @@ class Ambient(Value):
         require(self.dark > self.floor, "dark", f"more than floor ({self.floor:g})", self.dark)
         require(self.top >= self.dark, "top", f"at least dark ({self.dark:g})", self.top)
         dark, bright = check_bands(self.bands)
-        require(dark > bright, "bands", "what is read in the dark, then what is read near a lamp",
+        require(dark > bright, "bands", "the reading in the dark, then the reading near a lamp",
                 self.bands, TURN)  # fmt: skip
         check_radians(self.sensors)
         require(self.response in RESPONSES, "response", " or ".join(map(repr, RESPONSES)), self.response)
