@@ -3,7 +3,7 @@
     study = realitygap.evolve("light-seeking", noise="double", runs=3)
     study.show()
 
-How far it is shows on a terminal, as lines where stderr is none, and as a bar in a notebook's cell;
+Progress shows on a terminal, as lines where stderr is not one, and as a bar in a notebook's cell;
 nothing else is printed. Errors are those of `realitygap.errors`.
 """
 
@@ -67,18 +67,18 @@ def evolve(
         runs: of each condition; 1 if None.
         evaluations: in each run; 1000 if None.
         out: the study's folder; out/TASK if None.
-        config: begin from a study's TOML.
+        config: start from a study's TOML.
         settings: changes by key, such as {"evolution.rows": 10}; other arguments override them.
         workers: processes, one a core if None; or a pool. Never changes a result.
         engine: what trials run on: "cores" or "cuda".
-        resume: continue what is there; what is None is as it was.
+        resume: continue what is there; arguments that are None keep their saved values.
         watch: keep watch.html in the folder up to date: how evolution goes.
         shard: "1/3": the first of three shares; None: all runs, or on resuming what the folder holds.
 
     Raises:
-        UsageError: what cannot be done, by name.
+        UsageError: something that cannot be done, by name.
         StudyError: the folder holds a study and `resume` is not set, or something else.
-        StudyInterruptedError: Ctrl-C; what is done is kept.
+        StudyInterruptedError: Ctrl-C; finished work is kept.
     """
     from realitygap.cli.evolve import begun_config, changed_config, folder_of
     from realitygap.cli.option import given, unusual
@@ -117,7 +117,7 @@ def merge(
         trust: agree to run the task files that they bring.
 
     Raises:
-        StudyError: a shard that is missing, not finished or of another study; or `out` exists.
+        StudyError: a shard is missing, unfinished or of another study; or `out` exists.
     """
     from realitygap.cli.estimate import note_versions
     from realitygap.cli.progress import ProgressLine
@@ -169,14 +169,14 @@ def reproduce(
         transfer: let the champions drive the twin.
         workers: processes, one a core if None; or a pool. Never changes a result.
         engine: what evolution's trials run on: "cores" or "cuda".
-        resume: continue what is there; what is None is as it was.
+        resume: continue what is there; arguments that are None keep their saved values.
         watch: keep watch.html in the folder up to date: how evolution goes.
 
     Raises:
-        UsageError: what cannot be done, by name.
+        UsageError: something that cannot be done, by name.
         StudyError: the folder holds a study and `resume` is not set, or something else.
         RobotError: a recording or a trial failed.
-        StudyInterruptedError: Ctrl-C; what is done is kept.
+        StudyInterruptedError: Ctrl-C; finished work is kept.
     """
     from realitygap.cli.reproduce import carried_out, requested_by
 
@@ -221,8 +221,8 @@ def calibrate(
         on_progress: is told how many of all fits are done; None shows it.
 
     Raises:
-        RecordingError: a recording that cannot be read.
-        CalibrationError: recordings that no sensible profile can be made from.
+        RecordingError: a recording cannot be read.
+        CalibrationError: recordings from which no sensible profile can be made.
     """
     from realitygap.calibration.calibrate import base_of
     from realitygap.calibration.calibrate import calibrate as fit

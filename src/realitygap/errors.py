@@ -14,7 +14,7 @@ class RealityGapError(Exception):
 
 
 class UsageError(RealityGapError, ValueError):
-    """Something that the user can mend: exit code 2."""
+    """Something that the user can fix: exit code 2."""
 
     exit_code = 2
 
@@ -46,7 +46,7 @@ class StudyInterruptedError(RealityGapError, KeyboardInterrupt):
 
 
 class RobotError(RealityGapError):
-    """A robot that does not do what it was told: names the command and what it answered."""
+    """A robot that does not do as commanded: names the command and the answer."""
 
 
 class LineError(RobotError):

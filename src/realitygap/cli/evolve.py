@@ -87,20 +87,20 @@ def evolve(
 
 
 def folder_of(task: str) -> Path:
-    """Where a task is evolved if nothing is said."""
+    """Where a task is evolved by default."""
     from realitygap.tasks import load_task
 
     return Path("out", load_task(task).name)
 
 
 def begun_config(folder: Path, task: str, config: Path | None, resume: bool) -> StudyConfig:
-    """What a study begins from: a file, the study that is there, or one condition of the task.
+    """What a study starts from: a file, the study that is there, or one condition of the task.
 
     Args:
         folder: the study's.
         task: a name or a file, as typed.
         config: a file of --config, if any.
-        resume: whether to go on with what is there.
+        resume: whether to continue what is there.
     """
     from realitygap.study.config import StudyConfig
     from realitygap.study.folder import exists, own_config

@@ -29,7 +29,7 @@ class Finite(click.ParamType):
         self.low, self.high = low, high
 
     def read(self, text: str) -> float:
-        """The number that is written; a ValueError where none is."""
+        """The number in the text; a ValueError if it has none."""
         return float(text)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
@@ -118,7 +118,7 @@ class Seconds(Finite):
 
 
 class FileToWrite(click.ParamType):
-    """A file that is to be written, of one of the named kinds; checked before any work is done."""
+    """A file to write, of one of the named kinds; checked before any work is done."""
 
     def __init__(self, *kinds: str, name: str = "file") -> None:
         self.kinds, self.name = kinds, name

@@ -39,7 +39,7 @@ def tell(json_output: bool, value: Any, *lines: str) -> None:
 
 
 def warn(warnings: Iterable[str]) -> None:
-    """What a person should know, a line each on stderr."""
+    """Print what a person should know, a line each on stderr."""
     for warning in warnings:
         click.echo(f"warning: {warning}", err=True)
 
@@ -80,5 +80,5 @@ def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
 
 
 def at_terminal() -> bool:
-    """Whether somebody is there who can answer a question."""
+    """Whether somebody can answer a question."""
     return sys.stdin.isatty() and sys.stderr.isatty()

@@ -1,4 +1,4 @@
-"""How far a study is: a live line on a terminal, a plain line now and then elsewhere. On stderr."""
+"""Progress: a live line on a terminal, a plain line now and then elsewhere. On stderr."""
 
 from __future__ import annotations
 

@@ -53,14 +53,14 @@ def placed(
 
 
 def facts(simulation: Simulation, seed: int) -> dict[str, Any]:
-    """What a person needs to make the same figures again."""
+    """What a person needs to reproduce the figures."""
     task, profile = simulation.task, simulation.profile
     names = {"task": task.name, "arena": task.arena.name, "profile": profile.name}
     return {**names, "noise": simulation.noise, "seed": seed}
 
 
 def note_dark(task: Task, arena: Arena) -> None:
-    """Say so if a task that feeds ambient light is done where no lamp is."""
+    """Note it if a task that feeds ambient light runs where there is no lamp."""
     if "ambient" in task.kinds and not arena.lamps:
         note(f"arena {arena.name!r} has no lamp: the light sensors that task {task.name!r} feeds read dark")
 

@@ -55,7 +55,7 @@ def carry_out(
     then: Then | None = None,
     watch: bool = False,
 ) -> Carried:
-    """Run or continue the study in `folder`, then report on it; what came of it, for `show_study`.
+    """Run or continue the study in `folder`, then report on it; the result, for `show_study`.
 
     Args:
         folder: the study's, or the shard's.
@@ -70,7 +70,7 @@ def carry_out(
 
     Raises:
         UsageError: a shard is to be watched.
-        StoppedError: on Ctrl-C, saying how to go on.
+        StoppedError: on Ctrl-C, saying how to continue.
     """
     from realitygap.study.runner import run_study
     from realitygap.work.shard import read_mark
@@ -105,7 +105,7 @@ def reported(
         folder: the study's.
         study: as it is now.
         workers: processes; one a core if None.
-        progress: hears how far it is.
+        progress: called with the progress.
         more: further parts of the JSON.
     """
     from realitygap.report.build import build_report

@@ -1,4 +1,4 @@
-"""What is asked of many runs: each experiment states its plan, then carries it out."""
+"""Experiments of many runs: each states its plan, then carries it out."""
 
 from realitygap.lazy import names_of
 

@@ -1,4 +1,4 @@
-"""An experiment's folder: its settings, made once and gone on with by the same; its files and tables."""
+"""An experiment's folder: its settings, made once and only continued with the same; its files and tables."""
 
 import json
 import math
@@ -33,7 +33,7 @@ ADDED = ("versions", "plan")
 
 @dataclass(frozen=True, kw_only=True)
 class Settings(Value):
-    """What an experiment is asked for: all that its results depend on.
+    """An experiment's settings: all that its results depend on.
 
     A kind of experiment says FILE, where its settings are in its folder; WHAT messages call it; the COMMAND
     that makes it; FACTS, the file of its results that comes last, if it has one.
@@ -47,11 +47,11 @@ class Settings(Value):
 
     @property
     def named(self) -> str:
-        """Options to repeat where it is gone on with: a user's program runs only if it is named."""
+        """Options to repeat when it is continued: a user's program runs only if it is named."""
         return ""
 
     def resuming(self, folder: str | Path) -> str:
-        """The command that goes on with it."""
+        """The command that continues it."""
         return f"{self.COMMAND} --out {shlex.quote(str(folder))}{self.named} --resume"
 
     @classmethod
@@ -78,7 +78,7 @@ class Settings(Value):
 
     @classmethod
     def begun(cls, folder: Path, *, resume: bool) -> Self:
-        """The usual settings; those of a folder that is to be gone on with, if it holds any."""
+        """The usual settings; those of a folder that is to be continued, if it holds any."""
         return cls.from_folder(folder) if resume and (folder / cls.FILE).is_file() else cls()
 
 
@@ -90,8 +90,8 @@ def open_folder(
     Args:
         folder: the experiment's.
         kind: of experiment.
-        requested: what is asked for; None: to go on with what is there.
-        resume: go on with it.
+        requested: what is asked for; None: to continue what is there.
+        resume: continue it.
         facts: what is written beside new settings.
 
     Raises:
@@ -135,7 +135,7 @@ def missing(files: Mapping[T, Path]) -> list[T]:
 
 @contextmanager
 def kept(file: Path, what: str) -> Iterator[None]:
-    """Read a file that a phase left: whatever is wrong with it is said in one line.
+    """Read a file that a phase left; anything wrong with it ends in one line.
 
     Raises:
         StudyError: it is not there, or broken.

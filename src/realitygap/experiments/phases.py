@@ -38,7 +38,7 @@ def session(folder: Path, workers: Workers) -> Iterator[Pool]:
     """Hold a folder and a pool for a while.
 
     Raises:
-        StudyInterruptedError: Ctrl-C; what was done is kept.
+        StudyInterruptedError: Ctrl-C; finished work is kept.
     """
     try:
         with opened(workers) as pool, lock(folder):
@@ -69,7 +69,7 @@ class Phase(NamedTuple):
 
 
 class Made(NamedTuple):
-    """What came of a job: a file, by its name from the experiment's folder. Shares of it come before."""
+    """The result of a job: a file, by its name from the experiment's folder. Shares of it come before."""
 
     file: str
     content: bytes
@@ -82,7 +82,7 @@ class Phases:
         folder: the experiment's.
         pool: who does the work.
         phases: all of them, in order.
-        on_progress: who is told.
+        on_progress: called with progress.
     """
 
     def __init__(

@@ -38,10 +38,10 @@ class Realities(Settings):
     """What is asked for; on each reality the same.
 
     Attributes:
-        robots: addresses that must be there: "twin", "stranger", "enki:MODEL", or a robot of one's own that
+        robots: addresses that must be there: "twin", "stranger", "enki:MODEL", or a robot of your own that
             places itself, "file.py:Class".
-        only: leave out what is not among `robots`; else all that is at hand is tried.
-        base: the rough profile of one's own robots.
+        only: leave out what is not among `robots`; else all that are available are tried.
+        base: the rough profile of your own robots.
         levels: of noise: controllers evolve at each, and are compared with the simulation at each.
         runs: controllers of each level; starts: trials of each; evaluations: of each run.
         seconds: length of a trial; 0 for the task's own.
@@ -77,7 +77,7 @@ class Realities(Settings):
 
     @property
     def every(self) -> tuple[str, ...]:
-        """The robots that are tried, each once, those at hand first."""
+        """The robots that are tried, each once, available ones first."""
         known = () if self.only else AT_HAND
         return tuple(dict.fromkeys((*known, *self.robots)))
 
@@ -119,15 +119,15 @@ def carry_out(
     resume: bool = False,
     on_progress: OnProgress | None = None,
 ) -> list[Place]:
-    """Record, calibrate, evolve, drive and compare on one reality after the other; or go on with that.
+    """Record, calibrate, evolve, drive and compare on one reality after the other; or continue that.
 
     Neither `workers` nor an interruption changes a bit of what comes out.
 
     Args:
         folder: made if it does not exist.
-        requested: what to do; None to resume as it was asked for.
+        requested: what to do; None to resume with the saved settings.
         workers: processes, one a core if None; or a pool.
-        resume: go on with what is in the folder.
+        resume: continue what is in the folder.
         on_progress: called a few times a second.
 
     Returns:
@@ -135,7 +135,7 @@ def carry_out(
 
     Raises:
         UsageError: a reality that was named is not there, wrong settings, a folder that cannot be used.
-        StudyInterruptedError: Ctrl-C; what was done is kept.
+        StudyInterruptedError: Ctrl-C; finished work is kept.
     """
     folder = Path(folder)
     if requested is not None:

@@ -1,6 +1,6 @@
 """The paper's whole experiment in one folder: calibrate on a unit, evolve, transfer to it (§3.2.1, §6).
 
-What was asked for is written down first, so that `--resume` needs no options at any of these phases.
+The settings are saved first, so that `--resume` needs no options at any of these phases.
 """
 
 from collections.abc import Callable
@@ -47,7 +47,7 @@ Calibrating = Callable[[str, int, int], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Reproduction(Value):
-    """What a reproduction is asked for.
+    """A reproduction's settings.
 
     Attributes:
         runs, evaluations, seed: as a study's.
@@ -88,7 +88,7 @@ class Reproduction(Value):
 
 
 def begun(folder: Path) -> Reproduction | None:
-    """What the reproduction in a folder was asked for, how far it may be; None where there is none."""
+    """The settings of the reproduction in a folder, however far it is; None where there is none."""
     asked = Reproduction.from_toml(folder / ASKED) if (folder / ASKED).is_file() else None
     if not exists(folder):
         return asked
@@ -113,7 +113,7 @@ def configured(
         requested: what was asked for.
         resume: continue what is there.
         workers: processes; one a core if None.
-        on_progress: hears how far the calibration is.
+        on_progress: called with the calibration's progress.
 
     Raises:
         StudyError: the folder holds something else, or a study and `resume` is not set.
@@ -149,7 +149,7 @@ def transferred(
         study: with its runs finished.
         starts: trials of each champion.
         workers: processes; one a core if None.
-        on_progress: hears how far the trials are.
+        on_progress: called with the trials' progress.
     """
     filmed = [(run.id, 1) for run in shown_runs(study)]
     driven = Transfer(robots=(f"twin:{UNIT}",), film=filmed, starts=starts)

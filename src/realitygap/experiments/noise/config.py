@@ -33,10 +33,10 @@ class NoiseConfig(Settings):
 
     Attributes:
         arm: of the second study's plan (`second.arms`), which alone may set what stands last here; None: a
-            design of one's own.
+            design of your own.
         levels: of noise: controllers evolve at each, and are compared with the simulation at each.
         runs: controllers of each task and level, over all seed sets; or of each level, in the levels' order.
-        seed_sets: sets of runs with seeds of their own: each is a study for itself.
+        seed_sets: sets of runs with seeds of their own: each is a study in itself.
         units: of the twin, so many from `first_unit` on; a simulation is calibrated to each.
         starts: of each controller on each unit.
         evaluations: of each run.
@@ -46,7 +46,7 @@ class NoiseConfig(Settings):
         seconds: length of a trial; the task's own if None.
         robot: in the twin's place `stranger` or `enki:MODEL`, whose units are meant; or one of your own,
             `file.py:Class` or `module:Class`: the only unit.
-        base: the rough profile of one's own, by name or file.
+        base: the rough profile of your own, by name or file.
         arena: another than the task's, by name or file, where there is one task; for a larger robot.
         first_unit: its number.
         foreign: units that a controller drives besides its calibration unit, the next in order, in a circle;
@@ -128,7 +128,7 @@ class NoiseConfig(Settings):
             object.__setattr__(self, "runs", tuple(runs for _, runs in rising))
 
     def _check_robot(self) -> None:
-        """A robot of one's own has a base, and none of what is the twin's; files are known everywhere."""
+        """A robot of your own has a base, and none of what is the twin's; files are known everywhere."""
         if self.robot is None:
             require(self.base is None, "base", "none for a twin", self.base, "Leave it out, or give `robot`.")
             return
@@ -206,7 +206,7 @@ class NoiseConfig(Settings):
 
     @property
     def named(self) -> str:
-        """A robot of one's own, which is a program; or the arm."""
+        """A robot of your own, which is a program; or the arm."""
         robot = "" if self.robot is None else f" --robot {shlex.quote(self.robot)}"
         return robot if self.arm is None else f" --arm {self.arm}"
 
@@ -220,7 +220,7 @@ def levels_of(text: str) -> tuple[float, ...]:
     """Noise levels as a person types them: "0,0.5,observed,2".
 
     Raises:
-        ConfigError: names the one that is none.
+        ConfigError: names the invalid one.
     """
     return tuple(noise_level(part) for part in text.split(","))
 
@@ -229,7 +229,7 @@ def tasks_of(text: str) -> tuple[str, ...]:
     """The tasks that a person means: "both", or a paper's task by its name or a word of it.
 
     Raises:
-        TaskError: names the one that is none.
+        TaskError: names the invalid one.
     """
     return TASKS if text == "both" else tuple(load_task(word).name for word in text.split(","))
 

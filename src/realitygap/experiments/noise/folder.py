@@ -1,4 +1,4 @@
-"""A noise study's folder: made once, opened only by the settings it was made with; merged of its shards."""
+"""A noise study's folder: made once, opened only with its own settings; merged from shards."""
 
 import shlex
 import shutil
@@ -38,7 +38,7 @@ def open_folder(
 
     Args:
         folder: where the study is, or shall be.
-        requested: None to go on with the one that is there.
+        requested: None to continue the one that is there.
         resume: whether one may be there.
         mark: of a shard.
 
@@ -65,7 +65,7 @@ def open_folder(
 
 
 def begun_by(folder: Path) -> dict[str, str]:
-    """Digests of the plan that the study in a folder was begun by; none of a design of one's own."""
+    """Digests of the plan under which the study in a folder was started; none for a design of your own."""
     return dict(read_toml(folder / CONFIG, StudyError, "").get("plan", {}))
 
 

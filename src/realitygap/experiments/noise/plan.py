@@ -155,5 +155,5 @@ def situated_file(folder: Path, one: Controller) -> Path:
 
 
 def simulated_file(folder: Path, one: Controller) -> Path:
-    """What came of the comparison of those with the simulations."""
+    """The results of comparing those with the simulations."""
     return folder / "simulated" / f"{one.name}.json"

@@ -28,7 +28,7 @@ CALIBRATION = ("unit", "channel", "model_error", "noise", "ratio", "ratio_over_a
 
 
 def write_results(stage: Stage) -> Path:
-    """Gather what came of all controllers: controllers.csv, cells.csv, calibration.csv, study.toml.
+    """Gather all controllers' results: controllers.csv, cells.csv, calibration.csv, study.toml.
 
     Of an arm of the plan all profiles besides, and rows by calibration unit and foreign ones; where it is
     known what robots read and did, without-camera.csv.

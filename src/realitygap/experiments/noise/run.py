@@ -1,4 +1,4 @@
-"""Carry out a study of the level of noise: calibrate, evolve, drive, compare, gather; or go on with one.
+"""Carry out a study of the level of noise: calibrate, evolve, drive, compare, gather; or continue one.
 
 from realitygap.experiments.noise.config import NoiseConfig
 from realitygap.experiments.noise.run import noise_study
@@ -62,7 +62,7 @@ def noise_study(
     shard: Shard | None = None,
     on_progress: OnProgress | None = None,
 ) -> Path:
-    """Carry out a study in a folder, or go on with the one that is there.
+    """Carry out a study in a folder, or continue the one that is there.
 
     Neither `workers` nor an interruption at any moment changes a bit of its tables.
 
@@ -71,8 +71,8 @@ def noise_study(
         config: what to do; None to resume a study as it was made.
         workers: processes, one a core if None, 1 stays in this process; or a pool.
         engine: what evolution's trials run on: see `run_study`.
-        resume: go on with the study that is in the folder; without one, make it from `config`.
-        shard: the share of the controllers to evolve, drive and compare; one that was begun is gone on with
+        resume: continue the study in the folder; if there is none, make it from `config`.
+        shard: the share of the controllers to evolve, drive and compare; one that was started continues
             as it was. `merge_noise` makes the study of all shards' folders.
         on_progress: called a few times a second.
 
@@ -82,8 +82,8 @@ def noise_study(
 
     Raises:
         UsageError: wrong settings, or a folder that cannot be used.
-        StudyInterruptedError: Ctrl-C; what was done is kept.
-        RobotError: a twin that does not do what it was told.
+        StudyInterruptedError: Ctrl-C; finished work is kept.
+        RobotError: a twin that does not do as commanded.
     """
     folder = Path(folder)
     if config is not None:

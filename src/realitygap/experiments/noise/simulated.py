@@ -1,4 +1,4 @@
-"""Controllers in the simulations: from the same poses, at every level, held against the twin's paths.
+"""Controllers in the simulations: from the same poses, at every level, compared with the twin's paths.
 
 At the level as measured also without a camera: by what was read and done.
 """
@@ -31,7 +31,7 @@ from realitygap.transfer.paths import score
 __all__ = ["AS_MEASURED", "LIVED", "compare_all", "lived_apart", "read_compared", "scale_for", "to_json"]
 
 AS_MEASURED = 1.0
-"""The level of the simulations that robots are held against without a camera: as noisy as calibration found
+"""The level of the simulations that robots are compared with without a camera: as noisy as calibration found
 these."""
 LIVED = ("readings", "commands", "speeds", "distance", "replay_cm")
 """Means over a unit's trials: see `transfer.without_camera.Lived`."""
@@ -44,7 +44,7 @@ LEAST_TRIALS = 2
 def compare_all(
     stage: Stage, one: Controller, tell: Callable[[float], None] = lambda _: None
 ) -> dict[str, Any]:
-    """Hold a controller's paths on the twin against the simulation at every level.
+    """Compare a controller's paths on the twin with the simulation at every level.
 
     Simulated trials of one unit and start have the same draws at every level, which differ in how
     loud they are: so a difference between levels is one of noise, and not of luck.
@@ -112,10 +112,10 @@ def _unit_scores(
 
 
 def read_compared(stage: Stage, one: Controller) -> dict[str, Any]:
-    """What came of a controller, as it was kept.
+    """A controller's results, as they were kept.
 
     Raises:
-        StudyError: it is not there, or broken.
+        StudyError: they are missing or broken.
     """
     file = simulated_file(stage.folder, one)
     with kept(file, "the results of a controller's comparisons"):

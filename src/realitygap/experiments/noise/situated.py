@@ -1,6 +1,6 @@
 """Controllers on the twin: every unit, every start, through its line and under its camera.
 
-A robot of one's own that takes the twin's place is its only unit.
+A robot of your own that takes the twin's place is its only unit.
 """
 
 from collections.abc import Callable
@@ -105,7 +105,7 @@ class Rigs:
 
 
 def check_robot(config: NoiseConfig) -> None:
-    """Refuse a robot of one's own that cannot do the trials, before any work.
+    """Refuse a robot of your own that cannot do the trials, before any work.
 
     Raises:
         UsageError: it does not place itself, nothing tells its path, it lacks a task's sensors, its period
@@ -137,13 +137,13 @@ def check_robot(config: NoiseConfig) -> None:
 def situate(
     stage: Stage, rigs: Rigs, one: Controller, tell: Callable[[float], None] = lambda _: None
 ) -> Situated:
-    """Let a controller drive its units from every start; `tell` hears the share that was done since last.
+    """Let a controller drive its units from every start; `tell` receives the share done since its last call.
 
     Args:
         stage: of the study.
         rigs: the units.
         one: who drives.
-        tell: hears the share of the work that was done since the last time.
+        tell: called with the share of the work done since its last call.
     """
     config, units = stage.config, stage.config.driven(one.home, one.individual)
     driver = stage.driver(one)

@@ -46,7 +46,7 @@ class Bench:
         self._rigs = Rigs(stage)
 
     def carry_out(self, job: Job, tell: Tell) -> None:
-        """One job; `tell` hears the share that was done since the last time, then what came of it."""
+        """One job; `tell` receives the share done since its last call, then the result."""
         stage, one = self._stage, job.controller
         stage.champions = {one: job.genes}
         with told(stage.folder):

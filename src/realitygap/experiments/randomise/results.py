@@ -70,7 +70,7 @@ class Comparison(NamedTuple):
 
 
 def write_results(folder: Path, config: RandomiseConfig, profiles: Profiles) -> Path:
-    """Gather what came of all controllers.
+    """Gather all controllers' results.
 
     Raises:
         StudyError: a controller's file is missing or broken.

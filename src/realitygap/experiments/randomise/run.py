@@ -1,4 +1,4 @@
-"""Carry out an experiment of measuring or randomising: calibrate, evolve, drive, gather; or go on with one.
+"""Carry out an experiment of measuring or randomising: calibrate, evolve, drive, gather; or continue one.
 
 from realitygap.experiments.randomise.plan import RandomiseConfig
 from realitygap.experiments.randomise.run import measure_or_randomise
@@ -54,7 +54,7 @@ def measure_or_randomise(
     resume: bool = False,
     on_progress: OnProgress | None = None,
 ) -> Path:
-    """Carry out an experiment in a folder, or go on with the one that is there.
+    """Carry out an experiment in a folder, or continue the one that is there.
 
     Neither `workers` nor an interruption at any moment changes a bit of its tables.
 
@@ -63,7 +63,7 @@ def measure_or_randomise(
         config: what to do; None to resume an experiment as it was made.
         workers: processes, one a core if None, 1 stays in this process; or a pool.
         engine: what evolution's trials run on; randomised ones need "cores".
-        resume: go on with the experiment that is in the folder; without one, make it from `config`.
+        resume: continue the experiment in the folder; if there is none, make it from `config`.
         on_progress: called a few times a second.
 
     Returns:
@@ -72,8 +72,8 @@ def measure_or_randomise(
 
     Raises:
         UsageError: wrong settings, or a folder that cannot be used.
-        StudyInterruptedError: Ctrl-C; what was done is kept.
-        RobotError: a unit that does not do what it was told.
+        StudyInterruptedError: Ctrl-C; finished work is kept.
+        RobotError: a unit that does not do as commanded.
     """
     folder = Path(folder)
     with session(folder, workers) as pool:

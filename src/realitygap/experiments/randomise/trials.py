@@ -1,4 +1,4 @@
-"""Controllers on their units, each held against the simulation that it evolved in: as jobs."""
+"""Controllers on their units, each compared with the simulation that it evolved in: as jobs."""
 
 import math
 from io import BytesIO

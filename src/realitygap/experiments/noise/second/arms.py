@@ -46,7 +46,7 @@ def plan_digests() -> dict[str, str]:
 
 
 def check_arm(folder: Path, config: NoiseConfig, begun_by: Mapping[str, str] | None = None) -> None:
-    """Refuse a study of an arm that is not the plan's, or was begun by another plan, of these digests.
+    """Refuse a study of an arm that is not the plan's, or was started under another plan, of these digests.
 
     Raises:
         StudyError: names the setting that differs, or the file of the plan.

@@ -1,4 +1,4 @@
-"""Two groups of controllers held against each other within strata; slopes within units; a peak's interval.
+"""Two groups of controllers compared within strata; slopes within units; a peak's interval.
 
 All are two-sided. What is above zero is in favour of the first group.
 """

@@ -67,7 +67,7 @@ class Comparison:
     """One of an arm's twelve; or one shown beside them, whose `p_holm` is nan.
 
     Attributes:
-        against: the level that level 1 is held against; for (d) the levels that slopes are over.
+        against: the level that level 1 is compared with; for (d) the levels that slopes are over.
         tested: by the claim's statistic; above zero is in its favour.
         sets: the sign of the statistic in each seed set.
         difference: of means, with its 90 % interval; nan for failures and (d).
@@ -143,7 +143,7 @@ def judge(data: Crossed, plan: Plan = PLAN) -> Judgement:
 
 
 def _tests(data: Crossed, plan: Plan, permutations: int, *, least: int) -> dict[tuple[str, str, str], Tested]:
-    """By key, statistic and what level 1 is held against; also (c)'s means, which are shown beside."""
+    """By key, statistic and what level 1 is compared with; also (c)'s means, which are shown beside."""
     made = {}
     for other in plan.against:
         to = f"{other:g}"
@@ -236,7 +236,7 @@ def peak_of(data: Crossed, plan: Plan = PLAN) -> Peak:
 
 
 def by_mixed_models(data: Crossed, plan: Plan = PLAN) -> dict[tuple[str, str], Tested]:
-    """The level's coefficient, by claim and what level 1 is held against, as `Comparison.against` names it.
+    """The level's coefficient, by claim and what level 1 is compared with, as `Comparison.against` names it.
 
     For (b) it is in points, in favour of level 1; for (d) of the fall of fitness, in deviations, over the
     level's root in deviations: there the statistic is above zero where it falls. Unit and run have random
