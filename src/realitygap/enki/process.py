@@ -103,7 +103,7 @@ GONE = f"{WHO} is gone; start again"
 
 
 class Moment(NamedTuple):
-    """What came of some steps.
+    """The results of some steps.
 
     Attributes:
         poses: [steps, 3] x, y (cm) and heading (rad) after each step.

@@ -5,7 +5,7 @@ Importing this tells Gymnasium their names:
     import gymnasium
     import realitygap.environment
 
-    gymnasium.register_envs(realitygap.environment)  # which the import has done
+    gymnasium.register_envs(realitygap.environment)  # the import has done this
     gymnasium.make("realitygap/ObstacleAvoidance-v0", noise="double")
     gymnasium.make_vec("realitygap/LightSeeking-v0", num_envs=64, vectorization_mode="vector_entry_point")
     gymnasium.make("realitygap/Task-v0", task="my_task.py")

@@ -49,13 +49,13 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
     far, less what that was a step before. `info["score"]` has the score of a trial at its end.
 
     Args:
-        task: one that comes with the package, or a Python file of one's own.
+        task: one that comes with the package, or a Python file of your own.
         num_envs: robots.
         profile: the robot: a shipped profile's name or a TOML file.
         noise: zero, observed, double or a number.
         arena: in place of the task's.
         spread: share, 0 to 0.9, within which each trial draws the robot's constants anew (`Task.spread`).
-        autoreset_mode: what happens to a robot whose trial is over: it begins anew with the next step
+        autoreset_mode: what happens to a robot whose trial is over: it starts again with the next step
             (Gymnasium's default), with the same one, or when `reset` is called with `reset_mask`.
 
     Raises:
@@ -112,7 +112,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
                 "noise", "profile": from now on, of all.
 
         Raises:
-            RealityGapError: a seed, mask, pose, noise or profile that is none, or a pose where something
+            RealityGapError: an invalid seed, mask, pose, noise or profile, or a pose where something
                 stands.
         """
         given = checked_options(options, {"pose", "reset_mask", *SETTINGS})
@@ -136,14 +136,14 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
     def step(
         self, actions: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], Floats, NDArray[np.bool_], NDArray[np.bool_], Info]:
-        """A step of the robot's period of every robot.
+        """One step of the robot's period for every robot.
 
         Args:
             actions: float[N, 2].
 
         Raises:
             UsageError: before the first reset; an action that is not finite; or a trial that is over where
-                nothing begins anew by itself.
+                nothing starts again by itself.
         """
         if self._seeds is None:
             raise UsageError("step: expected a reset first.")
@@ -190,7 +190,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         )
 
     def _seed(self, seed: int | Sequence[int | None] | None, which: NDArray[np.int64]) -> None:
-        """Streams of the seeds; robots without one go on with those that they have."""
+        """Streams of the seeds; robots without one keep those that they have."""
         if self._seeds is None:
             super().reset(seed=seed if isinstance(seed, int) else None)
             self._seeds = self.np_random.integers(0, 2**63, self.num_envs, np.uint64)

@@ -1,4 +1,4 @@
-"""Robots as Stable-Baselines3 has them: its `VecEnv` over the native vector environment."""
+"""Robots for Stable-Baselines3: its `VecEnv` over the native vector environment."""
 
 from functools import cache
 from typing import Any
@@ -21,7 +21,7 @@ def stable_baselines(env: RobotVectorEnv) -> Any:
     At a trial's end its info has "terminal_observation", "TimeLimit.truncated" and "score".
 
     Args:
-        env: a `RobotVectorEnv`, or what `gymnasium.make_vec` made of one, whose robots begin anew in the
+        env: a `RobotVectorEnv`, or what `gymnasium.make_vec` made of one, whose robots start again in the
             same step: autoreset_mode="SameStep".
 
     Raises:

@@ -47,7 +47,7 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
     """A robot at a task: observations, actions and rewards as in `RobotVectorEnv`.
 
     On another reality than the simulation its path is what the robot itself knows: its pose where it is told
-    (Enki, a body of one's own), else what its wheels count, or the speeds that they measure (a Thymio),
+    (Enki, a body of your own), else what its wheels count, or the speeds that they measure (a Thymio),
     both of which miss slip. What nobody places (a robot on a line) stands where you put it before each
     reset; `options={"pose": …}` says where that is.
 
@@ -86,7 +86,7 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
             options: "pose": (x cm, y cm, heading in degrees); "noise", "profile", "reality": from now on.
 
         Raises:
-            RealityGapError: a seed, a pose or a setting that is none, a pose where something stands, or a
+            RealityGapError: an invalid seed, pose or setting, a pose where something stands, or a
                 robot that does not answer.
         """
         super().reset(seed=seed)
@@ -120,14 +120,14 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
 
         Raises:
             UsageError: before the first reset, after the trial's end, or an action that is not finite.
-            RobotError: the robot was lost; it was told to stand.
+            RobotError: the robot was lost; it was told to stop.
         """
         seen, rewards, terminated, truncated, info = self._inner.step(np.asarray(action)[np.newaxis])
         ended = {"score": float(info["score"][0])} if "score" in info else {}
         return seen[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), ended
 
     def close(self) -> None:
-        """Let go of the robot, which stands."""
+        """Release the robot, which stands still."""
         self._inner.close()
 
 

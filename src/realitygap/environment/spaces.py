@@ -1,4 +1,4 @@
-"""What an environment's robots see, may be told, and may be asked for at a reset: of one and of many."""
+"""What an environment's robots observe, which actions and reset options they take: of one and of many."""
 
 from typing import Any
 
@@ -31,7 +31,7 @@ def checked_options(options: Info | None, known: set[str]) -> Info:
     """A reset's options, as a copy.
 
     Raises:
-        UsageError: one that there is not.
+        UsageError: an unknown option.
     """
     if not isinstance(options, dict | None):
         raise UsageError(f"options: expected a dictionary, got {options!r}.")
@@ -43,7 +43,7 @@ def checked_options(options: Info | None, known: set[str]) -> Info:
 
 
 def require_same(simulation: Simulation, space: Any) -> None:
-    """Refuse a robot whose observations are others.
+    """Refuse a robot with other observations.
 
     Raises:
         UsageError: it has another number of sensors that the task feeds.

@@ -50,7 +50,7 @@ class KnownFrame:
 @dataclass(frozen=True, kw_only=True)
 class Residual:
     """How far the tracked pose is from the given one: mm and degrees; None where the disk was not
-    found. `used` says whether the frame had a part in the fit."""
+    found. `used` says whether the frame took part in the fit."""
 
     frame: str
     x_mm: float | None
@@ -151,7 +151,7 @@ def calibrate_camera(
         marker: what the robot carried.
         lens_height_cm: the lens above the floor, if measured: then the camera can also be used
             with markers of another height.
-        on_progress: is called with the number of frames done and of all.
+        on_progress: called with frames done and frames in all.
 
     Raises:
         FilmError: too few frames or poses in a line, frames of different sizes, no marker found,

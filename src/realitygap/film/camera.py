@@ -48,7 +48,7 @@ class CameraModel:
         lens_cm: where the lens is, (x, y, height), if known.
 
     Raises:
-        FilmError: numbers that are no camera.
+        FilmError: numbers that make no camera.
     """
 
     width_px: int
@@ -154,7 +154,7 @@ class CameraModel:
         """Refuse a height that this camera cannot correct for.
 
         Raises:
-            FilmError: another height than the plane's, and nobody knows where the lens is.
+            FilmError: another height than the plane's, while the lens's place is unknown.
         """
         if abs(height_cm - self.plane_cm) > 1e-6 and self.lens_cm is None:
             raise FilmError(
@@ -164,7 +164,7 @@ class CameraModel:
             )
 
     def to_dict(self) -> dict[str, Any]:
-        """The camera as its JSON file has it."""
+        """The camera as in its JSON file."""
         lens = None if self.lens_cm is None else list(self.lens_cm)
         lists = {"homography": self.homography.tolist(), "radial": list(self.radial), "lens_cm": lens}
         return {"format": FORMAT, **vars(self), **lists}
@@ -198,7 +198,7 @@ def load_camera(path: str | Path) -> CameraModel:
     """The camera of a JSON file, as `realitygap camera calibrate` writes it.
 
     Raises:
-        FilmError: unreadable file, broken JSON, a key that is missing or refused.
+        FilmError: unreadable file, broken JSON, a missing or refused key.
     """
     cure = "Make it with `realitygap camera calibrate`."
     table = read_json(path, FilmError, cure)

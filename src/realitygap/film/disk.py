@@ -24,7 +24,7 @@ class Disk:
     """A black disk with two white patches, one at its centre and one ahead; lengths in cm.
 
     Raises:
-        FilmError: a length that is no positive number, patches that touch or leave the disk.
+        FilmError: a length that is not positive, patches that touch or leave the disk.
     """
 
     name = "disk"

@@ -5,7 +5,7 @@ centimetre, where masks have one size and a distance is a distance. Anywhere, th
 picture itself with the size that the patches have at its middle, and the likeliest places are then
 looked at closely.
 
-A picture may also be given as what shows it (`Look`): then only what is looked at has to be made.
+A picture may also be given as a function that shows it (`Look`): then only what is looked at is made.
 """
 
 import math
@@ -139,7 +139,7 @@ class Finder:
         return best
 
     def why_not(self, picture: Grey) -> str:
-        """Why the disk is not found in a picture: that cannot be told."""
+        """Why the disk is not found in a picture: unknown."""
         return ""
 
     def _square(self, reach_cm: float) -> _Square:
@@ -216,7 +216,7 @@ class Finder:
 def first_look(pictures: list[Grey], disk: Disk, report: Callable[[int], None]) -> list[Floats | None]:
     """Where the disk's points are in each picture, [2, 2] px, found without knowing the camera.
 
-    `report` is given the number of pictures done.
+    `report` is called with the number of pictures done.
     """
     height, width = pictures[0].shape
     scale, largest = _LEAST_FRONT_PX / disk.front_radius_cm, min(height, width) / (4 * disk.radius_cm)

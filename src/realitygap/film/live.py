@@ -1,7 +1,7 @@
 """A live camera over the arena: a camera's number, a stream or a video file, read while a robot drives.
 
-A process of its own opens it, keeps the frames flowing and writes the film, so that a control loop
-beside it is never made late. Every frame carries the time at which it arrived.
+A process of its own opens it, keeps the frames flowing and writes the film, so that it never delays
+a control loop. Every frame carries the time at which it arrived.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class LiveCamera(Closing):
         size: width and height that a camera is asked for, px.
 
     Raises:
-        FilmError: nothing opens there, or no picture comes.
+        FilmError: it cannot be opened, or gives no picture.
     """
 
     def __init__(self, source: str | int, *, size: tuple[int, int] | None = None) -> None:
@@ -72,7 +72,7 @@ class LiveCamera(Closing):
         return np.asarray(self._ask("look"), np.uint8)
 
     def film(self, file: str | Path) -> None:
-        """Begin a film (.mp4); returns when its first frame is there."""
+        """Start a film (.mp4); returns when its first frame is there."""
         self._ask("film", str(file))
 
     def finish(self, until: float) -> Filmed:
@@ -165,7 +165,7 @@ class _Opened:
 
     @property
     def still(self) -> bool:
-        """Whether nothing happens without an order."""
+        """Whether nothing happens without a command."""
         return self._trouble is not None or (self._writer is None and not self._live)
 
     def close(self) -> None:

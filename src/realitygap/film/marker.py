@@ -39,7 +39,7 @@ class Tag:
         height: above the floor.
 
     Raises:
-        FilmError: a marker that there is not, a length that cannot be.
+        FilmError: an unknown marker, an impossible length.
     """
 
     name = "marker"
@@ -68,7 +68,7 @@ class Tag:
     def parse(cls, text: str) -> Tag:
         """A marker as a person writes it: "aruco:4x4_50:7,size=40,x=-5,y=0,angle=90,height=32".
 
-        All but the family may be left out.
+        Everything but the family may be omitted.
 
         Raises:
             FilmError: says what was expected.
@@ -139,7 +139,7 @@ def load_marker(marker: str | None = None, disk: str | Path | None = None) -> Ma
     """The marker that a person names: "disk", or a tag as `Tag.parse` reads it; `disk` is a disk's own file.
 
     Raises:
-        FilmError: no such marker, a file that is none, or a disk's file beside a tag.
+        FilmError: no such marker, an invalid file, or a disk's file with a tag.
     """
     if marker is None or marker == "disk":
         return load_disk(disk)

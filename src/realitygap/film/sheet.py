@@ -79,7 +79,7 @@ def save_sheet(path: Path, marker: Marker) -> None:
 
 def sheet(marker: Marker) -> str:
     """A page of A4 as SVG, in mm: the marker in its true size, its rim to cut along, a line to the robot's
-    front, and a ruler that tells whether it was printed to scale.
+    front, and a ruler to check that it was printed to scale.
 
     Raises:
         FilmError: a marker larger than the page.

@@ -1,4 +1,4 @@
-"""Finds a tag: an ArUco or AprilTag marker, a square of black and white cells that anybody prints.
+"""Finds a tag: an ArUco or AprilTag marker, a square of black and white cells that anybody can print.
 
 OpenCV finds a marker and reads its number. Where it lies is then taken from all its cells: the marker's own
 picture is moved over the film's until the two correlate best (Evangelidis and Psarakis 2008).
@@ -103,7 +103,7 @@ class TagFinder:
         return None
 
     def why_not(self, picture: Grey) -> str:
-        """Why the marker is not found in a picture, if that can be told, in words; else nothing."""
+        """Why the marker is not found in a picture, in words, if known; else nothing."""
         return why_not(picture, self.tag, self.camera)
 
     def _likeliest(self, window: Grey, corner: Floats, place: Floats, reach_cm: float) -> list[Floats]:
@@ -161,7 +161,7 @@ def seen_in(picture: Grey, tag: Tag, enlarged: int) -> list[tuple[Floats, float]
 
 
 def why_not(picture: Grey, tag: Tag, camera: CameraModel | None = None) -> str:
-    """Why a marker is not found in a picture, if that can be told, in words; else nothing."""
+    """Why a marker is not found in a picture, in words, if known; else nothing."""
     mine, others = _read(picture, tag, 2)
     if len(mine) > 1:
         return f"Marker {tag} is seen {len(mine)} times in one picture: cover all but the robot's."

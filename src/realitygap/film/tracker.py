@@ -1,7 +1,7 @@
 """The tracker: the robot's pose in every frame of a film (§6).
 
 The whole first frame is searched; then a window round the last place; and the whole frame again
-whenever the robot was lost. Nothing is carried over from frame to frame but where to look: a frame
+whenever the robot was lost. Only where to look is carried over from frame to frame: a frame
 in which its marker is not seen is reported as lost, never guessed.
 """
 
@@ -31,7 +31,7 @@ Row = tuple[float, tuple[Pose, float] | None]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tracked:
-    """What came of a film: the track, the last frame [height, width, 3], and in words what was
+    """The results of tracking a film: the track, the last frame [height, width, 3], and in words what was
     wrong with the film (None: nothing)."""
 
     track: Track
@@ -40,7 +40,7 @@ class Tracked:
 
 
 class Tracker:
-    """Follows one marker from frame to frame; `doubt` says why it was lost, if that can be told."""
+    """Follows one marker from frame to frame; `doubt` says why it was lost, if known."""
 
     def __init__(self, camera: CameraModel, marker: Marker) -> None:
         self._finder, self._marker = finder_of(camera, marker), marker
@@ -95,7 +95,7 @@ def track_film(
         film: any film that PyAV reads.
         camera: which took it.
         marker: what the robot carries.
-        on_progress: is called now and then with the number of frames done, and of all if known.
+        on_progress: called now and then with frames done, and frames in all if known.
 
     Raises:
         FilmError: not a film, a film of another size, or one in which no disk is seen.

@@ -1,4 +1,4 @@
-"""Films in and out, through PyAV: no other program is needed."""
+"""Films read and written through PyAV: no other program is needed."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -82,7 +82,7 @@ class FilmReader(Closing):
         return {}
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._container.close()
 
     def __iter__(self) -> Iterator[Frame]:

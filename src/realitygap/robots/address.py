@@ -148,12 +148,12 @@ class Address:
         """The body there.
 
         Args:
-            settings: for those that they mean something to: `kinds` of sensors to read, `baud` of a
+            settings: each for the robots that it applies to: `kinds` of sensors to read, `baud` of a
                 line (None: try all), `noise` (its scale) of a twin.
 
         Raises:
             UsageError: it cannot be opened, or is no body.
-            RobotError: nobody answers there.
+            RobotError: no robot answers there.
         """
         module, _, name = OPENERS.get(self.kind, OWN).partition(":")
         opener: Any = getattr(importlib.import_module(module), name)

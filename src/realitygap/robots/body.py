@@ -1,4 +1,4 @@
-"""What a body is: sensors and wheels that a controller drives, simulated, twin or real, all alike.
+"""Bodies: sensors and wheels that a controller drives, simulated, twin or real, all alike.
 
 A robot of your own is a class with these members, in any file (`--robot file.py:Class`). For example,
 one with five sensors of 12 bits and no counters, which a person puts down:
@@ -14,20 +14,20 @@ one with five sensors of 12 bits and no counters, which a person puts down:
         def stop(self): self.line.write(0, 0)
         def close(self): self.line.close()
 
-What a body has besides is found by its name:
+Optional members are found by name:
 
     odometry    an `Odometry`, as read with the last `sense`: of a body that counts turns
     clock       its own time (`Timed`): of a simulated body, say a `SteppedClock`; else the computer's
     enter       enter(room, seed, pose) puts it into a room (`Placing`), where `reset(pose)` may set it
                 down anew: of a simulated body; else a person builds the room and carries the robot
     pose        where it truly is (`Seen`): the path of a transfer, if no camera sees it; else the
-                path is reckoned from its counters
+                path is computed from its counters
     speeds      (left, right) that its motors measured, as read with the last `sense` (`Paced`): of a
                 body that does not count turns; the path, if nothing else tells it
     inspect     inspect() tries what it has besides, for `robot check`; a dict (`Inspected`)
     pulses_per_mm   of its counters, roughly: where the profile has none that were measured
     facts       what recordings say of it: "robot", its name; "units" of its commands, "base", the shipped
-                profile of what is known of it, and "pulses_per_mm"; a robot of yours says no more
+                profile of what is known of it, and "pulses_per_mm"; your own needs no more
     read_at     when what `sense` gives arrived, by its clock: of a body whose line may miss a step
     attend      attend(kinds, turns) says which channels are read from now on (`Attentive`): of a
                 body that cannot read all of them in one period
@@ -62,7 +62,7 @@ class Channel:
         low, high: the lowest and the highest count that one can read.
 
     Raises:
-        UsageError: another name, no sensors, or a range that is none.
+        UsageError: another name, no sensors, or an empty range.
     """
 
     name: str
@@ -81,7 +81,7 @@ class Channel:
 
 
 class Odometry(NamedTuple):
-    """What the wheels say: counters in pulses, measured speeds in the robot's units; None: not asked."""
+    """Readings of the wheels: counters in pulses, measured speeds in the robot's units; None: not asked."""
 
     counters: tuple[int, int] | None = None
     speeds: tuple[int, int] | None = None
@@ -103,33 +103,33 @@ class Body(Protocol):
         """Whether `odometry` tells the wheels' counters and speeds."""
 
     def reset(self, pose: Pose | None = None) -> None:
-        """Stand, counters at zero, at `pose` (None: where it is)."""
+        """Stand still, counters at zero, at `pose` (None: where it is)."""
 
     def sense(self) -> Readings:
-        """What the sensors read now, counts; empty for a kind that it has not, or does not attend to."""
+        """What the sensors read now, counts; empty for a kind that it lacks, or does not attend to."""
 
     def act(self, command: Command) -> None:
         """Wheel speeds from now on, in the robot's own units."""
 
     def stop(self) -> None:
-        """Stand, and be sure of it."""
+        """Stop the wheels, and make sure of it."""
 
     def close(self) -> None:
-        """Stand, and let go of the body."""
+        """Stop the wheels, and release the body."""
 
 
 @runtime_checkable
 class Timed(Protocol):
-    """A body with a time of its own."""
+    """A body with its own time."""
 
     @property
     def clock(self) -> Clock:
-        """It moves when the clock does."""
+        """The clock that it moves with."""
 
 
 @runtime_checkable
 class Placing(Protocol):
-    """A body that needs nobody's hand."""
+    """A body that needs no person to place it."""
 
     def enter(self, room: Mapping[str, Any], seed: int, pose: Pose | None) -> None:
         """Stand in a room from now on, at `pose` (None: anywhere), its counters at zero.
@@ -153,10 +153,10 @@ class Filmed(Protocol):
 
 @runtime_checkable
 class Inspected(Protocol):
-    """A body that has more to try than sensors and wheels."""
+    """A body that has more to check than sensors and wheels."""
 
     def inspect(self) -> Mapping[str, Any]:
-        """Try it; what came of it, by name."""
+        """Try it; the results, by name."""
 
 
 @runtime_checkable
@@ -179,7 +179,7 @@ class Paced(Protocol):
 
 @runtime_checkable
 class Attentive(Protocol):
-    """A body that reads what is asked for."""
+    """A body that reads only what is requested."""
 
     def attend(self, kinds: tuple[str, ...], turns: bool) -> None:
         """Read these kinds of sensors from now on, and counters and speeds too if `turns`."""
@@ -196,20 +196,20 @@ def facts_of(body: Body) -> Mapping[str, Any]:
 
 
 def odometry_of(body: Body) -> Odometry:
-    """As read with the last `sense`; of a body that does not count no more than speeds."""
+    """As read with the last `sense`; of a body that does not count, only speeds."""
     if body.counts_turns:
         return Odometry(*body.odometry)  # type: ignore[attr-defined]
     return Odometry(speeds=body.speeds if isinstance(body, Paced) else None)
 
 
 def abandon(body: Body) -> None:
-    """Let go of a body that stands, or can be told so no more."""
+    """Release a body that has stopped, or can no longer be told to."""
     with suppress(RealityGapError):
         getattr(body, "abandon", body.close)()
 
 
 def attend(body: Body, *kinds: str, turns: bool = True) -> None:
-    """Read these kinds of sensors from now on; a body that reads all of them anyhow is left alone."""
+    """Read these kinds of sensors from now on; a body that reads all of them anyway is left alone."""
     if isinstance(body, Attentive):
         body.attend(kinds, turns)
 

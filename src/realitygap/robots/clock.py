@@ -1,4 +1,4 @@
-"""Time for a body: the real clock sleeps, a stepped one lets a simulation go on, the virtual one a twin.
+"""Time for a body: the real clock sleeps, a stepped one advances a simulation, the virtual one a twin.
 
 The conversation on the serial line is the same under both: nothing on it speaks of steps. The
 virtual clock tells the twin over a second channel, a Unix socket, how far time may run:
@@ -36,7 +36,7 @@ TWIN_LOST_S = 120.0
 
 
 class Clock(Protocol):
-    """What a loop needs of time, s."""
+    """What a loop needs of a clock, s."""
 
     waits: bool
     """Whether it stands still while this process does."""
@@ -49,7 +49,7 @@ class Clock(Protocol):
 
 
 class RealClock:
-    """The computer's own; and what a driver on a line needs of a clock besides the loop."""
+    """The computer's own; with what a driver on a line also needs of a clock."""
 
     waits = False
 
@@ -76,11 +76,11 @@ class RealClock:
         return _read(fd, CHUNK)
 
     def fetch(self, fd: int) -> bytes:
-        """What has come in."""
+        """The input so far."""
         return _read(fd, CHUNK) if _ready(fd, 0.0) else b""
 
     def forget(self, fd: int) -> None:
-        """Drop what has come in."""
+        """Drop the input so far."""
         while _ready(fd, 0.0):
             _read(fd, CHUNK)
 
@@ -89,14 +89,14 @@ class RealClock:
         return nullcontext()
 
     def close(self) -> None:
-        """Let go of the clock."""
+        """Release the clock."""
 
 
 class SteppedClock:
-    """A simulated body's time, s, which nothing is ever late for: it goes on by whole steps.
+    """A simulated body's time, s, in which nothing is ever late: it advances by whole steps.
 
     Args:
-        step: lets the simulation go on by one step.
+        step: advances the simulation by one step.
         period_s: how long that is.
     """
 
@@ -113,7 +113,7 @@ class SteppedClock:
         return self._now
 
     def sleep_until(self, time_s: float) -> None:
-        """Let the simulation go on, by the steps that become due."""
+        """Advance the simulation by the steps that are due."""
         self._now = max(self._now, time_s)
         due = math.floor((self._now - self._begun + ROUNDING_S) / self._period_s)
         while self._steps < due:
@@ -165,7 +165,7 @@ class VirtualClock(RealClock):
                 self._now_ns = until
 
     def settle(self) -> None:
-        """Wait until the twin is as far as it was told."""
+        """Wait until the twin's time is as far as it was told."""
         with self.undisturbed():
             if self._written:
                 self._run(self._now_ns, 0)
@@ -202,7 +202,7 @@ class VirtualClock(RealClock):
         self._dropping = True
 
     def close(self) -> None:
-        """Close the channel: the twin's time stands."""
+        """Close the channel: the twin's time stops."""
         self._socket.close()
 
     def _run(self, until_ns: int, lines: int) -> None:

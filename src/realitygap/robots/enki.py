@@ -72,7 +72,7 @@ class EnkiBody:
         return Odometry((left[0], right[0]), (left[1], right[1]))
 
     def enter(self, room: Mapping[str, Any], seed: int, pose: Pose | None) -> None:
-        """Be as good as new, in another room: no trial leaves the next a trace."""
+        """Be as new, in another room: no trial affects the next."""
         self._due, self._given, self._film = 0, Command(left=0, right=0), None
         width, depth = room["size_cm"]
         if "reflectance" in room:
@@ -85,7 +85,7 @@ class EnkiBody:
         self._put(pose or Pose(x=width / 2, y=depth / 2, heading=0.0))
 
     def reset(self, pose: Pose | None = None) -> None:
-        """Stand, be carried to `pose`, counters at zero."""
+        """Stand still at `pose`, counters at zero."""
         self.stop()
         self._catch_up()
         if pose is not None:
@@ -104,7 +104,7 @@ class EnkiBody:
         self._given = command
 
     def stop(self) -> None:
-        """Stand, from Enki's next step on."""
+        """Stop, from Enki's next step on."""
         self.act(Command(left=0, right=0))
 
     def film(self, states: Path | None) -> None:
@@ -117,7 +117,7 @@ class EnkiBody:
         self._film, self._seen = states, [self._now.poses[-1:]]
 
     def close(self) -> None:
-        """Let go of it and end its process."""
+        """Release it and end its process."""
         self._enki.close()
 
     abandon = close

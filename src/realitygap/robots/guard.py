@@ -1,8 +1,8 @@
-"""The robot's guard: a small process that stops the wheels if the driver's is killed, or frozen.
+"""The robot's guard: a small process that stops the wheels if the driver's process is killed or frozen.
 
 It shares the driver's open line and hears from it over a socket. While the wheels may turn, each word
 to the robot is a heartbeat for the guard: after a silence (Ctrl-Z, SIGSTOP, a controller that hangs),
-and when the socket closes without a word (kill -9), it tells the robot to stand.
+and when the socket closes without a word (kill -9), it tells the robot to stop.
 """
 
 import contextlib
@@ -32,7 +32,7 @@ DRIVES, STANDS, LEAVES, STOPPED = b"+", b"-", b".", b"!"
 
 
 class Guard:
-    """Watches over this process, for the line with descriptor `fd`; `stop` makes its robot stand."""
+    """Watches over this process, for the line with descriptor `fd`; `stop` makes its robot stop."""
 
     def __init__(self, fd: int, stop: bytes) -> None:
         self._last: float | None = None
@@ -53,7 +53,7 @@ class Guard:
             self._say(DRIVES)
 
     def beat(self) -> None:
-        """This process lives; to be called before each word to the robot.
+        """This process is alive; call it before each word to the robot.
 
         Raises:
             FrozenError: it did not for too long, and the guard has stopped the robot; or the guard is gone.
@@ -76,13 +76,13 @@ class Guard:
             )
 
     def rest(self) -> None:
-        """The robot stands: silence means nothing."""
+        """The robot stands still: silence means nothing."""
         if self._last is not None:
             self._last = None
             self._say(STANDS)
 
     def release(self) -> None:
-        """Send the guard away: the robot stands, or is another's business."""
+        """Dismiss the guard: the robot has stopped, or is no longer ours."""
         self._say(LEAVES)
         self._socket.close()
         child.end(self._process, LEAVE_S)
@@ -117,7 +117,7 @@ class Silence:
 
 
 def guard(driver: socket.socket, line: int, stop: bytes) -> None:
-    """Hear the driver until it leaves or dies; tell the robot to stand when it has to."""
+    """Hear the driver until it leaves or dies; tell the robot to stop when it must."""
     silence, last = Silence(), time.monotonic()
     while True:
         ready, _, _ = select.select([driver], [], [], TICK_S if silence.watched else None)

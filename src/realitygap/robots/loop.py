@@ -54,15 +54,15 @@ def drive(
     are stopped first; then the recording is closed. Its steps are the `recorder`'s, however it ends.
 
     Args:
-        seconds: length of the trial: whole steps, one at least.
-        inputs: makes the controller's inputs of the readings.
+        seconds: length of the trial: whole steps, at least one.
+        inputs: turns readings into the controller's inputs.
         clock: the body's own if None.
         recorder: keeps the steps, in a folder if it has one.
 
     Raises:
         RobotStoppedError: Ctrl-C or SIGTERM; or Ctrl-Z, after the suspension.
         FrozenError: it was frozen, and the guard has stopped the robot.
-        LineError: the line was lost, or the robot did not confirm that it stands.
+        LineError: the line was lost, or the robot did not confirm that it stopped.
     """
     period, clock = body.period_s, clock_of(body) if clock is None else clock
     steps = round(seconds / period)

@@ -1,4 +1,4 @@
-"""A body of the user's own, opened by its name, and held to what it declares."""
+"""A body of the user's own, opened by its name, and checked against what it declares."""
 
 import inspect
 from collections.abc import Callable, Mapping
@@ -68,7 +68,7 @@ MORE = (*FORMS, "attend", "enter", "inspect")
 
 
 class Blamed:
-    """Passes everything on to a user's object; an error in it is told by its line, in `place`."""
+    """Passes everything on to a user's object; an error in it names its line, in `place`."""
 
     def __init__(self, own: Any, place: str) -> None:
         self._own, self._place, self._name = own, place, type(own).__name__
@@ -138,7 +138,7 @@ class OwnBody(Blamed):
         """What it reads, checked.
 
         Raises:
-            UsageError: no Readings, or others than its channels say.
+            UsageError: no Readings, or not as its channels say.
         """
         with self._blamed("sense"):
             read = self._own.sense()
@@ -193,7 +193,7 @@ def opened(name: str, **_: Any) -> Body:
     """The body that `file.py:Class` or `module:Class` makes when it is called.
 
     Raises:
-        UsageError: there is no such class, it stops with an error, or it is no body.
+        UsageError: there is no such class, it fails, or it is not a body.
     """
     found, place = named_object(name, UsageError, "robot"), name.rpartition(":")[0]
     place = str(Path(place).expanduser().resolve()) if place.endswith(".py") else place

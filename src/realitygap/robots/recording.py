@@ -78,7 +78,7 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Recording:
-    """A drive as it was lived, [n] steps.
+    """A recorded drive, [n] steps.
 
     t, late [n] s; proximity [n, P or 0], ambient [n, A or 0] counts; inputs [n, I]; commands [n, 2]
     and speeds [n, 2] in the robot's units; counters [n, 2] pulses. Counters and speeds are NaN where
@@ -106,7 +106,7 @@ class Recording:
 
     @property
     def missed_steps(self) -> int:
-        """How many steps had no answer in time, so that older readings stood for theirs."""
+        """How many steps had no answer in time, so that older readings were used."""
         return int((self.read < self.t).sum())
 
     @classmethod
@@ -146,7 +146,7 @@ class Recording:
         """Read a recording; a last line that a kill cut short is left out.
 
         Raises:
-            UsageError: no recording there, or a row that is none: names the line.
+            UsageError: no recording there, or an invalid row: names the line.
         """
         facts_file, steps_file = Path(folder) / FACTS, Path(folder) / STEPS
         if not facts_file.is_file():

@@ -50,7 +50,7 @@ def undisturbed() -> Iterator[None]:
 
 
 def heed() -> None:
-    """Raise once more what came and was caught on its way: by `except Exception` in a robot of a user's, say.
+    """Raise again a signal's exception that was caught on its way: by `except Exception` in a user's robot.
 
     Raises:
         RobotStoppedError: as at first.
@@ -64,7 +64,7 @@ class Stopping:
     """As a context, in the main thread: each of the signals raises RobotStoppedError.
 
     SIGTSTP (Ctrl-Z) suspends the process at the context's end, and the error goes on after `fg`. While the
-    robot is stopped they wait, but not for ever: a driver of a user's may hang.
+    robot is stopped they wait, but not for ever: a user's driver may hang.
     """
 
     def __init__(self, numbers: Sequence[signal.Signals] = NUMBERS) -> None:

@@ -1,4 +1,4 @@
-"""How far apart two trials are in what was read and done, and the field's other measures beside it.
+"""How far apart two trials are in what was read and done, and the field's other measures.
 
 These need no camera: Wasserstein distances of readings, commands and speeds; the error of replayed commands;
 fitness in pseudo-realities sampled round the profile (Ligot and Birattari 2020).
@@ -33,7 +33,7 @@ def apart(simulated: Trajectory, situated: Recording, profile: Profile, task: Ta
     """How far apart two trials are in what was read and done: Wasserstein's first distance, column by column.
 
     Of each sensor's readings, of each wheel's commands and of its speeds the two distributions over the trial
-    are held against each other. Readings count in widths of the input range (what takes an input from −10 to
+    are compared. Readings count in widths of the input range (what takes an input from −10 to
     10), commands and speeds in top commands, so that 1 is much. NaN where one side has no such column.
 
     Args:

@@ -14,11 +14,11 @@ FINISH = "Finish the study (`realitygap … --resume`)."
 
 
 def chosen_runs(study: Study, options: Transfer) -> list[Run]:
-    """The named runs, all that are finished if none is named; for a controller of one's own, which needs no
+    """The named runs, all that are finished if none is named; for a controller of your own, which needs no
     individual, one run of each task and noise.
 
     Raises:
-        UsageError: no such run or individual, or one that there is not yet.
+        UsageError: no such run or individual, or one that does not exist yet.
     """
     if options.named is not None:
         first = {

@@ -1,4 +1,4 @@
-"""Any controller on any body at a task: the track that came of it, and the task's score."""
+"""Any controller on any body at a task: the resulting track, and the task's score."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ __all__ = ["Drove", "Pair", "drive", "pairs"]
 
 @dataclass(frozen=True, kw_only=True)
 class Drove:
-    """What came of a drive.
+    """The results of a drive.
 
     Attributes:
         track: a row a step, the first one the start: as the body knows its place, else by its wheels.
@@ -63,12 +63,12 @@ def drive(
             that has one, or `file.py:name`; −10 … 10 in and out.
         task: which sensors are fed, how long, and the score.
         profile: its input ranges and wheels.
-        start: where the body is put, or where somebody has put it; by default where it says that it is.
+        start: where the body is put, or where somebody has put it; by default where it reports itself.
         seconds: length; the task's own if None.
 
     Raises:
-        UsageError: a body that does not know where it is, without `start`; a controller that is none.
-        RobotError: the robot was lost; it was told to stand.
+        UsageError: a body that does not know where it is, without `start`; an invalid controller.
+        RobotError: the robot was lost; it was told to stop.
     """
     task, profile = load_task(task), load_profile(profile)
     start = getattr(body, "pose", None) if start is None else start
@@ -116,7 +116,7 @@ def pairs(
 
     Args:
         simulation: task, profile, noise and arena.
-        controller: who drives both.
+        controller: drives both.
         robot: its address.
         starts: trials.
         pose: where all begin; by default where the task draws it.

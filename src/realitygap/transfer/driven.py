@@ -25,7 +25,7 @@ class Driven(NamedTuple):
     Attributes:
         counters: [steps + 1, 2] pulses, NaN where nothing was counted; of wheels whose speeds are measured
             instead, those times seconds.
-        cm_per_pulse: of the left wheel and the right one, if anybody knows.
+        cm_per_pulse: of the left wheel and the right one, if known.
         poses: where it was; none of a robot that does not know.
         period_s: of a step.
         t: [steps + 1] s, when each was read.
@@ -40,14 +40,14 @@ class Driven(NamedTuple):
 
     @property
     def known(self) -> Track:
-        """The path as the robot itself knows it."""
+        """The path as reported by the robot itself."""
         return of_poses(self.poses, self.period_s, self.t)
 
     def counted(self, start: Pose, axle_cm: float) -> Track:
         """The path by the wheels' counters.
 
         Raises:
-            UsageError: nobody knows how long a pulse is.
+            UsageError: the length of a pulse is unknown.
         """
         if self.cm_per_pulse is None:
             raise UsageError(

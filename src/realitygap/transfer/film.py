@@ -1,4 +1,4 @@
-"""The camera over a twin: it watches a trial, or films it, and the tracker sees what a person's would.
+"""The camera over a twin: it watches a trial, or films it, and the tracker sees what a real one would.
 
 Frames are rendered from the recorded states. They are tracked one after the other in memory, or put
 into a film that is tracked as a person's is.
@@ -194,7 +194,7 @@ def film_and_track(
 ) -> Track:
     """Film a trial's recorded states, then track the film: film, camera, track and tails into its folder.
 
-    `facts` is what else the film's metadata shall say; `tell` hears the share that was done since last.
+    `facts` is what else the film's metadata shall say; `tell` receives the share done since its last call.
 
     Args:
         folder: the trial's.
@@ -230,15 +230,15 @@ def keep_film(
     marker: Marker,
     tell: Callable[[int, int | None], None] | None = None,
 ) -> Tracked:
-    """Track the film in a trial's folder: camera, track, tails and a disk of one's own beside it.
+    """Track the film in a trial's folder: camera, track, tails and a disk of your own.
 
-    `tell` hears frames done, and frames in all if that is known.
+    `tell` receives frames done, and frames in all if known.
 
     Args:
         folder: the trial's.
         camera: as it was calibrated.
         marker: what the robot wears.
-        tell: hears frames done, and frames in all if that is known.
+        tell: called with frames done, and frames in all if known.
 
     Raises:
         FilmError: no film of this camera's, or no marker is seen in it.

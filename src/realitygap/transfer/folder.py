@@ -27,7 +27,7 @@ def made(final: Path, robot: Address) -> Iterator[Path]:
 
 
 def keep(final: Path, robot: Address, files: Mapping[str, bytes], *, finished: bool) -> None:
-    """Write down a trial that was made elsewhere, its files by their names; `finished`: that is all of it.
+    """Save a trial that was made elsewhere, its files by their names; `finished`: that is all of it.
 
     Args:
         final: its folder.
@@ -44,7 +44,7 @@ def keep(final: Path, robot: Address, files: Mapping[str, bytes], *, finished: b
 
 
 def keep_camera(file: Path, content: bytes) -> None:
-    """Write down a camera's calibration, unless it is there."""
+    """Save a camera's calibration, unless it is there."""
     if not file.is_file():
         file.parent.mkdir(parents=True, exist_ok=True)
         whole.write(file, content)
@@ -85,7 +85,7 @@ def half_folder(final: Path) -> Path:
 
 
 def put_aside(folder: Path, robot: Address, word: str) -> None:
-    """Make room for another try; what a real robot recorded is never thrown away."""
+    """Make room for another try; a real robot's recording is never deleted."""
     if not folder.exists():
         return
     if robot.unit is not None:

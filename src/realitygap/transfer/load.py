@@ -116,7 +116,7 @@ def load_transfers(study_folder: str | PathLike[str]) -> list[Transferred]:
 
 
 def is_done(folder: Path, one: Situation) -> bool:
-    """Whether the trial is there, made as it is requested now, or seen better; else it is made again.
+    """Whether the trial is there, made as requested now, or from a better source; else it is made again.
 
     Raises:
         StudyError: it was made with other settings.

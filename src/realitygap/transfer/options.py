@@ -20,7 +20,7 @@ __all__ = ["Named", "Transfer"]
 
 @dataclass(frozen=True)
 class Named:
-    """A controller that nobody evolved, as a person names it (`named_controller`)."""
+    """A controller that was not evolved, as a person names it (`named_controller`)."""
 
     text: str
 
@@ -31,7 +31,7 @@ class Named:
 
     @property
     def spec(self) -> str:
-        """The same wherever one stands."""
+        """The same in every working directory."""
         file, name = self._file
         return f"{file.resolve()}{':' if name else ''}{name}" if file.is_file() else self.text
 
@@ -60,11 +60,11 @@ class Transfer:
         starts: trials of each individual on each robot.
         individual: "champion" or "fittest".
         controller: who drives in place of an individual, at the runs' tasks and noise: a network's file,
-            "constant:5,5", "braitenberg", or "file.py:name" of one's own.
+            "constant:5,5", "braitenberg", or "file.py:name" of your own.
         film: film all trials, none, or those of the runs with these ids; (id, start) names a single one.
         view: how a twin's film is made: "drawn", or by MuJoCo's renderer, "mujoco".
         watch: take the paths of the others from the camera above too, without keeping a film; else,
-            and where no camera sees a robot, they are what it knows of its place, or reckoned from its
+            and where no camera sees a robot, they are what it knows of its place, or computed from its
             wheels' counters.
         twin_noise: the twin's noise scale, 1 if None.
         seed: starts and noise follow from it; the study's own if None.
@@ -78,7 +78,7 @@ class Transfer:
             on if None.
 
     Raises:
-        UsageError: what is none, or does not go together.
+        UsageError: invalid values, or values that do not go together.
     """
 
     runs: Sequence[int | str] = ()

@@ -61,7 +61,7 @@ def order_of(
     names: tuple[str, str, str], distance: Floats, score: Floats, columns: Mapping[str, Floats],
     home: NDArray[np.int64] | None = None,
 ) -> Order:  # fmt: skip
-    """Hold all measures of a group of controllers against each other.
+    """Compare all measures of a group of controllers.
 
     Args:
         names: task, individual, kind of robot.

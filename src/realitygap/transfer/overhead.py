@@ -68,8 +68,8 @@ class Overhead(Closing):
         source: a camera's number, a video file or a stream.
         camera: as it was calibrated.
         marker: what the robot wears.
-        found: asks a person about the start; without one the robot has to be seen.
-        says: hears why it is not seen, where that can be told.
+        found: asks a person about the start; without one the robot must be seen.
+        says: called with why it is not seen, where known.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
 """Trials in one file instead of a folder each: a SQLite archive.
 
-Thousands of trials are a hundred thousand small files otherwise. Whoever reads a trial asks here: its folder
-counts, or else what is packed under the folder's name. Tables are members of another name, in columns.
+Thousands of trials are a hundred thousand small files otherwise. Trials are read through this module: the
+folder counts, or else what is packed under its name. Tables are members of another name, in columns.
 """
 
 import sqlite3
@@ -61,7 +61,7 @@ class Packed(Closing):
             self._database.execute("COMMIT")
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close it."""
         self._database.close()
 
 

@@ -92,7 +92,7 @@ def of_counters(
 
 
 def of_poses(poses: Sequence[Pose], period_s: float = STEP_S, t: Floats | None = None) -> Track:
-    """The track that a robot itself knows, a pose a step, told at `t` (s; on time if None)."""
+    """The track that a robot itself reports, a pose a step, at `t` (s; on time if None)."""
     told = np.array([(one.x, one.y, one.heading) for one in poses], np.float64)
     if t is not None and _is_late(t, period_s):
         told = _on_time(np.column_stack([told[:, :2], np.unwrap(told[:, 2])]), t, period_s)

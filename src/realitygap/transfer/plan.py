@@ -49,7 +49,7 @@ WHEELS = SOURCES[:2]
 
 
 class Known(NamedTuple):
-    """What is known of a robot before it drives: of one on a port only when it is connected.
+    """What is known of a robot before it drives: of one on a port only once it is connected.
 
     Attributes:
         placed: whether it puts itself down, and needs no person.
@@ -65,7 +65,7 @@ class Known(NamedTuple):
 
     @classmethod
     def of(cls, robot: Address, study: Study, tasks: Iterable[str]) -> Self:
-        """Look at a robot; those that were evolved for another are refused.
+        """Look at a robot; one of another kind than the study's is refused.
 
         Raises:
             UsageError: as of `check_body`, or it cannot be opened.
@@ -85,7 +85,7 @@ class Situation:
     """One trial to be made: an individual of a run on a robot, from start number `start` (from 1).
 
     Attributes:
-        evaluation: the individual's number; None of a controller of one's own, which stands for it.
+        evaluation: the individual's number; None for a controller of your own, which replaces it.
         controller: that one.
         baud: rate of the line; None for the first of all that a robot on a port answers at.
         stream: the start and the simulated twin's noise follow from it, and so does the noise of a
@@ -147,7 +147,7 @@ def situations(study: Study, options: Transfer) -> Iterator[Situation]:
     """All trials that are requested, robot by robot.
 
     Raises:
-        UsageError: a study whose robot is another, or runs and individuals that there are not.
+        UsageError: a study of another robot, or runs and individuals that do not exist.
     """
     runs = chosen_runs(study, options)
     if options.named is not None:
@@ -193,10 +193,10 @@ def _situation(
 
 
 def controller_for(study: Study, task: str, named: Named) -> OwnController | NetworkController:
-    """A controller of one's own at a task of a study.
+    """A controller of your own at a task of a study.
 
     Raises:
-        UsageError: there is none such; says how it is wrong.
+        UsageError: there is none such; says why.
     """
     facts = study.facts(task)
     return named_controller(named.spec, str(facts["feeds"]), Layout(inputs=len(facts["sensors"])))
@@ -255,7 +255,7 @@ def check_fit(body: Body, profile: Profile, kinds: Iterable[str], wanted: str) -
         body: the robot.
         profile: of those that fit.
         kinds: of the sensors that matter.
-        wanted: begins the message, which goes on with what the profile has.
+        wanted: begins the message, which continues with what the profile has.
 
     Raises:
         UsageError: other sensors, a full scale that differs by more than a hundredth, or another period.

@@ -1,4 +1,4 @@
-"""A finished transfer lived once more: what its simulated and its situated robot read, and decided."""
+"""A finished transfer replayed: what its simulated and its situated robot read and decided."""
 
 from functools import cache
 from pathlib import Path

@@ -82,7 +82,7 @@ class Rig(Closing):
             seconds: its length, the task's own if None.
 
         Raises:
-            UsageError: a pose where something stands, a length of no whole steps.
+            UsageError: a pose where something stands, a length that is not whole steps.
             FilmError: the camera cannot be calibrated.
         """
         length = self.task.seconds if seconds is None else seconds
@@ -168,7 +168,7 @@ class Rig(Closing):
         return self.body
 
     def close(self) -> None:
-        """Let go of the robot and the camera."""
+        """Release the robot and the camera."""
         self._leave()
         self._watcher = None
 

@@ -39,7 +39,7 @@ __all__ = [
 WORK = "transfer"
 """Of whose trials a shard is a share."""
 CONTROLLERS = "controllers"
-"""In a study's folder: trials of controllers of one's own, a folder each; its report has nothing of them."""
+"""In a study's folder: trials of controllers of your own, a folder each; its report omits them."""
 
 
 class Attendant(NamedTuple):
@@ -47,8 +47,8 @@ class Attendant(NamedTuple):
 
     Attributes:
         carry: puts it at a start, and returns when it stands there.
-        found: says whether it starts where the camera sees it; else it has only to be seen.
-        says: hears why the camera does not see it, where that can be told.
+        found: says whether it starts where the camera sees it; else it only has to be seen.
+        says: called with why the camera does not see it, where known.
     """
 
     carry: Carry
@@ -67,7 +67,7 @@ def run_transfer(
 ) -> list[Transferred]:
     """Let individuals of a study drive robots, each from the same poses as in simulation.
 
-    Trials that are there already are kept, so that an interrupted transfer goes on.
+    Trials that are there already are kept, so that an interrupted transfer continues.
 
     Args:
         study: its folder gets a folder `transfer`; or that folder.
@@ -82,7 +82,7 @@ def run_transfer(
 
     Raises:
         RobotError, FilmError: a robot or a camera fails; recordings are kept.
-        UsageError: what cannot be done, or was done with other settings, by name.
+        UsageError: something that cannot be done, or was done with other settings, by name.
         StudyInterruptedError: Ctrl-C; finished trials are kept.
     """
     study, options = as_study(study), options or Transfer()
@@ -116,7 +116,7 @@ def run_transfer(
 
 
 def place_of(study: Path, options: Transfer) -> Path:
-    """Whose folder `transfer` the trials go to: the study's, or that of a controller of one's own."""
+    """Whose folder `transfer` the trials go to: the study's, or that of a controller of your own."""
     return study if options.named is None else study / CONTROLLERS / options.named.name
 
 

@@ -89,7 +89,7 @@ class Stage:
         self._rigs.clear()
 
     def genes(self, one: Situation) -> Genes:
-        """Those of the individual that drives; none of a controller of one's own."""
+        """Those of the individual that drives; none for a controller of your own."""
         if one.evaluation is None:
             return np.zeros(0, np.int8)
         return self.study.genotype(one.run, one.evaluation)
@@ -100,13 +100,13 @@ class Stage:
         return self.study.controller(one.task, genes)
 
     def by_itself(self, one: Situation, genes: Genes, folder: Path, tell: Tell) -> None:
-        """A whole trial on a robot that places itself; `tell` hears the share of the film that is done.
+        """A whole trial on a robot that places itself; `tell` receives the share of the film that is done.
 
         Args:
             one: the trial.
             genes: of who drives, as `genes` has them.
             folder: of the trial's files.
-            tell: hears the share of the film that is done.
+            tell: receives the share of the film that is done.
         """
         with whole.together(folder):
             pose = self.simulation(one.task, one.noise).start(one.stream)

@@ -6,7 +6,7 @@
     for one in found.controllers:
         print(one.name, one.distance)
 
-Where a camera saw the trials too, it is asked whether both put controllers into one order. Beside it stand
+Where a camera also saw the trials, both orders of controllers are compared. Beside it are
 the field's other measures: the correlation of fitness (Kadian et al. 2020), the error of replayed commands,
 and fitness in pseudo-realities sampled round the profile (Ligot and Birattari 2020).
 """

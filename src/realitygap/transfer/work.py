@@ -62,7 +62,7 @@ class Bench:
         self._stage, self._shown, self._home = stage, shown, home
 
     def carry_out(self, job: Job, tell: Tell) -> None:
-        """One job; `tell` hears how its film comes on, then what was made."""
+        """One job; `tell` receives its film's progress, then what was made."""
         one = job.situation
         camera = self._stage.camera_file(one)
         with told(self._shown / one.folder):

@@ -41,7 +41,7 @@ class Epuck(Driver):
 
         Raises:
             UsageError: nothing there takes the connection.
-            LineError: nobody answers, or not as an e-puck2 does.
+            LineError: no robot answers, or not as an e-puck2 does.
         """
         line = PacketLine(place)
         try:
@@ -69,7 +69,7 @@ class EpuckBody(LineBody):
         return {**super().facts, "base": "e-puck", "pulses_per_mm": self.pulses_per_mm}
 
     def sense(self) -> Readings:
-        """All of a step's questions, sent together; counters go on where the robot's begin again."""
+        """All of a step's questions, sent together; counters continue when the robot's start again."""
         readings, now = super().sense(), self.clock.now()
         if self._odometry.counters is not None:
             pairs = zip(self._turned, self._odometry.counters, strict=True)
@@ -86,21 +86,21 @@ class EpuckBody(LineBody):
 
 
 def opened(port: str, *, kinds: tuple[str, ...] = ("proximity",), **_: Any) -> EpuckBody:
-    """The e-puck or e-puck2 on a serial port, told to stand.
+    """The e-puck or e-puck2 on a serial port, told to stop.
 
     Raises:
         UsageError: the port cannot be opened.
-        LineError: nobody answers.
+        LineError: no robot answers.
     """
     return EpuckBody.standing(partial(Epuck.connect, port), kinds)
 
 
 def opened_second(place: str, *, kinds: tuple[str, ...] = ("proximity",), **_: Any) -> EpuckBody:
-    """The e-puck2 on a serial port (a path, or COM3), or over WiFi at HOST or HOST:PORT, told to stand.
+    """The e-puck2 on a serial port (a path, or COM3), or over WiFi at HOST or HOST:PORT, told to stop.
 
     Raises:
         UsageError: the port cannot be opened, or nothing takes the connection.
-        LineError: nobody answers.
+        LineError: no robot answers.
     """
     serial = "/" in place or re.fullmatch(r"COM\d+", place)
     return EpuckBody.standing(partial(Epuck.connect if serial else Epuck.over_wifi, place), kinds)

@@ -42,7 +42,7 @@ def opened(
     clock_channel: str | None = None,
     **_: Any,
 ) -> KheperaBody:
-    """The Khepera on a serial port, told to stand; with a clock channel a twin in virtual time.
+    """The Khepera on a serial port, told to stop; with a clock channel a twin in virtual time.
 
     Its rate is tried for if `baud` is None.
 
@@ -54,7 +54,7 @@ def opened(
 
     Raises:
         UsageError: the port cannot be opened, or is too slow for these sensors.
-        LineError: nobody answers.
+        LineError: no robot answers.
     """
     clock = VirtualClock(clock_channel) if clock_channel else RealClock()
     try:

@@ -56,7 +56,7 @@ class TwinBody(KheperaBody):
         }
 
     def enter(self, room: Mapping[str, Any], seed: int, pose: Pose | None) -> None:
-        """Be switched off, and on as a process of its own would be: no trial leaves the next a trace."""
+        """Be switched off, and on as a process of its own would be: no trial affects the next."""
         self._line.close()
         if self.twin is None or self._room != room:
             self.leave()
@@ -92,7 +92,7 @@ class TwinBody(KheperaBody):
             self.twin.film(states)
 
     def close(self) -> None:
-        """Let go of the line and end the process; there is nobody to be hurt."""
+        """Close the line and end the process; nothing can be hurt."""
         self._line.close()
         self.leave()
 

@@ -72,7 +72,7 @@ def step_budget(dialect: Dialect, kinds: tuple[str, ...], baud: int | None, *, t
 
 
 class LineBody:
-    """From `act` to `stop` something has to be asked or told twice a second, or the guard stops the robot.
+    """From `act` to `stop` something must be asked or told twice a second, or the guard stops the robot.
 
     Args:
         driver: the robot's; `close` closes it.
@@ -134,7 +134,7 @@ class LineBody:
         self._odometry = Odometry()
 
     def reset(self, pose: Pose | None = None) -> None:
-        """Stand, be carried to `pose`, counters at zero."""
+        """Stop, be carried to `pose`, counters at zero."""
         self._stand()
         if pose is not None and self._carry is not None:
             self.clock.settle()
@@ -165,11 +165,11 @@ class LineBody:
         self.driver.command(command.left, command.right)
 
     def stop(self) -> None:
-        """Stand, and be sure of it."""
+        """Stop, and make sure of it."""
         self.driver.stop()
 
     def close(self) -> None:
-        """Stand, and close the line."""
+        """Stop, and close the line."""
         self.driver.close()
         self.clock.close()
 
@@ -187,7 +187,7 @@ class LineBody:
 
     @classmethod
     def standing(cls, connect: Callable[[], Driver], kinds: tuple[str, ...]) -> Self:
-        """The body of a robot that is connected now and told to stand."""
+        """The body of a robot that is connected now and told to stop."""
         driver = connect()
         try:
             driver.stop()

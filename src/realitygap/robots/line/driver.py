@@ -1,4 +1,4 @@
-"""A robot on a line: what it can be asked and told, and how it is made to stand whatever happens."""
+"""A robot on a line: what it can be asked and told, and how it is stopped whatever happens."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -56,7 +56,7 @@ class Driver(Closing, ABC):
 
         Raises:
             UsageError: the port cannot be opened.
-            LineError: nobody answers, or another robot: says what to check.
+            LineError: no robot answers, or another robot: says what to check.
         """
         usual, others = cls.dialect.usual, cls.dialect.rates
         rates = (usual, *(rate for rate in others if rate != usual)) if baud is None else (baud,)
@@ -78,7 +78,7 @@ class Driver(Closing, ABC):
 
     @classmethod
     def awake(cls, line: Line) -> Self:
-        """The robot at the end of an open line, once it has said which it is.
+        """The robot at the end of an open line, once it has identified itself.
 
         Raises:
             LineError: it does not.
@@ -131,9 +131,9 @@ class Driver(Closing, ABC):
             self._guard.watch()
 
     def stop(self) -> None:
-        """Make the robot stand, and see that it does.
+        """Stop the robot, and check that it has stopped.
 
-        The command is sent before anything else is heard or asked, again and again if need be.
+        The command is sent before anything else is heard or asked, repeatedly if needed.
 
         Raises:
             LineError: the robot did not confirm: it may still be moving.
@@ -189,4 +189,4 @@ class Driver(Closing, ABC):
 
     @abstractmethod
     def is_still(self) -> bool:
-        """Whether its wheels do not turn, as far as it can tell."""
+        """Whether its wheels are still, as far as it can tell."""

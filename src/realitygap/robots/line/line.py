@@ -1,8 +1,8 @@
-"""A serial line on which some of what is sent may be lost, doubled, garbled or late.
+"""A serial line on which some of what is sent may be lost, duplicated, garbled or late.
 
 A question is asked again until its answer is understood. Before that the line is brought back into
 step: a line end closes whatever half line the robot holds, and the answer to `B`, which nothing
-else asks for, shows that everything older is through. (`B` is the Khepera's; a dialect names its own.)
+else asks for, shows that everything older has passed. (`B` is the Khepera's; a dialect names its own.)
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Line:
         device: path of the serial device.
         dialect: what the robot there understands.
         baud: its rate; 8 data bits, no parity. None: it is no serial one.
-        clock: whose time the time-outs are in.
+        clock: the clock of the time-outs.
         give_up_s: when a question is given up that was asked five times and more.
     """
 
@@ -145,7 +145,7 @@ class Line:
         raise LineError(f"no answer understood on {self.device} for {passed}; the last: {failure}")
 
     def tell(self, data: bytes) -> None:
-        """Send bytes and wait for nothing.
+        """Send bytes without waiting.
 
         Raises:
             LineError: the line is lost.
@@ -178,11 +178,11 @@ class Line:
 
     @property
     def halt(self) -> bytes:
-        """What makes the robot stand, whatever it was told before."""
+        """What stops the robot, whatever it was told before."""
         return self.dialect.wake + STOP.data
 
     def forget(self) -> None:
-        """Drop what has come in."""
+        """Drop the input so far."""
         self._heard = b""
         self.clock.forget(self.fileno())
 

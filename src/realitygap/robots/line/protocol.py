@@ -1,7 +1,7 @@
 """A robot's line of letters as one table, read both ways: by the driver and by whoever plays the robot.
 
 A command is a capital letter and decimal arguments, ended by CR or LF; its answer is the letter in
-lower case and values, ended by CR LF. What a robot says apart from others stands in its `Dialect`.
+lower case and values, ended by CR LF. What differs between robots is in each one's `Dialect`.
 """
 
 import re
@@ -18,7 +18,7 @@ _INTEGER = re.compile(r"-?[0-9]{1,10}")
 
 
 class GarbledError(RobotError):
-    """An answer that is none to the command."""
+    """An answer that does not fit the command."""
 
 
 class RefusedError(RobotError):
@@ -80,7 +80,7 @@ class Dialect:
     """What one kind of robot understands, and what its line is like.
 
     Attributes:
-        robot: its name for a person; check: what to look at if nobody answers.
+        robot: its name for a person; check: what to look at if it does not answer.
         commands: by their letters.
         not_found, protocol_error: its answers to a text that is no command, and to wrong arguments.
         wake: closes whatever half command it holds, and wakes it.

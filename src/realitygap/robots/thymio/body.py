@@ -40,7 +40,7 @@ TOLD = ("_id", "_productId", "_fwversion", "prox.comm.tx")
 
 
 class ThymioBody:
-    """From `act` to `stop` something has to be asked or told twice a second, or the guard stops the robot.
+    """From `act` to `stop` something must be asked or told twice a second, or the guard stops the robot.
 
     A command that was lost is seen with the next reading, and given again. `read_at` is when the readings
     arrived, by `clock`, `speeds` those that the motors measured then; in a step whose answer does not come,
@@ -76,7 +76,7 @@ class ThymioBody:
         }
 
     def reset(self, pose: Pose | None = None) -> None:
-        """Stand, where it is: a person sets it down."""
+        """Stand still where it is: a person sets it down."""
         self.stop()
         self._readings = None
 
@@ -117,7 +117,7 @@ class ThymioBody:
         self._tell()
 
     def stop(self) -> None:
-        """Stand, and be sure of it.
+        """Stop, and make sure of it.
 
         Raises:
             LineError: the robot did not confirm: it may still be moving.
@@ -145,7 +145,7 @@ class ThymioBody:
             self._guard.rest()
 
     def close(self) -> None:
-        """Stand, then close the line, in any case."""
+        """Stop, then close the line, in any case."""
         try:
             self.stop()
         finally:
@@ -177,11 +177,11 @@ class ThymioBody:
 
 
 def opened(place: str, *, clock: RealClock | None = None, **_: Any) -> ThymioBody:
-    """The Thymio on a serial device (a cable or a dongle) or at HOST:PORT, told to stand.
+    """The Thymio on a serial device (a cable or a dongle) or at HOST:PORT, told to stop.
 
     Raises:
         UsageError: it cannot be opened, or there are several robots.
-        LineError: nobody answers.
+        LineError: no robot answers.
     """
     body, clock = None, clock or RealClock()
     port = opened_port(place.partition("@")[0])

@@ -1,4 +1,4 @@
-"""A line in Aseba's protocol, on which some of what is sent may be lost, doubled, garbled or late.
+"""A line in Aseba's protocol, on which some of what is sent may be lost, duplicated, garbled or late.
 
 The messages are `thymiodirect`'s (EPFL); who asks, waits and asks again is here. The protocol numbers no
 questions, so each asks for variables from another one on than the last ones: that tells an older answer.
@@ -73,11 +73,11 @@ class AsebaLine:
     Args:
         port: what `opened` gives; closed with the line.
         place: its name; "@NODE" behind it says which of several robots.
-        clock: whose time the time-outs are in.
+        clock: the clock of the time-outs.
 
     Raises:
         UsageError: there are several robots, or `thymiodirect` is missing.
-        LineError: nobody answers.
+        LineError: no robot answers.
     """
 
     def __init__(self, port: Any, place: str, clock: RealClock) -> None:
@@ -109,7 +109,7 @@ class AsebaLine:
         return self._message("SET_VARIABLES", self.node, self.variables[name][0], value & 0xFFFF)
 
     def tell(self, data: bytes) -> None:
-        """Send bytes and wait for nothing.
+        """Send bytes without waiting.
 
         Raises:
             LineError: the line is lost.
@@ -150,7 +150,7 @@ class AsebaLine:
             self.forget()
 
     def forget(self) -> None:
-        """Drop what has come in, so that what comes next begins with a message."""
+        """Drop the input so far, so that the next begins with a message."""
         self._heard = b""
         self.clock.forget(self.fileno())
 
