@@ -1,4 +1,4 @@
-"""Figures 1 to 6, tables 1 and 2, and the page a person looks at."""
+"""Figures 1 to 6, tables 1 and 2, and the page that shows them."""
 
 from realitygap.lazy import names_of
 

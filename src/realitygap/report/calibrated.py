@@ -1,4 +1,4 @@
-"""What a study's page tells of the calibration that its simulation comes from (§3.2.1)."""
+"""What a study's page says of the calibration behind its simulation (§3.2.1)."""
 
 from __future__ import annotations
 

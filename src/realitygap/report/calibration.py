@@ -54,7 +54,7 @@ class _Part:
 
 
 def write_calibration_page(made: Calibration, target: Path, on_progress: OnProgress | None = None) -> Path:
-    """Write the page of a calibration and return where it stands.
+    """Write the page of a calibration and return its path.
 
     Raises:
         OSError: it cannot be written.
@@ -121,7 +121,7 @@ def _forms(rmse: Mapping[str, float], fitted: str, unit: str, places: int) -> _T
 
 
 def beside_real(kind: str) -> str:
-    """What such a fit leaves of a real robot's tables: a twin is easier to model."""
+    """The same on a real robot's tables: a twin is easier to model."""
     ratios = [f"{real.ratio:.2f}" for real in real_misfits() if real.channel == kind]
     return "".join(f"On the tables of a real Khepera (profile khepera) it is {ratio}. " for ratio in ratios)
 

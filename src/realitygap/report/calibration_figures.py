@@ -1,4 +1,4 @@
-"""Figures of a calibration: curves, maps of what is left over, noise, and the wheels' steps."""
+"""Figures of a calibration: curves, maps of residuals, noise, and the wheels' steps."""
 
 from __future__ import annotations
 

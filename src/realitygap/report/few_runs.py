@@ -1,4 +1,4 @@
-"""What a few runs a level can and cannot show: their averages beside the paper's and a kept study's."""
+"""What a few runs at each level can and cannot show: their averages beside the paper's and a kept study's."""
 
 import csv
 from collections.abc import Mapping, Sequence
@@ -112,7 +112,7 @@ def few_words(table: ScoreTable, evaluations: int) -> Words:
 
 
 def few_sentences(table: ScoreTable) -> list[str]:
-    """What so many runs a level can show and what they cannot, by drawing as many from the kept study."""
+    """What so many runs at each level can and cannot show, by drawing as many from the kept study."""
     classes = _told(table)
     counts = [len(one.values("correspondence")) for one in classes]
     runs, kept = min(counts), kept_scores(table.task)

@@ -75,7 +75,7 @@ def chosen(condition: NoiseClass) -> Row | None:
 
 
 class Paths:
-    """Lets individuals of a study live once more, all of a task from the same start."""
+    """Simulates individuals of a study again, all of a task from the same start."""
 
     def __init__(self, study: Study) -> None:
         self._study = study

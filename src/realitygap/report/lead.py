@@ -1,4 +1,4 @@
-"""What a study's page may say of itself: whose experiment it is, and in the simulation of what."""
+"""How a study's page introduces itself: whose experiment it is, and what was simulated."""
 
 from collections.abc import Sequence
 from pathlib import Path

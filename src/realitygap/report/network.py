@@ -40,7 +40,7 @@ INSIDE = 0.72
 def draw_network(
     ax: Axes, genes: np.ndarray, profile: Profile, *, feeds: str, sensors: Sequence[int]
 ) -> None:
-    """A genotype's network on its robot, which looks up.
+    """A genotype's network on its robot, which faces up.
 
     Excitatory links are dark and end in an arrow, inhibitory ones purple and end in a dot; width and
     number are the weight, "d2" is a delay of two network updates (20 ms); what cannot reach a motor is pale.
@@ -197,7 +197,7 @@ def network_figure(
 
 
 def network_drawing(genes: Genes, task: Task, profile: Profile) -> tuple[dict[str, object], list[int]]:
-    """Neurons and links in cm on the robot, which looks up; y points down, as on a screen.
+    """Neurons and links in cm on the robot, which faces up; y points down, as on a screen.
 
     Beside them the slots of the neurons, in the order in which a track's outputs stand.
     """

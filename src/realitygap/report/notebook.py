@@ -44,11 +44,11 @@ MOST_ROWS = 30
 
 
 class Shown:
-    """A page in a notebook's cell, in a frame of its own that reaches nothing outside it.
+    """A page in a notebook's cell, in a frame of its own that can reach nothing outside it.
 
     Attributes:
         html: the whole page, which fetches nothing.
-        height: of the frame, in pixels; a corner can be drawn.
+        height: of the frame, in pixels; its corner can be dragged.
     """
 
     def __init__(self, page: str, height: int) -> None:
@@ -105,7 +105,7 @@ def shown_study(study: Study, height: int) -> Shown:
     """The page's player: each run's simulated robot and, where it drove one, the situated one beside it.
 
     Raises:
-        StudyError: no run has been begun.
+        StudyError: no run has started.
     """
     parts = parts_of(study)
     pairs = pairs_of(study, parts)
@@ -125,7 +125,7 @@ def replayed(
     seconds: float | None,
     profile: Profile | str | None,
 ) -> Shown:
-    """The player with one simulated trial, as `Run.replay` has it.
+    """The player with one simulated trial, as by `Run.replay`.
 
     Args:
         run: whose controller.
@@ -167,7 +167,7 @@ def study_html(study: Study) -> str:
 
 
 def run_html(run: Run) -> str:
-    """What came of a run, and the network of its champion, or of its fittest so far."""
+    """A run's results, and the network of its champion, or of its fittest so far."""
     genes = run.fittest if run.champion is None else run.champion
     facts = [
         ("task", run.task), ("noise", run.noise_name), ("evaluations", run.evaluations),

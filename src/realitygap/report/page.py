@@ -1,4 +1,4 @@
-"""How every page is made: a list of its figures, its tables, a template, one file written whole."""
+"""How every page is made: from a list of its figures, its tables and a template, as one file."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -29,7 +29,7 @@ GLYPHS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚"
 
 
 class Words(NamedTuple):
-    """What is told of a figure to those who cannot see it, and what stands under it."""
+    """A figure's text for those who cannot see it, and its caption."""
 
     alt: str
     caption: str
@@ -42,7 +42,7 @@ class Picture:
     Attributes:
         name: of its files, figures/NAME.png and .svg, and of its place on the page.
         draw: makes it; a `functools.partial` of a function and its data, so that it can be sent.
-        words: for those who cannot see it, and under it.
+        words: its text for those who cannot see it, and its caption.
         label: what the paper calls it, such as "Figure 3".
     """
 
@@ -53,7 +53,7 @@ class Picture:
 
     @property
     def caption(self) -> str:
-        """What stands under it."""
+        """Its caption."""
         return self.words.caption
 
     def save(self, folder: Path | None, dpi: int = 200) -> str:
@@ -152,8 +152,8 @@ def write_page(
         target: the page's path.
         template: of the folder `templates`; `figure(picture)` in it shows one of the figures.
         figures: all that it shows.
-        facts: what the template speaks of, by name; or what says so, asked when all is drawn.
-        step: told of each figure, then of the page.
+        facts: the template's values, by name; or a function that gives them, called when all is drawn.
+        step: called with each figure, then with the page.
         tables: CSV texts by name; None for a page that stands alone, with no files beside it.
 
     Raises:

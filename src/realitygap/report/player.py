@@ -1,7 +1,7 @@
-"""The page's player: what it may be asked to show of a study, as one JSON document.
+"""The page's player: all that it can show of a study, as one JSON document.
 
 Tasks hold noise levels, those hold runs, those trials; a trial is a simulated drive and, where the run
-was let have a robot or a twin, the situated one from the same pose.
+drove a robot or a twin, the situated one from the same pose.
 """
 
 import json
@@ -57,7 +57,7 @@ def player_json(data: Json) -> str:
 def player_data(
     study: Study, parts: Sequence[TaskPart], pairs: Mapping[str, Sequence[Pair]], paths: Paths
 ) -> Json | None:
-    """All that the player knows, with transfers by task; None where no run has been begun.
+    """All that the player knows, with transfers by task; None where no run has started.
 
     Args:
         study: the study.

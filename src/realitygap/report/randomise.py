@@ -22,7 +22,7 @@ NOISE_APART, RANDOMISED_APART = 0.32, 0.16
 
 
 def draw_outcomes(results: Path) -> Path:
-    """Draw what each condition came to, beside the tables; the SVG of the picture (a PNG lies beside it)."""
+    """Draw each condition's outcomes, beside the tables; the SVG of the picture (a PNG lies beside it)."""
     with styled():
         save_figure(outcomes_figure(compared_in(results)[0]), results, PICTURE)
     return results / f"{PICTURE}.svg"

@@ -1,4 +1,4 @@
-"""What the tables say, in plain words computed from them: nothing here knows how it should come out."""
+"""What the tables say, in plain words computed from them: nothing here expects an outcome."""
 
 from collections.abc import Iterator, Sequence
 

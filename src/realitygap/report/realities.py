@@ -1,4 +1,4 @@
-"""The matrix of realities: how near each calibrated simulation is, what becomes of controllers there."""
+"""The matrix of realities: how near each calibrated simulation is, and how controllers do there."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -48,7 +48,7 @@ FIGURES = {"error_over_noise": ("error / noise", 1, 1.0), "error_over_full_scale
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reality:
-    """What came of one reality.
+    """The results of one reality.
 
     Attributes:
         robot: its address; folder: of its experiment.
@@ -63,7 +63,7 @@ class Reality:
 
     @property
     def name(self) -> str:
-        """As it is shown: of a robot of one's own the file's name, without its folder."""
+        """As it is shown: of a robot of your own the file's name, without its folder."""
         return Path(self.robot).name if Address.parse(self.robot).kind == "own" else self.robot
 
     @property
@@ -91,7 +91,7 @@ class Reality:
 
 
 def read_realities(places: Sequence[Place]) -> list[Reality]:
-    """What came of all that were tried.
+    """The results of all that were tried.
 
     Raises:
         StudyError: results are missing or broken.

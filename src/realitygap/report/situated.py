@@ -48,7 +48,7 @@ class SituatedPart:
 
     @property
     def counted(self) -> bool:
-        """Whether some paths are reckoned from the wheels."""
+        """Whether some paths are computed from the wheels."""
         return any(pair.situated_from in WHEELS for group in self.groups for pair in group.pairs)
 
     @property

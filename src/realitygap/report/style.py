@@ -1,7 +1,7 @@
-"""One look for every figure: colours, line styles, sizes, and how a figure is written down.
+"""One look for every figure: colours, line styles, sizes, and how a figure is saved.
 
 Colours are Okabe and Ito's (https://jfly.uni-koeln.de/color/), which colour-blind readers tell
-apart; every colour comes with a line style, a marker or a shape, so nothing is told by it alone.
+apart; every colour comes with a line style, a marker or a shape, so nothing is shown by colour alone.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def styled() -> AbstractContextManager[None]:
 def new_figure(
     width: float, height: float, *, layout: Literal["constrained"] | None = None, dpi: float | None = None
 ) -> Figure:
-    """A figure of `width` × `height` inches that belongs to nobody's global state.
+    """A figure of `width` × `height` inches that belongs to no global state.
 
     Without a `layout` nothing is laid out; without `dpi`, dots an inch, it has Matplotlib's.
 

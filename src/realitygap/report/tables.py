@@ -67,7 +67,7 @@ class NoiseClass:
 
 @dataclass(frozen=True, kw_only=True)
 class TaskPart:
-    """All that a study has of one task, as table 1 or 2 has it.
+    """All that a study has of one task, as in table 1 or 2.
 
     Attributes:
         conditions: the runs by noise level, rising.

@@ -1,4 +1,4 @@
-"""What a study's transfers say: the same individual simulated and situated, from the same start."""
+"""A study's transfers: the same individual simulated and situated, from the same start."""
 
 import math
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ TAIL_S = 0.1
 MAKES = {
     "khepera": "Khepera", "serial": "Khepera", "epuck": "e-puck", "epuck2": "e-puck2", "thymio": "Thymio II",
 }  # fmt: skip
-"""Robots by how their folders' names begin; a body of one's own is called by its folder."""
+"""Robots by how their folders' names begin; a body of your own is called by its folder."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,6 +1,6 @@
 """The page of a study that is being evolved: curves as they grow, and the best robot so far as it drives.
 
-It is a file that reads itself anew every few seconds. Nothing listens anywhere, and nothing is fetched.
+It is a file that reloads itself every few seconds. There is no server, and nothing is fetched.
 """
 
 import time
@@ -40,7 +40,7 @@ class Watch:
 
     Args:
         folder: the study's.
-        tell: hears each progress event, too.
+        tell: called with each progress event, too.
     """
 
     def __init__(self, folder: Path, tell: Callable[[Progress], None]) -> None:
@@ -57,7 +57,7 @@ class Watch:
             self._write("stopped" if kind else "finished", ended=True)
 
     def show(self, event: Progress) -> None:
-        """Pass an event on; make the page where its time has come."""
+        """Pass an event on; make the page when it is due."""
         self._tell(event)
         begun = time.monotonic()
         if begun >= self._next:

@@ -1,6 +1,6 @@
-"""What a genotype's network consists of, and where each part of it stands in a picture.
+"""What a genotype's network consists of, and where each part of it is in a picture.
 
-Places are in cm in the robot's own frame as it is drawn: the robot looks up, so a place
+Places are in cm in the robot's own frame as it is drawn: the robot faces up, so a place
 (forward, left) is drawn at (−left, forward).
 """
 
@@ -87,7 +87,7 @@ class Layout(NamedTuple):
 
 
 def lay_out(wiring: Wiring, robot: Robot, sensor_places: F, sensors: Sequence[int], unit: float) -> Layout:
-    """Where everything stands.
+    """Where everything is drawn.
 
     Args:
         wiring: the network.
@@ -239,7 +239,7 @@ def _crowding(curve: F, others: F, room: F, earlier: list[F], unit: float) -> fl
 
 
 def label_places(curves: list[F], neurons: F, sizes: F, unit: float) -> list[F]:
-    """Where each link's number stands: at its curve [SAMPLES, 2], away from neurons (places [n, 2] and
+    """Where each link's number is drawn: at its curve [SAMPLES, 2], away from neurons (places [n, 2] and
     radii [n]), curves and other numbers.
 
     Args:

@@ -1,4 +1,4 @@
-"""What stands under the figures, and what is told to those who cannot see them.
+"""Captions of the figures, and texts for those who cannot see them.
 
 "Real" and "reality" are kept for hardware; the twin is a stand-in, pseudo-reality.
 """
@@ -143,7 +143,7 @@ def about(pairs: Sequence[Pair]) -> str:
 
 
 def pair_words(part: TaskPart, shown: Sequence[Pair]) -> Words:
-    """The words of figure 3 or 5: the paths' ends for those who cannot see them, and what stands under it."""
+    """The words of figure 3 or 5: the paths' ends for those who cannot see them, and its caption."""
     where, unit = shown[0].where, part.task.fitness_unit
     kind = "physics stand-in" if shown[0].kind.startswith(("twin", "stranger")) else "stand-in"
     stood_in = shown[0].stand_in is not None

@@ -1,4 +1,4 @@
-"""Reads what an arm of the second study left, judges it, and says how far its model may be trusted."""
+"""Reads the results of an arm of the second study, judges it, and says how far its model can be trusted."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -118,7 +118,7 @@ def read_arm(folder: str | Path) -> Arm:
 
     Raises:
         StudyError: a file is missing, unfinished or broken: names the file, the line and the column; or the
-            arm was begun by another plan, whose claims are not these.
+            arm was started under another plan, with other claims.
     """
     folder = Path(folder)
     settings = read_toml(folder / "study.toml", StudyError, AGAIN, broken=AGAIN)

@@ -93,7 +93,7 @@ class FallRow(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Fall:
-    """How fitness on the twin falls from the calibration unit to the others; nobody had planned to ask.
+    """How fitness on the twin falls from the calibration unit to the others; this was not planned.
 
     `rho`: Spearman's, of evolved level and fall over controllers; from each fall the mean of those with
     the same calibration unit is taken, for units are not equally easy. Its interval is Fieller's.
@@ -133,7 +133,7 @@ class Scope:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NoiseFacts:
-    """All that is told of a study. The first scope is the headline."""
+    """All that a report says of a study. The first scope is the headline."""
 
     data: Crossed
     scopes: tuple[Scope, ...]

@@ -64,7 +64,7 @@ def build_noise_report(out: str | Path, *, on_progress: OnProgress | None = None
 
 @dataclass(frozen=True)
 class NoiseReport:
-    """A study's results and, computed when first asked for, all that is told of them."""
+    """A study's results and, computed when first needed, all that is said of them."""
 
     results: NoiseResults
 

@@ -254,7 +254,7 @@ def build_answer(arms: Sequence[Arm], out: str | Path, *, on_progress: OnProgres
 
 
 def warned(arms: Sequence[Arm]) -> Iterator[str]:
-    """What has to be known before the verdicts are read."""
+    """What to know before reading the verdicts."""
     for arm in arms:
         units = f"unit{'s' if len(arm.beyond) > 1 else ''} {', '.join(map(str, arm.beyond))}"
         if arm.void:

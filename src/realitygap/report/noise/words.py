@@ -44,7 +44,7 @@ _WHAT = {
 
 
 def thoughts(facts: NoiseFacts, settings: Mapping[str, object], calibration: Sequence[Misfit]) -> list[str]:
-    """What came out: a few sentences each on the study, the claims, noisiness and fitness."""
+    """The results: a few sentences each on the study, the claims, noisiness and fitness."""
     findings = facts.headline.findings
     said = [
         _opening(facts, settings),
